@@ -1,0 +1,84 @@
+//! Any bytes as a program, whole and in pieces with the interpreter restored between them: the same operations and
+//! findings, all input consumed, one end, finite coordinates.
+
+#![no_main]
+
+use feedwave_program::{
+    DecimalPointRule, FINDING_CODES, FindingLog, Interpreter, LanguageSettings, LineOutcome, Operation, OperationKind,
+    interpret,
+};
+use libfuzzer_sys::fuzz_target;
+
+/// Settings from the bits of a byte.
+fn settings(bits: u8) -> LanguageSettings {
+    let base = if bits & 1 == 0 { LanguageSettings::default() } else { LanguageSettings::mill() };
+    let mut settings = LanguageSettings {
+        initial_inch: bits & 2 != 0,
+        block_delete: bits & 4 != 0,
+        max_line_bytes: if bits & 8 != 0 { 20 } else { 4_096 },
+        ..base
+    };
+    if bits & 16 != 0 {
+        settings.decimal_point = DecimalPointRule::LeastIncrement;
+    }
+    if bits & 32 != 0 {
+        settings.work_offsets[1] = [10.0; 9];
+        settings.reference_position = [500.0; 9];
+    }
+    settings
+}
+
+/// Offers the program in pieces of `piece` bytes.
+fn interpret_in_pieces(program: &[u8], settings: &LanguageSettings, piece: usize) -> (Vec<Operation>, FindingLog) {
+    let mut interpreter = Interpreter::new(settings.clone());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    let (mut consumed, mut offered) = (0, 0);
+    loop {
+        let end_of_input = offered == program.len();
+        let input = &program[consumed..offered];
+        match interpreter.read_line(input, end_of_input, &mut operations, &mut findings) {
+            LineOutcome::Consumed(length) => {
+                assert!(length > 0 && length <= input.len());
+                consumed += length;
+            }
+            LineOutcome::NeedMore => {
+                assert!(!end_of_input);
+                assert!(input.len() <= settings.max_line_bytes as usize, "held back without need");
+                offered = program.len().min(offered + piece);
+                // Restoring rebuilds the code tables, too slow to do it at every byte.
+                if offered % 8 == 0 {
+                    interpreter = Interpreter::restore(settings.clone(), interpreter.state().clone());
+                }
+            }
+            LineOutcome::Ended => {
+                assert_eq!(consumed, program.len());
+                return (operations, findings);
+            }
+        }
+    }
+}
+
+fuzz_target!(|input: &[u8]| {
+    let [bits, piece, program @ ..] = input else {
+        return;
+    };
+    let settings = settings(*bits);
+    let (operations, findings) = interpret(program, settings.clone());
+    let ends = operations.iter().filter(|operation| operation.kind == OperationKind::End).count();
+    assert_eq!(ends, 1);
+    assert!(matches!(operations.last(), Some(Operation { kind: OperationKind::End, .. })));
+    for operation in &operations {
+        if let OperationKind::Move(step) = &operation.kind {
+            assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()));
+            if let Some(arc) = step.arc {
+                assert!(arc.center.iter().chain([&arc.sweep_rad]).all(|value| value.is_finite()));
+            }
+        }
+    }
+    for finding in findings.findings() {
+        assert!(FINDING_CODES.iter().any(|(code, _)| *code == finding.code));
+        assert!(finding.span.line > 0 && finding.span.column > 0 && !finding.message.is_empty());
+    }
+    let pieces = interpret_in_pieces(program, &settings, usize::from(*piece).max(1));
+    assert_eq!((operations, findings), pieces);
+});

@@ -1,0 +1,443 @@
+//! From operations to planner input: elements with their limits, speeds and barriers, and what there is to say
+//! about them.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use feedwave_motion::{
+    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, Planner, Stretches, missing_axis,
+    path_limits, stretches, travel_exceeded,
+};
+use feedwave_program::{
+    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
+    SourceSpan, Spindle, SpindleSpeed,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::interpolator::{Barrier, SectionSamples, SectionStart};
+use crate::{
+    PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
+};
+
+/// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
+const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
+/// Section reports kept in full; further sections are counted.
+const MAX_SECTION_REPORTS: usize = 1_000;
+
+/// Different tools listed; a program can name a billion.
+const MAX_LISTED_TOOLS: usize = 1_000;
+
+/// Modal state between operations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct BuilderState {
+    vibration: Option<ActiveVibration>,
+    /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
+    unusable_vibration: bool,
+    spindle: Spindle,
+    /// X radius where the last move ended, mm.
+    radius_mm: f64,
+    feed_limited_reported: bool,
+    speed_limit_reported: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct ActiveVibration {
+    condition: VibrationCondition,
+    on_span: SourceSpan,
+    words: VibrationWordSpans,
+    /// Whether a cutting block has opened a section.
+    section_open: bool,
+}
+
+/// Figures and section reports of a whole program; gathered while validating only.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Analysis {
+    open: Option<SectionAnalyzer>,
+    /// Sections whose setpoints are still to come.
+    awaiting: VecDeque<SectionAnalyzer>,
+    /// The element before, for the angle of the junction in a section.
+    previous: Option<Element>,
+    pub(crate) sections: Vec<SectionReport>,
+    pub(crate) section_count: u64,
+    pub(crate) moves: u64,
+    pub(crate) cutting_moves: u64,
+    pub(crate) path_length_mm: f64,
+    pub(crate) cutting_length_mm: f64,
+    pub(crate) tools: BTreeSet<u32>,
+    pub(crate) spindle_rev_per_min: Option<[f64; 2]>,
+}
+
+impl Analysis {
+    /// A section's setpoints have all been generated.
+    pub(crate) fn finish_section(&mut self, samples: SectionSamples, findings: &mut FindingLog) {
+        if let Some(analyzer) = self.awaiting.pop_front() {
+            let report = analyzer.finish(samples.clamped, samples.total, findings);
+            self.section_count += 1;
+            if self.sections.len() < MAX_SECTION_REPORTS {
+                self.sections.push(report);
+            }
+        }
+    }
+
+    /// No more setpoints will be generated: finish what waits for them.
+    pub(crate) fn finish_waiting(&mut self, findings: &mut FindingLog) {
+        while !self.awaiting.is_empty() {
+            self.finish_section(SectionSamples::default(), findings);
+        }
+    }
+}
+
+/// Turns operations into planner input.
+#[derive(Clone, Debug)]
+pub(crate) struct Builder {
+    pub(crate) state: BuilderState,
+    pub(crate) analysis: Option<Analysis>,
+}
+
+impl Default for BuilderState {
+    fn default() -> Self {
+        Self {
+            vibration: None,
+            unusable_vibration: false,
+            spindle: Spindle::STOPPED,
+            radius_mm: 0.0,
+            feed_limited_reported: false,
+            speed_limit_reported: false,
+        }
+    }
+}
+
+impl Builder {
+    pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>) -> Self {
+        Self { state, analysis }
+    }
+
+    /// Handles one operation.
+    pub(crate) fn operation(
+        &mut self,
+        operation: &Operation,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        match &operation.kind {
+            OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
+            OperationKind::Dwell(time) => {
+                self.close_section(planner);
+                let duration_s = match *time {
+                    DwellTime::Seconds(seconds) => seconds,
+                    DwellTime::Revolutions(revolutions) => {
+                        revolutions / self.state.spindle.rev_per_s(self.state.radius_mm)
+                    }
+                };
+                // The infinite dwell of a stopped spindle is refused too.
+                if (0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+                    planner.push_barrier(Barrier::Dwell { duration_s, line: operation.span.line });
+                } else {
+                    findings.push(too_long(operation.span, duration_s));
+                }
+            }
+            OperationKind::Spindle(spindle) => {
+                if !spindle.is_turning() {
+                    self.close_section(planner);
+                }
+                self.state.spindle = *spindle;
+                planner.push_barrier(Barrier::Spindle(*spindle));
+            }
+            &OperationKind::Tool { number, .. } => {
+                self.close_section(planner);
+                self.tool(number, operation.span, config, findings);
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+            }
+            OperationKind::Coolant(_) => {}
+            OperationKind::Function(command) => match command.function {
+                Function::PathVibration => {
+                    self.switch_vibration(command, operation.span, config, planner, findings);
+                }
+            },
+            OperationKind::Stop { .. } => {
+                self.close_section(planner);
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+            }
+            OperationKind::End => {
+                self.close_section(planner);
+                if let Some(vibration) = self.state.vibration.take() {
+                    findings.push(
+                        Finding::warning(
+                            "VIB-UNCLOSED",
+                            vibration.on_span,
+                            "the program ends while the vibration switched on here is still on",
+                        )
+                        .suggest("switch the vibration off before the end of the program"),
+                    );
+                }
+                planner.push_barrier(Barrier::End);
+                planner.finish();
+            }
+        }
+    }
+
+    fn motion(
+        &mut self,
+        mv: &Move,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let machine = &config.profile.machine;
+        let Some(element) = Element::from_move(mv, span) else { return };
+        if let Some(axis) = missing_axis(&element, machine) {
+            let letter = axis.letter();
+            let finding = Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"));
+            findings.push(finding.suggest("remove the word, or add the axis to the machine profile"));
+            return;
+        }
+        if let Some(exceeded) = travel_exceeded(&element, machine) {
+            let letter = exceeded.axis.letter();
+            let message = format!(
+                "{letter} would reach {:.3}, beyond its travel limit {:.3} (machine coordinates)",
+                exceeded.value, exceeded.limit
+            );
+            let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
+            findings.push(
+                Finding::error("AXIS-TRAVEL", span, message)
+                    .with_value("position", exceeded.value, unit)
+                    .with_value("limit", exceeded.limit, unit)
+                    .suggest("check the work offset and the programmed coordinate"),
+            );
+        }
+
+        let cutting = mv.kind == MoveKind::Cutting;
+        if cutting {
+            self.open_section(config, planner);
+            self.check_speed(mv, span, config, findings);
+        } else {
+            self.close_section(planner);
+        }
+        let is_vibrating = cutting && self.state.vibration.is_some();
+        if is_vibrating && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis)) {
+            findings.push(
+                Finding::error(
+                    "VIB-ROTARY-ONLY",
+                    span,
+                    "only rotary axes move here: there is no path to vibrate along",
+                )
+                .suggest("switch the vibration off for this block"),
+            );
+            return;
+        }
+        let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
+        let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
+        let limits = path_limits(&element, machine, superposed);
+        self.analyse(mv, &element, &limits, in_section.is_some(), machine);
+        let limits = match limits {
+            Ok(limits) => limits,
+            Err(exceeded) => {
+                // The section's own report says more where there is one.
+                if self.analysis.as_ref().is_none_or(|analysis| analysis.open.is_none()) {
+                    let message = exceeded.to_string();
+                    findings.push(
+                        Finding::error("AXIS-LIMIT", span, message)
+                            .with_value("demanded", exceeded.demanded, "")
+                            .with_value("limit", exceeded.limit, ""),
+                    );
+                }
+                return;
+            }
+        };
+        let stretches = stretches(&element, mv.feed, &mv.spindle, machine);
+        if cutting {
+            self.check_feed(&stretches, &limits, element.length, span, findings);
+        }
+        planner.push_motion(MotionRequest { element, limits, stretches });
+    }
+
+    fn switch_vibration(
+        &mut self,
+        command: &FunctionCommand,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        if !command.on {
+            self.close_section(planner);
+            let was_unusable = std::mem::take(&mut self.state.unusable_vibration);
+            if self.state.vibration.take().is_none() && !was_unusable {
+                findings.push(
+                    Finding::error("VIB-OFF-WITHOUT-ON", span, "vibration is switched off but was not on")
+                        .suggest("remove the block, or switch the vibration on before it"),
+                );
+            }
+            return;
+        }
+        if let Some(active) = self.state.vibration {
+            let line = active.on_span.line;
+            findings.push(
+                Finding::error("VIB-NESTED", span, format!("vibration is on already, since line {line}"))
+                    .with_value("on_line", f64::from(line), "")
+                    .suggest("switch the vibration off before it is switched on with other values"),
+            );
+            self.close_section(planner);
+        }
+        let condition = condition_from_command(command, span, &config.profile.vibration, findings);
+        self.state.unusable_vibration = condition.is_none();
+        let words = VibrationWordSpans::of(command);
+        self.state.vibration =
+            condition.map(|condition| ActiveVibration { condition, on_span: span, words, section_open: false });
+    }
+
+    /// Opens a section at the first cutting block after the vibration was switched on or interrupted.
+    fn open_section(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>) {
+        let Some(vibration) = &mut self.state.vibration else { return };
+        if vibration.section_open {
+            return;
+        }
+        vibration.section_open = true;
+        let VibrationCondition { frequency_hz, amplitude_mm } = vibration.condition;
+        planner.push_barrier(Barrier::SectionStart(SectionStart { frequency_hz, amplitude_mm }));
+        if let Some(analysis) = &mut self.analysis {
+            let profile = &config.profile;
+            let period_s = config.period_s();
+            let settings = crate::VibrationSettings { generation_mode: config.generation_mode, ..profile.vibration };
+            analysis.previous = None;
+            let analyzer = SectionAnalyzer::new(
+                vibration.condition,
+                vibration.on_span,
+                &settings,
+                &profile.machine,
+                &profile.following,
+                period_s,
+            );
+            analysis.open = Some(analyzer.with_word_spans(vibration.words));
+        }
+    }
+
+    fn close_section(&mut self, planner: &mut Planner<Barrier>) {
+        let Some(vibration) = &mut self.state.vibration else { return };
+        if !vibration.section_open {
+            return;
+        }
+        vibration.section_open = false;
+        planner.push_barrier(Barrier::SectionEnd);
+        if let Some(analysis) = &mut self.analysis {
+            analysis.awaiting.extend(analysis.open.take());
+        }
+    }
+
+    fn analyse(
+        &mut self,
+        mv: &Move,
+        element: &Element,
+        limits: &Result<PathLimits, LimitExceeded>,
+        in_section: bool,
+        machine: &Machine,
+    ) {
+        self.state.radius_mm = mv.end[0];
+        let Some(analysis) = &mut self.analysis else { return };
+        analysis.moves += 1;
+        analysis.path_length_mm += element.length;
+        if mv.kind != MoveKind::Cutting {
+            return;
+        }
+        analysis.cutting_moves += 1;
+        analysis.cutting_length_mm += element.length;
+        if mv.spindle.is_turning() {
+            for radius_mm in element.radius_range_mm() {
+                let speed = (mv.spindle.rev_per_s(radius_mm) * 60.0).min(machine.max_spindle_rev_per_min);
+                let [least, most] = analysis.spindle_rev_per_min.get_or_insert([speed; 2]);
+                *least = least.min(speed);
+                *most = most.max(speed);
+            }
+        }
+        if in_section {
+            if let Some(open) = &mut analysis.open {
+                open.add_element(element, mv.feed, &mv.spindle, limits, analysis.previous.as_ref());
+            }
+            analysis.previous = Some(element.clone());
+        }
+    }
+
+    fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
+        if let Some(analysis) = &mut self.analysis
+            && analysis.tools.len() < MAX_LISTED_TOOLS
+        {
+            analysis.tools.insert(number);
+        }
+        self.state.speed_limit_reported = false;
+        if number != 0 && !config.tools.is_empty() && !config.tools.iter().any(|tool| tool.number == number) {
+            let known: Vec<String> = config.tools.iter().map(|tool| format!("T{}", tool.number)).collect();
+            findings.push(
+                Finding::error("TOOL-UNKNOWN", span, format!("tool {number} is not among the job's tools"))
+                    .with_value("tool", f64::from(number), "")
+                    .suggest(format!("the job has {}", known.join(", "))),
+            );
+        }
+    }
+
+    /// Spindle speed against the machine's and the tool's limit; once per tool.
+    fn check_speed(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
+        if self.state.speed_limit_reported {
+            return;
+        }
+        let tool_limit = config
+            .tools
+            .iter()
+            .find(|tool| tool.number == mv.tool)
+            .and_then(|tool| tool.max_rev_per_min)
+            .unwrap_or(f64::INFINITY);
+        let limit = tool_limit.min(config.profile.machine.max_spindle_rev_per_min);
+        // Constant surface speed is clamped by the machine; a constant speed is what the program insists on.
+        if let SpindleSpeed::Constant { rev_per_min } = mv.spindle.speed
+            && mv.spindle.is_turning()
+            && rev_per_min > limit
+        {
+            self.state.speed_limit_reported = true;
+            let message = format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min");
+            findings.push(
+                Finding::error("SPINDLE-SPEED", span, message)
+                    .with_value("spindle_speed", rev_per_min, "rev/min")
+                    .with_value("limit", limit, "rev/min")
+                    .suggest_value("lower the speed", Some(format!("S{limit}")), "spindle_speed", limit, "rev/min"),
+            );
+        }
+    }
+
+    fn check_feed(
+        &mut self,
+        stretches: &Stretches,
+        limits: &PathLimits,
+        length_mm: f64,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) {
+        let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
+        let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
+        let duration_s = length_mm / slowest;
+        if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+            findings.push(too_long(span, duration_s));
+        }
+        if fastest > limits.velocity && !self.state.feed_limited_reported {
+            self.state.feed_limited_reported = true;
+            let wanted = fastest * 60.0;
+            let allowed = limits.velocity * 60.0;
+            let message = format!(
+                "the programmed feed {wanted:.1} mm/min is limited to {allowed:.1} mm/min by the axes here (first place)"
+            );
+            findings.push(
+                Finding::info("FEED-LIMITED", span, message)
+                    .with_value("feed", wanted, "mm/min")
+                    .with_value("limit", allowed, "mm/min")
+                    .suggest_value("program what the axes can follow", None, "feed", allowed, "mm/min"),
+            );
+        }
+    }
+}
+
+fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
+    let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
+    Finding::error("PLAN-TOO-LONG", span, message)
+        .with_value("duration", duration_s, "s")
+        .with_value("limit", MAX_BLOCK_DURATION_S, "s")
+        .suggest("check the decimal point of the feed or dwell")
+}

@@ -1,0 +1,369 @@
+//! From path positions to columns: superposition of the vibration, geometry, and the machine's axes.
+
+use std::ops::Range;
+
+use feedwave_motion::{Element, Machine, PlannedMotion};
+use feedwave_program::{Axis, Position};
+
+use super::{Activity, ActivityKind, Interpolator, Section};
+use crate::setpoint::ServoColumns;
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
+
+/// How a column follows from a program axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ColumnMap {
+    pub(super) axis: Axis,
+    /// −1 where the workpiece carries the axis.
+    sign: f64,
+    /// 1 where the work offset is added.
+    offset_share: f64,
+}
+
+impl ColumnMap {
+    pub(super) fn of(machine: &Machine, frame: Frame) -> Vec<Self> {
+        let map = |axis: &feedwave_motion::MachineAxis| match frame {
+            Frame::Machine => Self { axis: axis.axis, sign: axis.sign(), offset_share: 1.0 },
+            Frame::Work => Self { axis: axis.axis, sign: 1.0, offset_share: 0.0 },
+        };
+        machine.axes.iter().map(map).collect()
+    }
+
+    fn value(self, work: f64, work_offset: &Position) -> f64 {
+        self.sign * (work + self.offset_share * work_offset[self.axis.index()])
+    }
+
+    /// Value of a point of one element, seen from another one that may have another work offset.
+    fn value_of(self, point: &Position, of: &Element, seen_from: &Element) -> f64 {
+        let index = self.axis.index();
+        let shift = of.work_offset[index] - seen_from.work_offset[index];
+        self.value(point[index] + shift, &seen_from.work_offset)
+    }
+
+    fn apply(self, work_offset: &Position, column: &mut [f64]) {
+        let offset = self.offset_share * work_offset[self.axis.index()];
+        if self.sign != 1.0 || offset != 0.0 {
+            for value in column {
+                *value = self.sign * (*value + offset);
+            }
+        }
+    }
+}
+
+/// Buffers of one block, so that interpolating allocates nothing.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    /// Commanded arc length in the element, mm.
+    s: Vec<f64>,
+    /// Commanded speed, mm/s.
+    speed: Vec<f64>,
+    /// Vibration wave, then a(t), mm.
+    vibration: Vec<f64>,
+    /// Arc length after superposition, mm.
+    combined: Vec<f64>,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Self {
+        let column = || vec![0.0; BLOCK_LENGTH];
+        Self { s: column(), speed: column(), vibration: column(), combined: column() }
+    }
+}
+
+impl Interpolator {
+    /// Adds the activity's next setpoints to the block.
+    pub(super) fn emit(&mut self, block: &mut SetpointBlock, activity: Activity) {
+        let start = block.len();
+        let state = &self.state;
+        let count = usize::try_from(activity.last - state.next + 1).unwrap_or(usize::MAX).min(BLOCK_LENGTH - start);
+        grow(block, start + count);
+
+        let first = state.next - state.clock.period;
+        let period_s = self.settings.period_s;
+        let local_s = |k: usize| (first + k as u64) as f64 * period_s - state.clock.lead_s;
+        for (k, angle) in block.spindle_angle_deg[start..].iter_mut().enumerate() {
+            *angle = (state.spindle_rev + activity.spindle_rev_per_s * local_s(k)) * 360.0;
+        }
+
+        match activity.kind {
+            ActivityKind::Hold { line } => self.emit_rest(block, start, line),
+            ActivityKind::Stretch(index) => {
+                let item = state.track.current_index();
+                if let Some(motion) = state.track.motion(item) {
+                    let stretch = &motion.stretches[index];
+                    let s = &mut self.scratch.s[..count];
+                    let speed = &mut self.scratch.speed[..count];
+                    stretch.profile.fill(first, period_s, state.clock.lead_s, s, speed);
+                    let profile_length = stretch.profile.length();
+                    for value in s {
+                        // The end is the planned one, not a sum that may miss it by a bit.
+                        *value = if *value >= profile_length { stretch.end } else { stretch.start + *value };
+                    }
+                    self.emit_motion(block, start, item);
+                }
+            }
+            ActivityKind::VibratingHold => {
+                if let Some(item) = self.last_motion_index()
+                    && let Some(motion) = self.state.track.motion(item)
+                {
+                    self.scratch.s[..count].fill(motion.element.length);
+                    self.scratch.speed[..count].fill(0.0);
+                    self.emit_motion(block, start, item);
+                }
+            }
+        }
+        self.state.next += count as u64;
+    }
+
+    fn emit_rest(&self, block: &mut SetpointBlock, start: usize, line: u32) {
+        let rest = &self.state.rest;
+        for (map, column) in self.settings.columns.iter().zip(&mut block.axes) {
+            column[start..].fill(map.value(rest.position[map.axis.index()], &rest.work_offset));
+        }
+        block.path_position_mm[start..].fill(self.state.path_base_mm);
+        block.line[start..].fill(line);
+        if let Some(servo) = &mut block.servo {
+            still(servo, start);
+        }
+    }
+
+    /// Columns of the samples whose commanded arc lengths in the element of motion `item` are in the scratch.
+    fn emit_motion(&mut self, block: &mut SetpointBlock, start: usize, item: usize) {
+        let state = &mut self.state;
+        let scratch = &mut self.scratch;
+        let columns = &self.settings.columns;
+        let Some(motion) = state.track.motion(item) else { return };
+        let element = &motion.element;
+        let count = block.len() - start;
+        let s = &scratch.s[..count];
+
+        // A motion that was left already is part of the base.
+        let base_mm =
+            if item == state.track.current_index() { state.path_base_mm } else { state.path_base_mm - element.length };
+        for (position, s) in block.path_position_mm[start..].iter_mut().zip(s) {
+            *position = base_mm + s;
+        }
+        for (feed, speed) in block.feed_mm_per_min[start..].iter_mut().zip(&scratch.speed) {
+            *feed = speed * 60.0;
+        }
+        block.line[start..].fill(element.source.line);
+
+        let Some(section) = &mut state.section else {
+            fill_axes(columns, element, s, &mut block.axes, start);
+            if let Some(servo) = &mut block.servo {
+                still(servo, start);
+            }
+            return;
+        };
+        section.samples.total += count as u64;
+        let vibration = &mut scratch.vibration[..count];
+        fill_wave(section, self.settings.period_s, state.next, vibration);
+
+        if self.settings.mode == GenerationMode::AlongPath {
+            for offset in vibration.iter_mut() {
+                *offset *= section.condition.amplitude_mm;
+            }
+            let combined = &mut scratch.combined[..count];
+            let mut within = true;
+            for ((combined, s), offset) in combined.iter_mut().zip(s).zip(vibration.iter()) {
+                *combined = s + offset;
+                within &= *combined >= 0.0 && *combined <= element.length;
+            }
+            block.vibration_offset_mm[start..].copy_from_slice(vibration);
+            if within {
+                fill_axes(columns, element, combined, &mut block.axes, start);
+                return;
+            }
+            // Samples that leave the element, forwards or backwards, go to its neighbours in runs.
+            let mut k = 0;
+            while k < count {
+                let run_start = k;
+                let mut place = state.track.locate(item, combined[k]);
+                let run_item = place.item;
+                while place.item == run_item {
+                    combined[k] = place.s;
+                    if place.beyond_mm != 0.0 {
+                        section.samples.clamped += 1;
+                        block.vibration_offset_mm[start + k] -= place.beyond_mm;
+                    }
+                    k += 1;
+                    if k == count {
+                        break;
+                    }
+                    place = state.track.locate(item, combined[k]);
+                }
+                if let Some(run_motion) = state.track.motion(run_item) {
+                    let run = &combined[run_start..k];
+                    fill_axes(columns, &run_motion.element, run, &mut block.axes, start + run_start);
+                }
+            }
+            return;
+        }
+
+        fill_axes(columns, element, s, &mut block.axes, start);
+        let amplitude_mm = section.condition.amplitude_mm;
+        let within_mm = amplitude_mm;
+        let ends = SectionEnds {
+            first: state.track.section_start_near(item, within_mm),
+            last: state.track.section_end_near(item, within_mm),
+            within_mm,
+        };
+        // Between the reaches of the section's ends nothing is clamped: column by column.
+        let free = ends.free(element, s);
+        let amplitudes = &mut scratch.combined[free.clone()];
+        for (column, map) in columns.iter().enumerate() {
+            element.fill_tangent(map.axis, &s[free.clone()], amplitudes);
+            for amplitude in amplitudes.iter_mut() {
+                *amplitude = map.sign * (amplitude_mm * *amplitude);
+            }
+            let rows = start + free.start..start + free.end;
+            if let Some(servo) = &mut block.servo {
+                servo.amplitude_mm[column][rows.clone()].copy_from_slice(amplitudes);
+                servo.clamp_low_mm[column][rows.clone()].fill(f64::NEG_INFINITY);
+                servo.clamp_high_mm[column][rows].fill(f64::INFINITY);
+            } else {
+                let waves = &vibration[free.clone()];
+                for ((command, amplitude), wave) in block.axes[column][rows].iter_mut().zip(&*amplitudes).zip(waves) {
+                    *command += amplitude * wave;
+                }
+            }
+        }
+        for (offset, wave) in block.vibration_offset_mm[start..].iter_mut().zip(&*vibration) {
+            *offset = amplitude_mm * wave;
+        }
+        for k in (0..free.start).chain(free.end..count) {
+            let tangent = element.tangent(s[k]);
+            let wave = vibration[k];
+            // Wanted and clamped offsets of the axes, projected onto the tangent.
+            let (mut wanted_sum, mut clamped_sum) = (0.0, 0.0);
+            let mut clamped = false;
+            for (column, map) in columns.iter().enumerate() {
+                let direction = tangent[map.axis.index()];
+                let command = &mut block.axes[column][start + k];
+                let [low, high] = ends.clamp(*map, element, s[k], direction, *command);
+                let forwards = map.sign * direction;
+                let signed_amplitude_mm = map.sign * (amplitude_mm * direction);
+                if let Some(servo) = &mut block.servo {
+                    servo.amplitude_mm[column][start + k] = signed_amplitude_mm;
+                    servo.clamp_low_mm[column][start + k] = low;
+                    servo.clamp_high_mm[column][start + k] = high;
+                }
+                let wanted = *command + signed_amplitude_mm * wave;
+                let position = wanted.max(low).min(high);
+                clamped |= position != wanted;
+                wanted_sum += (wanted - *command) * forwards;
+                clamped_sum += (position - *command) * forwards;
+                if block.servo.is_none() {
+                    *command = position;
+                }
+            }
+            let share = if clamped && wanted_sum != 0.0 { clamped_sum / wanted_sum } else { 1.0 };
+            block.vibration_offset_mm[start + k] = amplitude_mm * wave * share;
+            section.samples.clamped += u64::from(clamped);
+        }
+        if let Some(servo) = &mut block.servo {
+            servo.frequency_hz[start..].fill(section.condition.frequency_hz);
+            for (k, phase) in servo.phase_turns[start..].iter_mut().enumerate() {
+                *phase = phase_turns(section, self.settings.period_s, state.next + k as u64);
+            }
+        }
+    }
+}
+
+/// The section's ends as far as the vibration reaches them.
+struct SectionEnds<'a> {
+    first: Option<(&'a PlannedMotion, f64)>,
+    last: Option<(&'a PlannedMotion, f64)>,
+    within_mm: f64,
+}
+
+impl SectionEnds<'_> {
+    /// The samples, of increasing arc lengths `s`, that lie beyond the reach of both ends.
+    fn free(&self, element: &Element, s: &[f64]) -> Range<usize> {
+        let start = match self.first {
+            Some((_, before_mm)) => s.partition_point(|s| before_mm + s < self.within_mm),
+            None => 0,
+        };
+        let end = match self.last {
+            Some((_, after_mm)) => s.partition_point(|s| after_mm + (element.length - s) >= self.within_mm),
+            None => s.len(),
+        };
+        start.min(end)..end
+    }
+
+    /// Bounds of a column's position, in the machining direction: never before the section's first point, never
+    /// beyond its last, never tighter than the command itself.
+    fn clamp(&self, map: ColumnMap, element: &Element, s: f64, direction: f64, command: f64) -> [f64; 2] {
+        let mut bounds = [f64::NEG_INFINITY, f64::INFINITY];
+        let forwards = map.sign * direction;
+        if let Some((first, before_mm)) = self.first
+            && before_mm + s < self.within_mm
+        {
+            let limit = map.value_of(&first.element.start, &first.element, element);
+            if forwards > 0.0 {
+                bounds[0] = limit.min(command);
+            } else if forwards < 0.0 {
+                bounds[1] = limit.max(command);
+            }
+        }
+        if let Some((last, after_mm)) = self.last
+            && after_mm + (element.length - s) < self.within_mm
+        {
+            let limit = map.value_of(&last.element.end, &last.element, element);
+            if forwards > 0.0 {
+                bounds[1] = limit.max(command);
+            } else if forwards < 0.0 {
+                bounds[0] = limit.min(command);
+            }
+        }
+        bounds
+    }
+}
+
+/// Vibration phase of a setpoint, turns: f·t with t from the section's start, which lies on the grid.
+pub(super) fn phase_turns(section: &Section, period_s: f64, index: u64) -> f64 {
+    (index - section.start_period) as f64 * (section.condition.frequency_hz * period_s)
+}
+
+fn fill_wave(section: &Section, period_s: f64, first: u64, out: &mut [f64]) {
+    for (k, wave) in out.iter_mut().enumerate() {
+        *wave = sin_turns(phase_turns(section, period_s, first + k as u64));
+    }
+}
+
+fn fill_axes(columns: &[ColumnMap], element: &Element, s: &[f64], axes: &mut [Vec<f64>], start: usize) {
+    for (map, column) in columns.iter().zip(axes) {
+        let out = &mut column[start..start + s.len()];
+        element.fill_axis(map.axis, s, out);
+        map.apply(&element.work_offset, out);
+    }
+}
+
+/// No vibration for the drives.
+fn still(servo: &mut ServoColumns, start: usize) {
+    for column in &mut servo.clamp_low_mm {
+        column[start..].fill(f64::NEG_INFINITY);
+    }
+    for column in &mut servo.clamp_high_mm {
+        column[start..].fill(f64::INFINITY);
+    }
+}
+
+/// Makes every column `length` long; new values are zero.
+fn grow(block: &mut SetpointBlock, length: usize) {
+    let columns = block.axes.iter_mut().chain([
+        &mut block.path_position_mm,
+        &mut block.feed_mm_per_min,
+        &mut block.vibration_offset_mm,
+        &mut block.spindle_angle_deg,
+    ]);
+    for column in columns {
+        column.resize(length, 0.0);
+    }
+    block.line.resize(length, 0);
+    if let Some(servo) = &mut block.servo {
+        let per_axis = servo.amplitude_mm.iter_mut().chain(&mut servo.clamp_low_mm).chain(&mut servo.clamp_high_mm);
+        for column in per_axis.chain([&mut servo.frequency_hz, &mut servo.phase_turns]) {
+            column.resize(length, 0.0);
+        }
+    }
+}

@@ -1,0 +1,446 @@
+//! The interpolator: planned motions and barriers in, setpoints at every interpolation period out.
+//!
+//! It runs along the [`Track`] in activities (a planned stretch, or a hold), each of which starts at an exact
+//! instant and covers the grid periods up to its end; what is left of a period is carried into the next
+//! activity. Starts and ends of vibrating sections and the end of the program are aligned to the grid, so that
+//! the exact end point is a setpoint. A sample is a function of its index and the activity only, never of where
+//! a block or a stream began.
+
+mod clock;
+mod columns;
+mod track;
+
+use feedwave_motion::{Machine, Planned, PlannedMotion, TANGENT_TOLERANCE_RAD};
+use feedwave_program::{Position, Spindle, SpindleDirection};
+use serde::{Deserialize, Serialize};
+
+use self::clock::Clock;
+use self::columns::{ColumnMap, Scratch};
+use self::track::Track;
+pub(crate) use self::track::{Barrier, SectionStart};
+use crate::path_vibration::direction_change;
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
+
+/// What a call to [`Interpolator::fill`] brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fill {
+    /// The block is full.
+    Full,
+    /// More planned items are needed.
+    Starved,
+    /// A vibrating section ended: [`Interpolator::take_finished_section`].
+    SectionEnded,
+    /// The program's last setpoint was delivered.
+    Ended,
+}
+
+/// Where the time of a program goes, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct TimeShares {
+    pub(crate) cutting_s: f64,
+    pub(crate) rapid_s: f64,
+    pub(crate) rest_s: f64,
+}
+
+/// Samples of one vibrating section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct SectionSamples {
+    pub(crate) total: u64,
+    pub(crate) clamped: u64,
+}
+
+/// A running interpolator.
+#[derive(Clone, Debug)]
+pub(crate) struct Interpolator {
+    settings: Settings,
+    state: State,
+    scratch: Scratch,
+}
+
+#[derive(Clone, Debug)]
+struct Settings {
+    period_s: f64,
+    mode: GenerationMode,
+    columns: Vec<ColumnMap>,
+    /// Highest spindle speed of the machine, rev/s.
+    top_rev_per_s: f64,
+}
+
+/// Everything that changes while interpolating; a snapshot of it continues bit for bit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct State {
+    track: Track,
+    /// Index of the next setpoint.
+    next: u64,
+    /// Start of the present activity, or of the next one between activities.
+    clock: Clock,
+    activity: Option<Activity>,
+    after: After,
+    section: Option<Section>,
+    rest: Rest,
+    spindle: Spindle,
+    /// Spindle angle at `clock`, revolutions, signed.
+    spindle_rev: f64,
+    /// Path length up to the start of the current element, mm.
+    path_base_mm: f64,
+    shares: TimeShares,
+    finished_section: Option<SectionSamples>,
+    ended: bool,
+}
+
+/// What is being interpolated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Activity {
+    kind: ActivityKind,
+    /// Signed spindle speed, rev/s.
+    spindle_rev_per_s: f64,
+    /// Where the activity ends.
+    end: Clock,
+    /// Index of its last setpoint; none is left when it lies before the next index.
+    last: u64,
+    duration_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum ActivityKind {
+    /// This stretch of the current motion.
+    Stretch(usize),
+    /// At rest at the end of the current motion while the section vibrates on.
+    VibratingHold,
+    /// At rest.
+    Hold { line: u32 },
+}
+
+/// What comes when the present activity has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum After {
+    /// The next stretch, or the next item.
+    Continue,
+    /// The next item; a wait for the vibration at a junction is over.
+    LeaveMotion,
+    /// The section starts.
+    OpenSection(SectionStart),
+    /// The wait for the vibration is over: align to the grid.
+    SettleSection,
+    /// The section is over.
+    CloseSection,
+    /// Nothing: the last setpoint was given.
+    EndProgram,
+}
+
+/// A running vibrating section.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Section {
+    start_period: u64,
+    condition: SectionStart,
+    samples: SectionSamples,
+}
+
+/// Where the tool stands between motions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Rest {
+    position: Position,
+    work_offset: Position,
+    line: u32,
+}
+
+impl Interpolator {
+    /// An interpolator at index 0, standing at `position` (work coordinates of `work_offset`).
+    pub(crate) fn new(
+        machine: &Machine,
+        period_s: f64,
+        mode: GenerationMode,
+        frame: Frame,
+        position: Position,
+        work_offset: Position,
+    ) -> Self {
+        let state = State {
+            track: Track::default(),
+            next: 0,
+            clock: Clock::default(),
+            // The first setpoint is the start position at time 0.
+            activity: Some(Activity {
+                kind: ActivityKind::Hold { line: 0 },
+                spindle_rev_per_s: 0.0,
+                end: Clock::default(),
+                last: 0,
+                duration_s: 0.0,
+            }),
+            after: After::Continue,
+            section: None,
+            rest: Rest { position, work_offset, line: 0 },
+            spindle: Spindle::STOPPED,
+            spindle_rev: 0.0,
+            path_base_mm: 0.0,
+            shares: TimeShares::default(),
+            finished_section: None,
+            ended: false,
+        };
+        Self::with_state(machine, period_s, mode, frame, state)
+    }
+
+    /// An interpolator that continues from a state.
+    pub(crate) fn with_state(
+        machine: &Machine,
+        period_s: f64,
+        mode: GenerationMode,
+        frame: Frame,
+        state: State,
+    ) -> Self {
+        let columns = ColumnMap::of(machine, frame);
+        let top_rev_per_s = machine.max_spindle_rev_per_min / 60.0;
+        Self { settings: Settings { period_s, mode, columns, top_rev_per_s }, state, scratch: Scratch::new() }
+    }
+
+    pub(crate) fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Index of the next setpoint.
+    pub(crate) fn next_index(&self) -> u64 {
+        self.state.next
+    }
+
+    /// Time of everything interpolated so far, s.
+    pub(crate) fn elapsed_s(&self) -> f64 {
+        self.state.clock.since_s(0, self.settings.period_s)
+    }
+
+    pub(crate) fn shares(&self) -> TimeShares {
+        self.state.shares
+    }
+
+    /// The samples of a section that ended since the last call.
+    pub(crate) fn take_finished_section(&mut self) -> Option<SectionSamples> {
+        self.state.finished_section.take()
+    }
+
+    /// Planned items held: those within one amplitude of the tool.
+    pub(crate) fn held_items(&self) -> usize {
+        self.state.track.len()
+    }
+
+    /// Source line of the item that the tool is on or waits for.
+    pub(crate) fn line(&self) -> u32 {
+        self.last_motion().map_or(self.state.rest.line, |motion| motion.element.source.line)
+    }
+
+    pub(crate) fn push(&mut self, item: Planned<Barrier>) {
+        self.state.track.push(item);
+    }
+
+    /// Adds setpoints to `block` until it is full, items are missing, a section has ended or the program has.
+    pub(crate) fn fill(&mut self, block: &mut SetpointBlock) -> Fill {
+        while block.len() < BLOCK_LENGTH {
+            if self.state.ended {
+                return Fill::Ended;
+            }
+            match self.state.activity {
+                Some(activity) if self.state.next <= activity.last => self.emit(block, activity),
+                Some(activity) => {
+                    self.complete(activity);
+                    if self.state.finished_section.is_some() {
+                        return Fill::SectionEnded;
+                    }
+                }
+                None => {
+                    if !self.begin() {
+                        return Fill::Starved;
+                    }
+                }
+            }
+        }
+        Fill::Full
+    }
+
+    /// Ends an activity and does what comes after it.
+    fn complete(&mut self, activity: Activity) {
+        let state = &mut self.state;
+        state.activity = None;
+        state.spindle_rev += activity.spindle_rev_per_s * activity.duration_s;
+        state.clock = activity.end;
+        let share = match activity.kind {
+            ActivityKind::Stretch(_) => {
+                let rapid = state.track.motion(state.track.current_index()).is_some_and(|m| m.element.rapid);
+                if rapid { &mut state.shares.rapid_s } else { &mut state.shares.cutting_s }
+            }
+            ActivityKind::Hold { .. } | ActivityKind::VibratingHold => &mut state.shares.rest_s,
+        };
+        *share += activity.duration_s;
+        match std::mem::replace(&mut state.after, After::Continue) {
+            After::Continue => {
+                if let ActivityKind::Stretch(index) = activity.kind {
+                    self.after_stretch(index);
+                }
+            }
+            After::LeaveMotion => self.leave_motion(),
+            After::OpenSection(condition) => {
+                let start_period = self.state.clock.period;
+                self.state.section = Some(Section { start_period, condition, samples: SectionSamples::default() });
+                self.state.track.advance(condition.amplitude_mm);
+            }
+            After::SettleSection => self.settle_section(),
+            After::CloseSection => {
+                self.state.finished_section = self.state.section.take().map(|section| section.samples);
+                self.state.track.advance(0.0);
+            }
+            After::EndProgram => self.state.ended = true,
+        }
+    }
+
+    fn after_stretch(&mut self, index: usize) {
+        let state = &self.state;
+        let Some(motion) = state.track.motion(state.track.current_index()) else { return };
+        if index + 1 < motion.stretches.len() {
+            self.begin_stretch(index + 1);
+            return;
+        }
+        // The validator's criterion: the generator rests where a jump is reported and nowhere else.
+        let turns_sharply = || {
+            let next = state.track.next_motion_of_section();
+            next.is_some_and(|next| direction_change(&motion.element, &next.element) > TANGENT_TOLERANCE_RAD)
+        };
+        match state.section {
+            // Offsetting along the tangent would jump at a corner unless the offset is zero there.
+            Some(section) if self.settings.mode != GenerationMode::AlongPath && turns_sharply() => {
+                let wait_s = self.wait_for_zero_s(section, false);
+                self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
+            }
+            _ => self.leave_motion(),
+        }
+    }
+
+    fn leave_motion(&mut self) {
+        let state = &mut self.state;
+        if let Some(motion) = state.track.motion(state.track.current_index()) {
+            let element = &motion.element;
+            state.path_base_mm += element.length;
+            state.rest = Rest { position: element.end, work_offset: element.work_offset, line: element.source.line };
+        }
+        let keep_mm = state.section.map_or(0.0, |section| section.condition.amplitude_mm);
+        state.track.advance(keep_mm);
+    }
+
+    /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
+    fn begin(&mut self) -> bool {
+        let Some(item) = self.state.track.current() else { return false };
+        match item {
+            Planned::Motion(_) => {
+                if let Some(section) = self.state.section
+                    && !self.state.track.is_known_ahead(section.condition.amplitude_mm)
+                {
+                    return false;
+                }
+                self.begin_stretch(0);
+            }
+            Planned::Barrier(Barrier::SectionStart(condition)) => {
+                let condition = *condition;
+                self.align_then(After::OpenSection(condition));
+            }
+            Planned::Barrier(Barrier::SectionEnd) => {
+                // The clamp holds a positive offset at the end point; a negative one would be cut off.
+                let wait_s = self.state.section.map_or(0.0, |section| self.wait_for_zero_s(section, true));
+                self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
+            }
+            &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
+                self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
+            }
+            Planned::Barrier(Barrier::Spindle(spindle)) => {
+                self.state.spindle = *spindle;
+                let keep_mm = self.state.section.map_or(0.0, |section| section.condition.amplitude_mm);
+                self.state.track.advance(keep_mm);
+            }
+            Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
+        }
+        true
+    }
+
+    fn begin_stretch(&mut self, index: usize) {
+        let state = &mut self.state;
+        let Some(motion) = state.track.motion(state.track.current_index()) else { return };
+        let stretch = &motion.stretches[index];
+        let duration_s = stretch.profile.duration();
+        let spindle_rev_per_s = signed(state.spindle, stretch.spindle_rev_per_s);
+        self.activate(ActivityKind::Stretch(index), duration_s, spindle_rev_per_s, After::Continue);
+    }
+
+    fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
+        let radius_mm = self.state.rest.position[0];
+        let spindle_rev_per_s = match kind {
+            // The vibration's spindle speed is that of the stretch before.
+            ActivityKind::VibratingHold => {
+                let last = self.last_motion().and_then(|motion| motion.stretches.last());
+                last.map_or(0.0, |stretch| signed(self.state.spindle, stretch.spindle_rev_per_s))
+            }
+            _ => {
+                let rev_per_s = self.state.spindle.rev_per_s(radius_mm).min(self.settings.top_rev_per_s);
+                signed(self.state.spindle, rev_per_s)
+            }
+        };
+        self.activate(kind, duration_s, spindle_rev_per_s, after);
+    }
+
+    /// Rests up to the next grid instant, whose setpoint is the section's exact end point.
+    fn settle_section(&mut self) {
+        let period_s = self.settings.period_s;
+        let aligned = self.state.clock.aligned().period;
+        // While the offset is not negative the clamp holds the end point, and drives that generate the vibration
+        // themselves arrive there without a jump; otherwise the command alone stands there.
+        let arrives = |section: &Section| sin_turns(columns::phase_turns(section, period_s, aligned)) >= 0.0;
+        let line = self.state.rest.line;
+        let kind = match &self.state.section {
+            Some(section) if arrives(section) => ActivityKind::VibratingHold,
+            _ => ActivityKind::Hold { line },
+        };
+        self.align(kind, After::CloseSection);
+    }
+
+    /// Rests up to the next grid instant, whose setpoint is the exact resting point.
+    fn align_then(&mut self, after: After) {
+        let line = self.state.rest.line;
+        self.align(ActivityKind::Hold { line }, after);
+    }
+
+    fn align(&mut self, kind: ActivityKind, after: After) {
+        let wait_s = self.state.clock.to_alignment_s(self.settings.period_s);
+        self.hold(kind, wait_s, after);
+        if let Some(activity) = &mut self.state.activity {
+            activity.end = self.state.clock.aligned();
+            activity.last = activity.end.period;
+        }
+    }
+
+    fn activate(&mut self, kind: ActivityKind, duration_s: f64, spindle_rev_per_s: f64, after: After) {
+        let end = self.state.clock.advanced(duration_s, self.settings.period_s);
+        self.state.after = after;
+        self.state.activity = Some(Activity { kind, spindle_rev_per_s, end, last: end.period, duration_s });
+    }
+
+    /// Time until the vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.
+    fn wait_for_zero_s(&self, section: Section, only_if_negative: bool) -> f64 {
+        let frequency_hz = section.condition.frequency_hz;
+        let half_turns = 2.0 * frequency_hz * self.state.clock.since_s(section.start_period, self.settings.period_s);
+        let is_negative = half_turns.floor() % 2.0 == 1.0;
+        if only_if_negative && !is_negative {
+            return 0.0;
+        }
+        (half_turns.ceil() - half_turns) / (2.0 * frequency_hz)
+    }
+
+    /// The motion the tool is on, or the one before a barrier.
+    fn last_motion(&self) -> Option<&PlannedMotion> {
+        self.last_motion_index().and_then(|item| self.state.track.motion(item))
+    }
+
+    fn last_motion_index(&self) -> Option<usize> {
+        (0..=self.state.track.current_index()).rev().find(|&item| self.state.track.motion(item).is_some())
+    }
+}
+
+fn signed(spindle: Spindle, rev_per_s: f64) -> f64 {
+    match spindle.direction {
+        SpindleDirection::Stopped => 0.0,
+        SpindleDirection::Clockwise => rev_per_s,
+        SpindleDirection::CounterClockwise => -rev_per_s,
+    }
+}

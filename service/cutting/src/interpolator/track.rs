@@ -1,0 +1,196 @@
+//! The stretch of track around the tool: planned motions behind and ahead, with the barriers between them.
+
+use std::collections::VecDeque;
+
+use feedwave_motion::{Planned, PlannedMotion};
+use feedwave_program::Spindle;
+use serde::{Deserialize, Serialize};
+
+/// What separates motions; the path is at rest at each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Barrier {
+    /// A vibrating section starts.
+    SectionStart(SectionStart),
+    /// The vibrating section ends.
+    SectionEnd,
+    /// Stand still.
+    Dwell {
+        /// For so long, s.
+        duration_s: f64,
+        /// Source line of the dwell.
+        line: u32,
+    },
+    /// The spindle's state changes.
+    Spindle(Spindle),
+    /// The program ends.
+    End,
+}
+
+/// What the generator needs to know of a vibrating section.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SectionStart {
+    pub(crate) frequency_hz: f64,
+    pub(crate) amplitude_mm: f64,
+}
+
+/// Room for the rounding of summed path lengths, relative and mm.
+const LENGTH_MARGIN: f64 = 1e-9;
+
+/// Planned items from one amplitude behind the tool to one amplitude ahead.
+///
+/// Every item knows its place on the section's path, so that a place is found by bisection, however short the
+/// elements are: with elements of nanometres, millions lie within an amplitude.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Track {
+    items: VecDeque<Item>,
+    /// Index of the item the tool is on (or is about to take).
+    current: usize,
+    /// Path length of the section up to its last known item, mm.
+    known_mm: f64,
+    /// Whether the last item is the section's end; nothing is pushed until the tool is there.
+    end_is_known: bool,
+}
+
+/// An item of the track.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Item {
+    /// Path length from the section's start to the start of this item, mm; meaningless outside sections.
+    start_mm: f64,
+    planned: Planned<Barrier>,
+}
+
+/// Where a path position lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Location {
+    /// Index of the item.
+    pub(super) item: usize,
+    /// Arc length within its element, mm.
+    pub(super) s: f64,
+    /// By how much the position lay beyond the section, mm; negative before its start, 0 within.
+    pub(super) beyond_mm: f64,
+}
+
+impl Item {
+    fn motion(&self) -> Option<&PlannedMotion> {
+        match &self.planned {
+            Planned::Motion(motion) => Some(motion),
+            Planned::Barrier(_) => None,
+        }
+    }
+
+    fn length_mm(&self) -> f64 {
+        self.motion().map_or(0.0, |motion| motion.element.length)
+    }
+}
+
+impl Track {
+    pub(super) fn push(&mut self, planned: Planned<Barrier>) {
+        match &planned {
+            Planned::Barrier(Barrier::SectionStart(_)) => self.known_mm = 0.0,
+            Planned::Barrier(Barrier::SectionEnd) => self.end_is_known = true,
+            _ => {}
+        }
+        let item = Item { start_mm: self.known_mm, planned };
+        self.known_mm += item.length_mm();
+        self.items.push_back(item);
+    }
+
+    /// Number of items held.
+    pub(super) fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    pub(super) fn current(&self) -> Option<&Planned<Barrier>> {
+        self.items.get(self.current).map(|item| &item.planned)
+    }
+
+    pub(super) fn current_index(&self) -> usize {
+        self.current
+    }
+
+    pub(super) fn motion(&self, item: usize) -> Option<&PlannedMotion> {
+        self.items.get(item)?.motion()
+    }
+
+    /// Path length from the section's start to the start of an item, mm.
+    fn start_mm(&self, item: usize) -> f64 {
+        self.items.get(item).map_or(self.known_mm, |item| item.start_mm)
+    }
+
+    /// Takes the next item; what lies further behind than `keep_mm` is forgotten.
+    pub(super) fn advance(&mut self, keep_mm: f64) {
+        if matches!(self.current(), Some(Planned::Barrier(Barrier::SectionEnd))) {
+            self.end_is_known = false;
+        }
+        self.current += 1;
+        let here_mm = self.start_mm(self.current);
+        let kept_from_mm = here_mm - keep_mm - margin(here_mm + keep_mm);
+        while self.current > 0 {
+            let is_needed = |item: &Item| keep_mm > 0.0 && item.start_mm + item.length_mm() > kept_from_mm;
+            if self.items.front().is_none_or(is_needed) {
+                break;
+            }
+            self.items.pop_front();
+            self.current -= 1;
+        }
+    }
+
+    /// Whether the section's path is known for `distance_mm` beyond the current item, or to its end.
+    pub(super) fn is_known_ahead(&self, distance_mm: f64) -> bool {
+        let ahead_mm = self.known_mm - self.start_mm(self.current + 1);
+        self.end_is_known || ahead_mm > distance_mm + margin(self.known_mm + distance_mm)
+    }
+
+    /// The section's motion after the current item; `None` where the section ends.
+    pub(super) fn next_motion_of_section(&self) -> Option<&PlannedMotion> {
+        self.items.iter().skip(self.current + 1).find_map(Item::motion)
+    }
+
+    /// Finds the place `s` mm from the start of the element of motion `from` on the path of the section; what lies
+    /// beyond the section is clamped to its first or last point.
+    pub(super) fn locate(&self, from: usize, s: f64) -> Location {
+        let length_at = |item: usize| self.items.get(item).map_or(0.0, Item::length_mm);
+        if s >= 0.0 && s <= length_at(from) {
+            return Location { item: from, s, beyond_mm: 0.0 };
+        }
+        let place_mm = self.start_mm(from) + s;
+        let reached = self.items.partition_point(|item| item.start_mm <= place_mm);
+        let is_motion = |item: &usize| self.motion(*item).is_some();
+        let item = (0..reached).rev().find(is_motion).or_else(|| (reached..self.items.len()).find(is_motion));
+        let item = item.unwrap_or(from);
+        let s = place_mm - self.start_mm(item);
+        let end = length_at(item);
+        if s < 0.0 {
+            Location { item, s: 0.0, beyond_mm: s }
+        } else if s > end {
+            // Beyond an element that another one follows is rounding.
+            let is_last = self.start_mm(item) + end >= self.known_mm;
+            Location { item, s: end, beyond_mm: if is_last { s - end } else { 0.0 } }
+        } else {
+            Location { item, s, beyond_mm: 0.0 }
+        }
+    }
+
+    /// The section's first motion and the distance from its start to the start of motion `from`, where that is
+    /// less than `within_mm`.
+    pub(super) fn section_start_near(&self, from: usize, within_mm: f64) -> Option<(&PlannedMotion, f64)> {
+        let distance_mm = self.start_mm(from);
+        let is_near = distance_mm < within_mm;
+        // While it is near, the section's start is held in front.
+        let first = self.items.iter().find_map(Item::motion).filter(|_| is_near)?;
+        Some((first, distance_mm))
+    }
+
+    /// The section's last motion and the distance from the end of motion `from` to its end, where that is less
+    /// than `within_mm`.
+    pub(super) fn section_end_near(&self, from: usize, within_mm: f64) -> Option<(&PlannedMotion, f64)> {
+        let distance_mm = self.known_mm - self.start_mm(from + 1);
+        let is_near = self.end_is_known && distance_mm < within_mm;
+        let last = self.items.iter().rev().find_map(Item::motion).filter(|_| is_near)?;
+        Some((last, distance_mm))
+    }
+}
+
+fn margin(length_mm: f64) -> f64 {
+    LENGTH_MARGIN * (1.0 + length_mm)
+}

@@ -1,0 +1,28 @@
+//! Machining functions on top of motion, and the pipeline that turns a program into setpoints.
+//!
+//! Invariants: pure and deterministic to the bit; memory does not grow with the program; a setpoint's value does
+//! not depend on where a stream started; a restored pipeline continues exactly.
+
+#![forbid(unsafe_code)]
+
+mod builder;
+mod chip;
+mod following;
+mod interpolator;
+mod path_vibration;
+mod pipeline;
+mod profile;
+mod report;
+mod setpoint;
+mod validation;
+
+pub use chip::*;
+pub use following::{FollowingModel, FollowingReport};
+pub use path_vibration::*;
+pub use pipeline::{
+    DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, Pipeline, PipelineConfig, SnapshotError, Step, Tool,
+};
+pub use profile::{MAX_AMPLITUDE_MM, MAX_SERVO_SUBSTEPS, MachineProfile};
+pub use report::{AxisSummary, ProgramSummary, ValidationReport};
+pub use setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};
+pub use validation::Validation;

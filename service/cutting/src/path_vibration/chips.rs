@@ -1,0 +1,96 @@
+//! Chip breaking along a section at constant spindle speed: stretches of equal cutting conditions.
+
+use super::ChipSpan;
+use crate::CutCondition;
+
+/// Stretches listed in a report.
+const MAX_LISTED_SPANS: usize = 64;
+
+/// What one block contributes.
+pub(super) struct ChipBlock {
+    pub(super) line: u32,
+    pub(super) start_mm: f64,
+    pub(super) length_mm: f64,
+    pub(super) cut: CutCondition,
+}
+
+/// Gathers the stretches; bounded memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ChipStretches {
+    spans: Vec<ChipSpan>,
+    not_listed: u64,
+    /// The cut of the last block, listed or not.
+    last: Option<CutCondition>,
+    /// The cut that is furthest from breaking, and its line.
+    worst: Option<(f64, CutCondition, u32)>,
+    length_mm: f64,
+    broken_mm: f64,
+}
+
+impl ChipStretches {
+    pub(super) fn add(&mut self, block: &ChipBlock) {
+        let ChipBlock { line, start_mm, length_mm, cut } = *block;
+        let continues = self.last.is_some_and(|last| CutCondition { diameter_mm: cut.diameter_mm, ..last } == cut);
+        self.last = Some(cut);
+        let breaking_margin = cut.breaking_margin();
+        let broken = cut.breaks_chip();
+        self.length_mm += length_mm;
+        self.broken_mm += if broken { length_mm } else { 0.0 };
+        match &mut self.worst {
+            // Of equal cuts the one at the largest diameter has the longest chips.
+            Some((margin, worst, _)) if *margin == breaking_margin => {
+                worst.diameter_mm = worst.diameter_mm.max(cut.diameter_mm);
+            }
+            Some((margin, ..)) if *margin <= breaking_margin => {}
+            worst => *worst = Some((breaking_margin, cut, line)),
+        }
+        if continues {
+            // The stretch that continues may be one of those not listed.
+            if let Some(span) = self.spans.last_mut().filter(|_| self.not_listed == 0) {
+                span.last_line = line;
+                span.length_mm = start_mm + length_mm - span.start_mm;
+            }
+        } else if self.spans.len() < MAX_LISTED_SPANS {
+            self.spans.push(ChipSpan {
+                first_line: line,
+                last_line: line,
+                start_mm,
+                length_mm,
+                share: 0.0,
+                feed_per_rev_mm: cut.feed_per_rev_mm,
+                spindle_rev_per_min: cut.spindle_rev_per_min,
+                vibrations_per_rev: cut.vibrations_per_rev(),
+                breaking_margin,
+                broken,
+            });
+        } else {
+            self.not_listed += 1;
+        }
+    }
+
+    /// A stretch with stopped spindle or constant surface speed comes between.
+    pub(super) fn interrupt(&mut self) {
+        self.last = None;
+    }
+
+    /// The cut that is furthest from breaking, and the line of its first block.
+    pub(super) fn worst(&self) -> Option<(CutCondition, u32)> {
+        self.worst.map(|(_, cut, line)| (cut, line))
+    }
+
+    pub(super) fn length_mm(&self) -> f64 {
+        self.length_mm
+    }
+
+    pub(super) fn broken_mm(&self) -> f64 {
+        self.broken_mm
+    }
+
+    /// The stretches of a section of `section_mm`, and how many more there are.
+    pub(super) fn into_spans(mut self, section_mm: f64) -> (Vec<ChipSpan>, u64) {
+        for span in &mut self.spans {
+            span.share = span.length_mm / section_mm;
+        }
+        (self.spans, self.not_listed)
+    }
+}

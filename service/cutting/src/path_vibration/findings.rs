@@ -1,0 +1,482 @@
+//! From the evidence of a section to findings: one for each kind, with the numbers and what cures it.
+
+use feedwave_motion::{LimitExceeded, Quantity};
+use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
+
+use super::{AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans};
+use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
+
+/// Samples per vibration period below which the wave counts as coarse (path vibration page, "Conditions to
+/// validate").
+const FINE_SAMPLES: f64 = 8.0;
+/// Share of the spindle speed within which it may stray in practice without notice.
+const SPEED_MARGIN: f64 = 0.02;
+/// Share of the amplitude that has to arrive at the tool.
+const ARRIVING_SHARE: f64 = 0.9;
+
+/// Everything known about a section at its end.
+pub(super) struct Evidence {
+    pub(super) report: SectionReport,
+    pub(super) on_span: SourceSpan,
+    pub(super) words: VibrationWordSpans,
+    pub(super) settings: VibrationSettings,
+    pub(super) following: FollowingModel,
+    /// First element that the axes cannot follow, and its line.
+    pub(super) exceeded: Option<(LimitExceeded, u32)>,
+    pub(super) curve_line: Option<u32>,
+    pub(super) corner_line: Option<u32>,
+    pub(super) chip_line: Option<u32>,
+    pub(super) stopped_line: Option<u32>,
+}
+
+impl Evidence {
+    /// Pushes the findings and completes the report.
+    pub(super) fn conclude(mut self, log: &mut FindingLog) -> SectionReport {
+        let mut findings = Vec::new();
+        self.sampling(&mut findings);
+        self.axes(&mut findings);
+        self.travel(&mut findings);
+        self.contour(&mut findings);
+        self.junction(&mut findings);
+        self.chip(&mut findings);
+        self.following(&mut findings);
+        self.report.feasible = findings.iter().all(|finding| finding.severity != Severity::Error);
+        for finding in findings {
+            log.push(finding);
+        }
+        self.report
+    }
+
+    fn condition(&self) -> VibrationCondition {
+        self.report.condition
+    }
+
+    /// The place to change the frequency, and its new word where the place is that word alone.
+    fn frequency_cure(&self, frequency_hz: f64) -> (SourceSpan, Option<String>) {
+        let word = self.words.frequency.map(|_| frequency_word(frequency_hz));
+        (self.words.frequency.unwrap_or(self.on_span), word)
+    }
+
+    fn amplitude_span(&self) -> SourceSpan {
+        self.words.amplitude.unwrap_or(self.on_span)
+    }
+
+    /// A new amplitude word, where the finding stands on the old one and the amplitude can be written.
+    fn amplitude_cure(&self, amplitude_mm: f64) -> Option<String> {
+        self.words.amplitude.filter(|_| amplitude_mm > 0.0).map(|_| amplitude_word(amplitude_mm, self.words.inch))
+    }
+
+    fn sampling(&self, findings: &mut Vec<Finding>) {
+        let frequency_hz = self.condition().frequency_hz;
+        let sampling = &self.report.sampling;
+        let samples = sampling.samples_per_vibration;
+        // Limits are often met exactly, and 1/(f·Δt) is rounded.
+        let is_below = |limit: f64| samples < limit * (1.0 - 1e-9);
+        let fine_period_ms = 1_000.0 / (FINE_SAMPLES * frequency_hz);
+        let servo_side = self.settings.generation_mode == GenerationMode::ServoSide;
+        let with_values = |finding: Finding| {
+            finding
+                .with_value("frequency", frequency_hz, "Hz")
+                .with_value("period", sampling.period_s, "s")
+                .with_value("samples_per_vibration", samples, "")
+                .with_value("peak_error", sampling.peak_error, "")
+        };
+        let suggest_period = |finding: Finding| {
+            let message = format!("use a period of at most {} ms", decimal(fine_period_ms, 3));
+            finding.suggest_value(message, None, "period", fine_period_ms / 1_000.0, "s")
+        };
+        let suggest_mode = |finding: Finding| {
+            if servo_side {
+                finding.suggest("generate more servo periods per interpolation period")
+            } else {
+                finding.suggest("use the servo-side mode, where the drive generates the wave on its own shorter period")
+            }
+        };
+        let wave = format!(
+            "{} Hz is sampled {} times per vibration at a period of {} ms",
+            decimal(frequency_hz, 3),
+            decimal(samples, 2),
+            decimal(sampling.period_s * 1_000.0, 4)
+        );
+        if is_below(2.0) {
+            let highest_hz = round_down(1.0 / (FINE_SAMPLES * sampling.period_s), 3);
+            let (span, word) = self.frequency_cure(highest_hz);
+            let message = format!("{wave}: below two samples another, slower wave would be cut");
+            let finding = with_values(Finding::error("VIB-SAMPLING-NYQUIST", span, message));
+            let cure = format!("use at most {} Hz at this period", decimal(highest_hz, 3));
+            let finding = suggest_mode(suggest_period(finding));
+            findings.push(finding.suggest_value(cure, word, "frequency", highest_hz, "Hz"));
+        } else if is_below(FINE_SAMPLES) {
+            let message = format!(
+                "{wave}: up to {} % of its peak is lost between samples",
+                decimal(sampling.peak_error * 100.0, 1)
+            );
+            let finding = with_values(Finding::warning("VIB-SAMPLING-COARSE", self.on_span, message));
+            findings.push(suggest_period(suggest_mode(finding)));
+        }
+    }
+
+    fn axes(&self, findings: &mut Vec<Finding>) {
+        let before = findings.len();
+        for axis in &self.report.axes {
+            for quantity in [Quantity::Velocity, Quantity::Acceleration, Quantity::Jerk] {
+                let (demanded, limit) = demand(axis, quantity);
+                if demanded > limit {
+                    let of =
+                        if quantity == Quantity::Velocity { "feed and vibration take" } else { "the vibration takes" };
+                    let message = format!(
+                        "{of} {} {} of the {} axis' {quantity}, whose limit is {} (line {})",
+                        decimal(demanded, 1),
+                        quantity.unit(),
+                        axis.name,
+                        decimal(limit, 1),
+                        axis.line
+                    );
+                    findings.push(self.axis_finding(quantity, demanded, limit, axis.line, message));
+                }
+            }
+        }
+        // On a curve the turning takes part of the limits too.
+        if let Some((exceeded, line)) = &self.exceeded
+            && findings[before..].iter().all(|finding| finding.code != axis_code(exceeded.quantity))
+        {
+            let message = format!("{exceeded} (line {line})");
+            findings.push(self.axis_finding(exceeded.quantity, exceeded.demanded, exceeded.limit, *line, message));
+        }
+    }
+
+    fn axis_finding(&self, quantity: Quantity, demanded: f64, limit: f64, line: u32, message: String) -> Finding {
+        let mut finding = Finding::error(axis_code(quantity), self.amplitude_span(), message)
+            .with_value("demanded", demanded, quantity.unit())
+            .with_value("limit", limit, quantity.unit())
+            .with_value("line", f64::from(line), "");
+        if let Some(amplitude_mm) = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0)
+        {
+            let message =
+                format!("the axes can follow an amplitude of {} mm at this frequency", decimal(amplitude_mm, 4));
+            let word = self.amplitude_cure(amplitude_mm);
+            finding = finding.suggest_value(message, word, "amplitude", amplitude_mm, "mm");
+        }
+        if let Some(frequency_hz) = self.report.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0)
+        {
+            let message = format!("the axes can follow {} Hz at this amplitude", decimal(frequency_hz, 3));
+            finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");
+        }
+        // At a standstill of the feed something would fit.
+        if quantity == Quantity::Velocity && self.condition().peaks().velocity < limit {
+            finding = finding.suggest("lower the feed");
+        }
+        finding
+    }
+
+    fn travel(&self, findings: &mut Vec<Finding>) {
+        let SectionReport { length_mm, travel_mm, clamped_share, .. } = self.report;
+        if length_mm >= travel_mm {
+            return;
+        }
+        // Nothing was clamped where an error stopped the setpoints before they came here.
+        let clamping = if clamped_share > 0.0 {
+            format!("{} % of its setpoints are clamped at its ends", decimal(clamped_share * 100.0, 1))
+        } else {
+            "the clamps at its ends dominate".to_owned()
+        };
+        let message = format!(
+            "the section is {} mm long, shorter than the vibration's travel of {} mm: {clamping}",
+            decimal(length_mm, 4),
+            decimal(travel_mm, 4)
+        );
+        let amplitude_mm = round_down(0.5 * length_mm, 4);
+        let finding = Finding::warning("VIB-TRAVEL-SHORT", self.amplitude_span(), message)
+            .with_value("length", length_mm, "mm")
+            .with_value("travel", travel_mm, "mm")
+            .with_value("clamped_share", clamped_share, "");
+        findings.push(if amplitude_mm > 0.0 {
+            let cure = format!("use an amplitude of at most {} mm, or a longer section", decimal(amplitude_mm, 4));
+            finding.suggest_value(cure, self.amplitude_cure(amplitude_mm), "amplitude", amplitude_mm, "mm")
+        } else {
+            finding.suggest("use a longer section")
+        });
+    }
+
+    fn contour(&self, findings: &mut Vec<Finding>) {
+        let (deviation_mm, tolerance_mm) = (self.report.contour_deviation_mm, self.settings.contour_tolerance_mm);
+        let (Some(radius_mm), Some(line)) = (self.report.min_radius_mm, self.curve_line) else { return };
+        if deviation_mm <= tolerance_mm {
+            return;
+        }
+        let message = format!(
+            "along the tangent the tool leaves the contour by {} mm on the radius of {} mm in line {line}, more than the \
+             tolerance of {} mm",
+            decimal(deviation_mm, 6),
+            decimal(radius_mm, 3),
+            decimal(tolerance_mm, 6)
+        );
+        let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt(), 4);
+        let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
+        findings.push(
+            Finding::error("VIB-CONTOUR", self.amplitude_span(), message)
+                .with_value("deviation", deviation_mm, "mm")
+                .with_value("tolerance", tolerance_mm, "mm")
+                .with_value("radius", radius_mm, "mm")
+                .with_value("line", f64::from(line), "")
+                .suggest("generate the vibration along the path, which never leaves the contour")
+                .suggest_value(cure, self.amplitude_cure(amplitude_mm), "amplitude", amplitude_mm, "mm"),
+        );
+    }
+
+    fn junction(&self, findings: &mut Vec<Finding>) {
+        let jump_mm = self.report.junction_jump_mm;
+        let Some(line) = self.corner_line.filter(|_| jump_mm > 0.0) else { return };
+        let rest_s = 0.5 / self.condition().frequency_hz;
+        let message = format!(
+            "the corner at the start of line {line} would make the offset jump by up to {} mm; the command rests there \
+             until the vibration passes zero, at most {} ms",
+            decimal(jump_mm, 5),
+            decimal(rest_s * 1_000.0, 2)
+        );
+        findings.push(
+            Finding::warning("VIB-JUNCTION-JUMP", self.on_span, message)
+                .with_value("jump", jump_mm, "mm")
+                .with_value("longest_rest", rest_s, "s")
+                .with_value("line", f64::from(line), "")
+                .suggest("generate the vibration along the path, which goes back around the corner")
+                .suggest("round the corner with a tangent arc"),
+        );
+    }
+
+    fn chip(&self, findings: &mut Vec<Finding>) {
+        if let Some(line) = self.stopped_line {
+            let message = format!("the spindle stands still in line {line}: whether the chip breaks cannot be said");
+            findings.push(
+                Finding::warning("VIB-SPINDLE-STOPPED", self.on_span, message)
+                    .with_value("line", f64::from(line), "")
+                    .suggest("start the spindle before the section"),
+            );
+        }
+        let (Some(chip), Some(line)) = (&self.report.chip, self.chip_line) else { return };
+        let surface = self.report.surface_speed.as_ref();
+        let partly = surface.filter(|surface| surface.broken_share < 1.0 && surface.broken_share > 0.0);
+        let at_constant_speed = self.report.chip_spans.iter().any(|span| !span.broken);
+        if let Some(surface) = partly
+            && !at_constant_speed
+        {
+            findings.push(self.partly_unbroken(surface));
+        } else if !chip.broken {
+            findings.push(self.unbroken(chip, line));
+        } else {
+            self.marginal(chip, line, findings);
+        }
+    }
+
+    /// The chip is not cut through: integer D, or an amplitude too small for this D.
+    fn unbroken(&self, chip: &ChipReport, line: u32) -> Finding {
+        let cut = &chip.condition;
+        let reason = match chip.min_amplitude_mm {
+            None => format!(
+                "makes D = {} vibrations per revolution, a whole number: every revolution follows the one before, and \
+                 no amplitude breaks the chip",
+                decimal(chip.vibrations_per_rev, 3)
+            ),
+            Some(least_mm) => format!(
+                "makes D = {} vibrations per revolution, where the chip breaks from an amplitude of {} mm on, not {} mm",
+                decimal(chip.vibrations_per_rev, 4),
+                decimal(round_up(least_mm, 4), 4),
+                decimal(cut.amplitude_mm, 4)
+            ),
+        };
+        let share = self.report.broken_share.unwrap_or(0.0);
+        let extent = if share > 0.0 {
+            format!(" ({} % of the section breaks)", decimal(share * 100.0, 1))
+        } else {
+            String::new()
+        };
+        let message = format!(
+            "the chip does not break in line {line}: {} Hz at {} rev/min {reason}{extent}",
+            decimal(cut.frequency_hz, 3),
+            decimal(cut.spindle_rev_per_min, 1)
+        );
+        // An amplitude below f_r/2 breaks the chip at no frequency: it comes first then.
+        let amplitude_first = chip.amplitude_ratio < 1.0;
+        let span = if amplitude_first { self.amplitude_span() } else { self.frequency_cure(0.0).0 };
+        let mut finding = Finding::warning("VIB-CHIP-UNBROKEN", span, message)
+            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
+            .with_value("amplitude_ratio", chip.amplitude_ratio, "")
+            .with_value("feed_per_rev", cut.feed_per_rev_mm, "mm")
+            .with_value("spindle_speed", cut.spindle_rev_per_min, "rev/min")
+            .with_value("broken_share", share, "")
+            .with_value("line", f64::from(line), "");
+        if amplitude_first {
+            finding = self.suggest_amplitude(finding, chip, true);
+        }
+        finding = self.suggest_frequencies(finding, chip, !amplitude_first);
+        for &rev_per_min in &chip.recommended_spindle_rev_per_min {
+            let message = format!("turn the spindle at {} rev/min", decimal(rev_per_min, 1));
+            finding = finding.suggest_value(message, None, "spindle_speed", rev_per_min, "rev/min");
+        }
+        if amplitude_first { finding } else { self.suggest_amplitude(finding, chip, false) }
+    }
+
+    fn suggest_frequencies(&self, mut finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
+        let rev_per_s = chip.condition.spindle_rev_per_min / 60.0;
+        let permitted = |hz: &&f64| **hz <= self.settings.max_frequency_hz;
+        for &frequency_hz in chip.recommended_frequencies_hz.iter().filter(permitted) {
+            let message = format!(
+                "vibrate at {} Hz: D = {}, where {} mm suffice",
+                decimal(frequency_hz, 3),
+                decimal(frequency_hz / rev_per_s, 1),
+                decimal(round_up(0.5 * chip.condition.feed_per_rev_mm, 4), 4)
+            );
+            let word = self.frequency_cure(frequency_hz).1.filter(|_| on_word);
+            finding = finding.suggest_value(message, word, "frequency", frequency_hz, "Hz");
+        }
+        finding
+    }
+
+    fn suggest_amplitude(&self, finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
+        let least_mm = chip.min_amplitude_mm.map(|least_mm| round_up(least_mm, 4));
+        let Some(least_mm) = least_mm.filter(|least_mm| *least_mm <= self.settings.max_amplitude_mm) else {
+            return finding;
+        };
+        let message = format!("raise the amplitude to at least {} mm", decimal(least_mm, 4));
+        let word = self.amplitude_cure(least_mm).filter(|_| on_word);
+        finding.suggest_value(message, word, "amplitude", least_mm, "mm")
+    }
+
+    /// The chip breaks, but a little more or less spindle speed ends that.
+    fn marginal(&self, chip: &ChipReport, line: u32, findings: &mut Vec<Finding>) {
+        let Some(tolerance) = chip.speed_tolerance else { return };
+        let spindle_rev_per_min = chip.condition.spindle_rev_per_min;
+        let above_rev_per_min = tolerance.plus_rev_per_min.unwrap_or(f64::INFINITY);
+        let closest_rev_per_min = tolerance.minus_rev_per_min.min(above_rev_per_min);
+        if closest_rev_per_min >= SPEED_MARGIN * spindle_rev_per_min {
+            return;
+        }
+        let message = format!(
+            "the chip breaks in line {line} only while the spindle holds {} rev/min within {} rev/min ({} %)",
+            decimal(spindle_rev_per_min, 1),
+            decimal(closest_rev_per_min, 1),
+            decimal(closest_rev_per_min / spindle_rev_per_min * 100.0, 2)
+        );
+        let finding = Finding::warning("VIB-CHIP-MARGINAL", self.frequency_cure(0.0).0, message)
+            .with_value("spindle_speed", spindle_rev_per_min, "rev/min")
+            .with_value("speed_tolerance", closest_rev_per_min, "rev/min")
+            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
+            .with_value("line", f64::from(line), "");
+        findings.push(self.suggest_frequencies(finding, chip, true));
+    }
+
+    /// Constant surface speed leads D through whole numbers.
+    fn partly_unbroken(&self, surface: &SurfaceSpeedReport) -> Finding {
+        let unbroken_share = 1.0 - surface.broken_share;
+        let first = surface.unbroken_spans.first();
+        let example = first.map_or_else(String::new, |span| {
+            format!(
+                ", first in line {} from diameter {} to {} mm",
+                span.first_line,
+                decimal(span.start_diameter_mm, 3),
+                decimal(span.end_diameter_mm, 3)
+            )
+        });
+        let message = format!(
+            "at constant surface speed the chip does not break on {} % of the path{example}",
+            decimal(unbroken_share * 100.0, 1)
+        );
+        let span_count = surface.unbroken_spans.len() as u64 + surface.unbroken_spans_not_listed;
+        Finding::warning("VIB-PARTLY-UNBROKEN", self.on_span, message)
+            .with_value("unbroken_share", unbroken_share, "")
+            .with_value("unbroken_spans", span_count as f64, "")
+            .suggest("turn the section at a constant spindle speed (G97) with half-integer D")
+            .suggest("raise the amplitude: the spans around whole D become narrower")
+    }
+
+    fn following(&self, findings: &mut Vec<Finding>) {
+        if !self.following.is_stated() {
+            return;
+        }
+        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
+        let following = &self.report.following;
+        let arriving_mm = following.arriving_amplitude_mm;
+        let no_longer_breaks = self.report.chip.as_ref().is_some_and(|chip| {
+            chip.broken && !CutCondition { amplitude_mm: arriving_mm, ..chip.condition }.breaks_chip()
+        });
+        if arriving_mm >= ARRIVING_SHARE * amplitude_mm && !no_longer_breaks {
+            return;
+        }
+        let consequence = if no_longer_breaks { ", too little to break the chip" } else { "" };
+        let message = format!(
+            "of {} mm amplitude at {} Hz only {} mm arrive at the tool{consequence}",
+            decimal(amplitude_mm, 4),
+            decimal(frequency_hz, 3),
+            decimal(arriving_mm, 5)
+        );
+        let finding = Finding::warning("VIB-FOLLOWING-LOSS", self.amplitude_span(), message)
+            .with_value("arriving_amplitude", arriving_mm, "mm")
+            .with_value("filter_gain", following.filter_gain, "")
+            .with_value("loop_gain", following.loop_gain, "")
+            .with_value("phase_lag", following.phase_lag_rad, "rad");
+        let to_command_mm = following.amplitude_to_command_mm.map(|command_mm| round_up(command_mm, 4));
+        findings.push(match to_command_mm.filter(|command_mm| *command_mm <= self.settings.max_amplitude_mm) {
+            Some(command_mm) => {
+                let cure =
+                    format!("command {} mm, so that {} mm arrive", decimal(command_mm, 4), decimal(amplitude_mm, 4));
+                finding.suggest_value(cure, self.amplitude_cure(command_mm), "amplitude", command_mm, "mm")
+            }
+            None if following.filter_gain < following.loop_gain => {
+                finding.suggest("shorten the filter behind interpolation, or choose a lower frequency")
+            }
+            None => finding.suggest("choose a lower frequency, or a stiffer position loop"),
+        });
+    }
+}
+
+fn axis_code(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::Velocity => "VIB-AXIS-VELOCITY",
+        Quantity::Acceleration => "VIB-AXIS-ACCELERATION",
+        Quantity::Jerk => "VIB-AXIS-JERK",
+    }
+}
+
+fn demand(axis: &AxisLoadReport, quantity: Quantity) -> (f64, f64) {
+    match quantity {
+        Quantity::Velocity => (axis.velocity_per_s, axis.max_velocity_per_s),
+        Quantity::Acceleration => (axis.acceleration_per_s2, axis.max_acceleration_per_s2),
+        Quantity::Jerk => (axis.jerk_per_s3, axis.max_jerk_per_s3),
+    }
+}
+
+/// `value` with at most `places` decimals and no trailing zeros.
+fn decimal(value: f64, places: usize) -> String {
+    let text = format!("{value:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+fn round_down(value: f64, places: usize) -> f64 {
+    let scale = scale(places);
+    // A value that is a decimal but for its rounding stays that decimal.
+    (value * scale * (1.0 + 4.0 * f64::EPSILON)).floor() / scale
+}
+
+fn round_up(value: f64, places: usize) -> f64 {
+    let scale = scale(places);
+    (value * scale * (1.0 - 4.0 * f64::EPSILON)).ceil() / scale
+}
+
+fn scale(places: usize) -> f64 {
+    (0..places).fold(1.0, |scale, _| scale * 10.0)
+}
+
+/// `F` word of a frequency, to 0.001 Hz.
+pub(super) fn frequency_word(frequency_hz: f64) -> String {
+    format!("F{}", decimal(frequency_hz, 3))
+}
+
+/// `A` word of an amplitude, to 0.1 µm (in an inch program to 10⁻⁹ inch, never above the amplitude); always with a
+/// decimal point, whatever a machine reads without one.
+pub(super) fn amplitude_word(amplitude_mm: f64, inch: bool) -> String {
+    let text = if inch { decimal(round_down(amplitude_mm / MM_PER_INCH, 9), 9) } else { decimal(amplitude_mm, 4) };
+    if text.contains('.') { format!("A{text}") } else { format!("A{text}.0") }
+}
+
+/// By definition.
+const MM_PER_INCH: f64 = 25.4;

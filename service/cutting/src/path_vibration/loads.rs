@@ -1,0 +1,137 @@
+//! What a section demands of the machine's axes.
+
+use core::f64::consts::TAU;
+
+use feedwave_motion::{Element, LimitExceeded, Machine, MachineAxis, PathLimits, path_limits};
+
+use super::{AxisLoadReport, VibrationCondition};
+
+/// Steps of the search for the largest vibration that fits; each halves the relative uncertainty.
+const SEARCH_STEPS: u32 = 30;
+
+/// Axis loads gathered over the elements of a section.
+#[derive(Clone, Debug)]
+pub(super) struct AxisLoads {
+    condition: VibrationCondition,
+    machine: Machine,
+    /// Per machine axis: worst direction, peak velocity and its line.
+    axes: Vec<AxisLoad>,
+    /// First element that the axes cannot follow.
+    pub(super) exceeded: Option<(LimitExceeded, u32)>,
+    pub(super) largest_amplitude_mm: Option<f64>,
+    pub(super) highest_frequency_hz: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct AxisLoad {
+    worst_direction: f64,
+    velocity_per_s: f64,
+    line: u32,
+}
+
+impl AxisLoads {
+    pub(super) fn new(condition: VibrationCondition, machine: &Machine) -> Self {
+        Self {
+            condition,
+            machine: machine.clone(),
+            axes: vec![AxisLoad::default(); machine.axes.len()],
+            exceeded: None,
+            largest_amplitude_mm: None,
+            highest_frequency_hz: None,
+        }
+    }
+
+    /// Adds an element that is cut at `feed_mm_per_s`.
+    pub(super) fn add(&mut self, element: &Element, feed_mm_per_s: f64, limits: &Result<PathLimits, LimitExceeded>) {
+        let directions = element.largest_tangent();
+        let path_velocity = feed_mm_per_s + self.condition.peaks().velocity;
+        let mut too_fast = false;
+        for (load, axis) in self.axes.iter_mut().zip(&self.machine.axes) {
+            let direction = directions[axis.axis.index()];
+            load.worst_direction = load.worst_direction.max(direction);
+            let velocity_per_s = direction * path_velocity;
+            too_fast |= velocity_per_s > axis.max_velocity_per_s;
+            if velocity_per_s > load.velocity_per_s {
+                load.velocity_per_s = velocity_per_s;
+                load.line = element.source.line;
+            }
+        }
+        if let Err(exceeded) = limits
+            && self.exceeded.is_none()
+        {
+            self.exceeded = Some((*exceeded, element.source.line));
+        }
+        if too_fast || limits.is_err() {
+            self.search(element, feed_mm_per_s);
+        }
+    }
+
+    /// Lowers the largest amplitude and highest frequency to what fits this element as well.
+    fn search(&mut self, element: &Element, feed_mm_per_s: f64) {
+        let programmed = self.condition;
+        let amplitude_mm = self.largest_amplitude_mm.unwrap_or(programmed.amplitude_mm);
+        let frequency_hz = self.highest_frequency_hz.unwrap_or(programmed.frequency_hz);
+        let directions = element.largest_tangent();
+        let fits = |condition: VibrationCondition| {
+            let path_velocity = feed_mm_per_s + condition.peaks().velocity;
+            let slow_enough =
+                |axis: &MachineAxis| directions[axis.axis.index()] * path_velocity <= axis.max_velocity_per_s;
+            self.machine.axes.iter().all(slow_enough) && path_limits(element, &self.machine, condition.peaks()).is_ok()
+        };
+        let largest_amplitude_mm =
+            largest_that(amplitude_mm, |amplitude_mm| fits(VibrationCondition { amplitude_mm, ..programmed }));
+        let highest_frequency_hz =
+            largest_that(frequency_hz, |frequency_hz| fits(VibrationCondition { frequency_hz, ..programmed }));
+        self.largest_amplitude_mm = Some(largest_amplitude_mm);
+        self.highest_frequency_hz = Some(highest_frequency_hz);
+    }
+
+    /// One report for each axis that moves.
+    pub(super) fn report(&self) -> Vec<AxisLoadReport> {
+        let rad_per_s = TAU * self.condition.frequency_hz;
+        let acceleration = rad_per_s * rad_per_s * self.condition.amplitude_mm;
+        let moving = self.axes.iter().zip(&self.machine.axes).filter(|(load, _)| load.worst_direction > 0.0);
+        moving
+            .map(|(load, axis)| {
+                let acceleration_per_s2 = load.worst_direction * acceleration;
+                let jerk_per_s3 = acceleration_per_s2 * rad_per_s;
+                let utilisation = (load.velocity_per_s / axis.max_velocity_per_s)
+                    .max(acceleration_per_s2 / axis.max_acceleration_per_s2)
+                    .max(jerk_per_s3 / axis.max_jerk_per_s3);
+                AxisLoadReport {
+                    name: axis.name.clone(),
+                    worst_direction: load.worst_direction,
+                    line: load.line,
+                    velocity_per_s: load.velocity_per_s,
+                    max_velocity_per_s: axis.max_velocity_per_s,
+                    acceleration_per_s2,
+                    max_acceleration_per_s2: axis.max_acceleration_per_s2,
+                    jerk_per_s3,
+                    max_jerk_per_s3: axis.max_jerk_per_s3,
+                    utilisation,
+                }
+            })
+            .collect()
+    }
+}
+
+/// The largest value up to `start` that fits, found by bisection; 0 where even a millionth does not.
+fn largest_that(start: f64, fits: impl Fn(f64) -> bool) -> f64 {
+    if fits(start) {
+        return start;
+    }
+    let (mut low, mut high) = (start * 1e-6, start);
+    if !fits(low) {
+        return 0.0;
+    }
+    for _ in 0..SEARCH_STEPS {
+        // Geometric: the answer may lie orders of magnitude below.
+        let middle = (low * high).sqrt();
+        if fits(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}

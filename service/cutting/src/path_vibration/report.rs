@@ -1,0 +1,119 @@
+//! What validation says about one vibrating section.
+
+use serde::{Deserialize, Serialize};
+
+use super::{GenerationMode, VibrationCondition};
+use crate::{ChipReport, FollowingReport, SurfaceSpeedReport};
+
+/// One vibrating section: what the machine can do, and whether the chip breaks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SectionReport {
+    /// Line that switches the vibration on.
+    pub on_line: u32,
+    /// Line of the first cutting block.
+    pub first_line: u32,
+    /// Line of the last cutting block.
+    pub last_line: u32,
+    /// Frequency and amplitude.
+    #[serde(flatten)]
+    pub condition: VibrationCondition,
+    /// How the vibration is generated.
+    pub generation_mode: GenerationMode,
+    /// Path length of the section, mm.
+    pub length_mm: f64,
+    /// Peak-to-peak travel of the vibration 2A, mm.
+    pub travel_mm: f64,
+    /// How finely the wave is sampled.
+    pub sampling: SamplingReport,
+    /// Load of each linear axis that the section moves.
+    pub axes: Vec<AxisLoadReport>,
+    /// Smallest radius of curvature, mm; `None` when the section is straight.
+    pub min_radius_mm: Option<f64>,
+    /// Largest deviation from the contour A²/(2R), mm; 0 along the path.
+    pub contour_deviation_mm: f64,
+    /// Largest jump of the offset at a junction A·|τ₂−τ₁|, mm, avoided by resting there; 0 along the path.
+    pub junction_jump_mm: f64,
+    /// Chip breaking where it is worst; `None` when nothing was cut with a turning spindle.
+    pub chip: Option<ChipReport>,
+    /// Chip breaking along the section at constant spindle speed, in order; the first spans where there are very
+    /// many.
+    pub chip_spans: Vec<ChipSpan>,
+    /// Further spans, counted but not listed.
+    pub chip_spans_not_listed: u64,
+    /// Chip breaking along the parts with constant surface speed.
+    pub surface_speed: Option<SurfaceSpeedReport>,
+    /// Share of the length cut with a turning spindle on which the chip breaks; `None` when there is none.
+    pub broken_share: Option<f64>,
+    /// What arrives at the tool.
+    pub following: FollowingReport,
+    /// Share of the setpoints at which the clamps at the section's ends act; 0 before setpoints are generated.
+    pub clamped_share: f64,
+    /// Largest amplitude at this frequency that the axes can follow, mm; `None` where the programmed one is within
+    /// their limits, 0 where none is.
+    pub largest_amplitude_mm: Option<f64>,
+    /// Highest frequency at this amplitude that the axes can follow, Hz; `None` and 0 likewise.
+    pub highest_frequency_hz: Option<f64>,
+    /// Whether nothing of the above forbids running the section.
+    pub feasible: bool,
+}
+
+/// How finely the wave is sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SamplingReport {
+    /// Period at which the wave is generated, s: the servo period in the servo-side mode.
+    pub period_s: f64,
+    /// Samples per vibration period.
+    pub samples_per_vibration: f64,
+    /// Largest share of the peak that sampling can miss, 1 − cos(π·f·Δt).
+    pub peak_error: f64,
+}
+
+/// Load that a section puts on one machine axis: mm, or degrees for a rotary axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisLoadReport {
+    /// Name of the axis.
+    pub name: String,
+    /// Largest |derivative| of the axis by path length, 0 to 1 for a linear axis.
+    pub worst_direction: f64,
+    /// Line where the velocity is largest.
+    pub line: u32,
+    /// Peak velocity: programmed feed plus vibration, per s.
+    pub velocity_per_s: f64,
+    /// Limit of the velocity, per s.
+    pub max_velocity_per_s: f64,
+    /// Peak acceleration of the vibration, per s².
+    pub acceleration_per_s2: f64,
+    /// Limit of the acceleration, per s².
+    pub max_acceleration_per_s2: f64,
+    /// Peak jerk of the vibration, per s³.
+    pub jerk_per_s3: f64,
+    /// Limit of the jerk, per s³.
+    pub max_jerk_per_s3: f64,
+    /// The largest of the three ratios to their limits; above 1 the axis cannot follow.
+    pub utilisation: f64,
+}
+
+/// A stretch of the section at constant spindle speed and feed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChipSpan {
+    /// Line of its first block.
+    pub first_line: u32,
+    /// Line of its last block.
+    pub last_line: u32,
+    /// Path position of its start in the section, mm.
+    pub start_mm: f64,
+    /// Its length, mm.
+    pub length_mm: f64,
+    /// Its share of the section's length.
+    pub share: f64,
+    /// Feed along the path, mm/rev.
+    pub feed_per_rev_mm: f64,
+    /// Spindle speed, rev/min.
+    pub spindle_rev_per_min: f64,
+    /// D.
+    pub vibrations_per_rev: f64,
+    /// 2A·|sin πD|/f_r: the chip breaks at 1 and above.
+    pub breaking_margin: f64,
+    /// Whether the chip breaks.
+    pub broken: bool,
+}

@@ -1,0 +1,323 @@
+//! Watches the elements of one vibrating section go by and says at its end what is to say about it.
+//!
+//! Invariant: memory does not grow with the section.
+
+use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
+use feedwave_program::{AXIS_COUNT, Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+
+use super::chips::{ChipBlock, ChipStretches};
+use super::findings::Evidence;
+use super::loads::AxisLoads;
+use super::{
+    GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans, sin_turns,
+};
+use crate::{
+    CutCondition, FeedCoupling, FollowingModel, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport, analyse,
+};
+
+/// Pieces in which the radius of an arc counts as linear, for constant surface speed. The chord of a 32nd of
+/// a full circle leaves it by half a hundredth of its radius.
+const ARC_PIECES: u32 = 32;
+
+/// Gathers what validation has to say about one vibrating section.
+#[derive(Clone, Debug)]
+pub struct SectionAnalyzer {
+    condition: VibrationCondition,
+    on_span: SourceSpan,
+    words: VibrationWordSpans,
+    settings: VibrationSettings,
+    machine_kind: MachineKind,
+    max_rev_per_min: f64,
+    following: FollowingModel,
+    period_s: f64,
+    first_line: Option<u32>,
+    last_line: u32,
+    length_mm: f64,
+    loads: AxisLoads,
+    /// Largest curvature, 1/mm, and its line.
+    sharpest: Option<(f64, u32)>,
+    /// Largest |τ₂−τ₁| of a junction that is not tangent, and its line.
+    corner: Option<(f64, u32)>,
+    chips: ChipStretches,
+    surface_speed: SurfaceSpeedAnalysis,
+    /// First block cut at constant surface speed, and the cut at its start.
+    surface_cut: Option<(CutCondition, FeedCoupling, u32)>,
+    /// First block cut with a stopped spindle.
+    stopped_line: Option<u32>,
+}
+
+impl SectionAnalyzer {
+    /// An analyzer at the start of a section that the words at `on_span` switched on. The generation mode in
+    /// `settings` is that of the run.
+    #[must_use]
+    pub fn new(
+        condition: VibrationCondition,
+        on_span: SourceSpan,
+        settings: &VibrationSettings,
+        machine: &Machine,
+        following: &FollowingModel,
+        interpolation_period_s: f64,
+    ) -> Self {
+        let period_s = match settings.generation_mode {
+            GenerationMode::ServoSide => interpolation_period_s / f64::from(settings.servo_substeps.max(1)),
+            GenerationMode::AlongPath | GenerationMode::Tangential => interpolation_period_s,
+        };
+        Self {
+            condition,
+            on_span,
+            words: VibrationWordSpans::default(),
+            settings: *settings,
+            machine_kind: machine.kind,
+            max_rev_per_min: machine.max_spindle_rev_per_min,
+            following: *following,
+            period_s,
+            first_line: None,
+            last_line: on_span.line,
+            length_mm: 0.0,
+            loads: AxisLoads::new(condition, machine),
+            sharpest: None,
+            corner: None,
+            chips: ChipStretches::default(),
+            surface_speed: SurfaceSpeedAnalysis::default(),
+            surface_cut: None,
+            stopped_line: None,
+        }
+    }
+
+    /// Says where the frequency and amplitude words stand, so that findings can offer their replacement.
+    #[must_use]
+    pub fn with_word_spans(mut self, words: VibrationWordSpans) -> Self {
+        self.words = words;
+        self
+    }
+
+    /// Adds the next cutting element of the section. `limits` is what the vibration leaves for the feed on it,
+    /// `previous` the element before it in the section.
+    pub fn add_element(
+        &mut self,
+        element: &Element,
+        feed: Feed,
+        spindle: &Spindle,
+        limits: &Result<PathLimits, LimitExceeded>,
+        previous: Option<&Element>,
+    ) {
+        let line = element.source.line;
+        let start_mm = self.length_mm;
+        self.first_line.get_or_insert(line);
+        self.last_line = line;
+        self.length_mm += element.length;
+
+        let [least_radius_mm, largest_radius_mm] = element.radius_range_mm();
+        let fastest_rev_per_s = spindle.rev_per_s(least_radius_mm).min(self.max_rev_per_min / 60.0);
+        let feed_mm_per_s = match feed {
+            Feed::PerMinute(mm) => mm / 60.0,
+            Feed::PerRevolution(mm) => mm * fastest_rev_per_s,
+            Feed::InverseTime(per_min) => element.length * per_min / 60.0,
+        };
+        self.loads.add(element, feed_mm_per_s, limits);
+        raise(&mut self.sharpest, element.curvature(), line);
+        if let Some(previous) = previous {
+            let jump = direction_change(previous, element);
+            if jump > TANGENT_TOLERANCE_RAD {
+                raise(&mut self.corner, jump, line);
+            }
+        }
+
+        if !spindle.is_turning() {
+            self.stopped_line.get_or_insert(line);
+            self.chips.interrupt();
+            return;
+        }
+        let span_feed = match feed {
+            Feed::PerRevolution(mm) => SpanFeed::PerRevolution(mm),
+            Feed::PerMinute(mm) => SpanFeed::PerMinute(mm),
+            Feed::InverseTime(per_min) => SpanFeed::PerMinute(element.length * per_min),
+        };
+        match spindle.speed {
+            SpindleSpeed::Constant { rev_per_min } => {
+                let diameter_mm = match self.machine_kind {
+                    MachineKind::Lathe => 2.0 * largest_radius_mm,
+                    // The tool turns, and its diameter is not the path's.
+                    MachineKind::Mill => 0.0,
+                };
+                let cut = self.cut(span_feed, rev_per_min, diameter_mm);
+                self.chips.add(&ChipBlock { line, start_mm, length_mm: element.length, cut });
+            }
+            SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
+                self.chips.interrupt();
+                let max_rev_per_min = max_rev_per_min.min(self.max_rev_per_min);
+                self.add_surface_speed(element, start_mm, span_feed, m_per_min, max_rev_per_min);
+            }
+        }
+    }
+
+    /// The cut of this vibration at a feed and spindle speed.
+    fn cut(&self, feed: SpanFeed, spindle_rev_per_min: f64, diameter_mm: f64) -> CutCondition {
+        let (feed_per_rev_mm, feed_coupling) = match feed {
+            SpanFeed::PerRevolution(mm) => (mm, FeedCoupling::PerRevolution),
+            SpanFeed::PerMinute(mm) => (mm / spindle_rev_per_min, FeedCoupling::PerMinute),
+        };
+        CutCondition {
+            feed_per_rev_mm,
+            amplitude_mm: self.condition.amplitude_mm,
+            frequency_hz: self.condition.frequency_hz,
+            spindle_rev_per_min,
+            diameter_mm,
+            feed_coupling,
+        }
+    }
+
+    fn add_surface_speed(
+        &mut self,
+        element: &Element,
+        start_mm: f64,
+        feed: SpanFeed,
+        surface_speed_m_per_min: f64,
+        max_rev_per_min: f64,
+    ) {
+        let pieces = match element.curve {
+            Curve::Line => 1,
+            Curve::Arc(_) => ARC_PIECES,
+        };
+        let radius_at = |index: u32| {
+            let mut radius_mm = [0.0];
+            element.fill_axis(Axis::X, &[element.length * f64::from(index) / f64::from(pieces)], &mut radius_mm);
+            radius_mm[0]
+        };
+        let length_mm = element.length / f64::from(pieces);
+        for index in 0..pieces {
+            let span = LinearSpan {
+                line: element.source.line,
+                start_mm: start_mm + length_mm * f64::from(index),
+                length_mm,
+                start_radius_mm: radius_at(index),
+                end_radius_mm: radius_at(index + 1),
+                frequency_hz: self.condition.frequency_hz,
+                amplitude_mm: self.condition.amplitude_mm,
+                feed,
+                surface_speed_m_per_min,
+                max_rev_per_min,
+            };
+            if self.surface_cut.is_none() {
+                let cut = self.cut(feed, span.rev_per_min_at(0.0), 2.0 * span.start_radius_mm.abs());
+                self.surface_cut = Some((cut, cut.feed_coupling, span.line));
+            }
+            self.surface_speed.add(&span);
+        }
+    }
+
+    /// Ends the section: pushes one finding for each kind of thing there is to say, and reports. `clamped_samples`
+    /// of `total_samples` setpoints were clamped at the section's ends; both are 0 when none were generated.
+    #[must_use]
+    pub fn finish(self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
+        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
+        let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
+        let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
+        let surface_speed = self.surface_speed.clone().finish();
+        let (broken_share, worst_cut) = self.chip_breaking(surface_speed.as_ref());
+        let chip = worst_cut.map(|(cut, _)| analyse(&cut));
+        let following_amplitude = self.following.predict(frequency_hz, amplitude_mm);
+        let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
+        let corner = self.corner.map_or(0.0, |(change, _)| change);
+        let turns_per_period = frequency_hz * self.period_s;
+        let (chip_spans, chip_spans_not_listed) = self.chips.into_spans(self.length_mm);
+        let report = SectionReport {
+            on_line: self.on_span.line,
+            first_line: self.first_line.unwrap_or(self.on_span.line),
+            last_line: self.last_line,
+            condition: self.condition,
+            generation_mode: self.settings.generation_mode,
+            length_mm: self.length_mm,
+            travel_mm: 2.0 * amplitude_mm,
+            sampling: SamplingReport {
+                period_s: self.period_s,
+                samples_per_vibration: 1.0 / turns_per_period,
+                peak_error: peak_error(turns_per_period),
+            },
+            axes: self.loads.report(),
+            min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
+            contour_deviation_mm: only_off_contour(0.5 * amplitude_mm * amplitude_mm * curvature),
+            junction_jump_mm: only_off_contour(amplitude_mm * corner),
+            chip,
+            chip_spans,
+            chip_spans_not_listed,
+            surface_speed,
+            broken_share,
+            following: following_amplitude,
+            clamped_share: if total_samples > 0 { clamped_samples as f64 / total_samples as f64 } else { 0.0 },
+            largest_amplitude_mm: self.loads.largest_amplitude_mm,
+            highest_frequency_hz: self.loads.highest_frequency_hz,
+            feasible: true,
+        };
+        Evidence {
+            report,
+            on_span: self.on_span,
+            words: self.words,
+            settings: self.settings,
+            following: self.following,
+            exceeded: self.loads.exceeded,
+            curve_line: self.sharpest.map(|(_, line)| line),
+            corner_line: self.corner.map(|(_, line)| line),
+            chip_line: worst_cut.map(|(_, line)| line),
+            stopped_line: self.stopped_line,
+        }
+        .conclude(findings)
+    }
+
+    /// Share of the length cut with a turning spindle on which the chip breaks, and the cut furthest from
+    /// breaking: at constant surface speed that in the middle of the first span that does not break.
+    fn chip_breaking(&self, surface: Option<&SurfaceSpeedReport>) -> (Option<f64>, Option<(CutCondition, u32)>) {
+        let surface_mm = surface.map_or(0.0, |surface| surface.length_mm);
+        let broken_mm = self.chips.broken_mm() + surface.map_or(0.0, |surface| surface.broken_share * surface_mm);
+        let turning_mm = self.chips.length_mm() + surface_mm;
+        let share = (turning_mm > 0.0).then(|| broken_mm / turning_mm);
+
+        let at_surface_speed = self.surface_cut.map(|(start, coupling, line)| {
+            let Some(span) = surface.and_then(|surface| surface.unbroken_spans.first()) else { return (start, line) };
+            let vibrations_per_rev = 0.5 * (span.start_vibrations_per_rev + span.end_vibrations_per_rev);
+            let spindle_rev_per_min = 60.0 * start.frequency_hz / vibrations_per_rev;
+            let speed_ratio = match coupling {
+                FeedCoupling::PerRevolution => 1.0,
+                FeedCoupling::PerMinute => start.spindle_rev_per_min / spindle_rev_per_min,
+            };
+            let cut = CutCondition {
+                feed_per_rev_mm: start.feed_per_rev_mm * speed_ratio,
+                spindle_rev_per_min,
+                diameter_mm: 0.5 * (span.start_diameter_mm + span.end_diameter_mm),
+                ..start
+            };
+            (cut, span.first_line)
+        });
+        let worst = [self.chips.worst(), at_surface_speed]
+            .into_iter()
+            .flatten()
+            .min_by(|a, b| a.0.breaking_margin().total_cmp(&b.0.breaking_margin()));
+        (share, worst)
+    }
+}
+
+/// Keeps the larger value and where it is; 0 is no value.
+fn raise(largest: &mut Option<(f64, u32)>, value: f64, line: u32) {
+    if value > largest.map_or(0.0, |(value, _)| value) {
+        *largest = Some((value, line));
+    }
+}
+
+/// |τ₂−τ₁| over the linear axes where `element` follows `previous`.
+pub(crate) fn direction_change(previous: &Element, element: &Element) -> f64 {
+    let before = previous.tangent(previous.length);
+    let after = element.tangent(0.0);
+    let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
+    let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
+    square.sqrt()
+}
+
+/// 1 − cos(π·f·Δt), the share of the peak that lies between two samples at most; 1 from f·Δt = ½ on.
+fn peak_error(turns_per_period: f64) -> f64 {
+    // 1 − cos 2x = 2·sin²x keeps its digits for fine sampling.
+    let half = sin_turns(0.25 * turns_per_period.min(0.5));
+    2.0 * half * half
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,350 @@
+//! The whole way from program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
+
+use std::sync::Arc;
+
+use feedwave_motion::{Planner, PlannerSettings};
+use feedwave_program::{Finding, FindingLog, Interpreter, InterpreterState, LineOutcome, Operation, SourceSpan};
+use serde::{Deserialize, Serialize};
+
+use crate::builder::{Analysis, Builder, BuilderState};
+use crate::interpolator::{self, Barrier, Fill, Interpolator};
+use crate::{Frame, GenerationMode, MachineProfile, SetpointBlock};
+
+/// What a run of the pipeline is for; immutable while it runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PipelineConfig {
+    /// The machine.
+    pub profile: MachineProfile,
+    /// Interpolation period, µs: [`MIN_PERIOD_US`] to [`MAX_PERIOD_US`].
+    pub interpolation_period_us: u32,
+    /// How the vibration is generated; the profile's mode unless the request says otherwise.
+    pub generation_mode: GenerationMode,
+    /// Coordinates of the axis columns.
+    pub frame: Frame,
+    /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
+    pub tools: Vec<Tool>,
+}
+
+impl PipelineConfig {
+    /// Default period, the profile's generation mode, machine coordinates, no tool list.
+    #[must_use]
+    pub fn new(profile: MachineProfile) -> Self {
+        let generation_mode = profile.vibration.generation_mode;
+        Self {
+            profile,
+            interpolation_period_us: DEFAULT_PERIOD_US,
+            generation_mode,
+            frame: Frame::Machine,
+            tools: Vec::new(),
+        }
+    }
+
+    /// Interpolation period, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        f64::from(self.interpolation_period_us) * 1e-6
+    }
+}
+
+/// Shortest interpolation period, µs.
+pub const MIN_PERIOD_US: u32 = 50;
+/// Longest interpolation period, µs.
+pub const MAX_PERIOD_US: u32 = 20_000;
+/// Interpolation period where the request names none, µs.
+pub const DEFAULT_PERIOD_US: u32 = 1_000;
+/// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
+pub const MAX_SETPOINTS: u64 = 1 << 32;
+
+/// Elements the planner looks ahead.
+const LOOK_AHEAD_ELEMENTS: usize = 1_024;
+/// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
+const MAX_HELD_ITEMS: usize = 1 << 14;
+/// Findings kept while streaming: the program was validated before, so the first one matters only.
+const STREAM_FINDINGS: usize = 16;
+/// Version of the snapshot's layout; a snapshot of another version is refused.
+const SNAPSHOT_VERSION: u8 = 2;
+
+/// What validation needs to know of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tool {
+    /// Number of the `T` word.
+    pub number: u32,
+    /// Name for people.
+    #[serde(default)]
+    pub name: String,
+    /// Highest permitted spindle speed, rev/min.
+    #[serde(default)]
+    pub max_rev_per_min: Option<f64>,
+}
+
+/// What a call to [`Pipeline::next_block`] brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// More program bytes are needed: [`Pipeline::push`] or [`Pipeline::finish_input`], then call again with the
+    /// same block.
+    NeedInput,
+    /// The block was filled; only the last one of a program may be short.
+    Block,
+    /// The program has ended; every setpoint was delivered.
+    Finished,
+    /// The program has an error ([`Pipeline::findings`]): no setpoint follows.
+    Refused,
+}
+
+/// The state cannot be restored from these bytes.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("the snapshot cannot be read: {0}")]
+pub struct SnapshotError(String);
+
+/// A running pipeline. Its memory does not grow with the program.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    config: Arc<PipelineConfig>,
+    /// Program bytes not read yet start at `consumed`.
+    input: Vec<u8>,
+    consumed: usize,
+    input_finished: bool,
+    /// Program offset of the next byte to read.
+    offset: u64,
+    interpreter: Interpreter,
+    operations: Vec<Operation>,
+    pub(crate) builder: Builder,
+    planner: Planner<Barrier>,
+    pub(crate) interpolator: Interpolator,
+    pub(crate) findings: FindingLog,
+    /// Whether the block in hand was begun by an earlier call.
+    block_begun: bool,
+}
+
+/// Everything that changes while a pipeline runs.
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    version: u8,
+    offset: u64,
+    interpreter: InterpreterState,
+    builder: BuilderState,
+    planner: Planner<Barrier>,
+    interpolator: interpolator::State,
+}
+
+impl Pipeline {
+    /// A pipeline at the start of a program.
+    #[must_use]
+    pub fn new(config: Arc<PipelineConfig>) -> Self {
+        Self::with_analysis(config, None)
+    }
+
+    pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
+        let language = &config.profile.language;
+        let interpreter = Interpreter::new(language.clone());
+        let work_offset = language.work_offsets[0];
+        let mut position = language.initial_position;
+        for (value, offset) in position.iter_mut().zip(work_offset) {
+            *value -= offset;
+        }
+        let interpolator = Interpolator::new(
+            &config.profile.machine,
+            config.period_s(),
+            config.generation_mode,
+            config.frame,
+            position,
+            work_offset,
+        );
+        let findings = if analysis.is_some() { FindingLog::default() } else { FindingLog::with_limit(STREAM_FINDINGS) };
+        let settings = PlannerSettings::new(&config.profile.machine, LOOK_AHEAD_ELEMENTS, config.period_s());
+        Self {
+            input: Vec::new(),
+            consumed: 0,
+            input_finished: false,
+            offset: 0,
+            interpreter,
+            operations: Vec::new(),
+            builder: Builder::new(BuilderState::default(), analysis),
+            planner: Planner::new(settings),
+            interpolator,
+            findings,
+            block_begun: false,
+            config,
+        }
+    }
+
+    /// A pipeline that continues, bit for bit, where [`Pipeline::snapshot`] was taken with the same
+    /// configuration and program. Input continues at [`Pipeline::input_offset`].
+    ///
+    /// # Errors
+    /// [`SnapshotError`] when the bytes are not a snapshot of this version.
+    pub fn restore(config: Arc<PipelineConfig>, snapshot: &[u8]) -> Result<Self, SnapshotError> {
+        let snapshot: Snapshot = postcard::from_bytes(snapshot).map_err(|error| SnapshotError(error.to_string()))?;
+        if snapshot.version != SNAPSHOT_VERSION {
+            return Err(SnapshotError(format!("layout version {} is not {SNAPSHOT_VERSION}", snapshot.version)));
+        }
+        let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter);
+        let interpolator = Interpolator::with_state(
+            &config.profile.machine,
+            config.period_s(),
+            config.generation_mode,
+            config.frame,
+            snapshot.interpolator,
+        );
+        let builder = Builder::new(snapshot.builder, None);
+        let fresh = Self::new(config);
+        Ok(Self { offset: snapshot.offset, interpreter, builder, planner: snapshot.planner, interpolator, ..fresh })
+    }
+
+    /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
+    /// depend on the frame: a snapshot taken with one may be restored with the other.
+    #[must_use]
+    pub fn snapshot(&self) -> Vec<u8> {
+        let snapshot = Snapshot {
+            version: SNAPSHOT_VERSION,
+            offset: self.offset,
+            interpreter: self.interpreter.state().clone(),
+            builder: self.builder.state.clone(),
+            planner: self.planner.clone(),
+            interpolator: self.interpolator.state().clone(),
+        };
+        // Serialising plain data into memory has no way to fail.
+        postcard::to_stdvec(&snapshot).unwrap_or_default()
+    }
+
+    /// Program offset, in bytes, of the first byte that a restored pipeline needs to be given.
+    #[must_use]
+    pub fn input_offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Index of the next setpoint; between blocks, that of the first setpoint of the next block.
+    #[must_use]
+    pub fn next_index(&self) -> u64 {
+        self.interpolator.next_index()
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &PipelineConfig {
+        &self.config
+    }
+
+    /// What was found so far.
+    #[must_use]
+    pub fn findings(&self) -> &FindingLog {
+        &self.findings
+    }
+
+    /// A block of the right shape for [`Pipeline::next_block`].
+    #[must_use]
+    pub fn new_block(&self) -> SetpointBlock {
+        let servo = self.config.generation_mode == GenerationMode::ServoSide;
+        SetpointBlock::for_machine(&self.config.profile.machine, servo)
+    }
+
+    /// Gives the pipeline more of the program. Call when it asks ([`Step::NeedInput`]); pieces of 64 KiB to
+    /// 1 MiB are best.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.input.drain(..self.consumed);
+        self.consumed = 0;
+        self.input.extend_from_slice(bytes);
+    }
+
+    /// Says that the program has no more bytes.
+    pub fn finish_input(&mut self) {
+        self.input_finished = true;
+    }
+
+    /// Fills the next block of setpoints. `block` comes from [`Pipeline::new_block`] and may be used again and
+    /// again.
+    pub fn next_block(&mut self, block: &mut SetpointBlock) -> Step {
+        if !self.block_begun {
+            block.clear(self.interpolator.next_index());
+            self.block_begun = true;
+        }
+        let step = self.run(block);
+        self.block_begun = step == Step::NeedInput;
+        step
+    }
+
+    fn run(&mut self, block: &mut SetpointBlock) -> Step {
+        loop {
+            match self.interpolator.fill(block) {
+                Fill::Full => break,
+                Fill::Ended => return if block.is_empty() { Step::Finished } else { Step::Block },
+                Fill::SectionEnded => {
+                    let samples = self.interpolator.take_finished_section();
+                    if let (Some(samples), Some(analysis)) = (samples, &mut self.builder.analysis) {
+                        analysis.finish_section(samples, &mut self.findings);
+                    }
+                }
+                Fill::Starved => match self.planner.pop() {
+                    Some(item) => {
+                        self.interpolator.push(item);
+                        self.check_held_items();
+                    }
+                    None => {
+                        if !self.read_line() {
+                            return Step::NeedInput;
+                        }
+                    }
+                },
+            }
+            if self.findings.has_errors() {
+                return Step::Refused;
+            }
+        }
+        if self.interpolator.next_index() > MAX_SETPOINTS {
+            let line = block.line.last().copied().unwrap_or_default();
+            let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
+            let finding = Finding::error("PLAN-TOO-MANY-SETPOINTS", SourceSpan { line, column: 1, length: 0 }, message);
+            let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
+            self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
+            return Step::Refused;
+        }
+        Step::Block
+    }
+
+    /// Bounds the memory that a vibration of large amplitude on very short blocks takes.
+    fn check_held_items(&mut self) {
+        if self.interpolator.held_items() <= MAX_HELD_ITEMS {
+            return;
+        }
+        let span = SourceSpan { line: self.interpolator.line(), column: 1, length: 0 };
+        let message = format!("more than {MAX_HELD_ITEMS} blocks lie within one amplitude of the tool");
+        self.findings.push(
+            Finding::error("VIB-BLOCKS-TOO-SHORT", span, message)
+                .with_value("limit", MAX_HELD_ITEMS as f64, "")
+                .suggest("use a smaller amplitude, or longer blocks"),
+        );
+    }
+
+    /// Reads one line into the planner; `false` when more input is needed first.
+    pub(crate) fn read_line(&mut self) -> bool {
+        let unread = &self.input[self.consumed..];
+        let outcome = self.interpreter.read_line(unread, self.input_finished, &mut self.operations, &mut self.findings);
+        let more = match outcome {
+            LineOutcome::Consumed(bytes) => {
+                self.consumed += bytes;
+                self.offset += bytes as u64;
+                true
+            }
+            LineOutcome::NeedMore => false,
+            LineOutcome::Ended => !self.operations.is_empty(),
+        };
+        for operation in self.operations.drain(..) {
+            self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+        }
+        more
+    }
+
+    /// Forgets what is planned but will not be interpolated.
+    pub(crate) fn discard_planned(&mut self) {
+        while self.planner.pop().is_some() {}
+    }
+
+    pub(crate) fn input_is_finished(&self) -> bool {
+        self.input_finished
+    }
+
+    pub(crate) fn interpreter_state(&self) -> &InterpreterState {
+        self.interpreter.state()
+    }
+}

@@ -1,0 +1,164 @@
+//! The machine profile: everything the product knows about one machine.
+
+use feedwave_motion::{Machine, ProfileProblem};
+use feedwave_program::LanguageSettings;
+use serde::{Deserialize, Serialize};
+
+use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
+
+/// One machine: how its programs are written, its axes and their limits, and its machining functions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MachineProfile {
+    /// How programs for it are written.
+    pub language: LanguageSettings,
+    /// Axes, limits and kinematics.
+    pub machine: Machine,
+    /// Vibration along the path.
+    #[serde(default)]
+    pub vibration: VibrationSettings,
+    /// What lies between setpoints and tool.
+    #[serde(default)]
+    pub following: FollowingModel,
+}
+
+impl MachineProfile {
+    /// A generic two-axis lathe.
+    #[must_use]
+    pub fn lathe() -> Self {
+        Self {
+            language: LanguageSettings::default(),
+            machine: Machine::lathe(),
+            vibration: VibrationSettings::default(),
+            following: FollowingModel::default(),
+        }
+    }
+
+    /// A generic three-axis mill.
+    #[must_use]
+    pub fn mill() -> Self {
+        Self { language: LanguageSettings::mill(), machine: Machine::mill(), ..Self::lathe() }
+    }
+
+    /// Everything that makes the profile unusable, each with the path of the field; empty when it is sound.
+    #[must_use]
+    pub fn problems(&self) -> Vec<ProfileProblem> {
+        let mut problems = prefixed("machine", self.machine.validate());
+        problems.extend(prefixed("language", language_problems(&self.language)));
+        problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
+        problems.extend(prefixed("following", following_problems(&self.following)));
+        problems
+    }
+}
+
+fn prefixed(prefix: &str, problems: Vec<ProfileProblem>) -> Vec<ProfileProblem> {
+    problems
+        .into_iter()
+        .map(|problem| ProfileProblem { field: format!("{prefix}.{}", problem.field), ..problem })
+        .collect()
+}
+
+fn problem(field: impl Into<String>, message: impl Into<String>) -> ProfileProblem {
+    ProfileProblem { field: field.into(), message: message.into() }
+}
+
+fn require_positive(problems: &mut Vec<ProfileProblem>, field: &str, value: f64) {
+    if !(value.is_finite() && value > 0.0) {
+        problems.push(problem(field, format!("must be a positive finite number, is {value}")));
+    }
+}
+
+fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
+    let mut problems = Vec::new();
+    let positions = language.work_offsets.iter().enumerate().map(|(index, p)| (format!("work_offsets[{index}]"), p));
+    let positions = positions.chain([
+        ("reference_position".to_owned(), &language.reference_position),
+        ("initial_position".to_owned(), &language.initial_position),
+    ]);
+    for (field, position) in positions {
+        if let Some(axis) = position.iter().position(|value| !value.is_finite()) {
+            problems.push(problem(format!("{field}[{axis}]"), "must be finite"));
+        }
+    }
+    require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
+    if !(64..=65_536).contains(&language.max_line_bytes) {
+        problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
+    }
+    let codes = language.path_vibration;
+    for (field, code) in [("path_vibration.on", codes.on), ("path_vibration.off", codes.off)] {
+        let tenths = code * 10.0;
+        if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
+            problems.push(problem(field, format!("must be a G code 0 to 999.9 with one decimal, is {code}")));
+        } else if language.dialect.carries_out_g_code(code) {
+            problems.push(problem(field, format!("G{code} has a meaning of its own in this dialect")));
+        }
+    }
+    if codes.on == codes.off {
+        problems.push(problem("path_vibration.off", "must differ from the code that switches it on"));
+    }
+    problems
+}
+
+fn vibration_problems(vibration: &VibrationSettings) -> Vec<ProfileProblem> {
+    let mut problems = Vec::new();
+    require_positive(&mut problems, "max_frequency_hz", vibration.max_frequency_hz);
+    require_positive(&mut problems, "max_amplitude_mm", vibration.max_amplitude_mm);
+    require_positive(&mut problems, "contour_tolerance_mm", vibration.contour_tolerance_mm);
+    if vibration.max_frequency_hz > 0.0 && vibration.max_frequency_hz < MIN_FREQUENCY_HZ {
+        problems.push(problem("max_frequency_hz", format!("must be at least {MIN_FREQUENCY_HZ} Hz")));
+    }
+    if vibration.max_amplitude_mm > MAX_AMPLITUDE_MM {
+        problems.push(problem("max_amplitude_mm", format!("must not exceed {MAX_AMPLITUDE_MM} mm")));
+    }
+    if !(1..=MAX_SERVO_SUBSTEPS).contains(&vibration.servo_substeps) {
+        problems.push(problem("servo_substeps", format!("must be 1 to {MAX_SERVO_SUBSTEPS}")));
+    }
+    problems
+}
+
+fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
+    let mut problems = Vec::new();
+    if let Some(length_s) = following.filter_length_s {
+        require_positive(&mut problems, "filter_length_s", length_s);
+    }
+    if let Some(gain_per_s) = following.position_loop_gain_per_s {
+        require_positive(&mut problems, "position_loop_gain_per_s", gain_per_s);
+    }
+    problems
+}
+
+/// The path within one amplitude of the tool must fit in memory, so amplitudes have a ceiling, mm.
+pub const MAX_AMPLITUDE_MM: f64 = 10.0;
+/// Most drive-side setpoints per interpolation period.
+pub const MAX_SERVO_SUBSTEPS: u32 = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_problem_is_named_with_its_field() {
+        let mut profile = MachineProfile::lathe();
+        assert!(profile.problems().is_empty() && MachineProfile::mill().problems().is_empty());
+        profile.language.path_vibration.on = 1.0;
+        profile.language.path_vibration.off = 200.55;
+        profile.language.max_line_bytes = 1;
+        profile.language.work_offsets[2][1] = f64::NAN;
+        profile.vibration.max_amplitude_mm = 11.0;
+        profile.vibration.servo_substeps = 0;
+        profile.following.filter_length_s = Some(-1.0);
+        profile.machine.max_spindle_rev_per_min = 0.0;
+        let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
+        let expected = [
+            "machine.max_spindle_rev_per_min",
+            "language.work_offsets[2][1]",
+            "language.max_line_bytes",
+            "language.path_vibration.on",
+            "language.path_vibration.off",
+            "vibration.max_amplitude_mm",
+            "vibration.servo_substeps",
+            "following.filter_length_s",
+        ];
+        assert_eq!(fields, expected);
+    }
+}

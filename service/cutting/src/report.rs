@@ -1,0 +1,87 @@
+//! What validation says about a whole program.
+
+use feedwave_program::Finding;
+use serde::{Deserialize, Serialize};
+
+use crate::SectionReport;
+
+/// Findings, one report per vibrating section, and the summary of the plan. This is the JSON that
+/// `feedwave validate --format json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValidationReport {
+    /// Everything found, in the order of the source; the first ones in full where there are very many.
+    pub findings: Vec<Finding>,
+    /// One report per vibrating section, in order; the first ones where there are very many.
+    pub sections: Vec<SectionReport>,
+    /// Counts, times and peaks of the whole program.
+    pub summary: ProgramSummary,
+}
+
+impl ValidationReport {
+    /// Whether nothing forbids running the program.
+    #[must_use]
+    pub const fn is_accepted(&self) -> bool {
+        self.summary.errors == 0
+    }
+}
+
+/// Figures of a whole program.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProgramSummary {
+    /// Errors found (counted even where not listed).
+    pub errors: u64,
+    /// Warnings found.
+    pub warnings: u64,
+    /// Informations found.
+    pub infos: u64,
+    /// Findings counted but not listed.
+    pub findings_not_listed: u64,
+    /// Vibrating sections, listed or not.
+    pub section_count: u64,
+    /// Bytes of the program.
+    pub bytes: u64,
+    /// Lines read.
+    pub lines: u64,
+    /// Moves: rapid and cutting.
+    pub moves: u64,
+    /// Cutting moves.
+    pub cutting_moves: u64,
+    /// Interpolation period, µs.
+    pub interpolation_period_us: u32,
+    /// Setpoints at that period; 0 when the program has errors.
+    pub setpoint_count: u64,
+    /// Machining time, s.
+    pub duration_s: f64,
+    /// Time in cutting moves, s.
+    pub cutting_time_s: f64,
+    /// Time in rapid moves, s.
+    pub rapid_time_s: f64,
+    /// Time at rest: dwells and waits for the vibration, s.
+    pub rest_time_s: f64,
+    /// Path length, mm.
+    pub path_length_mm: f64,
+    /// Path length of cutting moves, mm.
+    pub cutting_length_mm: f64,
+    /// Tool numbers used, ascending; the first ones used where there are very many.
+    pub tools: Vec<u32>,
+    /// Extents and peaks per machine axis.
+    pub axes: Vec<AxisSummary>,
+    /// Smallest and largest spindle speed while cutting, rev/min.
+    pub spindle_rev_per_min: Option<[f64; 2]>,
+}
+
+/// One machine axis over the whole program, from the setpoints themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AxisSummary {
+    /// Column name.
+    pub name: String,
+    /// Smallest machine position, mm or degrees.
+    pub min: f64,
+    /// Largest machine position, mm or degrees.
+    pub max: f64,
+    /// Largest velocity by first difference, per s.
+    pub peak_velocity_per_s: f64,
+    /// Largest acceleration by second difference, per s². Starts and ends of a vibration step the velocity by
+    /// design and are included.
+    pub peak_acceleration_per_s2: f64,
+}

@@ -1,0 +1,189 @@
+//! Judging a whole program: one run of the pipeline that listens to everything it says.
+
+use std::sync::Arc;
+
+use feedwave_program::Severity;
+
+use crate::builder::Analysis;
+use crate::{AxisSummary, Frame, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step, ValidationReport};
+
+/// Lines read per step once setpoints have stopped at an error.
+const LINES_PER_STEP: usize = 4_096;
+
+/// A pipeline that also judges the program: runs it to the end and reports.
+#[derive(Clone, Debug)]
+pub struct Validation {
+    pipeline: Pipeline,
+    block: SetpointBlock,
+    axes: Vec<AxisTrace>,
+    /// Whether setpoints have stopped, at the end of the program or at an error.
+    stopped: bool,
+    ended: bool,
+    setpoint_count: u64,
+}
+
+/// Running extremes of one axis.
+#[derive(Clone, Debug)]
+struct AxisTrace {
+    summary: AxisSummary,
+    /// The last two positions, older first.
+    last: [f64; 2],
+    seen: u64,
+}
+
+impl Validation {
+    /// A validation at the start of a program. Extents and peaks are in machine coordinates whatever the
+    /// configured frame.
+    #[must_use]
+    pub fn new(config: Arc<PipelineConfig>) -> Self {
+        let config = match config.frame {
+            Frame::Machine => config,
+            Frame::Work => Arc::new(PipelineConfig { frame: Frame::Machine, ..(*config).clone() }),
+        };
+        let trace = |axis: &feedwave_motion::MachineAxis| AxisTrace {
+            summary: AxisSummary {
+                name: axis.name.clone(),
+                min: f64::INFINITY,
+                max: f64::NEG_INFINITY,
+                ..AxisSummary::default()
+            },
+            last: [0.0; 2],
+            seen: 0,
+        };
+        let axes = config.profile.machine.axes.iter().map(trace).collect();
+        let pipeline = Pipeline::with_analysis(config, Some(Analysis::default()));
+        let block = pipeline.new_block();
+        Self { pipeline, block, axes, stopped: false, ended: false, setpoint_count: 0 }
+    }
+
+    /// See [`Pipeline::push`].
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.pipeline.push(bytes);
+    }
+
+    /// See [`Pipeline::finish_input`].
+    pub fn finish_input(&mut self) {
+        self.pipeline.finish_input();
+    }
+
+    /// Advances by at most one block of setpoints or a few thousand lines. Setpoints stop at the first error
+    /// (the block is then empty); the rest of the program is still read for findings. [`Step::Refused`] never
+    /// comes: a refused program ends with [`Step::Finished`] and a report that says why.
+    pub fn step(&mut self) -> Step {
+        if self.ended {
+            return Step::Finished;
+        }
+        if self.stopped {
+            return self.read_on();
+        }
+        match self.pipeline.next_block(&mut self.block) {
+            Step::Block => {
+                self.setpoint_count += self.block.len() as u64;
+                let period_s = self.pipeline.config().period_s();
+                for (trace, column) in self.axes.iter_mut().zip(&self.block.axes) {
+                    trace.add(column, period_s);
+                }
+                Step::Block
+            }
+            Step::NeedInput => Step::NeedInput,
+            Step::Finished => {
+                // What follows the end of the program is still looked at.
+                self.stopped = true;
+                self.read_on()
+            }
+            Step::Refused => {
+                self.stopped = true;
+                self.block = self.pipeline.new_block();
+                if let Some(analysis) = &mut self.pipeline.builder.analysis {
+                    analysis.finish_waiting(&mut self.pipeline.findings);
+                }
+                Step::Block
+            }
+        }
+    }
+
+    fn read_on(&mut self) -> Step {
+        for _ in 0..LINES_PER_STEP {
+            let more = self.pipeline.read_line();
+            self.pipeline.discard_planned();
+            if let Some(analysis) = &mut self.pipeline.builder.analysis {
+                analysis.finish_waiting(&mut self.pipeline.findings);
+            }
+            if !more {
+                if self.pipeline.input_is_finished() {
+                    self.ended = true;
+                    return Step::Finished;
+                }
+                return Step::NeedInput;
+            }
+        }
+        Step::Block
+    }
+
+    /// The pipeline, to take snapshots of while validating.
+    #[must_use]
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    /// The block that the last [`Step::Block`] filled.
+    #[must_use]
+    pub fn block(&self) -> &SetpointBlock {
+        &self.block
+    }
+
+    /// The report; call after [`Step::Finished`].
+    #[must_use]
+    pub fn finish(self) -> ValidationReport {
+        let Self { mut pipeline, axes, setpoint_count, .. } = self;
+        let findings = std::mem::take(&mut pipeline.findings);
+        let analysis = pipeline.builder.analysis.take().unwrap_or_default();
+        let refused = findings.has_errors();
+        let shares = pipeline.interpolator.shares();
+        let if_accepted = |value: f64| if refused { 0.0 } else { value };
+        let summary = ProgramSummary {
+            errors: findings.count(Severity::Error),
+            warnings: findings.count(Severity::Warning),
+            infos: findings.count(Severity::Info),
+            findings_not_listed: findings.dropped(),
+            section_count: analysis.section_count,
+            bytes: pipeline.input_offset(),
+            lines: u64::from(pipeline.interpreter_state().lines_read()),
+            moves: analysis.moves,
+            cutting_moves: analysis.cutting_moves,
+            interpolation_period_us: pipeline.config().interpolation_period_us,
+            setpoint_count: if refused { 0 } else { setpoint_count },
+            duration_s: if_accepted(pipeline.interpolator.elapsed_s()),
+            cutting_time_s: if_accepted(shares.cutting_s),
+            rapid_time_s: if_accepted(shares.rapid_s),
+            rest_time_s: if_accepted(shares.rest_s),
+            path_length_mm: analysis.path_length_mm,
+            cutting_length_mm: analysis.cutting_length_mm,
+            tools: analysis.tools.into_iter().collect(),
+            axes: if refused { Vec::new() } else { axes.into_iter().map(|trace| trace.summary).collect() },
+            spindle_rev_per_min: analysis.spindle_rev_per_min,
+        };
+        ValidationReport { findings: findings.into_sorted(), sections: analysis.sections, summary }
+    }
+}
+
+impl AxisTrace {
+    fn add(&mut self, column: &[f64], period_s: f64) {
+        let summary = &mut self.summary;
+        for &position in column {
+            summary.min = summary.min.min(position);
+            summary.max = summary.max.max(position);
+            if self.seen >= 1 {
+                let velocity = (position - self.last[1]).abs() / period_s;
+                summary.peak_velocity_per_s = summary.peak_velocity_per_s.max(velocity);
+            }
+            if self.seen >= 2 {
+                let second_difference = position - 2.0 * self.last[1] + self.last[0];
+                let acceleration = second_difference.abs() / (period_s * period_s);
+                summary.peak_acceleration_per_s2 = summary.peak_acceleration_per_s2.max(acceleration);
+            }
+            self.last = [self.last[1], position];
+            self.seen += 1;
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Running whole programs for tests.
+#![allow(dead_code, reason = "every test file uses its part")]
+
+use std::sync::Arc;
+
+use feedwave_cutting::{Pipeline, PipelineConfig, SetpointBlock, Step, Validation, ValidationReport};
+
+/// All setpoints of a program, column by column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Setpoints {
+    pub axes: Vec<Vec<f64>>,
+    pub path: Vec<f64>,
+    pub feed: Vec<f64>,
+    pub vibration: Vec<f64>,
+    pub spindle: Vec<f64>,
+    pub line: Vec<u32>,
+    pub servo_amplitude: Vec<Vec<f64>>,
+    pub servo_low: Vec<Vec<f64>>,
+    pub servo_high: Vec<Vec<f64>>,
+    pub servo_phase: Vec<f64>,
+}
+
+impl Setpoints {
+    pub fn append(&mut self, block: &SetpointBlock) {
+        fn extend(to: &mut Vec<Vec<f64>>, from: &[Vec<f64>]) {
+            to.resize(from.len(), Vec::new());
+            for (to, from) in to.iter_mut().zip(from) {
+                to.extend_from_slice(from);
+            }
+        }
+        assert_eq!(block.first_index, self.len() as u64, "blocks follow each other");
+        extend(&mut self.axes, &block.axes);
+        self.path.extend_from_slice(&block.path_position_mm);
+        self.feed.extend_from_slice(&block.feed_mm_per_min);
+        self.vibration.extend_from_slice(&block.vibration_offset_mm);
+        self.spindle.extend_from_slice(&block.spindle_angle_deg);
+        self.line.extend_from_slice(&block.line);
+        if let Some(servo) = &block.servo {
+            extend(&mut self.servo_amplitude, &servo.amplitude_mm);
+            extend(&mut self.servo_low, &servo.clamp_low_mm);
+            extend(&mut self.servo_high, &servo.clamp_high_mm);
+            self.servo_phase.extend_from_slice(&servo.phase_turns);
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.line.len()
+    }
+
+    /// Bits of every column of setpoint `index`, for exact comparison.
+    pub fn bits(&self, index: usize) -> Vec<u64> {
+        let columns = self.axes.iter().chain([&self.path, &self.feed, &self.vibration, &self.spindle]);
+        columns.map(|column| column[index].to_bits()).chain([u64::from(self.line[index])]).collect()
+    }
+}
+
+/// Feeds a program in pieces of `piece` bytes.
+pub fn run_in_pieces(program: &[u8], config: &PipelineConfig, piece: usize) -> Setpoints {
+    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
+    let mut block = pipeline.new_block();
+    let mut setpoints = Setpoints::default();
+    let mut pieces = program.chunks(piece.max(1));
+    loop {
+        match pipeline.next_block(&mut block) {
+            Step::Block => setpoints.append(&block),
+            Step::NeedInput => match pieces.next() {
+                Some(bytes) => pipeline.push(bytes),
+                None => pipeline.finish_input(),
+            },
+            Step::Finished => return setpoints,
+            Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
+        }
+    }
+}
+
+pub fn run(program: &str, config: &PipelineConfig) -> Setpoints {
+    run_in_pieces(program.as_bytes(), config, usize::MAX)
+}
+
+pub fn validate(program: &str, config: &PipelineConfig) -> ValidationReport {
+    let mut validation = Validation::new(Arc::new(config.clone()));
+    let mut given = false;
+    loop {
+        match validation.step() {
+            Step::Block => {}
+            Step::NeedInput if given => validation.finish_input(),
+            Step::NeedInput => {
+                validation.push(program.as_bytes());
+                given = true;
+            }
+            Step::Finished => return validation.finish(),
+            Step::Refused => panic!("a validation reads to the end"),
+        }
+    }
+}
+
+/// Snapshot at every block boundary: (index, input offset, snapshot).
+pub fn snapshots(program: &[u8], config: &PipelineConfig) -> Vec<(u64, u64, Vec<u8>)> {
+    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
+    let mut block = pipeline.new_block();
+    let mut taken = Vec::new();
+    let mut given = false;
+    loop {
+        match pipeline.next_block(&mut block) {
+            Step::Block => taken.push((pipeline.next_index(), pipeline.input_offset(), pipeline.snapshot())),
+            Step::NeedInput if given => pipeline.finish_input(),
+            Step::NeedInput => {
+                pipeline.push(program);
+                given = true;
+            }
+            Step::Finished => return taken,
+            Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
+        }
+    }
+}
+
+/// Every setpoint from a snapshot on.
+pub fn resume(program: &[u8], config: &PipelineConfig, offset: u64, snapshot: &[u8]) -> (u64, Setpoints) {
+    let mut pipeline = Pipeline::restore(Arc::new(config.clone()), snapshot).expect("a snapshot just taken");
+    assert_eq!(pipeline.input_offset(), offset);
+    let first = pipeline.next_index();
+    let mut block = pipeline.new_block();
+    let mut setpoints = Setpoints::default();
+    let mut given = false;
+    loop {
+        match pipeline.next_block(&mut block) {
+            Step::Block => {
+                block.first_index -= first;
+                setpoints.append(&block);
+            }
+            Step::NeedInput if given => pipeline.finish_input(),
+            Step::NeedInput => {
+                pipeline.push(&program[offset as usize..]);
+                given = true;
+            }
+            Step::Finished => return (first, setpoints),
+            Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
+        }
+    }
+}

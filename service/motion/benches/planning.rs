@@ -1,0 +1,76 @@
+//! Short blocks planned per second and core: a chain of tangent lines, and a chain with a corner at every block. Beside
+//! them what cannot be avoided: moving the same elements through a queue.
+
+use std::collections::VecDeque;
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use feedwave_motion::{Element, Machine, MotionRequest, PathMotion, Planner, PlannerSettings, path_limits, stretches};
+use feedwave_program::{Feed, Move, MoveKind, Position, SourceSpan, Spindle};
+
+const BLOCKS: u32 = 10_000;
+
+/// Lines of 0.1 mm, each turned from the one before by `turn_rad`.
+fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
+    let mut at: Position = [0.0; 9];
+    let line = |index: u32| {
+        let start = at;
+        let (sin, cos) = (f64::from(index) * turn_rad).sin_cos();
+        at[0] += 0.1 * cos;
+        at[1] += 0.1 * sin;
+        let feed = Feed::PerMinute(3_000.0);
+        let mv = Move {
+            kind: MoveKind::Cutting,
+            start,
+            end: at,
+            work_offset: [0.0; 9],
+            arc: None,
+            feed,
+            spindle: Spindle::STOPPED,
+            tool: 0,
+        };
+        let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
+        let limits = path_limits(&element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let stretches = stretches(&element, feed, &Spindle::STOPPED, machine);
+        MotionRequest { element, limits, stretches }
+    };
+    (0..BLOCKS).map(line).collect()
+}
+
+fn planning(criterion: &mut Criterion) {
+    let machine = Machine::mill();
+    let settings = PlannerSettings::new(&machine, 1_024, 1e-3);
+    let mut group = criterion.benchmark_group("planning");
+    group.throughput(Throughput::Elements(u64::from(BLOCKS)));
+    let smooth = requests(1e-4, &machine);
+    group.bench_function("queue only", |bencher| {
+        bencher.iter(|| {
+            let mut queue = VecDeque::new();
+            for request in &smooth {
+                queue.push_back(request.clone());
+                if queue.len() > 512 {
+                    black_box(queue.pop_front());
+                }
+            }
+        });
+    });
+    for (name, turn_rad) in [("tangent chain", 1e-4), ("corner at every block", 0.1)] {
+        let requests = requests(turn_rad, &machine);
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                let mut planner = Planner::<()>::new(settings.clone());
+                for request in &requests {
+                    planner.push_motion(request.clone());
+                    while let Some(planned) = planner.pop() {
+                        black_box(planned);
+                    }
+                }
+                planner.finish();
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, planning);
+criterion_main!(benches);

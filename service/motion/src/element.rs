@@ -1,0 +1,351 @@
+//! Path elements: lines, arcs and helices over arc length.
+
+use core::f64::consts::TAU;
+
+use feedwave_program::{AXIS_COUNT, ArcGeometry, Axis, Move, MoveKind, Position, SourceSpan};
+use serde::{Deserialize, Serialize};
+
+use crate::tolerance::HUGE_RADIUS_MM;
+
+/// One element of the path, in work coordinates, over its arc length `s` from 0 to `length`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Element {
+    /// First point, mm (X a radius) and degrees.
+    pub start: Position,
+    /// Last point: the programmed one.
+    pub end: Position,
+    /// Machine position = work position + offset.
+    pub work_offset: Position,
+    /// Shape between them.
+    pub curve: Curve,
+    /// Arc length of the linear axes, mm; of the rotary axes, degrees, when no linear axis moves.
+    pub length: f64,
+    /// Words that ask for it.
+    pub source: SourceSpan,
+    /// Whether it is a rapid.
+    pub rapid: bool,
+}
+
+/// Shape of an element.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Curve {
+    /// Straight.
+    Line,
+    /// Circular in a plane; every other axis moves in proportion.
+    Arc(Arc),
+}
+
+/// A circular arc. Start and end radius may differ within the arc tolerance: the radius then changes in
+/// proportion to the angle, so that both ends are exact and the path is continuous.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Arc {
+    /// First axis of the plane.
+    pub first: Axis,
+    /// Second axis of the plane.
+    pub second: Axis,
+    /// Centre: first and second axis, mm.
+    pub center: [f64; 2],
+    /// Radius at the start, mm.
+    pub start_radius_mm: f64,
+    /// Radius at the end, mm.
+    pub end_radius_mm: f64,
+    /// Angle of the start seen from the centre, rad.
+    pub start_angle_rad: f64,
+    /// Swept angle, rad; positive from the first to the second axis.
+    pub sweep_rad: f64,
+}
+
+impl Arc {
+    fn new(geometry: &ArcGeometry, start: &Position, end: &Position) -> Self {
+        let (first, second) = geometry.plane.axes();
+        let from_center =
+            |point: &Position| [point[first.index()] - geometry.center[0], point[second.index()] - geometry.center[1]];
+        let [u0, v0] = from_center(start);
+        let [u1, v1] = from_center(end);
+        let mut arc = Self {
+            first,
+            second,
+            center: geometry.center,
+            start_radius_mm: libm::hypot(u0, v0),
+            end_radius_mm: libm::hypot(u1, v1),
+            start_angle_rad: libm::atan2(v0, u0),
+            sweep_rad: geometry.sweep_rad,
+        };
+        if arc.is_huge() && arc.sweep_rad.abs() < 1.0 {
+            // A difference of two angles is as exact as a rounded angle, too coarse here; the chord gives it exactly.
+            let [du, dv] = [end[first.index()] - start[first.index()], end[second.index()] - start[second.index()]];
+            arc.sweep_rad = libm::atan2(u0 * dv - v0 * du, u0 * u1 + v0 * v1);
+        }
+        arc
+    }
+
+    /// Whether angles about the centre are too coarse to place points on the circle.
+    fn is_huge(&self) -> bool {
+        self.start_radius_mm > HUGE_RADIUS_MM
+    }
+
+    /// Smallest radius, mm.
+    #[must_use]
+    pub fn least_radius_mm(&self) -> f64 {
+        self.start_radius_mm.min(self.end_radius_mm)
+    }
+
+    /// Largest radius, mm.
+    fn largest_radius_mm(&self) -> f64 {
+        self.start_radius_mm.max(self.end_radius_mm)
+    }
+
+    fn radius_mm(&self, share: f64) -> f64 {
+        self.start_radius_mm + (self.end_radius_mm - self.start_radius_mm) * share
+    }
+
+    /// Whether the arc has an extreme of position or speed in the direction `angle_rad` of one of its axes.
+    ///
+    /// Where the radius changes by ρ per radian, the extremes lie up to atan(2·|ρ|/r) beside the direction.
+    fn passes(&self, angle_rad: f64) -> bool {
+        let radial_mm = (self.end_radius_mm - self.start_radius_mm).abs();
+        let beside_rad = 2.0 * radial_mm / (self.sweep_rad.abs() * self.least_radius_mm()).max(f64::MIN_POSITIVE);
+        let ahead = (angle_rad - self.start_angle_rad) * self.sweep_rad.signum();
+        let ahead = ahead - (ahead / TAU).floor() * TAU;
+        ahead <= self.sweep_rad.abs() + beside_rad || ahead >= TAU - beside_rad
+    }
+}
+
+impl Element {
+    /// The element of a move; `None` where nothing moves.
+    #[must_use]
+    pub fn from_move(mv: &Move, source: SourceSpan) -> Option<Self> {
+        let (curve, length) = match &mv.arc {
+            None => (Curve::Line, line_length(&mv.start, &mv.end)),
+            Some(geometry) => {
+                let arc = Arc::new(geometry, &mv.start, &mv.end);
+                let mean_radius_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm);
+                let radial_mm = arc.end_radius_mm - arc.start_radius_mm;
+                let mut square = (mean_radius_mm * arc.sweep_rad) * (mean_radius_mm * arc.sweep_rad);
+                square += radial_mm * radial_mm;
+                for axis in Axis::ALL {
+                    if !axis.is_rotary() && axis != arc.first && axis != arc.second {
+                        let delta = mv.end[axis.index()] - mv.start[axis.index()];
+                        square += delta * delta;
+                    }
+                }
+                (Curve::Arc(arc), square.sqrt())
+            }
+        };
+        (length > 0.0 && length.is_finite()).then(|| Self {
+            start: mv.start,
+            end: mv.end,
+            work_offset: mv.work_offset,
+            curve,
+            length,
+            source,
+            rapid: mv.kind == MoveKind::Rapid,
+        })
+    }
+
+    /// Position at arc length `s`; the exact start for `s` ≤ 0, the exact programmed end for `s` ≥ `length`.
+    #[must_use]
+    pub fn position(&self, s: f64) -> Position {
+        let mut position = [0.0; AXIS_COUNT];
+        for axis in Axis::ALL {
+            self.fill_axis(axis, &[s], core::slice::from_mut(&mut position[axis.index()]));
+        }
+        position
+    }
+
+    /// Positions of one axis at the arc lengths `s`, bit for bit those of [`Element::position`].
+    ///
+    /// # Panics
+    /// When `out` is shorter than `s`.
+    pub fn fill_axis(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        let out = &mut out[..s.len()];
+        let start = self.start[axis.index()];
+        let end = self.end[axis.index()];
+        let per_length = 1.0 / self.length;
+        match &self.curve {
+            Curve::Arc(arc) if axis == arc.first || axis == arc.second => {
+                let center = arc.center[usize::from(axis == arc.second)];
+                let circular: fn(f64) -> f64 = if axis == arc.first { libm::cos } else { libm::sin };
+                if arc.is_huge() {
+                    // From the start instead of the centre, by cos(a + θ) − cos a = −2·sin(θ/2)·sin(a + θ/2) and the
+                    // like for the sine: then rounding is relative to the length, not to the radius.
+                    let across: fn(f64) -> f64 =
+                        if axis == arc.first { |angle_rad| -libm::sin(angle_rad) } else { libm::cos };
+                    let growth_mm = arc.end_radius_mm - arc.start_radius_mm;
+                    for (out, &s) in out.iter_mut().zip(s) {
+                        let share = s * per_length;
+                        let half_rad = 0.5 * arc.sweep_rad * share;
+                        let chord_mm = 2.0 * arc.start_radius_mm * libm::sin(half_rad);
+                        let radial_mm = growth_mm * share * circular(arc.start_angle_rad + 2.0 * half_rad);
+                        *out = start + (chord_mm * across(arc.start_angle_rad + half_rad) + radial_mm);
+                    }
+                } else {
+                    for (out, &s) in out.iter_mut().zip(s) {
+                        let share = s * per_length;
+                        let angle_rad = arc.start_angle_rad + arc.sweep_rad * share;
+                        *out = center + arc.radius_mm(share) * circular(angle_rad);
+                    }
+                }
+            }
+            _ => {
+                let slope = (end - start) * per_length;
+                for (out, &s) in out.iter_mut().zip(s) {
+                    *out = start + slope * s;
+                }
+            }
+        }
+        for (out, &s) in out.iter_mut().zip(s) {
+            *out = if s <= 0.0 { start } else { *out };
+            *out = if s >= self.length { end } else { *out };
+        }
+    }
+
+    /// Whether the element moves this axis.
+    #[must_use]
+    pub fn moves(&self, axis: Axis) -> bool {
+        self.start[axis.index()] != self.end[axis.index()]
+            || matches!(&self.curve, Curve::Arc(arc) if arc.first == axis || arc.second == axis)
+    }
+
+    /// Derivative of the position by arc length at `s`, per axis.
+    #[must_use]
+    pub fn tangent(&self, s: f64) -> Position {
+        let mut tangent = [0.0; AXIS_COUNT];
+        for axis in Axis::ALL {
+            self.fill_tangent(axis, &[s], core::slice::from_mut(&mut tangent[axis.index()]));
+        }
+        tangent
+    }
+
+    /// Derivatives of one axis by arc length at the arc lengths `s`, bit for bit those of [`Element::tangent`].
+    ///
+    /// # Panics
+    /// When `out` is shorter than `s`.
+    pub fn fill_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        let out = &mut out[..s.len()];
+        let per_length = 1.0 / self.length;
+        let Curve::Arc(arc) = &self.curve else {
+            out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
+            return;
+        };
+        if axis != arc.first && axis != arc.second {
+            out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
+            return;
+        }
+        // Along the circle the first axis follows −sin and the second cos; outwards cos and sin.
+        type Function = fn(f64) -> f64;
+        let [around, beside]: [Function; 2] =
+            if axis == arc.first { [|angle_rad| -libm::sin(angle_rad), libm::cos] } else { [libm::cos, libm::sin] };
+        let outwards = (arc.end_radius_mm - arc.start_radius_mm) * per_length;
+        for (out, &s) in out.iter_mut().zip(s) {
+            let share = s.clamp(0.0, self.length) * per_length;
+            let angle_rad = arc.start_angle_rad + arc.sweep_rad * share;
+            let along = arc.radius_mm(share) * arc.sweep_rad * per_length;
+            *out = along * around(angle_rad);
+            if outwards != 0.0 {
+                *out += outwards * beside(angle_rad);
+            }
+        }
+    }
+
+    /// Second derivative of the position by arc length at `s`, per axis, 1/mm: curvature times normal.
+    pub(crate) fn second_derivative(&self, s: f64) -> Position {
+        let mut second = [0.0; AXIS_COUNT];
+        if let Curve::Arc(arc) = &self.curve {
+            let share = s.clamp(0.0, self.length) / self.length;
+            let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
+            let turn = arc.sweep_rad / self.length;
+            let outwards = (arc.end_radius_mm - arc.start_radius_mm) / self.length;
+            // In polar form r·e with e' = turn·e⊥: r″ = 0 leaves −r·turn²·e + 2·r'·turn·e⊥.
+            let inwards = arc.radius_mm(share) * turn * turn;
+            let across = 2.0 * outwards * turn;
+            second[arc.first.index()] = -inwards * cos - across * sin;
+            second[arc.second.index()] = -inwards * sin + across * cos;
+        }
+        second
+    }
+
+    /// Largest curvature, 1/mm: 0 for a line, r/(r² + p²) for a helix of radius r that advances p per radian.
+    #[must_use]
+    pub fn curvature(&self) -> f64 {
+        match &self.curve {
+            Curve::Line => 0.0,
+            Curve::Arc(arc) => {
+                let per_length = arc.sweep_rad / self.length;
+                // κ = r·(dθ/ds)², largest where r is.
+                arc.largest_radius_mm() * per_length * per_length
+            }
+        }
+    }
+
+    /// Upper bound of |tangent| per axis over the whole element; attained for lines and circular arcs.
+    #[must_use]
+    pub fn largest_tangent(&self) -> Position {
+        let mut largest = self.tangent(0.0).map(f64::abs);
+        if let Curve::Arc(arc) = &self.curve {
+            let at_end = self.tangent(self.length);
+            let per_length = 1.0 / self.length;
+            let along = arc.largest_radius_mm() * (arc.sweep_rad * per_length).abs();
+            let outwards = (arc.end_radius_mm - arc.start_radius_mm).abs() * per_length;
+            let quarter = TAU / 4.0;
+            // The first axis moves fastest where the arc passes the second axis' direction, and the other way round.
+            for (axis, passing) in [(arc.first, [quarter, -quarter]), (arc.second, [0.0, 2.0 * quarter])] {
+                let value = &mut largest[axis.index()];
+                *value = value.max(at_end[axis.index()].abs());
+                if passing.iter().any(|&angle_rad| arc.passes(angle_rad)) {
+                    *value = along + outwards;
+                }
+            }
+        }
+        largest
+    }
+
+    /// Smallest and largest distance from the spindle axis, |X|, mm.
+    #[must_use]
+    pub fn radius_range_mm(&self) -> [f64; 2] {
+        let (low, high) = self.extent();
+        let (low, high) = (low[Axis::X.index()], high[Axis::X.index()]);
+        let crosses_axis = low <= 0.0 && high >= 0.0;
+        [if crosses_axis { 0.0 } else { low.abs().min(high.abs()) }, low.abs().max(high.abs())]
+    }
+
+    /// Smallest and largest position per axis over the element, work coordinates.
+    #[must_use]
+    pub fn extent(&self) -> (Position, Position) {
+        let mut low = self.start;
+        let mut high = self.start;
+        for (index, &end) in self.end.iter().enumerate() {
+            low[index] = low[index].min(end);
+            high[index] = high[index].max(end);
+        }
+        if let Curve::Arc(arc) = &self.curve {
+            let quarter = TAU / 4.0;
+            let radius_mm = arc.largest_radius_mm();
+            for (axis, center, angles) in
+                [(arc.first, arc.center[0], [0.0, 2.0 * quarter]), (arc.second, arc.center[1], [quarter, -quarter])]
+            {
+                if arc.passes(angles[0]) {
+                    high[axis.index()] = high[axis.index()].max(center + radius_mm);
+                }
+                if arc.passes(angles[1]) {
+                    low[axis.index()] = low[axis.index()].min(center - radius_mm);
+                }
+            }
+        }
+        (low, high)
+    }
+}
+
+/// Length of a straight move: of the linear axes, or of the rotary ones where no linear axis moves.
+fn line_length(start: &Position, end: &Position) -> f64 {
+    let square = |rotary: bool| -> f64 {
+        Axis::ALL
+            .into_iter()
+            .filter(|axis| axis.is_rotary() == rotary)
+            .map(|axis| end[axis.index()] - start[axis.index()])
+            .map(|delta| delta * delta)
+            .sum()
+    };
+    let linear = square(false);
+    if linear > 0.0 { linear.sqrt() } else { square(true).sqrt() }
+}

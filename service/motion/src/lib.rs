@@ -1,0 +1,26 @@
+//! Motion: geometry by arc length, the machine's axes and limits, spindle-coupled feed, and the feed planner.
+//!
+//! Invariants: pure and deterministic to the bit (basic IEEE operations and `libm` only); a path position is
+//! exact to 1e-9 mm and an element's end is the programmed point to the last bit; every planned motion keeps
+//! each axis within its velocity, acceleration and jerk.
+
+#![forbid(unsafe_code)]
+
+mod element;
+mod feed;
+mod junction;
+mod limits;
+mod machine;
+mod planner;
+mod profile;
+mod tolerance;
+
+pub use element::{Arc, Curve, Element};
+pub use feed::{Stretch, Stretches, stretches};
+pub use limits::{
+    LimitExceeded, PathLimits, PathMotion, Quantity, TravelExceeded, missing_axis, path_limits, travel_exceeded,
+};
+pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
+pub use planner::{MotionRequest, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings};
+pub use profile::Profile;
+pub use tolerance::TANGENT_TOLERANCE_RAD;

@@ -1,0 +1,238 @@
+//! What an element leaves for the feed: path velocity, acceleration and jerk within every axis' limits.
+//!
+//! With the path position σ(t), speed v, acceleration a and jerk j along the path, unit tangent τ, normal n and
+//! curvature κ, the axes see
+//!
+//! ```text
+//! p'   = v·τ
+//! p''  = a·τ + v²κ·n
+//! p''' = (j − v³κ²)·τ + 3·v·a·κ·n          (κ constant)
+//! ```
+//!
+//! τ and n are orthonormal, so an axis in the plane of a circle never sees more than the root of the sum of the
+//! squares of the two parts: giving them the shares 0.8 and 0.6 of a limit keeps the axis within it in every
+//! direction of the circle. A superposed motion along the path (a vibration) simply adds to v, a and j.
+//!
+//! The radius of an inexact arc changes by ρ per length; with w radians per length and the largest radius R, its
+//! derivatives by length are bounded by K₁ = R·w + |ρ|, K₂ = w·(R·w + 2·|ρ|) and K₃ = w²·(R·w + 3·|ρ|), which are used
+//! in place of |τ|, κ and κ². The two parts are then not quite orthogonal, but their product, at most
+//! 2·a·v²·|ρ|·R·w² (and likewise for the jerk), is less than what the sums in K₁, K₂ and K₃ exceed the roots of the
+//! sums of squares by.
+
+use core::fmt;
+
+use feedwave_program::{Axis, Position};
+use serde::{Deserialize, Serialize};
+
+use crate::tolerance::{
+    CENTRIPETAL_SHARE, LEAST_FEED_SHARE, NORMAL_JERK_SHARE, TANGENT_JERK_SHARE, TANGENTIAL_SHARE, TURNING_JERK_SHARE,
+};
+use crate::{Arc, Curve, Element, Machine, MachineAxis};
+
+/// Peak motion along the path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathMotion {
+    /// mm/s
+    pub velocity: f64,
+    /// mm/s²
+    pub acceleration: f64,
+    /// mm/s³
+    pub jerk: f64,
+}
+
+impl PathMotion {
+    /// No motion.
+    pub const ZERO: Self = Self { velocity: 0.0, acceleration: 0.0, jerk: 0.0 };
+}
+
+/// Largest motion of the feed along the path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathLimits {
+    /// mm/s
+    pub velocity: f64,
+    /// mm/s²
+    pub acceleration: f64,
+    /// mm/s³
+    pub jerk: f64,
+}
+
+/// Quantity of an axis limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// mm/s
+    Velocity,
+    /// mm/s²
+    Acceleration,
+    /// mm/s³
+    Jerk,
+}
+
+impl Quantity {
+    /// Unit of a linear axis.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity => "mm/s",
+            Self::Acceleration => "mm/s²",
+            Self::Jerk => "mm/s³",
+        }
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
+            Self::Jerk => "jerk",
+        })
+    }
+}
+
+/// A superposed motion leaves (nearly) nothing of an axis' limit for the feed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[error("the superposed motion takes {demanded:.1} {} of the {axis} axis' {quantity}, whose limit on this curve is {limit:.1}", quantity.unit(), axis = axis.letter())]
+pub struct LimitExceeded {
+    /// The axis.
+    pub axis: Axis,
+    /// Which limit.
+    pub quantity: Quantity,
+    /// What the superposed motion takes of it.
+    pub demanded: f64,
+    /// What the axis gives on this element.
+    pub limit: f64,
+}
+
+/// A position beyond an axis' travel, machine coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TravelExceeded {
+    /// The axis.
+    pub axis: Axis,
+    /// The farthest position, mm or degrees.
+    pub value: f64,
+    /// The travel limit it passes, mm or degrees.
+    pub limit: f64,
+}
+
+/// Largest feed motion along an element when the peaks of `superposed` are added on top.
+///
+/// The machine must have every axis that the element moves; see [`missing_axis`].
+///
+/// # Errors
+/// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed.
+pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion) -> Result<PathLimits, LimitExceeded> {
+    let largest = element.largest_tangent();
+    let mut limits = PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+    for axis in &machine.axes {
+        let share = largest[axis.axis.index()];
+        if share > 0.0 {
+            limits.velocity = limits.velocity.min(rest(
+                axis.axis,
+                Quantity::Velocity,
+                axis.max_velocity_per_s,
+                share,
+                superposed.velocity,
+            )?);
+        }
+    }
+    if let Curve::Arc(arc) = &element.curve {
+        limit_on_arc(&mut limits, arc, element, machine, superposed)?;
+    }
+    for axis in &machine.axes {
+        let share = largest[axis.axis.index()];
+        if share > 0.0 && !is_in_plane(element, axis.axis) {
+            let acceleration =
+                rest(axis.axis, Quantity::Acceleration, axis.max_acceleration_per_s2, share, superposed.acceleration)?;
+            let jerk = rest(axis.axis, Quantity::Jerk, axis.max_jerk_per_s3, share, superposed.jerk)?;
+            limits.acceleration = limits.acceleration.min(acceleration);
+            limits.jerk = limits.jerk.min(jerk);
+        }
+    }
+    Ok(limits)
+}
+
+fn limit_on_arc(
+    limits: &mut PathLimits,
+    arc: &Arc,
+    element: &Element,
+    machine: &Machine,
+    superposed: PathMotion,
+) -> Result<(), LimitExceeded> {
+    let in_plane = || machine.axes.iter().filter(|axis| is_in_plane(element, axis.axis));
+    let Some(slowest) = in_plane().min_by(|a, b| a.max_acceleration_per_s2.total_cmp(&b.max_acceleration_per_s2))
+    else {
+        return Ok(());
+    };
+    let Some(softest) = in_plane().min_by(|a, b| a.max_jerk_per_s3.total_cmp(&b.max_jerk_per_s3)) else {
+        return Ok(());
+    };
+    let acceleration = slowest.max_acceleration_per_s2;
+    let jerk = softest.max_jerk_per_s3;
+    let turn = arc.sweep_rad.abs() / element.length;
+    let outwards = (arc.end_radius_mm - arc.start_radius_mm).abs() / element.length;
+    let along = arc.start_radius_mm.max(arc.end_radius_mm) * turn;
+    // Bounds of the first three derivatives in the plane by length.
+    let first = along + outwards;
+    let second = turn * (along + 2.0 * outwards);
+    let third = turn * turn * (along + 3.0 * outwards);
+
+    let centripetal = (CENTRIPETAL_SHARE * acceleration / second).sqrt();
+    let turning = libm::cbrt(TURNING_JERK_SHARE * TANGENT_JERK_SHARE * jerk / third);
+    for (axis, path_speed) in [(slowest, centripetal), (softest, turning)] {
+        let left = rest(axis.axis, Quantity::Velocity, path_speed * first, first, superposed.velocity)?;
+        limits.velocity = limits.velocity.min(left);
+    }
+
+    let speed = limits.velocity + superposed.velocity;
+    let tangential = TANGENTIAL_SHARE * acceleration;
+    let normal_jerk = NORMAL_JERK_SHARE * jerk / (3.0 * speed * second);
+    limits.acceleration = limits
+        .acceleration
+        .min(rest(slowest.axis, Quantity::Acceleration, tangential, first, superposed.acceleration)?)
+        .min(rest(softest.axis, Quantity::Acceleration, normal_jerk * first, first, superposed.acceleration)?);
+    let tangent_jerk = TANGENT_JERK_SHARE * jerk - speed * speed * speed * third;
+    limits.jerk = limits.jerk.min(rest(softest.axis, Quantity::Jerk, tangent_jerk, first, superposed.jerk)?);
+    Ok(())
+}
+
+/// What of an axis limit is left along the path once the superposed motion has taken its part.
+fn rest(axis: Axis, quantity: Quantity, limit: f64, share: f64, superposed: f64) -> Result<f64, LimitExceeded> {
+    let along_path = limit / share;
+    let left = along_path - superposed;
+    if superposed > 0.0 && left < LEAST_FEED_SHARE * along_path {
+        return Err(LimitExceeded { axis, quantity, demanded: superposed * share, limit });
+    }
+    Ok(left)
+}
+
+fn is_in_plane(element: &Element, axis: Axis) -> bool {
+    matches!(&element.curve, Curve::Arc(arc) if arc.first == axis || arc.second == axis)
+}
+
+/// An axis that the element moves and the machine does not have.
+#[must_use]
+pub fn missing_axis(element: &Element, machine: &Machine) -> Option<Axis> {
+    Axis::ALL.into_iter().find(|&axis| element.moves(axis) && machine.column_of(axis).is_none())
+}
+
+/// The first axis that the element would take beyond its travel.
+#[must_use]
+pub fn travel_exceeded(element: &Element, machine: &Machine) -> Option<TravelExceeded> {
+    if machine.axes.iter().all(|axis| axis.travel_min.is_none() && axis.travel_max.is_none()) {
+        return None;
+    }
+    let (low, high): (Position, Position) = element.extent();
+    let check = |axis: &MachineAxis| {
+        let index = axis.axis.index();
+        let ends = [low[index], high[index]].map(|work| axis.sign() * (work + element.work_offset[index]));
+        let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+        let below = axis.travel_min.filter(|&limit| low < limit).map(|limit| (low, limit));
+        let above = axis.travel_max.filter(|&limit| high > limit).map(|limit| (high, limit));
+        below.or(above).map(|(value, limit)| TravelExceeded { axis: axis.axis, value, limit })
+    };
+    machine.axes.iter().find_map(check)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,157 @@
+//! Throughput of lexing and interpreting, in bytes of program per second, on generated programs of the kind CAM
+//! posts write. Bar: 100 MB/s on one core. The crate `gcode` reads the same bytes in the same run; note that it only
+//! parses (to `f32`, without modal state, arcs or checks), so that the comparison favours it.
+
+use std::fmt::Write as _;
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use feedwave_program::lexer::{Lexer, TokenKind};
+use feedwave_program::{FindingLog, Interpreter, LanguageSettings, LineOutcome, Operation};
+use gcode::core::{BlockVisitor, ControlFlow, Diagnostics, HasDiagnostics, Noop, ProgramVisitor, Span, Value};
+
+/// Size of the generated programs: beyond the caches, short enough for many samples.
+const PROGRAM_BYTES: usize = 8 << 20;
+
+/// Operations kept before they are handed on, as the pipeline does.
+const BATCH: usize = 256;
+
+/// A finishing pass over a free-form surface: short lines, most words modal.
+fn mill_program() -> String {
+    let mut program = String::from("%\nO1000 (FINISH)\nN10 G0 G17 G21 G40 G49 G80 G90\nN20 T5 M6\nN30 S12000 M3\n");
+    program.push_str("N40 G0 G54 X0. Y0. M8\nN50 Z5.\nN60 G1 Z0. F500.\n");
+    let mut number = 70u64;
+    while program.len() < PROGRAM_BYTES {
+        let step = number / 10;
+        // Thousandths of a millimetre, moving slowly as along a surface.
+        let x = (step * 137) % 200_000;
+        let y = (step / 1_400) * 250;
+        let z = 4_000 + (step * step / 7) % 900;
+        let _ = write!(program, "N{number} X{}.{:03}", x / 1_000, x % 1_000);
+        if step.is_multiple_of(1_400) {
+            let _ = write!(program, " Y{}.{:03}", y / 1_000, y % 1_000);
+        }
+        let _ = writeln!(program, " Z-{}.{:03}", z / 1_000, z % 1_000);
+        number += 10;
+    }
+    program.push_str("M5\nM9\nM30\n%\n");
+    program
+}
+
+/// Roughing and finishing passes on a lathe: lines and arcs, feeds in most blocks, vibrating sections.
+fn lathe_program() -> String {
+    let mut program = String::from("%\nO2000 (TURN)\nN10 G21 G18 G40 G99\nN20 T0101\nN30 G50 S2500\n");
+    program.push_str("N40 G96 S180 M3\nN50 M8\n");
+    let mut number = 60u64;
+    while program.len() < PROGRAM_BYTES {
+        let depth = number % 97;
+        let (x, small) = (60 + depth / 10, depth % 10);
+        let _ = write!(
+            program,
+            "N{number} G0 X{x}.{small} Z2.\nN{} G200 F50 A0.03\nN{} G1 Z-20.{small}05 F.15\n",
+            number + 1,
+            number + 2
+        );
+        let _ = write!(
+            program,
+            "N{} G2 X{}.{small} Z-25.{small}05 R5.\nN{} G3 X{}.{small} Z-30.{small}05 I0. K-5.\n",
+            number + 3,
+            x + 10,
+            number + 4,
+            x + 20
+        );
+        let _ = write!(program, "N{} G201\nN{} G1 U2. W1. F.3\n", number + 5, number + 6);
+        number += 10;
+    }
+    program.push_str("N1 M5\nM9\nM30\n%\n");
+    program
+}
+
+fn interpret(program: &[u8], settings: &LanguageSettings, operations: &mut Vec<Operation>) -> (usize, FindingLog) {
+    let mut interpreter = Interpreter::new(settings.clone());
+    let mut findings = FindingLog::default();
+    let mut count = 0;
+    let mut rest = program;
+    loop {
+        let outcome = interpreter.read_line(rest, true, operations, &mut findings);
+        if operations.len() >= BATCH || outcome == LineOutcome::Ended {
+            count += black_box(&*operations).len();
+            operations.clear();
+        }
+        match outcome {
+            LineOutcome::Consumed(length) => rest = &rest[length..],
+            LineOutcome::NeedMore | LineOutcome::Ended => return (count, findings),
+        }
+    }
+}
+
+/// The lexer alone: the sum of all numbers, so that none is optimised away.
+fn lex(program: &[u8]) -> f64 {
+    let tokens = program.split(|&byte| byte == b'\n').flat_map(Lexer::new);
+    tokens.map(|token| if token.kind == TokenKind::Word { token.number.value() } else { 0.0 }).sum()
+}
+
+/// The peer's zero-allocation interface, summing the numbers as [`lex`] does.
+#[derive(Default)]
+struct Sum(f64);
+
+impl Diagnostics for Sum {}
+
+struct SumBlock<'a>(&'a mut Sum);
+
+impl HasDiagnostics for SumBlock<'_> {
+    fn diagnostics(&mut self) -> &mut dyn Diagnostics {
+        self.0
+    }
+}
+
+impl ProgramVisitor for Sum {
+    fn start_block(&mut self) -> ControlFlow<impl BlockVisitor + '_> {
+        ControlFlow::Continue(SumBlock(self))
+    }
+}
+
+impl BlockVisitor for SumBlock<'_> {
+    fn word_address(&mut self, _letter: char, value: Value<'_>, _span: Span) {
+        if let Value::Literal(number) = value {
+            self.0.0 += f64::from(number);
+        }
+    }
+
+    fn start_general_code(
+        &mut self,
+        _number: gcode::core::Number,
+    ) -> ControlFlow<impl gcode::core::CommandVisitor + '_> {
+        ControlFlow::Continue(Noop)
+    }
+}
+
+fn benchmark(criterion: &mut Criterion) {
+    let programs =
+        [("mill", mill_program(), LanguageSettings::mill()), ("lathe", lathe_program(), LanguageSettings::default())];
+    for (name, program, settings) in &programs {
+        let mut operations = Vec::with_capacity(2 * BATCH);
+        let (count, findings) = interpret(program.as_bytes(), settings, &mut operations);
+        assert!(!findings.has_errors(), "{:?}", findings.findings().first());
+        assert!(count > program.lines().count() / 2, "{count} operations");
+
+        let mut group = criterion.benchmark_group(*name);
+        group.throughput(Throughput::Bytes(program.len() as u64)).sample_size(20);
+        group.bench_function("interpret", |bencher| {
+            bencher.iter(|| interpret(black_box(program.as_bytes()), settings, &mut operations).0);
+        });
+        group.bench_function("lex", |bencher| bencher.iter(|| lex(black_box(program.as_bytes()))));
+        group.bench_function("gcode_visitor", |bencher| {
+            bencher.iter(|| {
+                let mut sum = Sum::default();
+                gcode::core::parse(black_box(program), &mut sum);
+                sum.0
+            });
+        });
+        group.bench_function("gcode_tree", |bencher| bencher.iter(|| gcode::parse(black_box(program)).is_ok()));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, benchmark);
+criterion_main!(benches);

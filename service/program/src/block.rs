@@ -1,0 +1,340 @@
+//! Parser: one line in, one [`Block`] of words out, recovering from whatever is wrong with it.
+
+use crate::code;
+use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
+use crate::lexer::{Lexer, Token, TokenKind};
+use crate::number::Number;
+use crate::{Finding, FindingLog, Severity, SourceSpan};
+
+/// Numbers beyond this are mistakes: a thousand kilometres. It keeps all later arithmetic finite.
+const LARGEST_NUMBER: f64 = 1e9;
+
+/// A word: where it stands and what it says.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Word {
+    pub(crate) number: Number,
+    start: u32,
+    end: u32,
+}
+
+/// A code word: the code and where it stands.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CodeWord {
+    /// Place in the code table.
+    pub(crate) place: u8,
+    start: u32,
+    end: u32,
+}
+
+/// The words of one line. Storage is fixed and reused: masks say which slots hold words of the present line.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    /// Line number, from 1.
+    line: u32,
+    /// First byte of the first word and end of the last.
+    extent: (u32, u32),
+    /// Letters present, one bit each; `G` and `M` words are in `groups`.
+    pub(crate) letters: u32,
+    words: [Word; 26],
+    /// Groups present, one bit each.
+    groups: u32,
+    codes: [CodeWord; GROUP_COUNT],
+    /// A leading `%`.
+    pub(crate) percent: Option<SourceSpan>,
+    /// Something in the block could not be understood, so that what its words mean together is unknown.
+    pub(crate) unclear: bool,
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        let word = Word { number: Number::ZERO, start: 0, end: 0 };
+        let code = CodeWord { place: 0, start: 0, end: 0 };
+        Self {
+            line: 0,
+            extent: (0, 0),
+            letters: 0,
+            words: [word; 26],
+            groups: 0,
+            codes: [code; GROUP_COUNT],
+            percent: None,
+            unclear: false,
+        }
+    }
+}
+
+impl Block {
+    /// Reads a line (without its terminator) into this block, replacing the block before.
+    pub(crate) fn parse(
+        &mut self,
+        line: &[u8],
+        line_number: u32,
+        table: &CodeTable,
+        block_delete: bool,
+        findings: &mut FindingLog,
+    ) {
+        self.line = line_number;
+        self.extent = (u32::MAX, 0);
+        self.letters = 0;
+        self.groups = 0;
+        self.percent = None;
+        self.unclear = false;
+        let mut slash_seen = false;
+        for token in Lexer::new(line) {
+            match token.kind {
+                TokenKind::Word => self.add_word(token, table, findings),
+                TokenKind::Comment => self.check_comment(line, token, findings),
+                TokenKind::BlockDelete if !slash_seen && self.letters & !letter_bit(b'N') == 0 && self.groups == 0 => {
+                    slash_seen = true;
+                    if block_delete {
+                        break;
+                    }
+                }
+                TokenKind::Percent if self.extent.0 == u32::MAX && self.percent.is_none() => {
+                    self.percent = Some(self.span_of(token.start, token.end));
+                }
+                TokenKind::UnclosedComment => {
+                    self.report_defect(line, token, findings);
+                    self.check_comment(line, token, findings);
+                }
+                _ => self.report_defect(line, token, findings),
+            }
+        }
+    }
+
+    /// Whether there is any word at all.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.extent.0 == u32::MAX
+    }
+
+    /// From the first word to the last.
+    #[inline]
+    pub(crate) const fn span(&self) -> SourceSpan {
+        self.span_of(self.extent.0, self.extent.1)
+    }
+
+    #[inline]
+    const fn span_of(&self, start: u32, end: u32) -> SourceSpan {
+        SourceSpan { line: self.line, column: start + 1, length: end - start }
+    }
+
+    /// The word with this letter.
+    #[inline]
+    pub(crate) const fn word(&self, letter: u8) -> Option<&Word> {
+        if self.letters & letter_bit(letter) == 0 { None } else { Some(&self.words[(letter - b'A') as usize]) }
+    }
+
+    /// The word of the letter at this place in the alphabet; only meaningful where its bit in `letters` is set.
+    #[inline]
+    pub(crate) const fn slot(&self, place: usize) -> &Word {
+        &self.words[place]
+    }
+
+    #[inline]
+    pub(crate) const fn word_span(&self, word: &Word) -> SourceSpan {
+        self.span_of(word.start, word.end)
+    }
+
+    /// The code of this group.
+    #[inline]
+    pub(crate) const fn code(&self, group: Group) -> Option<&CodeWord> {
+        if self.groups & (1 << group as u32) == 0 { None } else { Some(&self.codes[group as usize]) }
+    }
+
+    #[inline]
+    pub(crate) const fn code_span(&self, code: &CodeWord) -> SourceSpan {
+        self.span_of(code.start, code.end)
+    }
+
+    /// Whether any group has a code.
+    #[inline]
+    pub(crate) const fn has_codes(&self) -> bool {
+        self.groups != 0
+    }
+
+    /// Whether any group but motion has a code.
+    #[inline]
+    pub(crate) const fn has_codes_besides_motion(&self) -> bool {
+        self.groups & !(1 << Group::Motion as u32) != 0
+    }
+
+    #[inline]
+    fn add_word(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
+        let Token { letter, number, .. } = token;
+        self.extent.0 = self.extent.0.min(token.start);
+        self.extent.1 = token.end;
+        let place = usize::from(letter - b'A');
+        let meaning = table.dialect.letters[place];
+        if number.is_spaced() {
+            self.report_spaces(token, findings);
+        }
+        match meaning {
+            Letter::Code => return self.add_code(token, table, findings),
+            Letter::Unknown => {
+                return self.defect(code::WORD_UNKNOWN, token, findings, |mut finding| {
+                    finding.message = format!("address letter {} is not known", char::from(letter));
+                    finding
+                });
+            }
+            Letter::Label => {}
+            _ if !(-LARGEST_NUMBER..=LARGEST_NUMBER).contains(&number.value()) => {
+                return self.report_huge_number(token, findings);
+            }
+            _ => {}
+        }
+        let bit = letter_bit(letter);
+        if self.letters & bit != 0 {
+            let first = self.words[place].number.value();
+            return self.defect(code::WORD_DUPLICATE, token, findings, |mut finding| {
+                let letter = char::from(letter);
+                finding.message = format!("{letter} occurs twice in the block: first {first}, then {}", number.value());
+                finding.with_value("first", first, "").with_value("second", number.value(), "")
+            });
+        }
+        self.letters |= bit;
+        self.words[place] = Word { number, start: token.start, end: token.end };
+    }
+
+    fn add_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
+        let Token { letter, number, .. } = token;
+        let name = || format!("{}{}", char::from(letter), number.value());
+        let Some(place) = table.find(letter, number.value()) else {
+            return self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
+                finding.message = format!("{} is not a code of this dialect", name());
+                finding.suggest(format!("known {} codes: {}", char::from(letter), table.supported(letter)))
+            });
+        };
+        let &Code { group, meaning, .. } = table.code(place);
+        if let Meaning::Unsupported(what) = meaning {
+            self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
+                finding.message = format!("{} ({what}) is not supported yet", name());
+                finding
+            });
+        }
+        let bit = 1 << group as u32;
+        if self.groups & bit != 0 {
+            return self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {
+                finding.message = format!("{} is the second {} code of the block", name(), group.name());
+                finding.suggest("keep one of them, or write them in two blocks")
+            });
+        }
+        self.groups |= bit;
+        self.codes[group as usize] = CodeWord { place, start: token.start, end: token.end };
+    }
+
+    /// Pushes an error on a token that leaves the block unclear; `fill` adds the message.
+    #[cold]
+    fn defect(
+        &mut self,
+        code: &'static str,
+        token: Token,
+        findings: &mut FindingLog,
+        fill: impl FnOnce(Finding) -> Finding,
+    ) {
+        self.unclear = true;
+        let span = self.span_of(token.start, token.end);
+        findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
+    }
+
+    #[cold]
+    fn report_spaces(&self, token: Token, findings: &mut FindingLog) {
+        let span = self.span_of(token.start, token.end);
+        findings.push_with(Severity::Warning, || {
+            let text = format!("{}{}", char::from(token.letter), token.number.value());
+            Finding::warning(code::NUMBER_SPACED, span, format!("the number has spaces inside and is read as {text}"))
+                .suggest_replacement("write it without spaces", text)
+        });
+    }
+
+    #[cold]
+    fn report_huge_number(&mut self, token: Token, findings: &mut FindingLog) {
+        self.defect(code::NUMBER_RANGE, token, findings, |mut finding| {
+            finding.message = format!("the number of {} is beyond ±{LARGEST_NUMBER:e}", char::from(token.letter));
+            finding.with_value("limit", LARGEST_NUMBER, "")
+        });
+    }
+
+    /// Everything that is neither a word nor a comment.
+    #[cold]
+    fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        let code = match token.kind {
+            TokenKind::HugeNumber => return self.report_huge_number(token, findings),
+            TokenKind::MalformedNumber => code::NUMBER_INVALID,
+            TokenKind::UnclosedComment => code::COMMENT_UNCLOSED,
+            TokenKind::LoneLetter => code::NUMBER_MISSING,
+            TokenKind::StrayNumber => code::NUMBER_STRAY,
+            TokenKind::Text => code::TEXT,
+            TokenKind::Expression => code::EXPRESSION,
+            TokenKind::Nul => code::NUL,
+            TokenKind::NotUtf8 => code::NOT_UTF8,
+            _ => code::CHARACTER,
+        };
+        self.defect(code, token, findings, |mut finding| {
+            let text = quote(&line[token.start as usize..token.end as usize]);
+            let letter = char::from(token.letter);
+            let length = token.end - token.start;
+            let (message, cure) = match token.kind {
+                TokenKind::UnclosedComment => ("the comment is not closed on its line".to_owned(), "close it with )"),
+                TokenKind::LoneLetter => (format!("{letter} has no number"), "write its number behind it"),
+                TokenKind::MalformedNumber => (
+                    format!("the number of {letter} cannot be read"),
+                    "write an optional sign, digits and at most one decimal point",
+                ),
+                TokenKind::StrayNumber => {
+                    (format!("the number {text} has no address letter"), "write its letter before it, or remove it")
+                }
+                TokenKind::Text => (format!("{text} is text outside a comment"), "write comments in ( )"),
+                TokenKind::Expression => (
+                    format!("variables, expressions and control flow are not supported yet: {text}"),
+                    "let the CAM post write plain numbers",
+                ),
+                TokenKind::Nul => (format!("{length} NUL bytes"), "remove them"),
+                TokenKind::NotUtf8 => (format!("{length} bytes that are not UTF-8 text"), "remove them"),
+                _ => (format!("{text} has no meaning here"), "remove it"),
+            };
+            finding.message = message;
+            finding.suggest(cure)
+        });
+    }
+
+    /// Strange bytes in a comment move nothing, but say that the file is not what it seems.
+    #[inline]
+    fn check_comment(&self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        let comment = &line[token.start as usize..token.end as usize];
+        if !comment.is_ascii() || comment.contains(&0) {
+            self.report_comment(comment, token.start, findings);
+        }
+    }
+
+    #[cold]
+    fn report_comment(&self, comment: &[u8], start: u32, findings: &mut FindingLog) {
+        let mut column = 0;
+        for chunk in comment.utf8_chunks() {
+            column += chunk.valid().len();
+            let invalid = chunk.invalid().len();
+            if invalid > 0 {
+                let from = start + column as u32;
+                let span = self.span_of(from, from + invalid as u32);
+                findings.push_with(Severity::Warning, || {
+                    Finding::warning(code::NOT_UTF8, span, "the comment holds bytes that are not UTF-8 text")
+                });
+                break;
+            }
+        }
+        if let Some(place) = comment.iter().position(|&byte| byte == 0) {
+            let length = comment[place..].iter().take_while(|&&byte| byte == 0).count();
+            let from = start + place as u32;
+            let span = self.span_of(from, from + length as u32);
+            findings.push_with(Severity::Warning, || {
+                Finding::warning(code::NUL, span, format!("the comment holds {length} NUL bytes"))
+            });
+        }
+    }
+}
+
+/// The text of a token for a message: readable and short whatever it holds.
+fn quote(text: &[u8]) -> String {
+    const LONGEST: usize = 40;
+    let shown = String::from_utf8_lossy(&text[..text.len().min(LONGEST)]);
+    let more = if text.len() > LONGEST { "…" } else { "" };
+    format!("{shown:?}{more}")
+}

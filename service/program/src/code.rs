@@ -1,0 +1,67 @@
+//! The stable codes of this crate's findings, each with one line on what it says.
+
+/// Declares every code once: a constant to emit it and a line in [`FINDING_CODES`].
+macro_rules! finding_codes {
+    ($($name:ident = $code:literal: $meaning:literal;)+) => {
+        $(#[doc = $meaning] pub(crate) const $name: &str = $code;)+
+
+        /// Every finding code of the program language and what it means.
+        pub const FINDING_CODES: &[(&str, &str)] = &[$(($code, $meaning)),+];
+    };
+}
+
+finding_codes! {
+    LINE_TOO_LONG = "PRG-LINE-TOO-LONG": "a line is longer than the profile allows and was skipped";
+    NUL = "PRG-NUL": "a run of NUL bytes";
+    NOT_UTF8 = "PRG-NOT-UTF8": "a run of bytes that are not UTF-8 text";
+    CHARACTER = "PRG-CHARACTER": "a character that has no meaning in a program, or not at this place";
+    COMMENT_UNCLOSED = "PRG-COMMENT-UNCLOSED": "a comment is opened with ( and not closed on its line";
+    TEXT = "PRG-TEXT": "letters without numbers outside a comment";
+    EXPRESSION = "PRG-EXPRESSION": "variables, expressions and control flow are known, but not supported yet";
+    NUMBER_MISSING = "PRG-NUMBER-MISSING": "an address letter without a number";
+    NUMBER_STRAY = "PRG-NUMBER-STRAY": "a number without an address letter";
+    NUMBER_INVALID = "PRG-NUMBER-INVALID": "a number that cannot be read";
+    NUMBER_RANGE = "PRG-NUMBER-RANGE": "a number that is too large to mean anything";
+    NUMBER_NOT_WHOLE = "PRG-NUMBER-NOT-WHOLE": "a number that has to be whole and not negative";
+    NUMBER_SPACED = "PRG-NUMBER-SPACED": "a number written with spaces inside, read as one number";
+    WORD_DUPLICATE = "PRG-WORD-DUPLICATE": "an address letter occurs twice in a block";
+    WORD_UNKNOWN = "PRG-WORD-UNKNOWN": "an address letter the dialect does not know";
+    WORD_UNUSED = "PRG-WORD-UNUSED": "a word no code of its block uses";
+    WORD_CONFLICT = "PRG-WORD-CONFLICT": "two words of a block contradict each other";
+    FUNCTION_WORD = "PRG-FUNCTION-WORD": "a word that the machining function of its block does not take";
+    UNKNOWN_CODE = "PRG-UNKNOWN-CODE": "a G or M code the dialect does not know";
+    UNSUPPORTED_CODE = "PRG-UNSUPPORTED-CODE": "a known code that is not supported yet";
+    GROUP_CONFLICT = "PRG-GROUP-CONFLICT": "two codes of one modal group in a block";
+    MOTION_MISSING = "PRG-MOTION-MISSING": "axis words before any G0, G1, G2 or G3";
+    FEED_MISSING = "PRG-FEED-MISSING": "a cutting move without a valid feed";
+    FEED_NOT_POSITIVE = "PRG-FEED-NOT-POSITIVE": "a feed that is zero, negative or too small to mean anything";
+    SPINDLE_STOPPED = "PRG-SPINDLE-STOPPED": "feed per revolution with a spindle that does not turn";
+    SPEED_INVALID = "PRG-SPEED-INVALID": "a spindle speed that is negative or too small to mean anything, or a speed clamp that is not positive";
+    SPEED_MISSING = "PRG-SPEED-MISSING": "a speed mode or clamp without its S word";
+    SPEED_CLAMP_MISSING = "PRG-SPEED-CLAMP-MISSING": "constant surface speed without a speed clamp";
+    DWELL_TIME = "PRG-DWELL-TIME": "a dwell without a valid time";
+    ARC_CENTRE_MISSING = "PRG-ARC-CENTRE-MISSING": "an arc with neither a centre nor a radius";
+    ARC_CENTRE_AMBIGUOUS = "PRG-ARC-CENTRE-AMBIGUOUS": "an arc with both a centre and a radius";
+    ARC_RADIUS_MISMATCH = "PRG-ARC-RADIUS-MISMATCH": "start and end of an arc are not equally far from its centre";
+    ARC_RADIUS_ZERO = "PRG-ARC-RADIUS-ZERO": "an arc that starts or ends at its own centre";
+    ARC_RADIUS_TOO_SMALL = "PRG-ARC-RADIUS-TOO-SMALL": "a radius that cannot reach from start to end";
+    ARC_FULL_BY_RADIUS = "PRG-ARC-FULL-BY-RADIUS": "an arc by radius whose end is its start has no definite centre";
+    MACHINE_MOTION = "PRG-MACHINE-MOTION": "G53 without straight motion or with incremental words";
+    REFERENCE_AXIS = "PRG-REFERENCE-AXIS": "G28 without an axis";
+    TOOL_MISSING = "PRG-TOOL-MISSING": "a tool change before any T word";
+    NO_END = "PRG-NO-END": "the program just stops, without M2, M30 or a closing %";
+    TRAILING = "PRG-TRAILING": "text after the end of the program";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FINDING_CODES;
+
+    #[test]
+    fn codes_are_unique_and_well_formed() {
+        for (index, (code, meaning)) in FINDING_CODES.iter().enumerate() {
+            assert!(code.starts_with("PRG-") && !meaning.is_empty(), "{code}");
+            assert!(FINDING_CODES[..index].iter().all(|(other, _)| other != code), "{code} twice");
+        }
+    }
+}

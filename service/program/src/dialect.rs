@@ -1,0 +1,351 @@
+//! Dialects as data: what each address letter and each G and M code means.
+//!
+//! A new dialect is a new [`Dialect`] table; the parser and the interpreter know letters and codes only by what
+//! these tables say. Codes that a machine profile assigns to machining functions are merged in per interpreter.
+
+mod tables;
+
+use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, MILL, code};
+
+pub(crate) use tables::function_words;
+
+use crate::{Axis, DialectName, Function, LanguageSettings, Plane};
+
+/// A modal group: a block may hold at most one code of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Group {
+    Motion,
+    NonModal,
+    Plane,
+    Units,
+    Distance,
+    FeedUnit,
+    SpeedMode,
+    CutterCompensation,
+    LengthCompensation,
+    Cycle,
+    CycleReturn,
+    WorkOffset,
+    PathControl,
+    PolarCoordinates,
+    Scaling,
+    Rotation,
+    MacroCall,
+    Function,
+    Stop,
+    ToolChange,
+    Spindle,
+    Coolant,
+    Tapping,
+    Subprogram,
+}
+
+/// Number of modal groups.
+pub(crate) const GROUP_COUNT: usize = Group::Subprogram as usize + 1;
+
+impl Group {
+    /// The group's name in messages.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Motion => "motion",
+            Self::NonModal => "one-block",
+            Self::Plane => "plane",
+            Self::Units => "unit",
+            Self::Distance => "distance mode",
+            Self::FeedUnit => "feed mode",
+            Self::SpeedMode => "spindle speed mode",
+            Self::CutterCompensation => "cutter compensation",
+            Self::LengthCompensation => "length compensation",
+            Self::Cycle => "cycle",
+            Self::CycleReturn => "cycle return",
+            Self::WorkOffset => "work offset",
+            Self::PathControl => "path control",
+            Self::PolarCoordinates => "polar coordinate",
+            Self::Scaling => "scaling",
+            Self::Rotation => "rotation",
+            Self::MacroCall => "macro call",
+            Self::Function => "machining function",
+            Self::Stop => "stop",
+            Self::ToolChange => "tool change",
+            Self::Spindle => "spindle",
+            Self::Coolant => "coolant",
+            Self::Tapping => "tapping",
+            Self::Subprogram => "subprogram",
+        }
+    }
+}
+
+/// Unit of the modal feed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) enum FeedUnit {
+    PerMinute,
+    PerRevolution,
+    InverseTime,
+}
+
+/// What a code does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Meaning {
+    Rapid,
+    Linear,
+    Arc {
+        clockwise: bool,
+    },
+    Dwell,
+    Plane(Plane),
+    Units {
+        inch: bool,
+    },
+    Reference,
+    MachineCoordinates,
+    WorkOffset(u8),
+    Distance {
+        absolute: bool,
+    },
+    Feed(FeedUnit),
+    SpeedMode {
+        surface: bool,
+    },
+    SpeedClamp,
+    Function {
+        function: Function,
+        on: bool,
+    },
+    Stop {
+        optional: bool,
+    },
+    End,
+    Spindle(crate::SpindleDirection),
+    ToolChange,
+    Mist,
+    Flood,
+    CoolantOff,
+    /// States what is the case anyway; every post writes these in its safety line.
+    AlreadySo,
+    /// A known code whose effect is not carried out yet: what it is, for the finding.
+    Unsupported(&'static str),
+}
+
+/// One code of a dialect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Code {
+    /// Code number in tenths: `G43.4` is 434.
+    pub(crate) tenths: u16,
+    pub(crate) group: Group,
+    pub(crate) meaning: Meaning,
+}
+
+/// What an address letter means outside the blocks of machining functions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Letter {
+    Unknown,
+    /// `G` and `M`: their words are codes.
+    Code,
+    /// Line and program numbers: labels that move nothing.
+    Label,
+    Axis(Axis),
+    /// Always incremental: a lathe's `U` and `W`.
+    Increment(Axis),
+    /// `I J K`: centre relative to the start along X, Y, Z, always a radius value.
+    Centre(u8),
+    /// `R`
+    Radius,
+    Feed,
+    Speed,
+    Tool,
+    /// Known parameters of codes (`P`, `Q`, `D`, `H` and so on): unused unless the block's code takes them.
+    Parameter,
+}
+
+impl Letter {
+    /// Whether its number is a length (mm or inch), which units and the decimal-point rule scale.
+    pub(crate) const fn is_length(self) -> bool {
+        match self {
+            Self::Axis(axis) | Self::Increment(axis) => !axis.is_rotary(),
+            Self::Centre(_) | Self::Radius => true,
+            _ => false,
+        }
+    }
+}
+
+/// Bit of a letter in a mask of letters.
+pub(crate) const fn letter_bit(letter: u8) -> u32 {
+    1 << (letter - b'A')
+}
+
+/// The tables of one dialect.
+#[derive(Debug)]
+pub(crate) struct Dialect {
+    /// Meaning of each letter from A to Z.
+    pub(crate) letters: [Letter; 26],
+    g_codes: &'static [Code],
+    m_codes: &'static [Code],
+    /// A `T` word changes the tool at once, its last two digits being the offset; otherwise `M6` does.
+    pub(crate) tool_word_changes: bool,
+    /// `U` in a dwell is a time like `X`.
+    pub(crate) dwell_takes_u: bool,
+}
+
+impl Dialect {
+    fn of(name: DialectName) -> &'static Self {
+        match name {
+            DialectName::Lathe => &LATHE,
+            DialectName::Mill => &MILL,
+        }
+    }
+
+    /// Mask of the letters that name an axis.
+    fn axis_letters(&self) -> u32 {
+        let names_axis = |letter: &Letter| matches!(letter, Letter::Axis(_) | Letter::Increment(_));
+        let bits = self.letters.iter().enumerate().map(|(place, letter)| u32::from(names_axis(letter)) << place);
+        bits.sum()
+    }
+}
+
+/// Codes from this number of tenths on are unknown.
+const CODE_TENTHS: usize = 10_000;
+
+/// Marks a number without a code.
+const NO_CODE: u8 = u8::MAX;
+
+/// The codes of one interpreter: its dialect's, with the profile's function codes merged in, found by index.
+#[derive(Clone, Debug)]
+pub(crate) struct CodeTable {
+    pub(crate) dialect: &'static Dialect,
+    /// Mask of the letters that name an axis.
+    pub(crate) axis_letters: u32,
+    codes: Vec<Code>,
+    /// Place in `codes` by number in tenths, G codes first, then M codes.
+    index: Box<[u8]>,
+}
+
+impl CodeTable {
+    pub(crate) fn new(settings: &LanguageSettings) -> Self {
+        let dialect = Dialect::of(settings.dialect);
+        let vibration = settings.path_vibration;
+        let switches = [(vibration.on, true), (vibration.off, false)];
+        let functions = switches.into_iter().filter_map(|(number, on)| {
+            let meaning = Meaning::Function { function: Function::PathVibration, on };
+            // A profile's number may have come through arithmetic; the nearest tenth is meant.
+            let number = (number * 10.0).round() / 10.0;
+            tenths(number).map(|tenths| code(tenths as u16, Group::Function, meaning))
+        });
+        let mut table = Self {
+            dialect,
+            axis_letters: dialect.axis_letters(),
+            codes: Vec::new(),
+            index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
+        };
+        // The profile's own codes come last, so that they win over a dialect's.
+        table.add(b'G', COMMON_G_CODES.iter().chain(dialect.g_codes).copied().chain(functions));
+        table.add(b'M', COMMON_M_CODES.iter().chain(dialect.m_codes).copied());
+        table
+    }
+
+    fn add(&mut self, letter: u8, codes: impl Iterator<Item = Code>) {
+        for code in codes {
+            self.index[first_index(letter) + usize::from(code.tenths)] = self.codes.len() as u8;
+            self.codes.push(code);
+        }
+    }
+
+    /// Place of the code `G` or `M` with this number, for [`CodeTable::code`].
+    #[inline]
+    pub(crate) fn find(&self, letter: u8, number: f64) -> Option<u8> {
+        let place = self.index[first_index(letter) + tenths(number)?];
+        (place != NO_CODE).then_some(place)
+    }
+
+    /// The code at a place that [`CodeTable::find`] gave.
+    #[inline]
+    pub(crate) fn code(&self, place: u8) -> &Code {
+        &self.codes[usize::from(place)]
+    }
+
+    /// The supported codes of this letter, ascending, for suggestions.
+    pub(crate) fn supported(&self, letter: u8) -> String {
+        let places = &self.index[first_index(letter)..][..CODE_TENTHS];
+        let known = places.iter().filter_map(|&place| self.codes.get(usize::from(place)));
+        let supported = known.filter(|code| !matches!(code.meaning, Meaning::Unsupported(_)));
+        let names = supported.map(|code| format!("{}{}", char::from(letter), f64::from(code.tenths) / 10.0));
+        names.collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Whether a dialect, apart from any profile's function codes, carries out the G code of this number.
+pub(crate) fn carries_out_g_code(dialect: DialectName, number: f64) -> bool {
+    let tables = Dialect::of(dialect).g_codes;
+    let mut codes = COMMON_G_CODES.iter().chain(tables);
+    let supported = |code: &Code| !matches!(code.meaning, Meaning::Unsupported(_));
+    tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number && supported(code)))
+}
+
+/// Where the codes of a letter begin in the index.
+#[inline]
+const fn first_index(letter: u8) -> usize {
+    if letter == b'G' { 0 } else { CODE_TENTHS }
+}
+
+/// A code number in tenths, if it has at most one decimal place and is in range.
+#[inline]
+fn tenths(number: f64) -> Option<usize> {
+    // (k/10)·10 = k exactly for every whole k, as 10 is a sum of two powers of two.
+    let scaled = number * 10.0;
+    let whole = scaled as u32;
+    let index = whole as usize;
+    (f64::from(whole) == scaled && index < CODE_TENTHS).then_some(index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::FunctionCodes;
+
+    fn meaning(table: &CodeTable, letter: u8, number: f64) -> Option<Meaning> {
+        Some(table.code(table.find(letter, number)?).meaning)
+    }
+
+    #[test]
+    fn every_code_is_found_by_its_written_number() {
+        for settings in [LanguageSettings::default(), LanguageSettings::mill()] {
+            let table = CodeTable::new(&settings);
+            assert!(table.codes.len() < usize::from(NO_CODE));
+            let codes = [(b'G', COMMON_G_CODES), (b'G', table.dialect.g_codes), (b'M', COMMON_M_CODES)];
+            for (letter, code) in
+                codes.into_iter().flat_map(|(letter, codes)| codes.iter().map(move |code| (letter, code)))
+            {
+                let written = format!("{}.{}", code.tenths / 10, code.tenths % 10);
+                assert_eq!(meaning(&table, letter, written.parse().unwrap()), Some(code.meaning), "{written}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_no_code() {
+        let table = CodeTable::new(&LanguageSettings::default());
+        for number in [-1.0, 0.05, 43.45, 999.9, 1_000.0, 1e9, f64::NAN, f64::INFINITY] {
+            assert_eq!(table.find(b'G', number), None, "{number}");
+        }
+        assert_eq!(table.find(b'G', 68.2), None, "a mill code");
+    }
+
+    #[test]
+    fn what_a_dialect_carries_out_itself() {
+        for (number, lathe, mill) in
+            [(1.0, true, true), (99.0, true, false), (43.4, false, false), (200.0, false, false)]
+        {
+            assert_eq!(DialectName::Lathe.carries_out_g_code(number), lathe, "G{number}");
+            assert_eq!(DialectName::Mill.carries_out_g_code(number), mill, "G{number}");
+        }
+    }
+
+    #[test]
+    fn the_profile_moves_function_codes() {
+        let path_vibration = FunctionCodes { on: 8.5, off: 8.6 };
+        let table = CodeTable::new(&LanguageSettings { path_vibration, ..LanguageSettings::default() });
+        assert_eq!(table.find(b'G', 200.0), None);
+        let on = Meaning::Function { function: Function::PathVibration, on: true };
+        assert_eq!(meaning(&table, b'G', 8.5), Some(on));
+    }
+}

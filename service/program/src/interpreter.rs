@@ -1,0 +1,269 @@
+//! Interpreter: lines in, operations and findings out. It performs no I/O: the caller holds the buffer.
+
+mod arc;
+mod execute;
+mod motion;
+mod spindle;
+#[cfg(test)]
+mod tests;
+
+use crate::block::Block;
+use crate::code;
+use crate::dialect::CodeTable;
+use crate::state::Phase;
+use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Severity, SourceSpan};
+
+use execute::Execution;
+
+/// What [`Interpreter::read_line`] did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineOutcome {
+    /// This many bytes from the front of the input are done with: a line with its terminator, a part of a line
+    /// that is too long to be read, or text after the end of the program. Never 0.
+    Consumed(usize),
+    /// The input holds no complete line and more may come.
+    NeedMore,
+    /// All input is consumed and [`OperationKind::End`] has been appended, now or before.
+    Ended,
+}
+
+/// Reads a program line by line.
+///
+/// Within a block the order of execution is fixed, whatever the order of its words: units; feed mode and feed;
+/// spindle speed; tool; spindle; coolant; dwell; plane; work offset; distance mode; machining function; reference
+/// position; motion; program stop or end. This is the order of NIST's RS274/NGC (section 3.8) with one difference:
+/// units come first, because the numbers of a `G20` block are inches, its feed included. So `M5` and `M9` take
+/// effect before the motion of their block.
+///
+/// A block with an error sets its modal states and its end position but emits no operation, so that the blocks
+/// after it are judged on their own.
+#[derive(Clone, Debug)]
+pub struct Interpreter {
+    settings: LanguageSettings,
+    state: InterpreterState,
+    table: CodeTable,
+    /// Storage of the present line's words, reused.
+    block: Block,
+}
+
+/// A UTF-8 byte order mark.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+impl Interpreter {
+    /// An interpreter before the first line of a program.
+    #[must_use]
+    pub fn new(settings: LanguageSettings) -> Self {
+        let state = InterpreterState::new(&settings);
+        Self::restore(settings, state)
+    }
+
+    /// An interpreter that goes on where another one with the same settings stood when `state` was taken.
+    #[must_use]
+    pub fn restore(settings: LanguageSettings, state: InterpreterState) -> Self {
+        Self { table: CodeTable::new(&settings), settings, state, block: Block::default() }
+    }
+
+    /// What is remembered between lines.
+    #[must_use]
+    pub const fn state(&self) -> &InterpreterState {
+        &self.state
+    }
+
+    /// How the program is read.
+    #[must_use]
+    pub const fn settings(&self) -> &LanguageSettings {
+        &self.settings
+    }
+
+    /// Reads at most one line from the front of `input` and appends its operations and findings.
+    ///
+    /// `end_of_input` says that nothing comes after `input`. How the input is cut into pieces makes no difference
+    /// to what is appended; a caller that offers more than [`LanguageSettings::max_line_bytes`] always gets on.
+    pub fn read_line(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        if self.state.skipping_line || self.state.reported.trailing {
+            return self.skip_line(input, end_of_input, operations, findings);
+        }
+        let longest = self.settings.max_line_bytes as usize;
+        let window = &input[..input.len().min(longest.saturating_add(1))];
+        match find_line_feed(window) {
+            Some(length) => {
+                self.line(&input[..length], operations, findings);
+                LineOutcome::Consumed(length + 1)
+            }
+            None if input.len() > longest => {
+                self.report_long_line(window, findings);
+                self.state.skipping_line = true;
+                self.skip_line(input, end_of_input, operations, findings)
+            }
+            None if !end_of_input => LineOutcome::NeedMore,
+            None if input.is_empty() => {
+                self.finish(operations, findings);
+                LineOutcome::Ended
+            }
+            None => {
+                self.line(input, operations, findings);
+                LineOutcome::Consumed(input.len())
+            }
+        }
+    }
+
+    /// Consumes the rest of a line that is too long, or everything after the end once that has been reported.
+    fn skip_line(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        if input.is_empty() {
+            if !end_of_input {
+                return LineOutcome::NeedMore;
+            }
+            self.finish(operations, findings);
+            return LineOutcome::Ended;
+        }
+        if self.state.reported.trailing {
+            return LineOutcome::Consumed(input.len());
+        }
+        match find_line_feed(input) {
+            Some(length) => {
+                self.state.skipping_line = false;
+                self.state.lines = self.state.lines.saturating_add(1);
+                LineOutcome::Consumed(length + 1)
+            }
+            None => LineOutcome::Consumed(input.len()),
+        }
+    }
+
+    /// Reads one whole line without its line feed.
+    #[inline]
+    fn line(&mut self, line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let first = self.state.lines == 0;
+        let line = if first { line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line) } else { line };
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        self.state.lines = self.state.lines.saturating_add(1);
+        let number = self.state.lines;
+        if self.state.has_ended() {
+            return self.report_trailing(line, number, findings);
+        }
+        let errors_before = findings.count(Severity::Error);
+        let operations_before = operations.len();
+        self.block.parse(line, number, &self.table, self.settings.block_delete, findings);
+        if let Some(span) = self.block.percent {
+            if self.state.percent_seen || self.state.phase != Phase::Start {
+                if !self.block.is_empty() {
+                    self.push_trailing(self.block.span(), findings);
+                }
+                return self.end(span, operations);
+            }
+            self.state.percent_seen = true;
+        }
+        if self.block.is_empty() {
+            return;
+        }
+        let mut execution = Execution {
+            settings: &self.settings,
+            table: &self.table,
+            state: &mut self.state,
+            block: &self.block,
+            operations,
+            findings,
+            used: 0,
+        };
+        let end = execution.run();
+        if findings.count(Severity::Error) > errors_before {
+            operations.truncate(operations_before);
+        }
+        if let Some(span) = end {
+            self.end(span, operations);
+        }
+    }
+
+    fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>) {
+        self.state.phase = Phase::Ended;
+        operations.push(Operation { span, kind: OperationKind::End });
+    }
+
+    /// Ends the program where its input ends.
+    fn finish(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        if self.state.has_ended() {
+            return;
+        }
+        let span = SourceSpan { line: self.state.lines.max(1), column: 1, length: 0 };
+        findings.push_with(Severity::Warning, || {
+            Finding::warning(code::NO_END, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
+        });
+        self.state.skipping_line = false;
+        self.end(span, operations);
+    }
+
+    #[cold]
+    fn report_long_line(&mut self, start: &[u8], findings: &mut FindingLog) {
+        let longest = self.settings.max_line_bytes;
+        let line = self.state.lines.saturating_add(1);
+        if self.state.has_ended() {
+            return self.report_trailing(start, line, findings);
+        }
+        let span = SourceSpan { line, column: 1, length: longest };
+        findings.push_with(Severity::Error, || {
+            Finding::error(code::LINE_TOO_LONG, span, format!("the line is longer than {longest} bytes and is skipped"))
+                .with_value("max_line_length", f64::from(longest), "bytes")
+                .suggest("break it into blocks")
+        });
+    }
+
+    /// Says once that there is text after the end; blanks and a closing `%` belong there.
+    fn report_trailing(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) {
+        let text = |byte: &u8| !byte.is_ascii_whitespace() && !matches!(byte, b'%' | 0);
+        let (Some(first), Some(last)) = (line.iter().position(text), line.iter().rposition(text)) else {
+            return;
+        };
+        let span = SourceSpan { line: number, column: first as u32 + 1, length: (last - first) as u32 + 1 };
+        self.push_trailing(span, findings);
+    }
+
+    fn push_trailing(&mut self, span: SourceSpan, findings: &mut FindingLog) {
+        self.state.reported.trailing = true;
+        findings.push_with(Severity::Warning, || {
+            Finding::warning(code::TRAILING, span, "text after the end of the program is not read")
+        });
+    }
+}
+
+/// Reads a whole program that is in memory.
+#[must_use]
+pub fn interpret(source: &[u8], settings: LanguageSettings) -> (Vec<Operation>, FindingLog) {
+    let mut interpreter = Interpreter::new(settings);
+    let mut operations = Vec::new();
+    let mut findings = FindingLog::default();
+    let mut rest = source;
+    while let LineOutcome::Consumed(length) = interpreter.read_line(rest, true, &mut operations, &mut findings) {
+        rest = &rest[length..];
+    }
+    (operations, findings)
+}
+
+/// Offset of the first line feed, eight bytes at a time.
+#[inline]
+fn find_line_feed(bytes: &[u8]) -> Option<usize> {
+    const ONES: u64 = u64::from_ne_bytes([1; 8]);
+    const HIGHS: u64 = u64::from_ne_bytes([0x80; 8]);
+    const LINE_FEEDS: u64 = u64::from_ne_bytes([b'\n'; 8]);
+    let (chunks, rest) = bytes.as_chunks::<8>();
+    for (index, chunk) in chunks.iter().enumerate() {
+        // A zero byte of `difference` is a line feed; the lowest bit found marks the first one exactly.
+        let difference = u64::from_le_bytes(*chunk) ^ LINE_FEEDS;
+        let zeros = difference.wrapping_sub(ONES) & !difference & HIGHS;
+        if zeros != 0 {
+            return Some(index * 8 + zeros.trailing_zeros() as usize / 8);
+        }
+    }
+    let place = rest.iter().position(|&byte| byte == b'\n')?;
+    Some(chunks.len() * 8 + place)
+}

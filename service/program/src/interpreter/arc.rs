@@ -1,0 +1,188 @@
+//! The circle of a `G2` or `G3` block, from its centre or its radius.
+
+use super::execute::{Execution, MM_PER_INCH};
+use crate::block::Word;
+use crate::code;
+use crate::dialect::letter_bit;
+use crate::{ArcGeometry, Axis, Finding, Position, Severity, SourceSpan};
+
+/// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
+const SHORTEST_CHORD_MM: f64 = 1e-7;
+
+/// Start, end and sense of an arc in its plane, mm.
+struct Chord {
+    start: [f64; 2],
+    end: [f64; 2],
+    length: f64,
+    clockwise: bool,
+}
+
+impl Execution<'_> {
+    /// The circle from the present position to `end`; `None` after a finding.
+    pub(super) fn arc(&mut self, clockwise: bool, end: &Position) -> Option<ArcGeometry> {
+        let plane = self.state.plane;
+        let (first, second) = plane.axes();
+        let position = &self.state.position;
+        let start = [position[first.index()], position[second.index()]];
+        let end = [end[first.index()], end[second.index()]];
+        let length = distance(start, end);
+        let chord = Chord { start, end, length, clockwise };
+
+        let radius = self.take(b'R');
+        let offsets = [self.take(centre_letter(first)), self.take(centre_letter(second))];
+        let centre_word = offsets[0].or(offsets[1]);
+        let center = match (radius, centre_word) {
+            (Some(radius), None) => self.center_by_radius(&radius, &chord)?,
+            (None, Some(word)) => {
+                let [along_first, along_second] = offsets.map(|word| word.map_or(0.0, |word| self.scaled(&word, true)));
+                let center = [start[0] + along_first, start[1] + along_second];
+                self.check_radii(&word, center, &chord)?;
+                center
+            }
+            (Some(radius), Some(_)) => {
+                let span = self.block.word_span(&radius);
+                self.arc_error(code::ARC_CENTRE_AMBIGUOUS, span, |mut finding| {
+                    finding.message.push_str("the arc has both a radius and a centre");
+                    finding.suggest("keep one of them")
+                })?
+            }
+            (None, None) => {
+                let letters = [centre_letter(first), centre_letter(second)].map(char::from);
+                self.arc_error(code::ARC_CENTRE_MISSING, self.block.span(), |mut finding| {
+                    finding.message = format!("the arc has neither {} and {} nor R", letters[0], letters[1]);
+                    finding.suggest("add the centre or the radius")
+                })?
+            }
+        };
+        let sweep_rad = sweep(&chord, center);
+        Some(ArcGeometry { plane, center, clockwise, sweep_rad })
+    }
+
+    /// Centre of the arc of this radius: positive for the arc of at most half a turn, negative for the other.
+    fn center_by_radius(&mut self, word: &Word, chord: &Chord) -> Option<[f64; 2]> {
+        let span = self.block.word_span(word);
+        let radius = self.scaled(word, true);
+        if chord.length < SHORTEST_CHORD_MM {
+            return self.arc_error(code::ARC_FULL_BY_RADIUS, span, |finding| {
+                let mut finding = finding.with_value("radius", radius, "mm");
+                finding.message.push_str("the arc ends where it starts: a radius does not say where its centre is");
+                finding.suggest("write a full circle with its centre (I, J, K)")
+            });
+        }
+        let half = chord.length * 0.5;
+        let excess = radius.abs() - half;
+        if excess < -self.settings.arc_radius_tolerance_mm {
+            let unit = if self.state.inch { MM_PER_INCH } else { 1.0 };
+            // Rounded up to what the program's decimals can say.
+            let least = (half / unit * 10_000.0).ceil() / 10_000.0;
+            let least = if radius < 0.0 { -least } else { least };
+            return self.arc_error(code::ARC_RADIUS_TOO_SMALL, span, |finding| {
+                let mut finding = finding
+                    .with_value("radius", radius, "mm")
+                    .with_value("chord", chord.length, "mm")
+                    .with_value("min_radius", half, "mm");
+                finding.message = format!(
+                    "radius {} mm cannot span the {} mm from start to end: it takes at least {} mm",
+                    shown(radius.abs()),
+                    shown(chord.length),
+                    shown(half)
+                );
+                let text = format!("R{least}");
+                finding.suggest_value(format!("use {text} or more"), Some(text), "radius", least * unit, "mm")
+            });
+        }
+        // Height of the centre over the chord: r² = (L/2)² + h²; none if rounding left the radius a little short.
+        let height = if excess > 0.0 { (excess * (radius.abs() + half)).sqrt() } else { 0.0 };
+        // The centre of a counter-clockwise arc of at most half a turn lies left of its chord.
+        let left = chord.clockwise == (radius < 0.0);
+        let scale = if left { height } else { -height } / chord.length;
+        let [along, across] = [chord.end[0] - chord.start[0], chord.end[1] - chord.start[1]];
+        Some([
+            (chord.start[0] + chord.end[0]) * 0.5 - across * scale,
+            (chord.start[1] + chord.end[1]) * 0.5 + along * scale,
+        ])
+    }
+
+    /// Whether start and end are equally far from the centre.
+    fn check_radii(&mut self, word: &Word, center: [f64; 2], chord: &Chord) -> Option<()> {
+        let span = self.block.word_span(word);
+        let start_radius = distance(center, chord.start);
+        let end_radius = distance(center, chord.end);
+        let tolerance = self.settings.arc_radius_tolerance_mm;
+        let place = if start_radius < SHORTEST_CHORD_MM { "starts" } else { "ends" };
+        if start_radius.min(end_radius) < SHORTEST_CHORD_MM {
+            return self.arc_error(code::ARC_RADIUS_ZERO, span, |mut finding| {
+                finding.message = format!("the arc {place} at its own centre");
+                let finding = finding.with_value("start_radius", start_radius, "mm");
+                finding.with_value("end_radius", end_radius, "mm").suggest("check the centre and the end point")
+            });
+        }
+        let difference = (start_radius - end_radius).abs();
+        if difference <= tolerance {
+            return Some(());
+        }
+        self.arc_error(code::ARC_RADIUS_MISMATCH, span, |finding| {
+            let mut finding = finding
+                .with_value("start_radius", start_radius, "mm")
+                .with_value("end_radius", end_radius, "mm")
+                .with_value("difference", difference, "mm")
+                .with_value("tolerance", tolerance, "mm");
+            finding.message = format!(
+                "the arc starts {} mm and ends {} mm from its centre: the difference of {} mm exceeds {} mm",
+                shown(start_radius),
+                shown(end_radius),
+                shown(difference),
+                shown(tolerance)
+            );
+            finding.suggest("check the end point, the centre and whether the centre is incremental")
+        })
+    }
+
+    #[cold]
+    fn arc_error<T>(
+        &mut self,
+        code: &'static str,
+        span: SourceSpan,
+        fill: impl FnOnce(Finding) -> Finding,
+    ) -> Option<T> {
+        self.used |= letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
+        self.findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
+        None
+    }
+}
+
+/// `I`, `J` or `K`.
+const fn centre_letter(axis: Axis) -> u8 {
+    match axis {
+        Axis::X => b'I',
+        Axis::Y => b'J',
+        _ => b'K',
+    }
+}
+
+fn distance(from: [f64; 2], to: [f64; 2]) -> f64 {
+    let [along, across] = [to[0] - from[0], to[1] - from[1]];
+    (along * along + across * across).sqrt()
+}
+
+/// Signed angle from start to end about the centre; a full turn where they coincide.
+fn sweep(chord: &Chord, center: [f64; 2]) -> f64 {
+    let full = core::f64::consts::TAU;
+    if chord.length < SHORTEST_CHORD_MM {
+        return if chord.clockwise { -full } else { full };
+    }
+    let from = [chord.start[0] - center[0], chord.start[1] - center[1]];
+    let to = [chord.end[0] - center[0], chord.end[1] - center[1]];
+    // One arctangent of cross and dot product stays accurate for small angles, where two would cancel.
+    let angle = libm::atan2(from[0] * to[1] - from[1] * to[0], from[0] * to[0] + from[1] * to[1]);
+    match chord.clockwise {
+        true if angle >= 0.0 => angle - full,
+        false if angle <= 0.0 => angle + full,
+        _ => angle,
+    }
+}
+
+/// A length in a message: nanometres at most, without trailing zeros.
+fn shown(value_mm: f64) -> f64 {
+    (value_mm * 1e6).round() / 1e6
+}

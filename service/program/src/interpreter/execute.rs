@@ -1,0 +1,342 @@
+//! Execution of one block: everything but motion.
+
+use crate::block::{Block, CodeWord, Word};
+use crate::code;
+use crate::dialect::{CodeTable, FeedUnit, Group, Meaning, function_words, letter_bit};
+use crate::state::{InterpreterState, Phase};
+use crate::{
+    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, FunctionCommand, FunctionWord, LanguageSettings,
+    Operation, OperationKind, Severity, SourceSpan,
+};
+
+/// One inch in mm, by definition.
+pub(super) const MM_PER_INCH: f64 = 25.4;
+
+/// One foot in m, by definition: surface speed in an inch program is in feet/min.
+const M_PER_FOOT: f64 = 0.3048;
+
+/// Feeds and speeds below this are mistakes, as numbers beyond the largest one are: together the two limits keep
+/// every time and every ratio derived from them finite.
+pub(super) const LEAST_RATE: f64 = 1e-9;
+
+/// A block in execution.
+pub(super) struct Execution<'a> {
+    pub(super) settings: &'a LanguageSettings,
+    pub(super) table: &'a CodeTable,
+    pub(super) state: &'a mut InterpreterState,
+    pub(super) block: &'a Block,
+    pub(super) operations: &'a mut Vec<Operation>,
+    pub(super) findings: &'a mut FindingLog,
+    /// Letters whose words have been used.
+    pub(super) used: u32,
+}
+
+impl Execution<'_> {
+    /// Carries the block out; returns the place of the code that ends the program, if there is one.
+    #[inline]
+    pub(super) fn run(&mut self) -> Option<SourceSpan> {
+        self.labels();
+        let other_codes = self.block.has_codes_besides_motion();
+        let mut function = None;
+        if other_codes {
+            self.units();
+            self.feed_unit();
+            function = self.function();
+        }
+        self.feed();
+        let speed_or_tool = letter_bit(b'S') | letter_bit(b'T');
+        if other_codes || self.block.letters & speed_or_tool != 0 {
+            self.tool();
+            self.spindle();
+        }
+        if other_codes {
+            self.coolant();
+            self.dwell();
+            self.modes();
+            if let Some((span, command)) = function {
+                self.emit(span, OperationKind::Function(command));
+            }
+            self.reference();
+        }
+        self.motion();
+        self.unused_words();
+        if other_codes { self.stop() } else { None }
+    }
+
+    pub(super) fn emit(&mut self, span: SourceSpan, kind: OperationKind) {
+        self.operations.push(Operation { span, kind });
+    }
+
+    /// The word with this letter, marked as used, unless a step before has used it.
+    pub(super) fn take(&mut self, letter: u8) -> Option<Word> {
+        if self.used & letter_bit(letter) != 0 {
+            return None;
+        }
+        let word = *self.block.word(letter)?;
+        self.used |= letter_bit(letter);
+        Some(word)
+    }
+
+    /// The code of a group with its place.
+    pub(super) fn code(&self, group: Group) -> Option<(Meaning, SourceSpan)> {
+        let code: &CodeWord = self.block.code(group)?;
+        Some((self.table.code(code.place).meaning, self.block.code_span(code)))
+    }
+
+    /// A length (mm) or angle (degrees) of a word: decimal-point rule, then units.
+    #[inline]
+    pub(super) fn scaled(&self, word: &Word, is_length: bool) -> f64 {
+        let inch = is_length && self.state.inch;
+        let mut value = word.number.value();
+        if self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point() {
+            value /= if inch { 10_000.0 } else { 1_000.0 };
+        }
+        if inch { value * MM_PER_INCH } else { value }
+    }
+
+    #[inline]
+    fn labels(&mut self) {
+        let labels = letter_bit(b'N') | letter_bit(b'O');
+        self.used |= labels;
+        if self.state.phase == Phase::Blocks {
+            if let Some(word) = self.block.word(b'O') {
+                let span = self.block.word_span(word);
+                self.findings.push_with(Severity::Error, || {
+                    Finding::error(
+                        code::UNSUPPORTED_CODE,
+                        span,
+                        "a second program number inside a program: subprograms are not supported yet",
+                    )
+                });
+            }
+        } else if self.block.letters & !labels != 0 || self.block.has_codes() {
+            self.state.phase = Phase::Blocks;
+        }
+    }
+
+    fn units(&mut self) {
+        if let Some((Meaning::Units { inch }, _)) = self.code(Group::Units) {
+            self.state.inch = inch;
+        }
+    }
+
+    fn feed_unit(&mut self) {
+        if let Some((Meaning::Feed(unit), _)) = self.code(Group::FeedUnit)
+            && unit != self.state.feed_unit
+        {
+            self.state.feed_unit = unit;
+            self.state.feed = 0.0;
+            self.state.reported.feed = false;
+        }
+    }
+
+    #[inline]
+    fn feed(&mut self) {
+        let Some(word) = self.take(b'F') else {
+            return;
+        };
+        let value = word.number.value();
+        if value >= LEAST_RATE {
+            let per_length = self.state.inch && self.state.feed_unit != FeedUnit::InverseTime;
+            self.state.feed = if per_length { value * MM_PER_INCH } else { value };
+            self.state.feed_as_written = value;
+            self.state.reported.feed = false;
+        } else {
+            let span = self.block.word_span(&word);
+            self.state.reported.feed = true;
+            self.findings.push_with(Severity::Error, || {
+                Finding::error(
+                    code::FEED_NOT_POSITIVE,
+                    span,
+                    format!("the feed is {value}, but must be at least {LEAST_RATE}"),
+                )
+                .with_value("feed", value, "")
+                .with_value("least", LEAST_RATE, "")
+            });
+        }
+    }
+
+    /// Collects the words of a machining function's block.
+    fn function(&mut self) -> Option<(SourceSpan, FunctionCommand)> {
+        let (Meaning::Function { function, on }, span) = self.code(Group::Function)? else {
+            return None;
+        };
+        let mut words = Vec::new();
+        for &(letter, is_length) in function_words(function, on) {
+            if let Some(word) = self.take(letter) {
+                let value = if is_length { self.scaled(&word, true) } else { word.number.value() };
+                words.push(FunctionWord { letter: char::from(letter), value, span: self.block.word_span(&word) });
+            }
+        }
+        let others = letter_bit(b'S') | letter_bit(b'T');
+        let mut foreign = self.block.letters & !self.used & !others;
+        while foreign != 0 {
+            let place = foreign.trailing_zeros() as usize;
+            foreign &= foreign - 1;
+            self.used |= 1 << place;
+            let word_span = self.block.word_span(self.block.slot(place));
+            self.findings.push_with(Severity::Error, || {
+                let letter = char::from(b'A' + place as u8);
+                let message = format!("{letter} is not a word of this machining function");
+                Finding::error(code::FUNCTION_WORD, word_span, message).suggest("write it in a block of its own")
+            });
+        }
+        Some((span, FunctionCommand { function, on, inch: self.state.inch, words }))
+    }
+
+    fn tool(&mut self) {
+        if let Some(word) = self.take(b'T')
+            && let Some(tool) = self.whole(&word)
+        {
+            if self.table.dialect.tool_word_changes {
+                // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one.
+                let (number, offset) =
+                    if word.number.integer_digits() > 2 { (tool / 100, tool % 100) } else { (tool, 0) };
+                self.state.tool = number;
+                self.emit(self.block.word_span(&word), OperationKind::Tool { number, offset });
+            } else {
+                self.state.next_tool = Some(tool);
+            }
+        }
+        if let Some((Meaning::ToolChange, span)) = self.code(Group::ToolChange) {
+            match self.state.next_tool.take() {
+                Some(number) => {
+                    self.state.tool = number;
+                    self.emit(span, OperationKind::Tool { number, offset: 0 });
+                }
+                None => self.findings.push_with(Severity::Error, || {
+                    Finding::error(code::TOOL_MISSING, span, "a tool change, but no T word says to which tool")
+                        .suggest("write the tool number in this block or before it")
+                }),
+            }
+        }
+    }
+
+    /// The whole number of a word, or a finding.
+    fn whole(&mut self, word: &Word) -> Option<u32> {
+        let value = word.number.value();
+        let whole = value as u32;
+        if f64::from(whole) == value {
+            return Some(whole);
+        }
+        let span = self.block.word_span(word);
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::NUMBER_NOT_WHOLE, span, format!("{value} is not a whole number from 0 on"))
+                .with_value("number", value, "")
+        });
+        None
+    }
+
+    fn coolant(&mut self) {
+        let Some((meaning, span)) = self.code(Group::Coolant) else {
+            return;
+        };
+        let mut coolant = self.state.coolant;
+        match meaning {
+            Meaning::Mist => coolant.mist = true,
+            Meaning::Flood => coolant.flood = true,
+            _ => coolant = crate::Coolant::default(),
+        }
+        if coolant != self.state.coolant {
+            self.state.coolant = coolant;
+            self.emit(span, OperationKind::Coolant(coolant));
+        }
+    }
+
+    fn dwell(&mut self) {
+        let Some((Meaning::Dwell, span)) = self.code(Group::NonModal) else {
+            return;
+        };
+        let u = if self.table.dialect.dwell_takes_u { self.take(b'U') } else { None };
+        let candidates = [(self.take(b'P'), true), (self.take(b'X'), false), (u, false)];
+        let mut times = candidates.into_iter().filter_map(|(word, is_p)| Some((word?, is_p)));
+        let first = times.next();
+        if let (Some((word, _)), Some(_)) = (first, times.next()) {
+            return self.word_conflict(&word, "a dwell takes one of P, X and U");
+        }
+        let seconds = first.map(|(word, is_p)| {
+            let value = word.number.value();
+            let thousandths = if is_p {
+                self.settings.dwell_p_unit == DwellUnit::Milliseconds
+            } else {
+                // The least increment of a time is a millisecond.
+                self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point()
+            };
+            if thousandths { value / 1_000.0 } else { value }
+        });
+        match seconds {
+            Some(seconds) if seconds >= 0.0 => self.emit(span, OperationKind::Dwell(DwellTime::Seconds(seconds))),
+            Some(seconds) => self.findings.push_with(Severity::Error, || {
+                Finding::error(code::DWELL_TIME, span, format!("the dwell lasts {seconds} s, but must not be negative"))
+                    .with_value("time", seconds, "s")
+            }),
+            None => self.findings.push_with(Severity::Error, || {
+                Finding::error(code::DWELL_TIME, span, "the dwell has no time").suggest("add P or X")
+            }),
+        }
+    }
+
+    /// Plane, work offset and distance mode.
+    fn modes(&mut self) {
+        if let Some((Meaning::Plane(plane), _)) = self.code(Group::Plane) {
+            self.state.plane = plane;
+        }
+        if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset)
+            && index != self.state.work_offset
+        {
+            let old = &self.settings.work_offsets[usize::from(self.state.work_offset)];
+            let new = &self.settings.work_offsets[usize::from(index)];
+            for (value, (old, new)) in self.state.position.iter_mut().zip(old.iter().zip(new)) {
+                *value += old - new;
+            }
+            self.state.work_offset = index;
+        }
+        if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
+            self.state.absolute = absolute;
+        }
+    }
+
+    fn stop(&mut self) -> Option<SourceSpan> {
+        let (meaning, span) = self.code(Group::Stop)?;
+        match meaning {
+            Meaning::Stop { optional } => {
+                self.emit(span, OperationKind::Stop { optional });
+                None
+            }
+            Meaning::End => Some(span),
+            _ => None,
+        }
+    }
+
+    pub(super) fn word_conflict(&mut self, word: &Word, message: &'static str) {
+        let span = self.block.word_span(word);
+        self.findings.push_with(Severity::Error, || Finding::error(code::WORD_CONFLICT, span, message));
+    }
+
+    /// Reports every word that no step has used, unless the block is not understood as a whole.
+    #[inline]
+    fn unused_words(&mut self) {
+        let mut unused = self.block.letters & !self.used;
+        if unused == 0 || self.block.unclear {
+            return;
+        }
+        while unused != 0 {
+            let place = unused.trailing_zeros() as usize;
+            unused &= unused - 1;
+            let word = self.block.slot(place);
+            let span = self.block.word_span(word);
+            let value = word.number.value();
+            self.findings.push_with(Severity::Error, || {
+                let letter = char::from(b'A' + place as u8);
+                let message = format!("{letter}{value} has no meaning in this block: no code of it takes {letter}");
+                Finding::error(code::WORD_UNUSED, span, message)
+                    .with_value("value", value, "")
+                    .suggest("remove it, or add the code it belongs to")
+            });
+        }
+    }
+
+    pub(super) const fn m_per_min(&self, surface_speed: f64) -> f64 {
+        if self.state.inch { surface_speed * M_PER_FOOT } else { surface_speed }
+    }
+}

@@ -1,0 +1,251 @@
+//! Motion of one block: where it ends, and the move there.
+
+use super::execute::Execution;
+use crate::code;
+use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
+use crate::state::Motion;
+use crate::{ArcGeometry, Axis, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity, XWord};
+
+/// The letters of an arc's centre and radius.
+const ARC_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K') | letter_bit(b'R');
+
+/// Which coordinates a block's axis words are written in.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Frame {
+    /// Work coordinates, absolute or incremental as the distance mode says.
+    Work,
+    /// `G53`
+    Machine,
+}
+
+impl Execution<'_> {
+    /// Motion by the modal motion code.
+    #[inline]
+    pub(super) fn motion(&mut self) {
+        if let Some(code) = self.block.code(Group::Motion) {
+            self.state.motion = match self.table.code(code.place).meaning {
+                Meaning::Rapid => Motion::Rapid,
+                Meaning::Linear => Motion::Linear,
+                Meaning::Arc { clockwise } => Motion::Arc { clockwise },
+                _ => Motion::Unclear,
+            };
+        }
+        let one_block = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
+        let frame = match one_block {
+            Some(Meaning::MachineCoordinates) => Frame::Machine,
+            // Its axis words are its own; what it left is reported as unused.
+            Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference) => return,
+            _ => Frame::Work,
+        };
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        let arc_words = self.block.letters & ARC_LETTERS;
+        let is_arc = matches!(self.state.motion, Motion::Arc { .. });
+        if frame == Frame::Machine && !self.block.unclear {
+            if self.is_wrong_machine_motion(axes) {
+                self.used |= arc_words;
+                self.state.position = self.target(axes, frame);
+                return;
+            }
+        } else if axes == 0 && (arc_words == 0 || !is_arc) {
+            return;
+        }
+        let end = self.target(axes, frame);
+        if self.block.unclear {
+            self.state.position = end;
+            return;
+        }
+        match self.state.motion {
+            Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
+            Motion::Linear => {
+                if end != self.state.position
+                    && let Some(feed) = self.cutting_feed(axes)
+                {
+                    self.emit_move(MoveKind::Cutting, end, None, feed);
+                }
+            }
+            Motion::Arc { clockwise } => {
+                if let Some(arc) = self.arc(clockwise, &end)
+                    && let Some(feed) = self.cutting_feed(axes)
+                {
+                    self.emit_move(MoveKind::Cutting, end, Some(arc), feed);
+                }
+            }
+            Motion::None => {
+                self.state.motion = Motion::Unclear;
+                let span = self.block.span();
+                self.findings.push_with(Severity::Error, || {
+                    Finding::error(code::MOTION_MISSING, span, "axis words, but no motion code says how to move")
+                        .suggest("add G0 or G1")
+                });
+            }
+            Motion::Unclear => self.used |= arc_words,
+        }
+        self.state.position = end;
+    }
+
+    /// `G28`: rapid over the intermediate point to the reference position, in the axes named.
+    pub(super) fn reference(&mut self) {
+        let Some((Meaning::Reference, span)) = self.code(Group::NonModal) else {
+            return;
+        };
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        if axes == 0 {
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::REFERENCE_AXIS, span, "the return to the reference position names no axis")
+                    .suggest("name the axes with their intermediate point, such as U0 W0")
+            });
+        }
+        let over = self.target(axes, Frame::Work);
+        self.emit_move(MoveKind::Rapid, over, None, Feed::PerMinute(0.0));
+        self.state.position = over;
+        let offset = &self.settings.work_offsets[usize::from(self.state.work_offset)];
+        let mut home = over;
+        for place in set_bits(axes) {
+            if let Letter::Axis(axis) | Letter::Increment(axis) = self.table.dialect.letters[place] {
+                let axis = axis.index();
+                home[axis] = self.settings.reference_position[axis] - offset[axis];
+            }
+        }
+        self.emit_move(MoveKind::Rapid, home, None, Feed::PerMinute(0.0));
+        self.state.position = home;
+    }
+
+    /// Whether `G53` cannot be carried out, which is then reported.
+    fn is_wrong_machine_motion(&mut self, axes: u32) -> bool {
+        let Some((_, span)) = self.code(Group::NonModal) else {
+            return false;
+        };
+        let incremental = set_bits(axes).any(|place| matches!(self.table.dialect.letters[place], Letter::Increment(_)));
+        let message = match self.state.motion {
+            _ if axes == 0 => "machine coordinates without axis words",
+            _ if incremental => "machine coordinates are absolute and take no incremental words",
+            Motion::Arc { .. } => "machine coordinates go with G0 or G1 only",
+            _ => return false,
+        };
+        self.findings.push_with(Severity::Error, || Finding::error(code::MACHINE_MOTION, span, message));
+        true
+    }
+
+    /// The position after the axis words in the mask `axes`, which are used by this.
+    #[inline]
+    fn target(&mut self, axes: u32, frame: Frame) -> Position {
+        let mut end = self.state.position;
+        let mut named = 0u32;
+        self.used |= axes;
+        for place in set_bits(axes) {
+            let letter = self.table.dialect.letters[place];
+            let (axis, increment) = match letter {
+                Letter::Axis(axis) => (axis, !self.state.absolute && frame == Frame::Work),
+                Letter::Increment(axis) => (axis, true),
+                _ => continue,
+            };
+            let word = self.block.slot(place);
+            let mut value = self.scaled(word, letter.is_length());
+            if axis == Axis::X && self.settings.x_word == XWord::Diameter {
+                value *= 0.5;
+            }
+            if named & (1 << axis.index()) != 0 {
+                let word = *word;
+                self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
+            }
+            named |= 1 << axis.index();
+            let target = &mut end[axis.index()];
+            if increment {
+                *target += value;
+            } else if frame == Frame::Machine {
+                let offset = &self.settings.work_offsets[usize::from(self.state.work_offset)];
+                *target = value - offset[axis.index()];
+            } else {
+                *target = value;
+            }
+        }
+        end
+    }
+
+    /// The feed of a cutting move over these axis words; `None` after a finding, now or before.
+    #[inline]
+    fn cutting_feed(&mut self, axes: u32) -> Option<Feed> {
+        let feed = self.state.feed;
+        if self.state.feed_unit == FeedUnit::InverseTime && self.block.word(b'F').is_none() {
+            self.feed_missing("inverse time needs a feed in every cutting block");
+            return None;
+        }
+        if feed <= 0.0 {
+            if !self.state.reported.feed {
+                self.state.reported.feed = true;
+                self.feed_missing("a cutting move, but no feed has been programmed in this feed mode");
+            }
+            return None;
+        }
+        match self.state.feed_unit {
+            FeedUnit::PerMinute => {
+                let rotary =
+                    |place: usize| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
+                let rotary_only =
+                    self.state.feed != self.state.feed_as_written && axes != 0 && set_bits(axes).all(rotary);
+                Some(Feed::PerMinute(if rotary_only { self.state.feed_as_written } else { feed }))
+            }
+            FeedUnit::InverseTime => Some(Feed::InverseTime(feed)),
+            FeedUnit::PerRevolution if self.state.spindle_turns() => Some(Feed::PerRevolution(feed)),
+            FeedUnit::PerRevolution => {
+                self.spindle_stopped(feed);
+                None
+            }
+        }
+    }
+
+    #[cold]
+    fn feed_missing(&mut self, message: &'static str) {
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::FEED_MISSING, span, message).suggest("add F to the block")
+        });
+    }
+
+    #[cold]
+    fn spindle_stopped(&mut self, feed_mm: f64) {
+        if self.state.reported.spindle {
+            return;
+        }
+        self.state.reported.spindle = true;
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            let message = format!("{feed_mm} mm per revolution with a spindle that does not turn never advances");
+            Finding::error(code::SPINDLE_STOPPED, span, message)
+                .with_value("feed", feed_mm, "mm/rev")
+                .suggest("start the spindle first, such as M3 S1000")
+                .suggest("use feed per minute, G94")
+        });
+    }
+
+    /// Emits a move to `end`, unless it is no move at all.
+    #[inline]
+    fn emit_move(&mut self, kind: MoveKind, end: Position, arc: Option<ArcGeometry>, feed: Feed) {
+        if arc.is_none() && end == self.state.position {
+            return;
+        }
+        self.operations.push(crate::Operation {
+            span: self.block.span(),
+            kind: OperationKind::Move(Move {
+                kind,
+                start: self.state.position,
+                end,
+                work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
+                arc,
+                feed,
+                spindle: self.state.spindle(),
+                tool: self.state.tool,
+            }),
+        });
+    }
+}
+
+/// Places of the bits set in a mask, ascending.
+#[inline]
+pub(super) fn set_bits(mut mask: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        let place = mask.trailing_zeros();
+        mask &= mask.wrapping_sub(1);
+        (place < 32).then_some(place as usize)
+    })
+}

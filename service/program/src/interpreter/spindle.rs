@@ -1,0 +1,125 @@
+//! Spindle words of a block: speed, speed mode, clamp, direction.
+
+use super::execute::{Execution, LEAST_RATE};
+use crate::code;
+use crate::dialect::{Group, Meaning, letter_bit};
+use crate::{Finding, OperationKind, Severity, SourceSpan, SpindleDirection};
+
+impl Execution<'_> {
+    /// Carries out `S`, `G96`, `G97`, the clamp and `M3`, `M4`, `M5`; emits the spindle if it changed.
+    pub(super) fn spindle(&mut self) {
+        let before = self.state.spindle();
+        let clamp = self.speed_clamp();
+        let mode = self.speed_mode();
+        let speed = self.speed();
+        let mut direction_span = None;
+        if let Some((Meaning::Spindle(direction), span)) = self.code(Group::Spindle) {
+            self.state.spindle_direction = direction;
+            self.state.reported.spindle = false;
+            direction_span = Some(span);
+        }
+        let after = self.state.spindle();
+        let stays_stopped = [before, after].iter().all(|spindle| spindle.direction == SpindleDirection::Stopped);
+        if after != before
+            && !stays_stopped
+            && let Some(span) = direction_span.or(speed).or(mode).or(clamp)
+        {
+            self.emit(span, OperationKind::Spindle(after));
+        }
+    }
+
+    /// `G50 S`, `G92 S`; returns the place of the code.
+    fn speed_clamp(&mut self) -> Option<SourceSpan> {
+        let (Meaning::SpeedClamp, span) = self.code(Group::NonModal)? else {
+            return None;
+        };
+        let axes = self.block.letters & self.table.axis_letters;
+        if axes != 0 {
+            self.used |= axes;
+            self.findings.push_with(Severity::Error, || {
+                Finding::error(code::UNSUPPORTED_CODE, span, "setting the coordinate system is not supported yet")
+                    .suggest("use a work offset, G54 to G59")
+            });
+        }
+        match self.take(b'S') {
+            Some(word) if word.number.value() >= LEAST_RATE => self.state.max_rev_per_min = Some(word.number.value()),
+            Some(word) => self.speed_invalid(self.block.word_span(&word), word.number.value()),
+            None if axes == 0 => self.speed_missing(span, "the speed clamp has no S word"),
+            None => {}
+        }
+        Some(span)
+    }
+
+    /// `G96`, `G97`; returns the place of the code.
+    fn speed_mode(&mut self) -> Option<SourceSpan> {
+        let (Meaning::SpeedMode { surface }, span) = self.code(Group::SpeedMode)? else {
+            return None;
+        };
+        let has_speed = self.block.letters & !self.used & letter_bit(b'S') != 0;
+        if surface {
+            if !has_speed && self.state.m_per_min == 0.0 {
+                self.speed_missing(span, "constant surface speed has no S word");
+            }
+            self.state.surface_speed = true;
+            if self.state.max_rev_per_min.is_none() && !self.state.reported.speed_clamp {
+                self.state.reported.speed_clamp = true;
+                self.findings.push_with(Severity::Warning, || {
+                    Finding::warning(
+                        code::SPEED_CLAMP_MISSING,
+                        span,
+                        "constant surface speed without a clamp: the speed grows without limit towards X0",
+                    )
+                    .suggest("program the highest speed before it, such as G50 S3000")
+                });
+            }
+        } else {
+            if self.state.surface_speed && !has_speed && self.state.spindle_turns() {
+                self.keep_present_speed(span);
+            }
+            self.state.surface_speed = false;
+        }
+        Some(span)
+    }
+
+    /// `G97` without `S` goes on at the speed the spindle has at the present radius.
+    fn keep_present_speed(&mut self, span: SourceSpan) {
+        let rev_per_min = self.state.spindle().rev_per_s(self.state.position[0]) * 60.0;
+        if !rev_per_min.is_finite() {
+            return self.speed_missing(span, "constant speed has no S word, and the present speed is unlimited at X0");
+        }
+        self.state.rev_per_min = rev_per_min;
+        self.findings.push_with(Severity::Warning, || {
+            let message = format!("constant speed has no S word: the present {rev_per_min:.1} rev/min stays");
+            Finding::warning(code::SPEED_MISSING, span, message).with_value("speed", rev_per_min, "rev/min")
+        });
+    }
+
+    /// `S`; returns its place.
+    fn speed(&mut self) -> Option<SourceSpan> {
+        let word = self.take(b'S')?;
+        let span = self.block.word_span(&word);
+        let value = word.number.value();
+        if value != 0.0 && value < LEAST_RATE {
+            self.speed_invalid(span, value);
+        } else if self.state.surface_speed {
+            self.state.m_per_min = self.m_per_min(value);
+        } else {
+            self.state.rev_per_min = value;
+        }
+        self.state.reported.spindle = false;
+        Some(span)
+    }
+
+    fn speed_invalid(&mut self, span: SourceSpan, speed: f64) {
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::SPEED_INVALID, span, format!("{speed} is no spindle speed"))
+                .with_value("speed", speed, "")
+        });
+    }
+
+    fn speed_missing(&mut self, span: SourceSpan, message: &'static str) {
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::SPEED_MISSING, span, message).suggest("add S to the block")
+        });
+    }
+}

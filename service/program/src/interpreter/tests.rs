@@ -1,0 +1,117 @@
+//! Tests of the interpreter through one [`check`]: program text in, one line per operation and finding out.
+
+mod arcs;
+mod framing;
+mod hostile;
+mod language;
+
+use super::*;
+use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed};
+
+/// Up to six decimals, without trailing zeros.
+fn number(value: f64) -> String {
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// The axes of `position` that are not zero, or `0`.
+fn place(position: &Position) -> String {
+    let axes = Axis::ALL.iter().filter(|axis| position[axis.index()] != 0.0);
+    let words: Vec<_> = axes.map(|axis| format!("{}{}", axis.letter(), number(position[axis.index()]))).collect();
+    if words.is_empty() { "0".to_owned() } else { words.join(" ") }
+}
+
+fn feed(feed: Feed) -> String {
+    match feed {
+        Feed::PerMinute(value) => format!("{}/min", number(value)),
+        Feed::PerRevolution(value) => format!("{}/rev", number(value)),
+        Feed::InverseTime(value) => format!("1/{}", number(value)),
+    }
+}
+
+fn render_operation(operation: &Operation) -> String {
+    match &operation.kind {
+        OperationKind::Move(step) => {
+            let ends = format!("{} -> {}", place(&step.start), place(&step.end));
+            match (step.kind, step.arc) {
+                (MoveKind::Rapid, _) => format!("rapid {ends}"),
+                (MoveKind::Cutting, None) => format!("line {ends} @{}", feed(step.feed)),
+                (MoveKind::Cutting, Some(arc)) => {
+                    let [first, second] = arc.center.map(number);
+                    let turn = number(arc.sweep_rad.to_degrees());
+                    format!("arc {ends} about {first},{second} by {turn} @{}", feed(step.feed))
+                }
+            }
+        }
+        OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
+        OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),
+        OperationKind::Spindle(spindle) => {
+            let sense = match spindle.direction {
+                SpindleDirection::Stopped => "off",
+                SpindleDirection::Clockwise => "cw",
+                SpindleDirection::CounterClockwise => "ccw",
+            };
+            match spindle.speed {
+                SpindleSpeed::Constant { rev_per_min } => format!("spindle {sense} {}", number(rev_per_min)),
+                SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
+                    format!("spindle {sense} {} m/min max {max_rev_per_min}", number(m_per_min))
+                }
+            }
+        }
+        OperationKind::Tool { number, offset } => format!("tool {number}.{offset}"),
+        OperationKind::Coolant(coolant) => format!("coolant mist {} flood {}", coolant.mist, coolant.flood),
+        OperationKind::Function(command) => {
+            let words = command.words.iter().map(|word| format!(" {}{}", word.letter, number(word.value)));
+            let words: String = words.collect();
+            format!("{:?} {}{words}", command.function, if command.on { "on" } else { "off" })
+        }
+        OperationKind::Stop { optional } => format!("stop {optional}"),
+        OperationKind::End => "end".to_owned(),
+    }
+}
+
+fn render_finding(finding: &Finding) -> String {
+    let SourceSpan { line, column, length } = finding.span;
+    let mark = match finding.severity {
+        Severity::Info => 'i',
+        Severity::Warning => 'w',
+        Severity::Error => '!',
+    };
+    format!("{mark} {line}:{column}+{length} {}", finding.code)
+}
+
+/// Operations, then findings, one per line. Every finding is held to what all findings promise.
+fn render(program: impl AsRef<[u8]>, settings: &LanguageSettings) -> String {
+    let (operations, findings) = interpret(program.as_ref(), settings.clone());
+    let ends = operations.iter().filter(|operation| operation.kind == OperationKind::End).count();
+    assert_eq!(ends, 1, "exactly one end");
+    assert_eq!(operations.last().map(|operation| &operation.kind), Some(&OperationKind::End));
+    for finding in findings.findings() {
+        assert!(crate::FINDING_CODES.iter().any(|(code, _)| *code == finding.code), "{} is listed", finding.code);
+        assert!(!finding.message.is_empty() && finding.span.line > 0 && finding.span.column > 0, "{finding:?}");
+    }
+    let lines = operations.iter().map(render_operation);
+    lines.chain(findings.findings().iter().map(render_finding)).collect::<Vec<_>>().join("\n")
+}
+
+/// Runs `program` and compares with `expected`, whose lines may be indented. A program without an `M30` gets one
+/// on its last line, and its `end` need not be listed.
+#[track_caller]
+fn check(settings: &LanguageSettings, program: &str, expected: &str) {
+    let implicit_end = !program.contains("M30");
+    let program = if implicit_end { format!("{program}\nM30\n") } else { program.to_owned() };
+    let rendered = render(&program, settings);
+    let lines = rendered.lines().filter(|line| !(implicit_end && *line == "end"));
+    let found: Vec<_> = lines.collect();
+    let expected: Vec<_> = expected.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    assert_eq!(found, expected, "program:\n{program}");
+}
+
+fn lathe() -> LanguageSettings {
+    LanguageSettings::default()
+}
+
+fn mill() -> LanguageSettings {
+    LanguageSettings::mill()
+}

@@ -1,0 +1,120 @@
+//! Lines, ends, and independence from how the input arrives.
+
+use proptest::prelude::*;
+
+use super::*;
+
+#[test]
+fn line_ends_and_byte_order_mark() {
+    let expected = "rapid 0 -> X1\nrapid X1 -> X2\nend";
+    for program in ["G0 X1\nX2\nM30\n", "G0 X1\r\nX2\r\nM30", "\u{feff}G0 X1\n\n\r\nX2\nM30\n"] {
+        assert_eq!(render(program, &mill()), expected, "{program:?}");
+    }
+    // The mark is no column.
+    assert_eq!(render("\u{feff}E1\nM30", &mill()), "end\n! 1:1+2 PRG-WORD-UNKNOWN");
+    assert_eq!(render("G0 X1\rY2\nM30", &mill()), "end\n! 1:6+1 PRG-CHARACTER");
+}
+
+#[test]
+fn ways_to_end() {
+    assert_eq!(render("", &mill()), "end\nw 1:1+0 PRG-NO-END");
+    assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 2:1+0 PRG-NO-END");
+    assert_eq!(render("%\nG0 X1\n%\n", &mill()), "rapid 0 -> X1\nend");
+    assert_eq!(render("%\n%\n", &mill()), "end");
+    assert_eq!(render("%\nG0 X1\nM2\n\n%\n\0\0\n", &mill()), "rapid 0 -> X1\nend");
+    assert_eq!(render("M30\n%\n  G0 X1 \nG1 E5\n", &mill()), "end\nw 3:3+5 PRG-TRAILING", "said once, not read");
+    assert_eq!(render("%\nG0 X1\n% X5\nX6", &mill()), "rapid 0 -> X1\nend\nw 3:3+2 PRG-TRAILING");
+    assert_eq!(render("M30 E5\nX1", &mill()), "end\n! 1:5+2 PRG-WORD-UNKNOWN\nw 2:1+2 PRG-TRAILING");
+}
+
+#[test]
+fn a_line_that_is_too_long() {
+    let settings = LanguageSettings { max_line_bytes: 10, ..mill() };
+    let program = "G0 X1     \nG0 X2      \nG0 X3\nX4 (.......)";
+    assert_eq!(
+        render(program, &settings),
+        "rapid 0 -> X1\nrapid X1 -> X3\nend\n! 2:1+10 PRG-LINE-TOO-LONG\n! 4:1+10 PRG-LINE-TOO-LONG\nw 3:1+0 PRG-NO-END"
+    );
+}
+
+#[test]
+fn no_complete_line_yet() {
+    let mut interpreter = Interpreter::new(mill());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    let mut read = |input: &[u8], end| interpreter.read_line(input, end, &mut operations, &mut findings);
+    assert_eq!(read(b"", false), LineOutcome::NeedMore);
+    assert_eq!(read(b"G0 X1", false), LineOutcome::NeedMore);
+    assert_eq!(read(b"G0 X12\nX", false), LineOutcome::Consumed(7));
+    assert_eq!(read(b"X", false), LineOutcome::NeedMore);
+    assert_eq!(read(b"X5", true), LineOutcome::Consumed(2));
+    assert_eq!(read(b"", true), LineOutcome::Ended);
+    assert_eq!(read(b"", true), LineOutcome::Ended);
+    let (rendered, count) = (operations.iter().map(render_operation).collect::<Vec<_>>(), findings.findings().len());
+    assert_eq!(rendered, ["rapid 0 -> X12", "rapid X12 -> X5", "end"]);
+    assert_eq!(count, 1);
+}
+
+/// Reads `source` in pieces that end at `cuts`, restoring the interpreter from its serialised state at `restores`
+/// (counted in calls).
+fn interpret_in_pieces(
+    source: &[u8],
+    settings: &LanguageSettings,
+    cuts: &[usize],
+    restores: &[usize],
+) -> (Vec<Operation>, FindingLog) {
+    let mut interpreter = Interpreter::new(settings.clone());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    let mut cuts: Vec<_> = cuts.iter().map(|cut| cut % (source.len() + 1)).collect();
+    cuts.sort_unstable();
+    cuts.push(source.len());
+    let (mut consumed, mut calls) = (0, 0);
+    for cut in cuts {
+        loop {
+            calls += 1;
+            if restores.contains(&calls) {
+                let bytes = postcard::to_allocvec(interpreter.state()).unwrap();
+                let state: InterpreterState = postcard::from_bytes(&bytes).unwrap();
+                assert_eq!(&state, interpreter.state());
+                interpreter = Interpreter::restore(settings.clone(), state);
+            }
+            let input = &source[consumed.min(cut)..cut];
+            match interpreter.read_line(input, cut == source.len(), &mut operations, &mut findings) {
+                LineOutcome::Consumed(length) => {
+                    assert!(length > 0 && length <= input.len());
+                    consumed += length;
+                }
+                LineOutcome::NeedMore | LineOutcome::Ended => break,
+            }
+        }
+    }
+    assert_eq!(consumed, source.len(), "all input is consumed");
+    (operations, findings)
+}
+
+/// Lines that set, use and upset every modal state.
+fn line() -> impl Strategy<Value = String> {
+    let words = prop::sample::select(vec![
+        "G0", "G1", "G2", "G3", "G4", "G17", "G18", "G20", "G21", "G28", "G53", "G54", "G56", "G90", "G91", "G93",
+        "G94", "G95", "G96", "G97", "G50", "G71", "G200", "G201", "M0", "M3", "M4", "M5", "M6", "M8", "M9", "X10.",
+        "X-3", "Z20.5", "Y1", "U2", "W-1", "I5", "K-2", "R12.5", "F.2", "F0", "F100", "S1000", "S0", "T0101", "T2",
+        "P5", "A.03", "E1", "(note)", "(open", "#1", "/", "%", ";x", "N5", "O7", "\0", "\u{e9}", "X 1 2", "GG", "\r",
+    ]);
+    let body = prop::collection::vec(words, 0..6).prop_map(|words| words.join(" "));
+    prop_oneof![40 => body, 1 => Just("M30".to_owned()), 1 => Just("X1 ".repeat(30)), 1 => Just("%".to_owned())]
+}
+
+proptest! {
+    #[test]
+    fn pieces_and_restores_make_no_difference(
+        lines in prop::collection::vec(line(), 0..60),
+        is_mill: bool,
+        cuts in prop::collection::vec(any::<usize>(), 0..20),
+        restores in prop::collection::vec(1usize..200, 0..20),
+    ) {
+        let source = lines.join("\n");
+        let settings = LanguageSettings { max_line_bytes: 60, ..if is_mill { mill() } else { lathe() } };
+        let straight = interpret(source.as_bytes(), settings.clone());
+        let pieces = interpret_in_pieces(source.as_bytes(), &settings, &cuts, &restores);
+        prop_assert_eq!(straight, pieces);
+    }
+}

@@ -1,0 +1,218 @@
+//! Lexer: the bytes of one line in, words, comments and defects out, without copying.
+//!
+//! Every byte of the line is either blank or part of exactly one token, so nothing is ever ignored in silence,
+//! and each call moves forward, so a line takes linear time whatever it holds.
+
+#[cfg(test)]
+mod tests;
+
+use crate::number::{Number, NumberDefect, Scan, scan_number, starts_number};
+
+/// A piece of a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Token {
+    /// What it is.
+    pub kind: TokenKind,
+    /// Upper-case address letter, where the kind has one; `:` is read as `O`. 0 otherwise.
+    pub letter: u8,
+    /// The number of a [`TokenKind::Word`], 0 otherwise.
+    pub number: Number,
+    /// Offset of its first byte in the line.
+    pub start: u32,
+    /// Offset behind its last byte.
+    pub end: u32,
+}
+
+/// What a [`Token`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TokenKind {
+    /// An address letter with its number.
+    Word,
+    /// `( )` or `;` to the end of the line.
+    Comment,
+    /// `(` without `)`, to the end of the line.
+    UnclosedComment,
+    /// `%`
+    Percent,
+    /// `/`, or `/1` to `/9`.
+    BlockDelete,
+    /// An address letter without a number.
+    LoneLetter,
+    /// An address letter whose number has two signs, two points, or no digit.
+    MalformedNumber,
+    /// An address letter whose number is larger than any double.
+    HugeNumber,
+    /// A number without an address letter.
+    StrayNumber,
+    /// Several letters in a row without numbers.
+    Text,
+    /// A variable, expression or control statement, to the end of the line.
+    Expression,
+    /// A run of NUL bytes.
+    Nul,
+    /// A run of bytes above ASCII that is not UTF-8.
+    NotUtf8,
+    /// A run of other characters without a meaning.
+    Unexpected,
+}
+
+/// Words of the macro language; they are recognised so that the finding can say what they are.
+const MACRO_WORDS: [&[u8]; 11] =
+    [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"DO", b"END", b"DPRNT", b"BPRNT", b"POPEN", b"PCLOS"];
+
+/// What a byte can begin.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Class {
+    Blank,
+    Letter,
+    Number,
+    OpenComment,
+    Semicolon,
+    Percent,
+    Slash,
+    Macro,
+    Nul,
+    HighByte,
+    Other,
+}
+
+static CLASSES: [Class; 256] = {
+    let mut classes = [Class::Other; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        classes[byte] = match byte as u8 {
+            b' ' | b'\t' => Class::Blank,
+            b'A'..=b'Z' | b'a'..=b'z' | b':' => Class::Letter,
+            b'(' => Class::OpenComment,
+            b';' => Class::Semicolon,
+            b'%' => Class::Percent,
+            b'/' => Class::Slash,
+            b'#' | b'[' | b']' | b'=' | b'*' => Class::Macro,
+            0 => Class::Nul,
+            0x80..=0xff => Class::HighByte,
+            other if starts_number(other) => Class::Number,
+            _ => Class::Other,
+        };
+        byte += 1;
+    }
+    classes
+};
+
+/// Splits one line, without its terminator, into [`Token`]s.
+#[derive(Clone, Debug)]
+pub struct Lexer<'a> {
+    line: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Lexer<'a> {
+    /// A lexer at the start of `line`, which is no longer than 4 GiB and holds no line feed.
+    #[must_use]
+    pub const fn new(line: &'a [u8]) -> Self {
+        Self { line, at: 0 }
+    }
+
+    #[inline]
+    fn class_at(&self, at: usize) -> Option<Class> {
+        self.line.get(at).map(|&byte| CLASSES[usize::from(byte)])
+    }
+
+    /// First offset from `at` on whose byte is not of this class.
+    fn skip_class(&self, mut at: usize, class: Class) -> usize {
+        while self.class_at(at) == Some(class) {
+            at += 1;
+        }
+        at
+    }
+
+    /// A letter without a number, and what follows it.
+    #[cold]
+    fn lone_letter(&self, start: usize, next: usize) -> (TokenKind, usize) {
+        match self.class_at(next) {
+            Some(Class::Macro) => (TokenKind::Expression, self.line.len()),
+            Some(Class::Letter) => self.letters(start),
+            _ => (TokenKind::LoneLetter, start + 1),
+        }
+    }
+
+    /// A letter followed by a letter: a macro word, text, or one letter whose number is missing.
+    fn letters(&self, start: usize) -> (TokenKind, usize) {
+        let run = self.skip_class(start, Class::Letter);
+        let is_macro = MACRO_WORDS.iter().any(|word| self.line[start..run].eq_ignore_ascii_case(word));
+        let next = self.skip_class(run, Class::Blank);
+        let numbered = self.class_at(next) == Some(Class::Number);
+        match run - start {
+            _ if is_macro => (TokenKind::Expression, self.line.len()),
+            // `X Y10`: the second letter is a word of its own.
+            1 => (TokenKind::LoneLetter, run),
+            2 if numbered => (TokenKind::LoneLetter, start + 1),
+            _ if numbered => (TokenKind::Text, scan_number(self.line, next).end),
+            _ => (TokenKind::Text, run),
+        }
+    }
+
+    fn high_bytes(&self, start: usize) -> (TokenKind, usize) {
+        let end = self.skip_class(start, Class::HighByte);
+        let is_text = core::str::from_utf8(&self.line[start..end]).is_ok();
+        (if is_text { TokenKind::Unexpected } else { TokenKind::NotUtf8 }, end)
+    }
+
+    fn block_delete(&self, start: usize) -> usize {
+        let at = self.skip_class(start + 1, Class::Blank);
+        match self.line.get(at) {
+            Some(b'1'..=b'9') => at + 1,
+            _ => start + 1,
+        }
+    }
+}
+
+impl Iterator for Lexer<'_> {
+    type Item = Token;
+
+    #[inline]
+    fn next(&mut self) -> Option<Token> {
+        let start = self.skip_class(self.at, Class::Blank);
+        let Some(class) = self.class_at(start) else {
+            self.at = start;
+            return None;
+        };
+        let mut letter = 0;
+        if class == Class::Letter {
+            letter = upper(self.line[start]);
+            let next = self.skip_class(start + 1, Class::Blank);
+            if self.class_at(next) == Some(Class::Number) {
+                let Scan { end, number, defect } = scan_number(self.line, next);
+                let kind = match defect {
+                    None => TokenKind::Word,
+                    Some(NumberDefect::Malformed) => TokenKind::MalformedNumber,
+                    Some(NumberDefect::TooLarge) => TokenKind::HugeNumber,
+                };
+                self.at = end;
+                return Some(Token { kind, letter, number, start: start as u32, end: end as u32 });
+            }
+        }
+        let (kind, end) = match class {
+            Class::Letter => self.lone_letter(start, self.skip_class(start + 1, Class::Blank)),
+            Class::OpenComment => match self.line[start..].iter().position(|&byte| byte == b')') {
+                Some(length) => (TokenKind::Comment, start + length + 1),
+                None => (TokenKind::UnclosedComment, self.line.len()),
+            },
+            Class::Semicolon => (TokenKind::Comment, self.line.len()),
+            Class::Percent => (TokenKind::Percent, start + 1),
+            Class::Slash => (TokenKind::BlockDelete, self.block_delete(start)),
+            Class::Number => (TokenKind::StrayNumber, scan_number(self.line, start).end),
+            Class::Macro => (TokenKind::Expression, self.line.len()),
+            Class::Nul => (TokenKind::Nul, self.skip_class(start, Class::Nul)),
+            Class::HighByte => self.high_bytes(start),
+            Class::Other | Class::Blank => (TokenKind::Unexpected, self.skip_class(start + 1, Class::Other)),
+        };
+        self.at = end;
+        Some(Token { kind, letter, number: Number::ZERO, start: start as u32, end: end as u32 })
+    }
+}
+
+/// Upper case, with `:` read as the program number's `O`.
+#[inline]
+const fn upper(letter: u8) -> u8 {
+    if letter == b':' { b'O' } else { letter.to_ascii_uppercase() }
+}

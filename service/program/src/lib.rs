@@ -1,0 +1,30 @@
+//! The program language: bytes of a CAM post's output in, resolved [`Operation`]s and [`Finding`]s out.
+//!
+//! Invariants: parsing never fails and never panics; every finding carries its place; memory does not grow
+//! with the program; no I/O, clock or global state; the same bytes and settings give the same operations.
+
+#![forbid(unsafe_code)]
+
+mod axis;
+mod block;
+mod code;
+mod dialect;
+mod finding;
+mod interpreter;
+pub mod lexer;
+mod number;
+mod operation;
+mod settings;
+mod state;
+
+pub use axis::{AXIS_COUNT, Axis, Plane, Position};
+pub use code::FINDING_CODES;
+pub use finding::{Finding, FindingLog, NamedValue, Severity, SourceSpan, Suggestion};
+pub use interpreter::{Interpreter, LineOutcome, interpret};
+pub use number::Number;
+pub use operation::{
+    ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
+    OperationKind, Spindle, SpindleDirection, SpindleSpeed,
+};
+pub use settings::{DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, XWord};
+pub use state::InterpreterState;

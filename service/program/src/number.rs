@@ -1,0 +1,274 @@
+//! Decimal numbers of a program, read to the nearest double.
+
+/// A number as written.
+///
+/// Two scalars on purpose: a struct of mixed small fields is copied through memory in overlapping pieces, which
+/// stalls the processor at every word of a program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Number {
+    value: f64,
+    /// [`HAS_POINT`], [`SPACED`] and the count of integer digits.
+    form: u32,
+}
+
+/// Bit of [`Number::has_point`].
+const HAS_POINT: u32 = 1 << 16;
+
+/// Bit of [`Number::is_spaced`].
+const SPACED: u32 = 1 << 17;
+
+impl Number {
+    /// Zero, as a placeholder in reused storage.
+    pub(crate) const ZERO: Self = Self { value: 0.0, form: 0 };
+
+    #[inline]
+    fn new(value: f64, has_point: bool, spaced: bool, integer_digits: usize) -> Self {
+        let digits = integer_digits.min(usize::from(u16::MAX)) as u32;
+        let form = digits | if has_point { HAS_POINT } else { 0 } | if spaced { SPACED } else { 0 };
+        Self { value, form }
+    }
+
+    /// The nearest double; never NaN, infinite or negative zero.
+    #[inline]
+    #[must_use]
+    pub const fn value(self) -> f64 {
+        self.value
+    }
+
+    /// Whether it was written with a decimal point.
+    #[inline]
+    #[must_use]
+    pub const fn has_point(self) -> bool {
+        self.form & HAS_POINT != 0
+    }
+
+    /// Whether spaces were written between its characters.
+    #[inline]
+    #[must_use]
+    pub const fn is_spaced(self) -> bool {
+        self.form & SPACED != 0
+    }
+
+    /// Digits before the decimal point, leading zeros included.
+    #[inline]
+    #[must_use]
+    pub const fn integer_digits(self) -> u32 {
+        self.form & (HAS_POINT - 1)
+    }
+}
+
+/// Why a number cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NumberDefect {
+    /// Two signs, two points, or no digit at all.
+    Malformed,
+    /// Larger than any double.
+    TooLarge,
+}
+
+/// A scanned number: where it ends, and what it is, which means nothing if it has a defect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Scan {
+    pub(crate) end: usize,
+    pub(crate) number: Number,
+    pub(crate) defect: Option<NumberDefect>,
+}
+
+impl Scan {
+    fn new(end: usize, number: Result<Number, NumberDefect>) -> Self {
+        match number {
+            Ok(number) => Self { end, number, defect: None },
+            Err(defect) => Self { end, number: Number::ZERO, defect: Some(defect) },
+        }
+    }
+}
+
+/// Powers of ten that a double holds exactly; one division by one of these rounds once, hence correctly.
+const EXACT_POWERS_OF_TEN: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+
+/// Largest integer up to which every integer is a double.
+const EXACT_MANTISSA: u64 = 1 << 53;
+
+/// Decimal digits that always fit a `u64`.
+const MAX_MANTISSA_DIGITS: usize = 19;
+
+/// Whether a number can start with this byte.
+#[inline]
+pub(crate) const fn starts_number(byte: u8) -> bool {
+    matches!(byte, b'0'..=b'9' | b'.' | b'+' | b'-')
+}
+
+/// Reads the number that starts at `start`, where [`starts_number`] holds.
+#[inline(always)]
+pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
+    let mut at = start;
+    let first = line[at];
+    let negative = first == b'-';
+    if negative || first == b'+' {
+        at += 1;
+    }
+    let mut mantissa = 0u64;
+    let integer_start = at;
+    while let Some(digit) = digit_at(line, at) {
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    let integer_digits = at - integer_start;
+    let mut fraction_digits = 0;
+    let has_point = line.get(at) == Some(&b'.');
+    if has_point {
+        at += 1;
+        let fraction_start = at;
+        while let Some(digit) = digit_at(line, at) {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+            at += 1;
+        }
+        fraction_digits = at - fraction_start;
+    }
+    if continues(line, at) {
+        return scan_irregular(line, start);
+    }
+    let digits = integer_digits + fraction_digits;
+    if digits == 0 {
+        return Scan::new(at, Err(NumberDefect::Malformed));
+    }
+    if digits <= MAX_MANTISSA_DIGITS && mantissa <= EXACT_MANTISSA {
+        // Most numbers without a fraction are codes and labels: spare them the division.
+        let scale = EXACT_POWERS_OF_TEN[fraction_digits];
+        let magnitude = if fraction_digits == 0 { mantissa as f64 } else { mantissa as f64 / scale };
+        let value = if negative && mantissa != 0 { -magnitude } else { magnitude };
+        return Scan { end: at, number: Number::new(value, has_point, false, integer_digits), defect: None };
+    }
+    Scan::new(at, read_long(&line[start..at], false))
+}
+
+#[inline]
+fn digit_at(line: &[u8], at: usize) -> Option<u64> {
+    let digit = line.get(at)?.wrapping_sub(b'0');
+    (digit < 10).then_some(u64::from(digit))
+}
+
+/// Whether the number goes on after `at` in an irregular way: a second point or sign, or digits after spaces.
+#[inline]
+fn continues(line: &[u8], at: usize) -> bool {
+    match line.get(at) {
+        None => false,
+        Some(b' ' | b'\t') => {
+            let next = line[at..].iter().find(|byte| !matches!(byte, b' ' | b'\t'));
+            matches!(next, Some(b'0'..=b'9' | b'.'))
+        }
+        Some(&byte) => starts_number(byte),
+    }
+}
+
+/// A number with spaces inside, or a run of number characters that is none.
+#[cold]
+fn scan_irregular(line: &[u8], start: usize) -> Scan {
+    let mut text = Vec::new();
+    let mut end = start;
+    let mut spaced = false;
+    for (at, &byte) in line.iter().enumerate().skip(start) {
+        if starts_number(byte) {
+            // A sign after a space starts something else.
+            if matches!(byte, b'+' | b'-') && end != at {
+                break;
+            }
+            spaced |= end != at;
+            text.push(byte);
+            end = at + 1;
+        } else if !matches!(byte, b' ' | b'\t') {
+            break;
+        }
+    }
+    Scan::new(end, read_long(&text, spaced))
+}
+
+/// Reads a number of any length through the standard library's correctly rounding reader.
+#[cold]
+fn read_long(text: &[u8], spaced: bool) -> Result<Number, NumberDefect> {
+    let value = core::str::from_utf8(text).ok().and_then(|text| text.parse::<f64>().ok());
+    let value = value.ok_or(NumberDefect::Malformed)?;
+    if !value.is_finite() {
+        return Err(NumberDefect::TooLarge);
+    }
+    let unsigned = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text);
+    let integer_digits = unsigned.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    // Adding zero turns a negative zero into zero.
+    Ok(Number::new(value + 0.0, text.contains(&b'.'), spaced, integer_digits))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, expected: Result<f64, NumberDefect>, end: usize) {
+        let scan = scan_number(text.as_bytes(), 0);
+        assert_eq!(scan.defect.map_or(Ok(scan.number.value), Err), expected, "{text}");
+        assert_eq!(scan.end, end, "{text}");
+    }
+
+    #[test]
+    fn numbers_as_posts_write_them() {
+        check("10", Ok(10.0), 2);
+        check("10.", Ok(10.0), 3);
+        check(".5Z", Ok(0.5), 2);
+        check("+.5", Ok(0.5), 3);
+        check("-12.345 Y1", Ok(-12.345), 7);
+        check("0.1", Ok(0.1), 3);
+        check("00012.50", Ok(12.5), 8);
+        check("0.30000000000000004441", Ok(0.300_000_000_000_000_04), 22);
+        check("123456789012345678901234567890", Ok(123_456_789_012_345_678_901_234_567_890.0), 30);
+    }
+
+    #[test]
+    fn negative_zero_is_zero() {
+        for text in ["-0", "-0.000", "-0.000000000000000000000000"] {
+            let scan = scan_number(text.as_bytes(), 0);
+            assert_eq!((scan.number.value.to_bits(), scan.defect), (0, None), "{text}");
+        }
+    }
+
+    #[test]
+    fn malformed_numbers_are_consumed_whole() {
+        for text in ["-", "+.", ".", "1.2.3", "--5", "5-3", "1..2"] {
+            check(text, Err(NumberDefect::Malformed), text.len());
+        }
+        let huge = "9".repeat(400);
+        check(&huge, Err(NumberDefect::TooLarge), 400);
+    }
+
+    #[test]
+    fn spaces_inside_a_number() {
+        check("1 0. 5 Y", Ok(10.5), 6);
+        check("- 5", Ok(-5.0), 3);
+        check("10 -5", Ok(10.0), 2);
+        let scan = scan_number(b"10 20", 0);
+        assert_eq!(scan.number, Number::new(1020.0, false, true, 4));
+    }
+
+    proptest! {
+        #[test]
+        fn exactly_rounded(text in "[+-]?([0-9]{1,25}(\\.[0-9]{0,25})?|\\.[0-9]{1,25})") {
+            let scan = scan_number(text.as_bytes(), 0);
+            let expected: f64 = text.parse().unwrap();
+            prop_assert_eq!(scan.end, text.len());
+            prop_assert_eq!(scan.number.value, expected);
+        }
+
+        #[test]
+        fn any_bytes_end_after_they_start(
+            first in prop::sample::select(b"0123456789.+-".to_vec()),
+            rest in prop::collection::vec(prop::sample::select(b"059.+- \tX\0\xff".to_vec()), 0..60),
+        ) {
+            let bytes: Vec<u8> = core::iter::once(first).chain(rest).collect();
+            let scan = scan_number(&bytes, 0);
+            prop_assert!(scan.end > 0 && scan.end <= bytes.len());
+        }
+    }
+}

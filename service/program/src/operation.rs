@@ -1,0 +1,244 @@
+//! Operations: what a program asks the machine to do, with every modal state resolved.
+//!
+//! All lengths are millimetres (inch programs are converted), X is a radius even where the program writes
+//! diameters, positions are absolute in the work coordinate system. An operation carries everything needed to
+//! carry it out: nothing downstream tracks modal state.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Plane, Position, SourceSpan};
+
+/// One step of the program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Operation {
+    /// The words that ask for it.
+    pub span: SourceSpan,
+    /// What to do.
+    pub kind: OperationKind,
+}
+
+/// What an [`Operation`] does.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "most operations are moves, and a box would allocate once per block")]
+pub enum OperationKind {
+    /// Axis motion.
+    Move(Move),
+    /// Stand still (`G4`).
+    Dwell(DwellTime),
+    /// The spindle starts, stops, or its commanded speed changes.
+    Spindle(Spindle),
+    /// `T` word: the tool number and, on lathes, the offset number.
+    Tool {
+        /// Tool number.
+        number: u32,
+        /// Offset number (the last two digits of a lathe's `T0101`), 0 for none.
+        offset: u32,
+    },
+    /// Coolant state after `M7`, `M8`, `M9`.
+    Coolant(Coolant),
+    /// A machining function is switched by its configured code (such as `G200`, `G201`).
+    Function(FunctionCommand),
+    /// Program stop: `M0`, or `M1` when `optional`.
+    Stop {
+        /// Whether the stop is taken only when the operator asks for it.
+        optional: bool,
+    },
+    /// End of program: `M2` or `M30`. Always the last operation; also sent, with a finding, where a program
+    /// just stops.
+    End,
+}
+
+/// Kind of axis motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum MoveKind {
+    /// `G0`, `G28`: as fast as the axes allow, on a straight line.
+    Rapid,
+    /// `G1`, `G2`, `G3` at the programmed feed.
+    Cutting,
+}
+
+/// Motion from `start` to `end`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Move {
+    /// Rapid or cutting.
+    pub kind: MoveKind,
+    /// Where the block before ended, in the work coordinates of **this** block.
+    pub start: Position,
+    /// The programmed end point, in work coordinates.
+    pub end: Position,
+    /// Work offset: machine position = work position + offset, per axis.
+    pub work_offset: Position,
+    /// The circle, for `G2` and `G3`; straight otherwise.
+    pub arc: Option<ArcGeometry>,
+    /// Programmed feed; meaningless for rapids.
+    pub feed: Feed,
+    /// Spindle state while this block runs.
+    pub spindle: Spindle,
+    /// Tool number while this block runs, 0 before the first `T`.
+    pub tool: u32,
+}
+
+/// A circular arc or helix; the start and end radii agree within the arc tolerance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ArcGeometry {
+    /// The plane of the circle.
+    pub plane: Plane,
+    /// Centre: first and second axis of the plane, work coordinates, mm.
+    pub center: [f64; 2],
+    /// `G2` seen from the positive end of the plane's normal.
+    pub clockwise: bool,
+    /// Signed swept angle about the plane's normal, rad: positive counter-clockwise, |sweep| may exceed 2π.
+    pub sweep_rad: f64,
+}
+
+/// Programmed feed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Feed {
+    /// mm/min (degrees/min for rotary-only motion).
+    PerMinute(f64),
+    /// mm per spindle revolution.
+    PerRevolution(f64),
+    /// The block takes 1/F minutes; the value is F in 1/min.
+    InverseTime(f64),
+}
+
+/// Spindle state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spindle {
+    /// Which way it turns.
+    pub direction: SpindleDirection,
+    /// Commanded speed.
+    pub speed: SpindleSpeed,
+}
+
+/// Sense of spindle rotation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SpindleDirection {
+    /// `M5`
+    Stopped,
+    /// `M3`
+    Clockwise,
+    /// `M4`
+    CounterClockwise,
+}
+
+/// Commanded spindle speed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SpindleSpeed {
+    /// `G97 S`: rev/min.
+    Constant {
+        /// Speed, rev/min.
+        rev_per_min: f64,
+    },
+    /// `G96 S`: constant surface speed at the tool's X radius.
+    Surface {
+        /// Surface speed, m/min.
+        m_per_min: f64,
+        /// Speed clamp (`G50 S`, `G92 S`), rev/min; infinite when none is programmed.
+        max_rev_per_min: f64,
+    },
+}
+
+impl Spindle {
+    /// A stopped spindle, as before the first `M3`.
+    pub const STOPPED: Self =
+        Self { direction: SpindleDirection::Stopped, speed: SpindleSpeed::Constant { rev_per_min: 0.0 } };
+
+    /// Whether the spindle turns.
+    #[must_use]
+    pub fn is_turning(&self) -> bool {
+        self.direction != SpindleDirection::Stopped && self.rev_per_s(1.0) > 0.0
+    }
+
+    /// Speed in rev/s (never negative) with the tool at X radius `radius_mm`; `0` when stopped.
+    ///
+    /// Under constant surface speed n = v_c / (2π·r), clamped at the programmed maximum.
+    #[must_use]
+    pub fn rev_per_s(&self, radius_mm: f64) -> f64 {
+        if self.direction == SpindleDirection::Stopped {
+            return 0.0;
+        }
+        match self.speed {
+            SpindleSpeed::Constant { rev_per_min } => rev_per_min / 60.0,
+            // 0/0 at the axis would count as unlimited.
+            SpindleSpeed::Surface { m_per_min: 0.0, .. } => 0.0,
+            SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
+                let circumference_mm = core::f64::consts::TAU * radius_mm.abs();
+                let wanted_rev_per_min = m_per_min * 1_000.0 / circumference_mm;
+                wanted_rev_per_min.min(max_rev_per_min) / 60.0
+            }
+        }
+    }
+}
+
+/// How long a dwell lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum DwellTime {
+    /// Seconds.
+    Seconds(f64),
+    /// Spindle revolutions.
+    Revolutions(f64),
+}
+
+/// Coolant state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Coolant {
+    /// `M7`
+    pub mist: bool,
+    /// `M8`
+    pub flood: bool,
+}
+
+/// A machining function that a program switches on and off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Function {
+    /// Vibration along the path: on with `F` (Hz) and `A` (mm).
+    PathVibration,
+}
+
+/// A block that switches a machining function. The words are those of the function's table in the dialect,
+/// lengths in mm; their meaning and validity are the function's own business.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FunctionCommand {
+    /// Which function.
+    pub function: Function,
+    /// Switched on or off.
+    pub on: bool,
+    /// Whether the program writes lengths in inches here, for suggested replacements; the words are mm all the same.
+    pub inch: bool,
+    /// The block's words for it, each letter at most once.
+    pub words: Vec<FunctionWord>,
+}
+
+impl FunctionCommand {
+    /// The word with this letter.
+    #[must_use]
+    pub fn word(&self, letter: char) -> Option<&FunctionWord> {
+        self.words.iter().find(|word| word.letter == letter)
+    }
+}
+
+/// One word of a [`FunctionCommand`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FunctionWord {
+    /// Upper-case address letter.
+    pub letter: char,
+    /// Value; lengths in mm.
+    pub value: f64,
+    /// Where it stands.
+    pub span: SourceSpan,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surface_speed_zero_stands_still_at_the_axis_too() {
+        let speed = SpindleSpeed::Surface { m_per_min: 0.0, max_rev_per_min: 3_000.0 };
+        let spindle = Spindle { direction: SpindleDirection::Clockwise, speed };
+        assert_eq!(spindle.rev_per_s(0.0), 0.0);
+        assert!(!spindle.is_turning());
+    }
+}

@@ -1,0 +1,145 @@
+//! Language settings: what a machine profile says about how its programs are written.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Position;
+
+/// Which table of codes a program is read with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DialectName {
+    /// Turning: `G50`/`G92 S` speed clamp, `G98`/`G99` and `G94`/`G95` feed modes, `U`/`W` incremental words, `T0101`.
+    #[default]
+    Lathe,
+    /// Milling: `G93`/`G94`/`G95` feed modes, `G17` plane.
+    Mill,
+}
+
+impl DialectName {
+    /// Whether this dialect itself carries out the G code of this number, so that a profile should not assign it to
+    /// a machining function, which would win.
+    #[must_use]
+    pub fn carries_out_g_code(self, number: f64) -> bool {
+        crate::dialect::carries_out_g_code(self, number)
+    }
+}
+
+/// How a number without a decimal point is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DecimalPointRule {
+    /// `X10` is 10 mm.
+    #[default]
+    Calculator,
+    /// `X10` is ten least increments: 0.010 mm (0.0010 inch, 0.010°). Only axis and length words are scaled.
+    LeastIncrement,
+}
+
+/// What an X word means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum XWord {
+    /// X (and U) words are diameters.
+    #[default]
+    Diameter,
+    /// X words are radii.
+    Radius,
+}
+
+/// Feed mode at program start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FeedMode {
+    /// mm/min
+    PerMinute,
+    /// mm/rev
+    #[default]
+    PerRevolution,
+}
+
+/// Unit of the `P` word of `G4`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DwellUnit {
+    /// `G4 P500` is half a second.
+    #[default]
+    Milliseconds,
+    /// `G4 P0.5` is half a second.
+    Seconds,
+}
+
+/// The codes that switch a machining function; a number may have one decimal place (`43.4`).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FunctionCodes {
+    /// G code that switches it on.
+    pub on: f64,
+    /// G code that switches it off.
+    pub off: f64,
+}
+
+/// How programs for one machine are written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LanguageSettings {
+    /// Table of codes.
+    pub dialect: DialectName,
+    /// Numbers without a decimal point.
+    pub decimal_point: DecimalPointRule,
+    /// Diameter or radius in X.
+    pub x_word: XWord,
+    /// Feed mode at program start.
+    pub initial_feed_mode: FeedMode,
+    /// Inch (`G20`) at program start instead of mm.
+    pub initial_inch: bool,
+    /// Unit of `G4 P`.
+    pub dwell_p_unit: DwellUnit,
+    /// Whether blocks with `/` are skipped.
+    pub block_delete: bool,
+    /// Codes of vibration along the path.
+    pub path_vibration: FunctionCodes,
+    /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
+    pub work_offsets: [Position; 6],
+    /// Reference position of `G28`, machine coordinates, mm (X a radius) and degrees.
+    pub reference_position: Position,
+    /// Machine position at program start, mm (X a radius) and degrees.
+    pub initial_position: Position,
+    /// Largest difference between start and end radius of an arc, mm.
+    pub arc_radius_tolerance_mm: f64,
+    /// Longest line read, bytes; a longer one is a finding and is skipped.
+    pub max_line_bytes: u32,
+}
+
+impl Default for LanguageSettings {
+    fn default() -> Self {
+        Self {
+            dialect: DialectName::Lathe,
+            decimal_point: DecimalPointRule::Calculator,
+            x_word: XWord::Diameter,
+            initial_feed_mode: FeedMode::PerRevolution,
+            initial_inch: false,
+            dwell_p_unit: DwellUnit::Milliseconds,
+            block_delete: false,
+            path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
+            work_offsets: [[0.0; 9]; 6],
+            reference_position: [0.0; 9],
+            initial_position: [0.0; 9],
+            // Posts write three decimals: two rounded ends and a rounded centre differ by up to about 2 µm.
+            arc_radius_tolerance_mm: 0.005,
+            max_line_bytes: 4_096,
+        }
+    }
+}
+
+impl LanguageSettings {
+    /// Usual settings of a milling machine: `mill` dialect, radius X, feed per minute.
+    #[must_use]
+    pub fn mill() -> Self {
+        Self {
+            dialect: DialectName::Mill,
+            x_word: XWord::Radius,
+            initial_feed_mode: FeedMode::PerMinute,
+            ..Self::default()
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Everything the interpreter remembers between two lines.
+
+use serde::{Deserialize, Serialize};
+
+use crate::dialect::FeedUnit;
+use crate::{Coolant, FeedMode, LanguageSettings, Plane, Position, Spindle, SpindleDirection, SpindleSpeed};
+
+/// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
+///
+/// Small, and without the settings: an interpreter restored from it and the same settings goes on identically.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InterpreterState {
+    /// Lines read so far.
+    pub(crate) lines: u32,
+    pub(crate) phase: Phase,
+    /// A leading `%` was read.
+    pub(crate) percent_seen: bool,
+    /// Within a line that is too long to be read.
+    pub(crate) skipping_line: bool,
+    pub(crate) reported: Reported,
+    /// Programmed position in work coordinates, mm (X a radius) and degrees.
+    pub(crate) position: Position,
+    pub(crate) motion: Motion,
+    pub(crate) plane: Plane,
+    pub(crate) inch: bool,
+    pub(crate) absolute: bool,
+    pub(crate) feed_unit: FeedUnit,
+    /// Modal feed with lengths in mm; 0 until programmed in the present feed mode.
+    pub(crate) feed: f64,
+    /// The same number as written, which is what counts for motion of rotary axes alone.
+    pub(crate) feed_as_written: f64,
+    pub(crate) spindle_direction: SpindleDirection,
+    /// Constant surface speed is on.
+    pub(crate) surface_speed: bool,
+    pub(crate) rev_per_min: f64,
+    pub(crate) m_per_min: f64,
+    pub(crate) max_rev_per_min: Option<f64>,
+    /// Tool in use, 0 for none.
+    pub(crate) tool: u32,
+    /// Tool that the next `M6` changes to.
+    pub(crate) next_tool: Option<u32>,
+    pub(crate) coolant: Coolant,
+    /// Index of the work offset, 0 for `G54`.
+    pub(crate) work_offset: u8,
+}
+
+/// Where in the program the reader is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Phase {
+    /// Before the first block.
+    Start,
+    Blocks,
+    Ended,
+}
+
+/// Modal motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Motion {
+    /// No motion code yet.
+    None,
+    Rapid,
+    Linear,
+    Arc {
+        clockwise: bool,
+    },
+    /// After a finding about the motion mode: axis words are followed silently until the next motion code.
+    Unclear,
+}
+
+/// Findings about a lasting condition that have been made and are not repeated while it lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Reported {
+    pub(crate) feed: bool,
+    pub(crate) spindle: bool,
+    pub(crate) speed_clamp: bool,
+    pub(crate) trailing: bool,
+}
+
+impl InterpreterState {
+    /// The state before the first line.
+    pub(crate) fn new(settings: &LanguageSettings) -> Self {
+        let offset = &settings.work_offsets[0];
+        Self {
+            lines: 0,
+            phase: Phase::Start,
+            percent_seen: false,
+            skipping_line: false,
+            reported: Reported::default(),
+            position: core::array::from_fn(|axis| settings.initial_position[axis] - offset[axis]),
+            motion: Motion::None,
+            plane: match settings.dialect {
+                crate::DialectName::Lathe => Plane::Zx,
+                crate::DialectName::Mill => Plane::Xy,
+            },
+            inch: settings.initial_inch,
+            absolute: true,
+            feed_unit: match settings.initial_feed_mode {
+                FeedMode::PerMinute => FeedUnit::PerMinute,
+                FeedMode::PerRevolution => FeedUnit::PerRevolution,
+            },
+            feed: 0.0,
+            feed_as_written: 0.0,
+            spindle_direction: SpindleDirection::Stopped,
+            surface_speed: false,
+            rev_per_min: 0.0,
+            m_per_min: 0.0,
+            max_rev_per_min: None,
+            tool: 0,
+            next_tool: None,
+            coolant: Coolant::default(),
+            work_offset: 0,
+        }
+    }
+
+    /// Lines read so far.
+    #[must_use]
+    pub const fn lines_read(&self) -> u32 {
+        self.lines
+    }
+
+    /// Whether the end of the program was read.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.phase == Phase::Ended
+    }
+
+    /// Programmed position in work coordinates, mm (X a radius) and degrees.
+    #[must_use]
+    pub const fn position(&self) -> &Position {
+        &self.position
+    }
+
+    /// The spindle as commanded.
+    #[must_use]
+    pub fn spindle(&self) -> Spindle {
+        let speed = if self.surface_speed {
+            let max_rev_per_min = self.max_rev_per_min.unwrap_or(f64::INFINITY);
+            SpindleSpeed::Surface { m_per_min: self.m_per_min, max_rev_per_min }
+        } else {
+            SpindleSpeed::Constant { rev_per_min: self.rev_per_min }
+        };
+        Spindle { direction: self.spindle_direction, speed }
+    }
+
+    /// Whether the spindle turns at a speed other than zero.
+    pub(crate) fn spindle_turns(&self) -> bool {
+        let speed = if self.surface_speed { self.m_per_min } else { self.rev_per_min };
+        self.spindle_direction != SpindleDirection::Stopped && speed > 0.0
+    }
+}

@@ -1,0 +1,87 @@
+//! The gRPC services. Each method is an ordinary function on [`Api`] over the contract's messages; the HTTP port
+//! uses the same ones.
+
+mod events;
+mod guarded;
+mod jobs;
+mod machines;
+mod mask;
+mod programs;
+mod setpoints;
+mod tools;
+
+use std::sync::Arc;
+
+use feedwave_store::{Machines as _, PageRequest, Store, StoreError};
+use tonic::{Request, Response, Status};
+
+pub(crate) use jobs::state_to_proto;
+
+use crate::config::Limits;
+use crate::engine::Engine;
+use crate::error::{Result, Violations};
+use crate::observability::metrics::Metrics;
+
+/// What the services work with. Cloning is cheap.
+#[derive(Clone)]
+pub struct Api {
+    pub(crate) store: Store,
+    pub(crate) engine: Engine,
+    pub(crate) metrics: Arc<Metrics>,
+    pub(crate) limits: Limits,
+}
+
+impl std::fmt::Debug for Api {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Api").field("limits", &self.limits).finish_non_exhaustive()
+    }
+}
+
+impl Api {
+    /// Services over a store and an engine.
+    #[must_use]
+    pub fn new(store: Store, engine: Engine, metrics: Arc<Metrics>, limits: Limits) -> Self {
+        Self { store, engine, metrics, limits }
+    }
+
+    /// Creates `machines/lathe` and `machines/mill` where there is no machine at all.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub async fn seed_machines(&self) -> Result<()> {
+        use feedwave_cutting::MachineProfile;
+
+        let page = PageRequest { size: 1, token: String::new() };
+        if !self.store.list_machines(&page).await?.items.is_empty() {
+            return Ok(());
+        }
+        let usual = [("lathe", "Lathe", MachineProfile::lathe()), ("mill", "Mill", MachineProfile::mill())];
+        for (id, display_name, profile) in usual {
+            let document = machines::to_document(display_name, &profile)?;
+            match self.store.create_machine(Some(id), document).await {
+                Ok(_) | Err(StoreError::AlreadyExists { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Answers a unary call.
+async fn answer<Q, A>(request: Request<Q>, method: impl AsyncFnOnce(Q) -> Result<A>) -> Result<Response<A>, Status> {
+    Ok(Response::new(method(request.into_inner()).await?))
+}
+
+/// A page of a list as the store wants it.
+fn page_request(violations: &mut Violations, page_size: i32, page_token: String) -> PageRequest {
+    let size = u32::try_from(page_size).unwrap_or_else(|_| {
+        violations.add("page_size", format!("must not be negative, is {page_size}"));
+        0
+    });
+    PageRequest { size, token: page_token }
+}
+
+/// An etag as the store wants it: empty means any.
+fn etag(etag: &str) -> Option<&str> {
+    Some(etag).filter(|etag| !etag.is_empty())
+}

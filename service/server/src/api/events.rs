@@ -1,0 +1,112 @@
+//! State changes of jobs: listed, and watched as they happen.
+
+use std::collections::VecDeque;
+
+use feedwave_store::{JobEvent as EventRecord, JobState, Jobs as _, Store};
+use futures_util::{Stream, stream};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::jobs::state_to_proto;
+use super::{Api, page_request};
+use crate::convert::timestamp;
+use crate::error::{Result, Violations};
+use crate::proto::{JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse};
+use crate::{names, proto};
+
+/// Events read together for a watcher.
+const EVENT_PAGE: u32 = 500;
+
+fn event_to_proto(event: &EventRecord) -> JobEvent {
+    let state = |state: Option<JobState>| state.map_or(proto::JobState::Unspecified, state_to_proto).into();
+    JobEvent {
+        sequence: event.sequence.unsigned_abs(),
+        job: names::job(event.job_id),
+        previous_state: state(event.from_state),
+        state: state(event.to_state),
+        time: Some(timestamp(event.at_us)),
+        message: event.detail.clone(),
+    }
+}
+
+impl Api {
+    /// Lists state changes of jobs.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_job_events(&self, request: ListJobEventsRequest) -> Result<ListJobEventsResponse> {
+        let mut violations = Violations::default();
+        let size = page_request(&mut violations, request.page_size, String::new()).size;
+        let job = event_filter(&mut violations, &request.job);
+        violations.finish()?;
+        let limit = match size {
+            0 => feedwave_store::DEFAULT_PAGE_SIZE,
+            size => size.min(feedwave_store::MAX_PAGE_SIZE),
+        };
+        let after = cursor(request.after);
+        let events = self.store.events_after(after, job, limit).await?;
+        Ok(ListJobEventsResponse {
+            next_after: events.last().map_or(request.after, |event| event.sequence.unsigned_abs()),
+            events: events.iter().map(event_to_proto).collect(),
+        })
+    }
+
+    /// State changes from a cursor on, without end.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub fn watch_events(
+        &self,
+        request: &WatchJobsRequest,
+    ) -> Result<impl Stream<Item = Result<WatchJobsResponse>> + Send + use<>> {
+        let mut violations = Violations::default();
+        let job = event_filter(&mut violations, &request.job);
+        violations.finish()?;
+        let newest = self.store.watch_events();
+        let after = request.after.map_or_else(|| *newest.borrow(), cursor);
+        let watch = EventWatch { store: self.store.clone(), newest, after, job, read: VecDeque::new() };
+        Ok(stream::try_unfold(watch, async |mut watch| {
+            let event = watch.next().await?;
+            Ok(event.map(|event| (WatchJobsResponse { event: Some(event) }, watch)))
+        }))
+    }
+}
+
+fn event_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {
+    if job.is_empty() { None } else { violations.check("job", names::parse_job(job)) }
+}
+
+/// A cursor as the store counts; one beyond its range is beyond every event.
+fn cursor(after: u64) -> i64 {
+    i64::try_from(after).unwrap_or(i64::MAX)
+}
+
+/// Reads events as they come.
+struct EventWatch {
+    store: Store,
+    newest: watch::Receiver<i64>,
+    after: i64,
+    job: Option<Uuid>,
+    read: VecDeque<JobEvent>,
+}
+
+impl EventWatch {
+    /// The next event; `None` when the store was closed.
+    async fn next(&mut self) -> Result<Option<JobEvent>> {
+        loop {
+            if let Some(event) = self.read.pop_front() {
+                return Ok(Some(event));
+            }
+            let newest = *self.newest.borrow_and_update();
+            if newest > self.after {
+                let events = self.store.events_after(self.after, self.job, EVENT_PAGE).await?;
+                // Events of other jobs are passed over; a full page may not reach the newest one.
+                let last = events.last().map_or(newest, |event| event.sequence);
+                self.after = if events.len() < EVENT_PAGE as usize { last.max(newest) } else { last };
+                self.read.extend(events.iter().map(event_to_proto));
+            } else if self.newest.changed().await.is_err() {
+                return Ok(None);
+            }
+        }
+    }
+}

@@ -1,0 +1,423 @@
+//! `feedwave.v1.Jobs`: jobs. Their events and their programs are in the modules beside.
+
+use std::pin::Pin;
+
+use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
+use feedwave_store::{
+    Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, Jobs as _, Machines as _, NewJob, ProgramId,
+    Programs as _, Tools as _,
+};
+use futures_util::Stream;
+use prost::Message as _;
+use tonic::{Request, Response, Status, Streaming, async_trait};
+use uuid::Uuid;
+
+use super::guarded::{Guarded, deadline};
+use super::{Api, answer, etag, page_request, tools};
+use crate::convert::{self, enumeration, generation_mode_to_proto, timestamp, timestamp_us};
+use crate::engine;
+use crate::error::{Error, Result, Violations};
+use crate::proto::jobs_server::Jobs;
+use crate::proto::{
+    CancelJobRequest, CancelJobResponse, CreateJobRequest, CreateJobResponse, DeleteJobRequest, DeleteJobResponse,
+    DeleteProgramRequest, DeleteProgramResponse, GetJobRequest, GetJobResponse, GetReportRequest, GetReportResponse,
+    GetUploadRequest, GetUploadResponse, Job, JobSettings, ListJobEventsRequest, ListJobEventsResponse,
+    ListJobsRequest, ListJobsResponse, Tool, UploadProgramRequest, UploadProgramResponse, ValidateProgramRequest,
+    ValidateProgramResponse, ValidationReport, WatchJobsRequest, WatchJobsResponse, create_job_request,
+    validate_program_request,
+};
+use crate::{json, names, proto};
+
+/// Most tools in the list of a job.
+const MAX_TOOLS: usize = 1_000;
+/// Longest request id, characters.
+const MAX_REQUEST_ID: usize = 64;
+
+/// A state as the contract has it.
+#[must_use]
+pub(crate) const fn state_to_proto(state: JobState) -> proto::JobState {
+    match state {
+        JobState::PendingValidation => proto::JobState::Pending,
+        JobState::Validating => proto::JobState::Validating,
+        JobState::Ready => proto::JobState::Ready,
+        JobState::Rejected => proto::JobState::Rejected,
+        JobState::Cancelled => proto::JobState::Cancelled,
+        JobState::Failed => proto::JobState::Failed,
+    }
+}
+
+fn state_from_proto(state: proto::JobState) -> Option<JobState> {
+    JobState::ALL.into_iter().find(|known| state_to_proto(*known) == state)
+}
+
+fn job_to_proto(job: &JobRecord, settings: Option<JobSettings>) -> Result<Job> {
+    Ok(Job {
+        name: names::job(job.id),
+        display_name: job.display_name.clone(),
+        state: state_to_proto(job.state).into(),
+        state_message: job.state_detail.clone(),
+        machine: names::machine(&job.machine_id),
+        program: names::program(job.program_id),
+        program_bytes: job.program_size_bytes,
+        settings,
+        summary: job.summary.as_ref().map(|summary| json::from_stored(summary.get())).transpose()?,
+        etag: job.etag(),
+        create_time: Some(timestamp(job.created_us)),
+        update_time: Some(timestamp(job.updated_us)),
+    })
+}
+
+fn detail_to_proto(detail: &JobDetail) -> Result<Job> {
+    job_to_proto(&detail.job, Some(engine::job_settings(detail)?))
+}
+
+/// The identifier of the job that a request names.
+pub(super) fn job_id(field: &str, name: &str) -> Result<Uuid> {
+    names::parse_job(name).map_err(|error| Error::invalid(field, error.to_string()))
+}
+
+/// An interpolation period: `usual` where the request leaves it open.
+pub(super) fn check_period_us(violations: &mut Violations, period_us: u32, usual: u32) -> u32 {
+    match period_us {
+        0 => usual,
+        MIN_PERIOD_US..=MAX_PERIOD_US => period_us,
+        _ => {
+            let range = format!("must be {MIN_PERIOD_US} to {MAX_PERIOD_US}, is {period_us}");
+            violations.add("interpolation_period_us", range);
+            usual
+        }
+    }
+}
+
+/// Settings as requested, without the tools' data: fields only.
+struct CheckedSettings<'a> {
+    interpolation_period_us: u32,
+    generation_mode: proto::GenerationMode,
+    tool_ids: Vec<&'a str>,
+}
+
+fn check_settings<'a>(
+    violations: &mut Violations,
+    interpolation_period_us: u32,
+    generation_mode: i32,
+    tools: &'a [String],
+) -> CheckedSettings<'a> {
+    let interpolation_period_us = check_period_us(violations, interpolation_period_us, DEFAULT_PERIOD_US);
+    let generation_mode = enumeration(violations, "generation_mode", generation_mode).unwrap_or_default();
+    if tools.len() > MAX_TOOLS {
+        violations.add("tools", format!("must list at most {MAX_TOOLS}, lists {}", tools.len()));
+    }
+    let listed = tools.iter().take(MAX_TOOLS).enumerate();
+    let tool_ids =
+        listed.filter_map(|(index, name)| violations.check(format!("tools[{index}]"), names::parse_tool(name)));
+    CheckedSettings { interpolation_period_us, generation_mode, tool_ids: tool_ids.collect() }
+}
+
+fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
+    if size as u64 > limit {
+        let reason = format!("has {size} bytes, more than the {limit} allowed inline; upload it instead");
+        violations.add("inline_program", reason);
+    }
+}
+
+fn check_request_id(violations: &mut Violations, request_id: &str) {
+    let sound = request_id.len() <= MAX_REQUEST_ID && request_id.bytes().all(|byte| byte.is_ascii_graphic());
+    if !sound {
+        violations.add("request_id", format!("must be 1 to {MAX_REQUEST_ID} printable ASCII characters"));
+    }
+}
+
+impl Api {
+    /// Stores a job.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn create_job(&self, request: CreateJobRequest) -> Result<CreateJobResponse> {
+        let mut violations = Violations::default();
+        check_request_id(&mut violations, &request.request_id);
+        let machine_id = violations.check("machine", names::parse_machine(&request.machine));
+        let program_id = self.check_source(&mut violations, request.source.as_ref());
+        convert::check_display_name(&mut violations, "display_name", &request.display_name);
+        let checked =
+            check_settings(&mut violations, request.interpolation_period_us, request.generation_mode, &request.tools);
+        violations.finish()?;
+        let (Some(machine_id), Some(program_id)) = (machine_id, program_id) else {
+            return Err(Error::internal("a request was neither accepted nor refused"));
+        };
+
+        let (profile, document) = self.machine_profile(machine_id).await?;
+        let settings = self.settings(&checked, &profile).await?;
+        if let Some(create_job_request::Source::InlineProgram(program)) = &request.source {
+            self.store.put_program(program.clone()).await?;
+        }
+        let fingerprint = CreateJobRequest { request_id: String::new(), ..request.clone() }.encode_to_vec();
+        let new = NewJob {
+            request_id: if request.request_id.is_empty() {
+                Uuid::now_v7().to_string()
+            } else {
+                request.request_id.clone()
+            },
+            fingerprint: Fingerprint::of([fingerprint.as_slice()]),
+            display_name: request.display_name.clone(),
+            program_id,
+            machine_id: machine_id.to_owned(),
+            machine_snapshot: json::to_stored(&document)?,
+            settings: json::to_stored(&settings)?,
+        };
+        let job = self.store.create_job(new).await?;
+        tracing::info!(job = %job.id, program = %job.program_id, machine = %job.machine_id, "created");
+        self.engine.wake();
+        Ok(CreateJobResponse { job: Some(detail_to_proto(&self.store.job_detail(job.id).await?)?) })
+    }
+
+    /// The program that a new job is for. An inline one is not stored yet.
+    fn check_source(
+        &self,
+        violations: &mut Violations,
+        source: Option<&create_job_request::Source>,
+    ) -> Option<ProgramId> {
+        match source {
+            Some(create_job_request::Source::InlineProgram(program)) => {
+                check_inline(violations, program.len(), self.limits.inline_program_bytes);
+                Some(ProgramId::of(program))
+            }
+            Some(create_job_request::Source::Program(name)) => violations.check("program", names::parse_program(name)),
+            None => {
+                violations.add("source", "inline_program or program must be set");
+                None
+            }
+        }
+    }
+
+    /// A stored machine's profile, and as the contract has it.
+    async fn machine_profile(&self, id: &str) -> Result<(MachineProfile, proto::MachineProfile)> {
+        let record = self.store.machine(id).await?;
+        let machine: proto::Machine = json::from_stored(record.body.get())?;
+        let document = machine.profile.unwrap_or_default();
+        let mut violations = Violations::default();
+        let profile = convert::profile_from_proto(&mut violations, "profile", &document);
+        let profile =
+            profile.ok_or_else(|| Error::internal(format!("{id} is refused: {:?}", violations.as_slice())))?;
+        Ok((profile, document))
+    }
+
+    /// Settings with what they leave open filled in and the tools' data copied.
+    async fn settings(&self, checked: &CheckedSettings<'_>, profile: &MachineProfile) -> Result<JobSettings> {
+        let usual = generation_mode_to_proto(profile.vibration.generation_mode);
+        let generation_mode = match checked.generation_mode {
+            proto::GenerationMode::Unspecified => usual,
+            stated => stated,
+        };
+        let mut tools: Vec<Tool> = Vec::with_capacity(checked.tool_ids.len());
+        let mut violations = Violations::default();
+        for (index, id) in checked.tool_ids.iter().enumerate() {
+            let tool = tools::from_record(&self.store.tool(id).await?)?;
+            if let Some(other) = tools.iter().find(|other| other.number == tool.number) {
+                let reason = format!("has the number {}, as {} has", tool.number, other.name);
+                violations.add(format!("tools[{index}]"), reason);
+            }
+            tools.push(tool);
+        }
+        violations.finish()?;
+        Ok(JobSettings {
+            interpolation_period_us: checked.interpolation_period_us,
+            generation_mode: generation_mode.into(),
+            tools,
+        })
+    }
+
+    /// Validates a program without storing anything.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn validate_program(&self, request: ValidateProgramRequest) -> Result<ValidateProgramResponse> {
+        let mut violations = Violations::default();
+        check_inline(&mut violations, request.inline_program.len(), self.limits.inline_program_bytes);
+        let checked =
+            check_settings(&mut violations, request.interpolation_period_us, request.generation_mode, &request.tools);
+        let mut machine_id = None;
+        let mut profile = None;
+        match &request.on {
+            Some(validate_program_request::On::Machine(name)) => {
+                machine_id = violations.check("machine", names::parse_machine(name));
+            }
+            Some(validate_program_request::On::Profile(given)) => {
+                profile = convert::profile_from_proto(&mut violations, "profile", given);
+            }
+            None => violations.add("on", "machine or profile must be set"),
+        }
+        violations.finish()?;
+        let profile = match (profile, machine_id) {
+            (Some(profile), _) => profile,
+            (None, Some(id)) => self.machine_profile(id).await?.0,
+            (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
+        };
+        let settings = self.settings(&checked, &profile).await?;
+        let mut config = PipelineConfig::new(profile);
+        config.interpolation_period_us = settings.interpolation_period_us;
+        config.generation_mode =
+            convert::generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode);
+        config.tools = settings.tools.iter().map(convert::tool_for_pipeline).collect();
+        let report = self.engine.validate_program(config, request.inline_program).await?;
+        Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
+    }
+
+    /// Reads a job.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_job(&self, request: GetJobRequest) -> Result<GetJobResponse> {
+        let detail = self.store.job_detail(job_id("name", &request.name)?).await?;
+        Ok(GetJobResponse { job: Some(detail_to_proto(&detail)?) })
+    }
+
+    /// Reads the report of a job.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_report(&self, request: GetReportRequest) -> Result<GetReportResponse> {
+        let id = job_id("job", &request.job)?;
+        let job = self.store.job(id).await?;
+        if job.findings.is_none() {
+            let subject = names::job(id);
+            let message = format!("{subject} is {} and has no report", job.state);
+            return Err(Error::Precondition { reason: "JOB_NOT_VALIDATED", subject, message });
+        }
+        let report: ValidationReport = json::from_stored(self.store.report(id).await?.report.get())?;
+        Ok(GetReportResponse { report: Some(report) })
+    }
+
+    /// Lists jobs.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_jobs(&self, request: ListJobsRequest) -> Result<ListJobsResponse> {
+        let mut violations = Violations::default();
+        let page = page_request(&mut violations, request.page_size, request.page_token);
+        let mut filter = JobFilter::default();
+        for (index, state) in request.states.iter().enumerate() {
+            match proto::JobState::try_from(*state).ok().and_then(state_from_proto) {
+                Some(state) => filter.states.push(state),
+                None => violations.add(format!("states[{index}]"), format!("{state} is not a state of a job")),
+            }
+        }
+        if !request.machine.is_empty() {
+            let id = violations.check("machine", names::parse_machine(&request.machine));
+            filter.machine_id = id.map(str::to_owned);
+        }
+        let mut time = |field: &str, time: Option<prost_types::Timestamp>| {
+            time.and_then(|time| violations.check(field, timestamp_us(&time)))
+        };
+        filter.created_from_us = time("created_from", request.created_from);
+        filter.created_before_us = time("created_before", request.created_before);
+        violations.finish()?;
+        filter.states.sort_unstable();
+        filter.states.dedup();
+        let page = self.store.list_jobs(&filter, &page).await?;
+        Ok(ListJobsResponse {
+            jobs: page.items.iter().map(|job| job_to_proto(job, None)).collect::<Result<_>>()?,
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
+    }
+
+    /// Cancels a job.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn cancel_job(&self, request: CancelJobRequest) -> Result<CancelJobResponse> {
+        let id = job_id("name", &request.name)?;
+        let from = [JobState::PendingValidation, JobState::Validating, JobState::Ready];
+        let transition = self.store.transition(id, &from, JobState::Cancelled, "cancelled by a client", None).await;
+        match transition {
+            Ok(_) => tracing::info!(job = %id, "cancelled"),
+            // Repeating the call is harmless.
+            Err(feedwave_store::StoreError::FailedState { actual: JobState::Cancelled, .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        self.engine.cancel_job(id);
+        Ok(CancelJobResponse { job: Some(detail_to_proto(&self.store.job_detail(id).await?)?) })
+    }
+
+    /// Deletes a job.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn delete_job(&self, request: DeleteJobRequest) -> Result<DeleteJobResponse> {
+        let id = job_id("name", &request.name)?;
+        self.store.delete_job(id, etag(&request.etag)).await?;
+        self.engine.cancel_job(id);
+        tracing::info!(job = %id, "deleted");
+        Ok(DeleteJobResponse {})
+    }
+}
+
+/// Messages of a server stream.
+pub(super) type ResponseStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+#[async_trait]
+impl Jobs for Api {
+    async fn create_job(&self, request: Request<CreateJobRequest>) -> Result<Response<CreateJobResponse>, Status> {
+        answer(request, async |request| self.create_job(request).await).await
+    }
+
+    async fn upload_program(
+        &self,
+        request: Request<Streaming<UploadProgramRequest>>,
+    ) -> Result<Response<UploadProgramResponse>, Status> {
+        Ok(Response::new(self.upload_program(request.into_inner()).await?))
+    }
+
+    async fn get_upload(&self, request: Request<GetUploadRequest>) -> Result<Response<GetUploadResponse>, Status> {
+        answer(request, async |request| self.get_upload(request).await).await
+    }
+
+    async fn validate_program(
+        &self,
+        request: Request<ValidateProgramRequest>,
+    ) -> Result<Response<ValidateProgramResponse>, Status> {
+        answer(request, async |request| self.validate_program(request).await).await
+    }
+
+    async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {
+        answer(request, async |request| self.get_job(request).await).await
+    }
+
+    async fn get_report(&self, request: Request<GetReportRequest>) -> Result<Response<GetReportResponse>, Status> {
+        answer(request, async |request| self.get_report(request).await).await
+    }
+
+    async fn list_jobs(&self, request: Request<ListJobsRequest>) -> Result<Response<ListJobsResponse>, Status> {
+        answer(request, async |request| self.list_jobs(request).await).await
+    }
+
+    async fn list_job_events(
+        &self,
+        request: Request<ListJobEventsRequest>,
+    ) -> Result<Response<ListJobEventsResponse>, Status> {
+        answer(request, async |request| self.list_job_events(request).await).await
+    }
+
+    type WatchJobsStream = ResponseStream<WatchJobsResponse>;
+
+    async fn watch_jobs(&self, request: Request<WatchJobsRequest>) -> Result<Response<Self::WatchJobsStream>, Status> {
+        let deadline = deadline(request.metadata());
+        let events = Box::pin(self.watch_events(&request.into_inner())?);
+        let guarded = Guarded::new(events, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
+    }
+
+    async fn cancel_job(&self, request: Request<CancelJobRequest>) -> Result<Response<CancelJobResponse>, Status> {
+        answer(request, async |request| self.cancel_job(request).await).await
+    }
+
+    async fn delete_job(&self, request: Request<DeleteJobRequest>) -> Result<Response<DeleteJobResponse>, Status> {
+        answer(request, async |request| self.delete_job(request).await).await
+    }
+
+    async fn delete_program(
+        &self,
+        request: Request<DeleteProgramRequest>,
+    ) -> Result<Response<DeleteProgramResponse>, Status> {
+        answer(request, async |request| self.delete_program(request).await).await
+    }
+}

@@ -1,0 +1,155 @@
+//! `feedwave.v1.Machines`.
+
+use feedwave_cutting::MachineProfile;
+use feedwave_store::{Json, MachineRecord, Machines as _};
+use tonic::{Request, Response, Status, async_trait};
+
+use super::{Api, answer, etag, mask, page_request};
+use crate::convert::{self, timestamp};
+use crate::error::{Error, Result, Violations};
+use crate::proto::machines_server::Machines;
+use crate::proto::{
+    CreateMachineRequest, CreateMachineResponse, DeleteMachineRequest, DeleteMachineResponse, GetMachineRequest,
+    GetMachineResponse, ListMachinesRequest, ListMachinesResponse, Machine, UpdateMachineRequest,
+    UpdateMachineResponse,
+};
+use crate::{json, names};
+
+/// The document that the store keeps of a machine.
+pub(super) fn to_document(display_name: &str, profile: &MachineProfile) -> Result<Json> {
+    json::to_stored(&Machine {
+        display_name: display_name.to_owned(),
+        profile: Some(convert::profile_to_proto(profile)),
+        ..Default::default()
+    })
+}
+
+fn from_record(record: &MachineRecord) -> Result<Machine> {
+    Ok(Machine {
+        name: names::machine(&record.id),
+        etag: record.etag.clone(),
+        create_time: Some(timestamp(record.created_us)),
+        update_time: Some(timestamp(record.updated_us)),
+        ..json::from_stored(record.body.get())?
+    })
+}
+
+/// What a client says about a machine, checked.
+fn check(violations: &mut Violations, machine: &Machine) -> Option<MachineProfile> {
+    convert::check_display_name(violations, "machine.display_name", &machine.display_name);
+    match &machine.profile {
+        Some(profile) => convert::profile_from_proto(violations, "machine.profile", profile),
+        None => {
+            violations.add("machine.profile", "must be set");
+            None
+        }
+    }
+}
+
+/// The document of a machine that a client sends.
+fn checked_document(mut violations: Violations, machine: &Machine) -> Result<Json> {
+    let profile = check(&mut violations, machine);
+    violations.finish()?;
+    let profile = profile.ok_or_else(|| Error::internal("a profile was neither accepted nor refused"))?;
+    to_document(&machine.display_name, &profile)
+}
+
+impl Api {
+    /// Adds a machine.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn create_machine(&self, request: CreateMachineRequest) -> Result<CreateMachineResponse> {
+        let mut violations = Violations::default();
+        violations.check("machine_id", names::check_id(&request.machine_id));
+        let document = checked_document(violations, &request.machine.unwrap_or_default())?;
+        let record = self.store.create_machine(Some(&request.machine_id), document).await?;
+        Ok(CreateMachineResponse { machine: Some(from_record(&record)?) })
+    }
+
+    /// Reads a machine.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_machine(&self, request: GetMachineRequest) -> Result<GetMachineResponse> {
+        let id = names::parse_machine(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
+        Ok(GetMachineResponse { machine: Some(from_record(&self.store.machine(id).await?)?) })
+    }
+
+    /// Lists machines.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_machines(&self, request: ListMachinesRequest) -> Result<ListMachinesResponse> {
+        let mut violations = Violations::default();
+        let page = page_request(&mut violations, request.page_size, request.page_token);
+        violations.finish()?;
+        let page = self.store.list_machines(&page).await?;
+        Ok(ListMachinesResponse {
+            machines: page.items.iter().map(from_record).collect::<Result<_>>()?,
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
+    }
+
+    /// Replaces a machine or some of its fields.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn update_machine(&self, request: UpdateMachineRequest) -> Result<UpdateMachineResponse> {
+        let given = request.machine.unwrap_or_default();
+        let id =
+            names::parse_machine(&given.name).map_err(|error| Error::invalid("machine.name", error.to_string()))?;
+        let record = self.store.machine(id).await?;
+        let updated = mask::apply(&from_record(&record)?, &given, request.update_mask.as_ref())?;
+        let document = checked_document(Violations::default(), &updated)?;
+        // Fields outside the mask are those just read: they must not have changed since.
+        let expected = etag(&given.etag).or_else(|| request.update_mask.is_some().then_some(record.etag.as_str()));
+        let record = self.store.update_machine(id, expected, document).await?;
+        Ok(UpdateMachineResponse { machine: Some(from_record(&record)?) })
+    }
+
+    /// Removes a machine.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn delete_machine(&self, request: DeleteMachineRequest) -> Result<DeleteMachineResponse> {
+        let id = names::parse_machine(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
+        self.store.delete_machine(id, etag(&request.etag)).await?;
+        Ok(DeleteMachineResponse {})
+    }
+}
+
+#[async_trait]
+impl Machines for Api {
+    async fn create_machine(
+        &self,
+        request: Request<CreateMachineRequest>,
+    ) -> Result<Response<CreateMachineResponse>, Status> {
+        answer(request, async |request| self.create_machine(request).await).await
+    }
+
+    async fn get_machine(&self, request: Request<GetMachineRequest>) -> Result<Response<GetMachineResponse>, Status> {
+        answer(request, async |request| self.get_machine(request).await).await
+    }
+
+    async fn list_machines(
+        &self,
+        request: Request<ListMachinesRequest>,
+    ) -> Result<Response<ListMachinesResponse>, Status> {
+        answer(request, async |request| self.list_machines(request).await).await
+    }
+
+    async fn update_machine(
+        &self,
+        request: Request<UpdateMachineRequest>,
+    ) -> Result<Response<UpdateMachineResponse>, Status> {
+        answer(request, async |request| self.update_machine(request).await).await
+    }
+
+    async fn delete_machine(
+        &self,
+        request: Request<DeleteMachineRequest>,
+    ) -> Result<Response<DeleteMachineResponse>, Status> {
+        answer(request, async |request| self.delete_machine(request).await).await
+    }
+}

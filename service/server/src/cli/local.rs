@@ -1,0 +1,71 @@
+//! Runs of the pipeline on this machine, without a server.
+
+use std::sync::Arc;
+
+use feedwave_cutting::{Pipeline, PipelineConfig, SetpointBlock, Step, Validation, ValidationReport};
+
+use super::CliError;
+use super::source::Source;
+use super::terminal::{Unit, progress};
+
+/// Validates a program; `observe` sees every block of setpoints on the way.
+pub(super) fn validate(
+    source: &mut Source,
+    config: Arc<PipelineConfig>,
+    mut observe: impl FnMut(&SetpointBlock),
+) -> Result<ValidationReport, CliError> {
+    let bar = progress("validating", Unit::Bytes, source.size);
+    source.rewind()?;
+    let mut validation = Validation::new(config);
+    loop {
+        match validation.step() {
+            Step::NeedInput => {
+                let piece = source.next_piece()?;
+                bar.inc(piece.len() as u64);
+                match piece {
+                    [] => validation.finish_input(),
+                    piece => validation.push(piece),
+                }
+            }
+            Step::Block => observe(validation.block()),
+            Step::Finished | Step::Refused => break,
+        }
+    }
+    bar.finish_and_clear();
+    Ok(validation.finish())
+}
+
+/// Generates the setpoints of a program that was found valid, until `take` has had enough.
+pub(super) fn generate(
+    source: &mut Source,
+    config: Arc<PipelineConfig>,
+    mut take: impl FnMut(&SetpointBlock) -> Result<Progress, CliError>,
+) -> Result<(), CliError> {
+    source.rewind()?;
+    let mut pipeline = Pipeline::new(config);
+    let mut block = pipeline.new_block();
+    loop {
+        match pipeline.next_block(&mut block) {
+            Step::NeedInput => match source.next_piece()? {
+                [] => pipeline.finish_input(),
+                piece => pipeline.push(piece),
+            },
+            Step::Block => {
+                if take(&block)? == Progress::Enough {
+                    return Ok(());
+                }
+            }
+            Step::Finished => return Ok(()),
+            Step::Refused => {
+                return Err(CliError::trouble(format!("{}: the program changed while it was read", source.name)));
+            }
+        }
+    }
+}
+
+/// Whether more setpoints are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    Continue,
+    Enough,
+}

@@ -1,0 +1,225 @@
+//! What the pictures of a program show: its moves, its vibration close up, its chip.
+
+use std::collections::HashSet;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+use feedwave_cutting::{CutCondition, PipelineConfig, SectionReport, SetpointBlock, ValidationReport};
+use feedwave_motion::MachineKind;
+use feedwave_program::{
+    ArcGeometry, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, OperationKind, Position,
+};
+
+use super::CliError;
+use super::machine::axis_columns;
+use super::source::Source;
+use super::terminal::number;
+use crate::plot::{Cut, PathTrace, Plots, Point, Stretch};
+
+/// Pictures of chips at most: sections of one program are mostly alike.
+const MAX_CHIP_PICTURES: usize = 8;
+/// Vibration periods in a close view.
+const PERIODS_SHOWN: f64 = 5.0;
+/// Arcs are drawn with chords of this angle, rad: half a thousandth of the radius off.
+const CHORD_RAD: f64 = PI / 90.0;
+/// Chords of one arc at most.
+const MAX_CHORDS: f64 = 20_000.0;
+
+/// Finds the first stretch of time in which the tool vibrates, while the program is validated.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FirstVibration {
+    indices: Option<Range<u64>>,
+    ended: bool,
+}
+
+impl FirstVibration {
+    /// Looks at a block.
+    pub(super) fn observe(&mut self, block: &SetpointBlock) {
+        if self.ended {
+            return;
+        }
+        for row in 0..block.len() {
+            let index = block.first_index + row as u64;
+            let vibrates = match &block.servo {
+                Some(servo) => servo.frequency_hz[row] > 0.0,
+                None => block.vibration_offset_mm[row] != 0.0,
+            };
+            match (&mut self.indices, vibrates) {
+                (None, true) => self.indices = Some(index..index + 1),
+                (Some(indices), true) => indices.end = index + 1,
+                // The wave passes through zero; a longer rest is the end.
+                (Some(indices), false) if index > indices.end + GAP_SETPOINTS => {
+                    self.ended = true;
+                    return;
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Setpoints without offset within a vibration.
+const GAP_SETPOINTS: u64 = 1_000;
+
+/// Pictures of a valid program, ready to take its setpoints at `period_s`.
+pub(super) fn prepare(
+    source: &mut Source,
+    config: &PipelineConfig,
+    report: &ValidationReport,
+    vibration: &FirstVibration,
+    period_s: f64,
+) -> Result<Plots, CliError> {
+    let profile = &config.profile;
+    let turning = profile.machine.kind == MachineKind::Lathe;
+    let program = source.name.rsplit('/').next().unwrap_or_default().to_owned();
+    let mut plots = Plots::new(program, turning, &axis_columns(profile), period_s);
+    trace(source, config, plots.trace_mut())?;
+    if let (Some(indices), Some(section)) = (&vibration.indices, report.sections.first()) {
+        for (title, window) in windows(indices, section, config.period_s()) {
+            plots.add_window(title, window);
+        }
+    }
+    let mut drawn = HashSet::new();
+    for section in &report.sections {
+        let Some((subtitle, cuts)) = cuts(section) else { continue };
+        let headings: Vec<_> = cuts.iter().map(|cut| cut.heading.clone()).collect();
+        if drawn.len() < MAX_CHIP_PICTURES && drawn.insert(headings) {
+            plots.add_chip(format!("chip-line-{}", section.first_line), subtitle, cuts);
+        }
+    }
+    Ok(plots)
+}
+
+fn windows(indices: &Range<u64>, section: &SectionReport, period_s: f64) -> [(String, Range<f64>); 2] {
+    let vibration_s = 1.0 / section.condition.frequency_hz;
+    let start_s = indices.start as f64 * period_s;
+    let middle_s = (indices.start + (indices.end - indices.start) / 2) as f64 * period_s;
+    [
+        (
+            format!("start of the vibration, line {}", section.first_line),
+            (start_s - 0.1 * vibration_s).max(0.0)..start_s + (PERIODS_SHOWN - 0.1) * vibration_s,
+        ),
+        ("in the middle of the section".to_owned(), middle_s..middle_s + PERIODS_SHOWN * vibration_s),
+    ]
+}
+
+/// Draws the moves as the program has them, in work coordinates.
+fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<(), CliError> {
+    source.rewind()?;
+    let mut interpreter = Interpreter::new(config.profile.language.clone());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
+    let (mut unread, mut ended, mut vibrating) = (Vec::new(), false, false);
+    loop {
+        let mut consumed = 0;
+        let outcome = loop {
+            match interpreter.read_line(&unread[consumed..], ended, &mut operations, &mut findings) {
+                LineOutcome::Consumed(bytes) => consumed += bytes,
+                outcome => break outcome,
+            }
+            for operation in operations.drain(..) {
+                match operation.kind {
+                    OperationKind::Function(command) if command.function == Function::PathVibration => {
+                        vibrating = command.on;
+                    }
+                    OperationKind::Move(step) => draw_move(&step, vibrating, trace),
+                    _ => {}
+                }
+            }
+        };
+        if outcome == LineOutcome::Ended {
+            return Ok(());
+        }
+        unread.drain(..consumed);
+        let piece = source.next_piece()?;
+        ended = piece.is_empty();
+        unread.extend_from_slice(piece);
+    }
+}
+
+fn draw_move(step: &Move, vibrating: bool, trace: &mut PathTrace) {
+    let stretch = match step.kind {
+        MoveKind::Rapid => Stretch::Rapid,
+        MoveKind::Cutting if vibrating => Stretch::Vibrating,
+        MoveKind::Cutting => Stretch::Cutting,
+    };
+    let Some(arc) = &step.arc else {
+        trace.line(stretch, point(&step.start), point(&step.end));
+        return;
+    };
+    let chords = (arc.sweep_rad.abs() / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32;
+    let mut from = point(&step.start);
+    for chord in 1..=chords {
+        let to = if chord == chords {
+            point(&step.end)
+        } else {
+            point(&on_arc(step, arc, f64::from(chord) / f64::from(chords)))
+        };
+        trace.line(stretch, from, to);
+        from = to;
+    }
+}
+
+/// The point of an arc or helix at a share of its sweep.
+fn on_arc(step: &Move, arc: &ArcGeometry, share: f64) -> Position {
+    let (first, second) = arc.plane.axes();
+    let normal = arc.plane.normal().index();
+    let from_center =
+        |position: &Position| (position[first.index()] - arc.center[0], position[second.index()] - arc.center[1]);
+    let (start, end) = (from_center(&step.start), from_center(&step.end));
+    let (start_radius, end_radius) = (start.0.hypot(start.1), end.0.hypot(end.1));
+    let radius = start_radius + (end_radius - start_radius) * share;
+    let angle = start.1.atan2(start.0) + arc.sweep_rad * share;
+    let mut position = step.start;
+    position[first.index()] = arc.center[0] + radius * angle.cos();
+    position[second.index()] = arc.center[1] + radius * angle.sin();
+    position[normal] += (step.end[normal] - step.start[normal]) * share;
+    position
+}
+
+fn point(position: &Position) -> Point {
+    [position[0], position[1], position[2]]
+}
+
+/// The programmed cut and, where it does not break the chip, the suggested one.
+fn cuts(section: &SectionReport) -> Option<(String, Vec<Cut>)> {
+    let chip = section.chip.as_ref()?;
+    let condition = chip.condition;
+    let subtitle = format!(
+        "lines {} to {} \u{b7} {} rev/min \u{b7} feed {} mm/rev",
+        section.first_line,
+        section.last_line,
+        number(condition.spindle_rev_per_min, 5),
+        number(condition.feed_per_rev_mm, 4)
+    );
+    let mut cuts = vec![cut("programmed", condition)];
+    if !chip.broken
+        && let Some(&frequency_hz) = chip.recommended_frequencies_hz.first()
+    {
+        let mut suggested = CutCondition { frequency_hz, ..condition };
+        if !suggested.breaks_chip() {
+            // At half-integer D half the feed is enough; a little more breaks it with certainty.
+            suggested.amplitude_mm = 0.6 * condition.feed_per_rev_mm;
+        }
+        cuts.push(cut("suggested", suggested));
+    }
+    Some((subtitle, cuts))
+}
+
+fn cut(which: &str, condition: CutCondition) -> Cut {
+    let broken = condition.breaks_chip();
+    let heading = format!(
+        "{which}: {} Hz, amplitude {} mm",
+        number(condition.frequency_hz, 5),
+        number(condition.amplitude_mm, 3)
+    );
+    let per_rev = format!("{:.3} vibrations per revolution", condition.vibrations_per_rev());
+    let margin = condition.breaking_margin();
+    let verdict = if broken {
+        format!("{per_rev}: the chip breaks")
+    } else if margin == 0.0 {
+        format!("{per_rev}: in phase, no amplitude breaks the chip")
+    } else {
+        format!("{per_rev}: the amplitude is {} % of what breaks the chip", number(margin * 100.0, 2))
+    };
+    Cut { heading, verdict, broken, condition }
+}

@@ -1,0 +1,167 @@
+//! A validation report for people: findings, vibrating sections, summary. The same text whether the report came from
+//! this machine or from a service.
+
+mod section;
+
+use super::CliError;
+use super::findings;
+use super::source::Source;
+use super::terminal::{Style, count, counted, number};
+use crate::proto::{ProgramSummary, ValidationReport};
+
+/// The whole report.
+pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style) -> Result<String, CliError> {
+    let mut text = findings_text(report, source, style)?;
+    for (number, section) in (1..).zip(&report.sections) {
+        text.push_str(&section::text(number, section, style));
+        text.push('\n');
+    }
+    let summary = report.summary.as_ref();
+    if let Some(summary) = summary {
+        let not_listed = summary.section_count.saturating_sub(report.sections.len() as u64);
+        if not_listed > 0 {
+            text.push_str(&format!("{} more not listed.\n\n", counted(not_listed, "vibrating section")));
+        }
+        text.push_str(&summary_text(summary, style));
+    }
+    text.push_str(&verdict(report, &source.name, style));
+    text.push('\n');
+    Ok(text)
+}
+
+/// The findings alone.
+pub(super) fn findings_text(report: &ValidationReport, source: &mut Source, style: Style) -> Result<String, CliError> {
+    let mut text = findings::text(&report.findings, source, style)?;
+    let not_listed = report.summary.as_ref().map_or(0, |summary| summary.findings_not_listed);
+    if not_listed > 0 {
+        text.push_str(&format!("{} more not listed.\n\n", counted(not_listed, "finding")));
+    }
+    Ok(text)
+}
+
+/// One line: accepted or not, and how much was found.
+pub(super) fn verdict(report: &ValidationReport, name: &str, style: Style) -> String {
+    let summary = report.summary.clone().unwrap_or_default();
+    let counts = [(summary.errors, "error"), (summary.warnings, "warning"), (summary.infos, "note")];
+    let counts: Vec<_> =
+        counts.into_iter().filter(|(count, _)| *count > 0).map(|(count, noun)| counted(count, noun)).collect();
+    let found = if counts.is_empty() { "nothing found".to_owned() } else { counts.join(", ") };
+    let verdict = match (summary.errors, summary.warnings) {
+        (0, 0) => style.good("accepted"),
+        (0, _) => style.warning("accepted"),
+        _ => style.bad("rejected"),
+    };
+    format!("{}: {verdict}, {found}", style.bold(name))
+}
+
+/// Rows of a name and a text, aligned.
+struct Rows {
+    text: String,
+    style: Style,
+}
+
+impl Rows {
+    const fn new(style: Style) -> Self {
+        Self { text: String::new(), style }
+    }
+
+    fn heading(&mut self, heading: &str) {
+        self.text.push_str(&self.style.bold(heading));
+        self.text.push('\n');
+    }
+
+    fn row(&mut self, name: &str, value: impl AsRef<str>) {
+        self.text.push_str(&format!("  {} {}\n", self.style.faint(&format!("{name:<13}")), value.as_ref()));
+    }
+
+    /// A row of a table: the first cell to the left, the others to the right.
+    fn cells(&mut self, cells: &[String], widths: &[usize]) {
+        let mut line = String::from("  ");
+        for (position, (cell, &width)) in cells.iter().zip(widths).enumerate() {
+            if position == 0 {
+                line.push_str(&format!("{cell:<width$}"));
+            } else {
+                line.push_str(&format!("  {cell:>width$}"));
+            }
+        }
+        self.text.push_str(line.trim_end());
+        self.text.push('\n');
+    }
+
+    /// A table: the first row is its head.
+    fn table(&mut self, rows: &[Vec<String>]) {
+        let columns = rows.first().map_or(0, Vec::len);
+        let width = |column: usize| {
+            rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        for row in rows {
+            self.cells(row, &widths);
+        }
+    }
+}
+
+fn summary_text(summary: &ProgramSummary, style: Style) -> String {
+    let mut rows = Rows::new(style);
+    rows.heading("Program");
+    let tools: Vec<_> = summary.tools.iter().map(u32::to_string).collect();
+    let tools = if tools.is_empty() { String::new() } else { format!(", tools {}", tools.join(" ")) };
+    rows.row(
+        "size",
+        format!(
+            "{}, {}, {} ({} cutting){tools}",
+            counted(summary.bytes, "byte"),
+            counted(summary.lines, "line"),
+            counted(summary.moves, "move"),
+            count(summary.cutting_moves),
+        ),
+    );
+    rows.row(
+        "path",
+        format!("{} mm, of it {} mm cutting", number(summary.path_length_mm, 6), number(summary.cutting_length_mm, 6)),
+    );
+    if let Some(speed) = &summary.spindle_speed {
+        let (low, high) = (number(speed.min_rev_per_min, 5), number(speed.max_rev_per_min, 5));
+        let range = if low == high { low } else { format!("{low} to {high}") };
+        rows.row("spindle", format!("{range} rev/min while cutting"));
+    }
+    if summary.errors == 0 {
+        rows.row(
+            "time",
+            format!(
+                "{}: cutting {}, rapid {}, at rest {}",
+                duration(summary.duration_s),
+                duration(summary.cutting_time_s),
+                duration(summary.rapid_time_s),
+                duration(summary.rest_time_s)
+            ),
+        );
+        let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
+        rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));
+    }
+    if !summary.axes.is_empty() {
+        let head = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²"];
+        let mut table = vec![head.map(str::to_owned).to_vec()];
+        table.extend(summary.axes.iter().map(|axis| {
+            vec![
+                axis.name.clone(),
+                number(axis.min, 7),
+                number(axis.max, 7),
+                number(axis.peak_velocity_per_s * 60.0, 5),
+                number(axis.peak_acceleration_per_s2 / 1e3, 4),
+            ]
+        }));
+        rows.table(&table);
+    }
+    rows.text.push('\n');
+    rows.text
+}
+
+fn duration(seconds: f64) -> String {
+    if seconds < 60.0 {
+        return format!("{} s", number(seconds, 4));
+    }
+    let whole = seconds as u64;
+    let (hours, minutes, rest) = (whole / 3_600, whole % 3_600 / 60, whole % 60);
+    if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes} min {rest:02} s") }
+}

@@ -1,0 +1,223 @@
+//! The program that a command reads: a file, or standard input kept in a temporary file so that it can be read
+//! twice and its lines be shown.
+
+use std::fs::File;
+use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _};
+use std::path::Path;
+
+use super::CliError;
+
+/// Bytes read at once.
+const PIECE_BYTES: usize = 256 * 1024;
+/// Bytes shown before and after a place in a long line.
+const SHOWN_BYTES: usize = 90;
+/// Longest line kept to show a part of it; the language reads no longer ones.
+const LONGEST_LINE_BYTES: u64 = 65_536 + 3;
+
+/// A program that can be read again and again.
+#[derive(Debug)]
+pub(super) struct Source {
+    /// What findings call it.
+    pub(super) name: String,
+    /// Its size, bytes.
+    pub(super) size: u64,
+    file: File,
+    piece: Vec<u8>,
+}
+
+/// A place in the program as text to show.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Snippet {
+    /// The line, or the part of it around the place, with nothing unprintable.
+    pub(super) text: String,
+    /// Where the place begins in `text`, bytes.
+    pub(super) start: usize,
+    /// How much of `text` it covers, bytes.
+    pub(super) length: usize,
+}
+
+/// A place to show: line and column counted from 1, column and length in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) line: u32,
+    pub(super) column: u32,
+    pub(super) length: u32,
+}
+
+impl Source {
+    /// Opens a file; `-` is standard input.
+    pub(super) fn open(path: &Path) -> Result<Self, CliError> {
+        if path == Path::new("-") {
+            return Self::spool(io::stdin().lock(), "standard input");
+        }
+        let failed = |error: io::Error| CliError::file(path, &error);
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        let name = path.display().to_string();
+        if metadata.is_dir() {
+            return Err(CliError::trouble(format!("{name}: is a directory")));
+        }
+        if !metadata.is_file() {
+            return Self::spool(file, &name);
+        }
+        Ok(Self { name, size: metadata.len(), file, piece: vec![0; PIECE_BYTES] })
+    }
+
+    /// A program in memory.
+    pub(super) fn of_text(name: &str, text: &str) -> Result<Self, CliError> {
+        Self::spool(text.as_bytes(), name)
+    }
+
+    fn spool(mut input: impl io::Read, name: &str) -> Result<Self, CliError> {
+        let failed = |error: io::Error| CliError::written(name, &error);
+        let mut file = tempfile::tempfile().map_err(failed)?;
+        let size = io::copy(&mut input, &mut file).map_err(failed)?;
+        Ok(Self { name: name.to_owned(), size, file, piece: vec![0; PIECE_BYTES] })
+    }
+
+    /// Goes back to the first byte.
+    pub(super) fn rewind(&mut self) -> Result<(), CliError> {
+        self.seek(0)
+    }
+
+    /// Goes to a byte.
+    pub(super) fn seek(&mut self, offset: u64) -> Result<(), CliError> {
+        self.file.seek(io::SeekFrom::Start(offset)).map(drop).map_err(|error| self.failed(&error))
+    }
+
+    /// The next piece; empty at the end.
+    pub(super) fn next_piece(&mut self) -> Result<&[u8], CliError> {
+        match self.file.read(&mut self.piece) {
+            Ok(length) => Ok(&self.piece[..length]),
+            Err(error) => Err(self.failed(&error)),
+        }
+    }
+
+    fn failed(&self, error: &io::Error) -> CliError {
+        CliError::written(&self.name, error)
+    }
+
+    /// The text at each of these places, which ascend by line; `None` where the program has no such line. Reads
+    /// the program once and keeps only what is shown.
+    pub(super) fn snippets(&mut self, places: &[Place]) -> Result<Vec<Option<Snippet>>, CliError> {
+        self.rewind()?;
+        let mut reader = BufReader::with_capacity(PIECE_BYTES, &self.file);
+        let mut line_number = 0;
+        let mut line = Vec::new();
+        let mut snippets = Vec::with_capacity(places.len());
+        for place in places {
+            while line_number < place.line {
+                line.clear();
+                let wanted = line_number + 1 == place.line;
+                let read = if wanted { read_line(&mut reader, &mut line) } else { reader.skip_until(b'\n') };
+                if read.map_err(|error| CliError::written(&self.name, &error))? == 0 {
+                    break;
+                }
+                line_number += 1;
+                if line_number == 1 && line.starts_with(b"\xef\xbb\xbf") {
+                    line.drain(..3);
+                }
+            }
+            snippets.push((place.line > 0 && line_number == place.line).then(|| snippet(&line, place)));
+        }
+        Ok(snippets)
+    }
+}
+
+/// Reads a line, keeping no more of it than could be shown; returns the bytes consumed.
+fn read_line(reader: &mut impl io::BufRead, line: &mut Vec<u8>) -> io::Result<usize> {
+    let mut read = reader.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', line)?;
+    if read > 0 && line.last() != Some(&b'\n') {
+        read += reader.skip_until(b'\n')?;
+    }
+    while line.last().is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
+        line.pop();
+    }
+    Ok(read)
+}
+
+fn snippet(line: &[u8], place: &Place) -> Snippet {
+    let start = (place.column.max(1) as usize - 1).min(line.len());
+    let end = (start + place.length as usize).min(line.len());
+    let from = if line.len() <= 2 * SHOWN_BYTES { 0 } else { start.saturating_sub(SHOWN_BYTES) };
+    let to = if line.len() <= 2 * SHOWN_BYTES { line.len() } else { line.len().min(start + SHOWN_BYTES) };
+    let end = end.min(to);
+    let mut text = String::new();
+    if from > 0 {
+        text.push('…');
+    }
+    push_printable(&mut text, &line[from..start]);
+    let shown_start = text.len();
+    push_printable(&mut text, &line[start..end]);
+    let shown_end = text.len();
+    push_printable(&mut text, &line[end..to]);
+    if to < line.len() {
+        text.push('…');
+    }
+    Snippet { text, start: shown_start, length: shown_end - shown_start }
+}
+
+/// Appends bytes as text of one column per character: control characters as their pictures, what is not UTF-8 as �.
+fn push_printable(text: &mut String, bytes: &[u8]) {
+    for chunk in bytes.utf8_chunks() {
+        text.extend(chunk.valid().chars().map(|character| match character {
+            '\t' => ' ',
+            '\u{0}'..='\u{1f}' => char::from_u32(0x2400 + character as u32).unwrap_or('\u{fffd}'),
+            character if character.is_control() => '\u{fffd}',
+            character => character,
+        }));
+        text.extend(chunk.invalid().iter().map(|_| '\u{fffd}'));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(line: u32, column: u32, length: u32) -> Place {
+        Place { line, column, length }
+    }
+
+    fn shown(program: &str, place: Place) -> Option<(String, String)> {
+        let snippets = Source::of_text("p", program).unwrap().snippets(&[place]).unwrap();
+        let snippet = snippets.into_iter().next().unwrap()?;
+        let marked = snippet.text[snippet.start..snippet.start + snippet.length].to_owned();
+        Some((snippet.text, marked))
+    }
+
+    #[test]
+    fn places_are_found_whatever_the_line_ends_and_a_byte_order_mark() {
+        let program = "\u{feff}%\r\nG1 X10\r\nG2 Q3";
+        assert_eq!(shown(program, at(1, 1, 1)), Some(("%".to_owned(), "%".to_owned())));
+        assert_eq!(shown(program, at(2, 4, 3)), Some(("G1 X10".to_owned(), "X10".to_owned())));
+        assert_eq!(shown(program, at(3, 4, 2)), Some(("G2 Q3".to_owned(), "Q3".to_owned())));
+        assert_eq!(shown(program, at(3, 6, 0)), Some(("G2 Q3".to_owned(), String::new())));
+        assert_eq!(shown(program, at(4, 1, 1)), None);
+    }
+
+    #[test]
+    fn several_places_in_one_line_and_an_empty_line() {
+        let snippets = Source::of_text("p", "\nG1 G2\n").unwrap();
+        let places = [at(1, 1, 0), at(2, 1, 2), at(2, 4, 2)];
+        let texts: Vec<_> =
+            { snippets }.snippets(&places).unwrap().into_iter().map(|snippet| snippet.unwrap().start).collect();
+        assert_eq!(texts, [0, 0, 3]);
+    }
+
+    #[test]
+    fn a_long_line_is_shown_in_part_and_what_follows_it_is_still_found() {
+        let program = format!("{}X1{}\nM30\n", "G1 ".repeat(40_000), " Y2".repeat(40_000));
+        let (text, _) = shown(&program, at(1, 120_001, 2)).unwrap();
+        assert!(text.chars().count() < 200, "{text}");
+        let (text, marked) = shown(&program, at(1, 3_001, 2)).unwrap();
+        assert!(text.starts_with('…') && text.ends_with('…') && marked == "G1", "{text}");
+        assert_eq!(shown(&program, at(2, 1, 3)).unwrap().1, "M30");
+    }
+
+    #[test]
+    fn unprintable_bytes_keep_the_place() {
+        let mut text = String::new();
+        push_printable(&mut text, b"\x00\t\xffX");
+        assert_eq!(text, "\u{2400} \u{fffd}X");
+    }
+}

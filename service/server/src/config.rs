@@ -1,0 +1,357 @@
+//! Configuration of the service: defaults ← TOML file ← environment ← flags, later ones winning.
+//!
+//! Every key lives in a section. In the environment a key is `FEEDWAVE_<SECTION>__<KEY>`, for example
+//! `FEEDWAVE_GRPC__LISTEN`; variables without the double underscore are not keys, so that the ones a
+//! cluster sets for a service of this name do no harm. An unknown key, a wrong type and a value out of range are
+//! refused with the place, the key and the reason.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use figment::Figment;
+use figment::providers::{Env, Format, Serialized, Toml};
+use figment::value::Value;
+use serde::{Deserialize, Serialize};
+
+/// Exit code for configuration that cannot be used (`EX_CONFIG`).
+pub const EXIT_CONFIG: u8 = 78;
+/// Environment variables of this service start with it.
+pub const ENV_PREFIX: &str = "FEEDWAVE_";
+
+/// Everything that can be set.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// The gRPC port.
+    pub grpc: GrpcConfig,
+    /// The read-only HTTP port.
+    pub http: HttpConfig,
+    /// The database.
+    pub database: DatabaseConfig,
+    /// Sizes and counts.
+    pub limits: Limits,
+    /// The log.
+    pub log: LogConfig,
+    /// Export of traces.
+    pub telemetry: TelemetryConfig,
+}
+
+/// The gRPC port.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GrpcConfig {
+    /// Address and port; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// Encryption; absent: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls: Option<TlsConfig>,
+}
+
+impl Default for GrpcConfig {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 50_051)), tls: None }
+    }
+}
+
+/// Encryption of the gRPC port.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsConfig {
+    /// File with the certificate chain, PEM.
+    pub cert: PathBuf,
+    /// File with the private key, PEM.
+    pub key: PathBuf,
+    /// File with the certificates that clients must be signed by, PEM; absent: any client.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub client_ca: Option<PathBuf>,
+}
+
+/// The read-only HTTP port.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HttpConfig {
+    /// Address and port; port 0 takes a free one.
+    pub listen: SocketAddr,
+}
+
+impl Default for HttpConfig {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)) }
+    }
+}
+
+/// The database.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DatabaseConfig {
+    /// File of the SQLite database; created where there is none.
+    pub path: PathBuf,
+}
+
+impl Default for DatabaseConfig {
+    fn default() -> Self {
+        Self { path: PathBuf::from("feedwave.db") }
+    }
+}
+
+/// Sizes and counts that bound what clients can ask for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest program sent inline, bytes.
+    pub inline_program_bytes: u64,
+    /// Largest uploaded program, bytes.
+    pub upload_bytes: u64,
+    /// Largest request message, bytes.
+    pub message_bytes: usize,
+    /// Calls under way at once, streams included.
+    pub concurrent_requests: usize,
+    /// Setpoint streams open at once.
+    pub concurrent_streams: usize,
+    /// Streams that one connection may have open at once.
+    pub streams_per_connection: u32,
+    /// Programs validated at once.
+    pub validation_workers: usize,
+    /// How long open calls may take to finish when the service ends, s.
+    pub drain_s: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            inline_program_bytes: 1 << 20,
+            upload_bytes: 2 << 30,
+            message_bytes: 4 << 20,
+            concurrent_requests: 1_024,
+            concurrent_streams: 64,
+            streams_per_connection: 128,
+            validation_workers: std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
+            drain_s: 10,
+        }
+    }
+}
+
+impl Limits {
+    /// [`Limits::drain_s`]
+    #[must_use]
+    pub const fn drain(&self) -> Duration {
+        Duration::from_secs(self.drain_s)
+    }
+}
+
+/// Form of the log lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// For people.
+    #[default]
+    Text,
+    /// One JSON object per line.
+    Json,
+}
+
+/// The log, written to standard error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LogConfig {
+    /// Form of the lines.
+    pub format: LogFormat,
+    /// Level, or directives such as `info,feedwave=debug`.
+    pub level: String,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        Self { format: LogFormat::Text, level: "info".to_owned() }
+    }
+}
+
+/// Export of traces by OpenTelemetry.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TelemetryConfig {
+    /// OTLP endpoint over gRPC, such as `http://collector:4317`; absent: nothing is exported.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub otlp_endpoint: Option<String>,
+}
+
+/// One thing that makes configuration unusable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigProblem {
+    /// Where it was set: a file, an environment variable, a flag.
+    pub place: String,
+    /// Its key, such as `grpc.listen`; empty where the problem is with the whole place.
+    pub key: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+/// Configuration that cannot be used, with everything that is wrong with it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError(pub Vec<ConfigProblem>);
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, problem) in self.0.iter().enumerate() {
+            if index > 0 {
+                f.write_str("\n")?;
+            }
+            write!(f, "{}: ", problem.place)?;
+            if !problem.key.is_empty() {
+                write!(f, "{}: ", problem.key)?;
+            }
+            f.write_str(&problem.reason)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+/// Values from flags, by key; absent ones are skipped.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides(Vec<(&'static str, Value)>);
+
+impl Overrides {
+    /// Sets a key where the flag was given.
+    #[must_use]
+    pub fn set(mut self, key: &'static str, value: Option<impl Into<Value>>) -> Self {
+        self.0.extend(value.map(|value| (key, value.into())));
+        self
+    }
+}
+
+impl Config {
+    /// Reads configuration from everywhere and checks it.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with every problem found.
+    pub fn load(file: Option<&Path>, flags: &Overrides) -> Result<Self, ConfigError> {
+        let mut figment = Figment::from(Serialized::defaults(Self::default()));
+        if let Some(path) = file {
+            if !path.is_file() {
+                let reason = "there is no such file".to_owned();
+                return Err(ConfigError(vec![ConfigProblem {
+                    place: path.display().to_string(),
+                    key: String::new(),
+                    reason,
+                }]));
+            }
+            figment = figment.merge(Toml::file_exact(path));
+        }
+        figment = figment.merge(Env::prefixed(ENV_PREFIX).filter(|key| key.as_str().contains("__")).split("__"));
+        for (key, value) in &flags.0 {
+            figment = figment.merge(Flag { key, value });
+        }
+        let config: Self = figment.extract().map_err(|errors| {
+            let problem = |error: figment::Error| {
+                let key = key_of(&error);
+                ConfigProblem { place: place_of(error.metadata.as_ref(), &key), key, reason: reason_of(&error.kind) }
+            };
+            ConfigError(errors.into_iter().map(problem).collect())
+        })?;
+        let problems: Vec<ConfigProblem> = config
+            .problems()
+            .into_iter()
+            .map(|(key, reason)| {
+                let place = place_of(figment.find_metadata(key), key);
+                ConfigProblem { place, key: key.to_owned(), reason }
+            })
+            .collect();
+        if problems.is_empty() { Ok(config) } else { Err(ConfigError(problems)) }
+    }
+
+    /// Values of the right type that still cannot be used, by key.
+    fn problems(&self) -> Vec<(&'static str, String)> {
+        let limits = &self.limits;
+        let mut problems = Vec::new();
+        let mut range = |key, value: u64, low: u64, high: u64| {
+            if !(low..=high).contains(&value) {
+                problems.push((key, format!("must be {low} to {high}, is {value}")));
+            }
+        };
+        let message_bytes = limits.message_bytes as u64;
+        range("limits.message_bytes", message_bytes, 64 << 10, 256 << 20);
+        // What surrounds an inline program in its message takes room too.
+        range("limits.inline_program_bytes", limits.inline_program_bytes, 1, message_bytes.saturating_sub(32 << 10));
+        range("limits.upload_bytes", limits.upload_bytes, 1, 1 << 40);
+        range("limits.concurrent_requests", limits.concurrent_requests as u64, 1, 1_000_000);
+        range("limits.concurrent_streams", limits.concurrent_streams as u64, 1, 10_000);
+        range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
+        range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
+        range("limits.drain_s", limits.drain_s, 0, 3_600);
+        if self.database.path.as_os_str().is_empty() {
+            problems.push(("database.path", "must not be empty".to_owned()));
+        }
+        if let Err(error) = tracing_subscriber::EnvFilter::try_new(&self.log.level) {
+            problems.push(("log.level", error.to_string()));
+        }
+        if let Some(endpoint) = &self.telemetry.otlp_endpoint {
+            let sound = endpoint.parse::<http::Uri>().is_ok_and(|uri| uri.scheme().is_some() && uri.host().is_some());
+            if !sound {
+                problems.push(("telemetry.otlp_endpoint", format!("must be a URL with a scheme, is {endpoint:?}")));
+            }
+        }
+        if let Some(tls) = &self.grpc.tls {
+            let files = [("grpc.tls.cert", Some(&tls.cert)), ("grpc.tls.key", Some(&tls.key))];
+            for (key, path) in files.into_iter().chain([("grpc.tls.client_ca", tls.client_ca.as_ref())]) {
+                if let Some(error) = path.and_then(|path| std::fs::File::open(path).err().map(|e| (path, e))) {
+                    problems.push((key, format!("{}: {}", error.0.display(), error.1)));
+                }
+            }
+        }
+        problems
+    }
+}
+
+/// One flag as a source of configuration.
+struct Flag<'a> {
+    key: &'a str,
+    value: &'a Value,
+}
+
+impl figment::Provider for Flag<'_> {
+    fn metadata(&self) -> figment::Metadata {
+        figment::Metadata::named("command line")
+    }
+
+    fn data(&self) -> Result<figment::value::Map<figment::Profile, figment::value::Dict>, figment::Error> {
+        let nested = figment::util::nest(self.key, self.value.clone());
+        let dict = nested.into_dict().unwrap_or_default();
+        Ok(figment::value::Map::from([(figment::Profile::Default, dict)]))
+    }
+}
+
+fn place_of(metadata: Option<&figment::Metadata>, key: &str) -> String {
+    match metadata {
+        Some(figment::Metadata { source: Some(figment::Source::File(path)), .. }) => path.display().to_string(),
+        Some(metadata) if metadata.name.contains("environment") => {
+            format!("environment variable {ENV_PREFIX}{}", key.to_ascii_uppercase().replace('.', "__"))
+        }
+        Some(metadata) => metadata.name.to_string(),
+        None => "configuration".to_owned(),
+    }
+}
+
+fn reason_of(kind: &figment::error::Kind) -> String {
+    match kind {
+        figment::error::Kind::UnknownField(_, known) => format!("unknown key, known are {}", known.join(", ")),
+        kind => kind.to_string(),
+    }
+}
+
+/// The key that an error is about. An unknown field is named by the error's kind, not by its path.
+fn key_of(error: &figment::Error) -> String {
+    let mut path = error.path.clone();
+    if let figment::error::Kind::UnknownField(field, _) = &error.kind
+        && path.last() != Some(field)
+    {
+        path.push(field.clone());
+    }
+    path.join(".")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,349 @@
+//! Machine profiles, both ways.
+
+use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
+use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
+use feedwave_program::{
+    Axis, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, Position, XWord,
+};
+
+use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
+use crate::error::Violations;
+use crate::proto;
+
+/// A profile as the pipeline needs it. What the message leaves open is filled in; what makes the profile unusable
+/// is added to `violations`, each with its field below `field`.
+pub fn profile_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    profile: &proto::MachineProfile,
+) -> Option<MachineProfile> {
+    let mut inner = Violations::default();
+    let converted = convert_profile(&mut inner, profile);
+    if inner.is_empty()
+        && let Some(converted) = &converted
+    {
+        for problem in converted.problems() {
+            inner.add(contract_field(&problem.field), problem.message);
+        }
+    }
+    let sound = inner.is_empty();
+    violations.extend(field, inner);
+    converted.filter(|_| sound)
+}
+
+/// Positions are indexed in the pipeline and have one field per letter in the contract.
+fn contract_field(field: &str) -> String {
+    let position = |prefix: &str| field.starts_with("language.") && prefix.ends_with(['n', ']']);
+    let Some((prefix, index)) = field.strip_suffix(']').and_then(|field| field.rsplit_once('[')) else {
+        return field.to_owned();
+    };
+    match index.parse::<usize>().ok().and_then(|index| Axis::ALL.get(index)) {
+        Some(axis) if position(prefix) => format!("{prefix}.{}", axis.letter().to_ascii_lowercase()),
+        _ => field.to_owned(),
+    }
+}
+
+fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile) -> Option<MachineProfile> {
+    let Some(model) = &profile.machine else {
+        violations.add("machine", "must be set");
+        return None;
+    };
+    let machine = machine_from_proto(violations, model);
+    let kind = machine.as_ref().map_or(MachineKind::Lathe, |machine| machine.kind);
+    let language = language_from_proto(violations, &profile.language.clone().unwrap_or_default(), kind);
+    let vibration = vibration_from_proto(violations, profile.vibration.unwrap_or_default());
+    let following = profile.following.unwrap_or_default();
+    Some(MachineProfile {
+        language: language?,
+        machine: machine?,
+        vibration: vibration?,
+        following: FollowingModel {
+            filter_length_s: following.filter_length_s,
+            position_loop_gain_per_s: following.position_loop_gain_per_s,
+        },
+    })
+}
+
+fn machine_from_proto(violations: &mut Violations, model: &proto::MachineModel) -> Option<Machine> {
+    let kind = match enumeration(violations, "machine.kind", model.kind)? {
+        proto::MachineKind::Unspecified => {
+            violations.add("machine.kind", "must be set");
+            return None;
+        }
+        proto::MachineKind::Lathe => MachineKind::Lathe,
+        proto::MachineKind::Mill => MachineKind::Mill,
+    };
+    let axes: Vec<Option<MachineAxis>> = model
+        .axes
+        .iter()
+        .enumerate()
+        .map(|(index, axis)| axis_from_proto(violations, &format!("machine.axes[{index}]"), axis))
+        .collect();
+    let axes = axes.into_iter().collect::<Option<Vec<_>>>()?;
+    Some(Machine { kind, axes, max_spindle_rev_per_min: model.max_spindle_rev_per_min })
+}
+
+fn axis_from_proto(violations: &mut Violations, field: &str, axis: &proto::MachineAxis) -> Option<MachineAxis> {
+    let letter_field = format!("{field}.axis");
+    let letter: Option<proto::AxisLetter> = enumeration(violations, &letter_field, axis.axis);
+    if letter == Some(proto::AxisLetter::Unspecified) {
+        violations.add(letter_field, "must be set");
+    }
+    let carried_by = match enumeration(violations, &format!("{field}.carried_by"), axis.carried_by)? {
+        proto::CarriedBy::Unspecified | proto::CarriedBy::Tool => CarriedBy::Tool,
+        proto::CarriedBy::Workpiece => CarriedBy::Workpiece,
+    };
+    // The letters are numbered from 1 in the order of `Axis::ALL`.
+    let letter = Axis::ALL.get((letter? as usize).checked_sub(1)?)?;
+    Some(MachineAxis {
+        name: axis.name.clone(),
+        axis: *letter,
+        max_velocity_per_s: axis.max_velocity_per_s,
+        max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        max_jerk_per_s3: axis.max_jerk_per_s3,
+        travel_min: axis.travel_min,
+        travel_max: axis.travel_max,
+        carried_by,
+    })
+}
+
+fn language_from_proto(
+    violations: &mut Violations,
+    language: &proto::LanguageSettings,
+    kind: MachineKind,
+) -> Option<LanguageSettings> {
+    let dialect = match enumeration(violations, "language.dialect", language.dialect) {
+        Some(proto::Dialect::Mill) => DialectName::Mill,
+        Some(proto::Dialect::Lathe) => DialectName::Lathe,
+        Some(proto::Dialect::Unspecified) | None => match kind {
+            MachineKind::Lathe => DialectName::Lathe,
+            MachineKind::Mill => DialectName::Mill,
+        },
+    };
+    let usual = match dialect {
+        DialectName::Lathe => LanguageSettings::default(),
+        DialectName::Mill => LanguageSettings::mill(),
+    };
+    let decimal_point = enumeration(violations, "language.decimal_point", language.decimal_point);
+    let x_word = enumeration(violations, "language.x_word", language.x_word);
+    let feed_mode = enumeration(violations, "language.initial_feed_mode", language.initial_feed_mode);
+    let dwell_unit = enumeration(violations, "language.dwell_p_unit", language.dwell_p_unit);
+    let mut work_offsets = usual.work_offsets;
+    if language.work_offsets.len() > work_offsets.len() {
+        let count = language.work_offsets.len();
+        violations.add("language.work_offsets", format!("must list at most {}, lists {count}", work_offsets.len()));
+    }
+    for (offset, given) in work_offsets.iter_mut().zip(&language.work_offsets) {
+        *offset = position_from_proto(given);
+    }
+    let position = |given: &Option<proto::AxisPosition>, usual| given.as_ref().map_or(usual, position_from_proto);
+    Some(LanguageSettings {
+        dialect,
+        decimal_point: match decimal_point? {
+            proto::DecimalPointRule::Unspecified => usual.decimal_point,
+            proto::DecimalPointRule::Calculator => DecimalPointRule::Calculator,
+            proto::DecimalPointRule::LeastIncrement => DecimalPointRule::LeastIncrement,
+        },
+        x_word: match x_word? {
+            proto::XWord::Unspecified => usual.x_word,
+            proto::XWord::Diameter => XWord::Diameter,
+            proto::XWord::Radius => XWord::Radius,
+        },
+        initial_feed_mode: match feed_mode? {
+            proto::FeedMode::Unspecified => usual.initial_feed_mode,
+            proto::FeedMode::PerMinute => FeedMode::PerMinute,
+            proto::FeedMode::PerRevolution => FeedMode::PerRevolution,
+        },
+        initial_inch: language.initial_inch,
+        dwell_p_unit: match dwell_unit? {
+            proto::DwellUnit::Unspecified => usual.dwell_p_unit,
+            proto::DwellUnit::Milliseconds => DwellUnit::Milliseconds,
+            proto::DwellUnit::Seconds => DwellUnit::Seconds,
+        },
+        block_delete: language.block_delete,
+        path_vibration: language
+            .path_vibration
+            .map_or(usual.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        work_offsets,
+        reference_position: position(&language.reference_position, usual.reference_position),
+        initial_position: position(&language.initial_position, usual.initial_position),
+        arc_radius_tolerance_mm: language.arc_radius_tolerance_mm.unwrap_or(usual.arc_radius_tolerance_mm),
+        max_line_bytes: language.max_line_bytes.unwrap_or(usual.max_line_bytes),
+    })
+}
+
+fn vibration_from_proto(violations: &mut Violations, vibration: proto::VibrationSettings) -> Option<VibrationSettings> {
+    let usual = VibrationSettings::default();
+    let mode = enumeration(violations, "vibration.generation_mode", vibration.generation_mode)?;
+    Some(VibrationSettings {
+        generation_mode: generation_mode_from_proto(mode).unwrap_or(usual.generation_mode),
+        max_frequency_hz: vibration.max_frequency_hz.unwrap_or(usual.max_frequency_hz),
+        max_amplitude_mm: vibration.max_amplitude_mm.unwrap_or(usual.max_amplitude_mm),
+        contour_tolerance_mm: vibration.contour_tolerance_mm.unwrap_or(usual.contour_tolerance_mm),
+        servo_substeps: vibration.servo_substeps.unwrap_or(usual.servo_substeps),
+    })
+}
+
+/// A profile as the contract has it, with every value stated.
+#[must_use]
+pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
+    let vibration = &profile.vibration;
+    proto::MachineProfile {
+        language: Some(language_to_proto(&profile.language)),
+        machine: Some(machine_to_proto(&profile.machine)),
+        vibration: Some(proto::VibrationSettings {
+            generation_mode: generation_mode_to_proto(vibration.generation_mode).into(),
+            max_frequency_hz: Some(vibration.max_frequency_hz),
+            max_amplitude_mm: Some(vibration.max_amplitude_mm),
+            contour_tolerance_mm: Some(vibration.contour_tolerance_mm),
+            servo_substeps: Some(vibration.servo_substeps),
+        }),
+        following: Some(proto::FollowingModel {
+            filter_length_s: profile.following.filter_length_s,
+            position_loop_gain_per_s: profile.following.position_loop_gain_per_s,
+        }),
+    }
+}
+
+fn machine_to_proto(machine: &Machine) -> proto::MachineModel {
+    let kind = match machine.kind {
+        MachineKind::Lathe => proto::MachineKind::Lathe,
+        MachineKind::Mill => proto::MachineKind::Mill,
+    };
+    proto::MachineModel {
+        kind: kind.into(),
+        axes: machine.axes.iter().map(axis_to_proto).collect(),
+        max_spindle_rev_per_min: machine.max_spindle_rev_per_min,
+    }
+}
+
+fn axis_to_proto(axis: &MachineAxis) -> proto::MachineAxis {
+    let carried_by = match axis.carried_by {
+        CarriedBy::Tool => proto::CarriedBy::Tool,
+        CarriedBy::Workpiece => proto::CarriedBy::Workpiece,
+    };
+    proto::MachineAxis {
+        name: axis.name.clone(),
+        axis: axis.axis.index() as i32 + 1,
+        max_velocity_per_s: axis.max_velocity_per_s,
+        max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        max_jerk_per_s3: axis.max_jerk_per_s3,
+        travel_min: axis.travel_min,
+        travel_max: axis.travel_max,
+        carried_by: carried_by.into(),
+    }
+}
+
+fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
+    let dialect = match language.dialect {
+        DialectName::Lathe => proto::Dialect::Lathe,
+        DialectName::Mill => proto::Dialect::Mill,
+    };
+    let decimal_point = match language.decimal_point {
+        DecimalPointRule::Calculator => proto::DecimalPointRule::Calculator,
+        DecimalPointRule::LeastIncrement => proto::DecimalPointRule::LeastIncrement,
+    };
+    let x_word = match language.x_word {
+        XWord::Diameter => proto::XWord::Diameter,
+        XWord::Radius => proto::XWord::Radius,
+    };
+    let feed_mode = match language.initial_feed_mode {
+        FeedMode::PerMinute => proto::FeedMode::PerMinute,
+        FeedMode::PerRevolution => proto::FeedMode::PerRevolution,
+    };
+    let dwell_unit = match language.dwell_p_unit {
+        DwellUnit::Milliseconds => proto::DwellUnit::Milliseconds,
+        DwellUnit::Seconds => proto::DwellUnit::Seconds,
+    };
+    proto::LanguageSettings {
+        dialect: dialect.into(),
+        decimal_point: decimal_point.into(),
+        x_word: x_word.into(),
+        initial_feed_mode: feed_mode.into(),
+        initial_inch: language.initial_inch,
+        dwell_p_unit: dwell_unit.into(),
+        block_delete: language.block_delete,
+        path_vibration: Some(proto::FunctionCodes { on: language.path_vibration.on, off: language.path_vibration.off }),
+        work_offsets: language.work_offsets.iter().map(position_to_proto).collect(),
+        reference_position: Some(position_to_proto(&language.reference_position)),
+        initial_position: Some(position_to_proto(&language.initial_position)),
+        arc_radius_tolerance_mm: Some(language.arc_radius_tolerance_mm),
+        max_line_bytes: Some(language.max_line_bytes),
+    }
+}
+
+fn position_from_proto(position: &proto::AxisPosition) -> Position {
+    let proto::AxisPosition { x, y, z, a, b, c, u, v, w } = *position;
+    [x, y, z, a, b, c, u, v, w]
+}
+
+fn position_to_proto(position: &Position) -> proto::AxisPosition {
+    let [x, y, z, a, b, c, u, v, w] = *position;
+    proto::AxisPosition { x, y, z, a, b, c, u, v, w }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from_proto(profile: &proto::MachineProfile) -> Result<MachineProfile, Vec<(String, String)>> {
+        let mut violations = Violations::default();
+        let converted = profile_from_proto(&mut violations, "profile", profile);
+        let found = |v: &crate::error::Violation| (v.field.clone(), v.description.clone());
+        converted.ok_or_else(|| violations.as_slice().iter().map(found).collect())
+    }
+
+    #[test]
+    fn profiles_survive_the_round_trip() {
+        let mut lathe = MachineProfile::lathe();
+        lathe.machine.axes[0].travel_max = Some(200.0);
+        lathe.machine.axes[1].carried_by = CarriedBy::Workpiece;
+        lathe.language.work_offsets[2][5] = 90.0;
+        lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
+        lathe.following.filter_length_s = Some(0.02);
+        for profile in [lathe, MachineProfile::lathe(), MachineProfile::mill()] {
+            assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
+        }
+    }
+
+    #[test]
+    fn what_is_left_open_is_as_usual_for_the_machine() {
+        for usual in [MachineProfile::lathe(), MachineProfile::mill()] {
+            let machine = profile_to_proto(&usual).machine;
+            let sparse = proto::MachineProfile { machine, ..Default::default() };
+            assert_eq!(from_proto(&sparse), Ok(usual));
+        }
+    }
+
+    #[test]
+    fn everything_wrong_is_reported_at_once_with_its_field() {
+        let mut profile = profile_to_proto(&MachineProfile::mill());
+        profile.machine.as_mut().unwrap().axes[1].max_jerk_per_s3 = -1.0;
+        profile.machine.as_mut().unwrap().axes[2].name = String::new();
+        profile.language.as_mut().unwrap().work_offsets[3].b = f64::NAN;
+        profile.vibration.as_mut().unwrap().servo_substeps = Some(0);
+        let found = from_proto(&profile).unwrap_err();
+        let fields: Vec<_> = found.iter().map(|(field, _)| field.as_str()).collect();
+        for field in [
+            "profile.machine.axes[1].max_jerk_per_s3",
+            "profile.machine.axes[2].name",
+            "profile.language.work_offsets[3].b",
+            "profile.vibration.servo_substeps",
+        ] {
+            assert!(fields.contains(&field), "{field} not in {fields:?}");
+        }
+    }
+
+    #[test]
+    fn values_that_are_none_and_missing_parts_are_reported() {
+        let found = from_proto(&proto::MachineProfile::default()).unwrap_err();
+        assert_eq!(found[0].0, "profile.machine");
+        let mut profile = profile_to_proto(&MachineProfile::lathe());
+        profile.machine.as_mut().unwrap().axes[0].axis = 0;
+        profile.language.as_mut().unwrap().dialect = 40;
+        let found = from_proto(&profile).unwrap_err();
+        let fields: Vec<_> = found.iter().map(|(field, _)| field.as_str()).collect();
+        assert!(fields.contains(&"profile.machine.axes[0].axis"), "{fields:?}");
+        assert!(fields.contains(&"profile.language.dialect"), "{fields:?}");
+    }
+}

@@ -1,0 +1,155 @@
+//! What works between calls and the pure pipeline: validation of jobs in the background, and generation of
+//! setpoints for streams. Every pipeline runs on a blocking thread, looks at its cancellation token between
+//! blocks, and never holds more than a few blocks.
+
+mod active;
+mod columns;
+mod expand;
+mod source;
+mod stream;
+mod validation;
+mod worker;
+
+use std::sync::Arc;
+
+use feedwave_cutting::{MachineProfile, PipelineConfig};
+use feedwave_store::{CheckpointSet, JobDetail, Store};
+use tokio::sync::{Notify, Semaphore};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+use uuid::Uuid;
+
+pub use active::{ActiveJobs, JobGuard};
+pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
+pub use expand::Expander;
+pub(crate) use stream::beyond_end;
+pub use stream::{Generator, StreamPlan, StreamStart};
+
+use crate::config::Limits;
+use crate::convert;
+use crate::error::{Error, Result, Violations};
+use crate::observability::VERSION;
+use crate::observability::metrics::Metrics;
+use crate::{json, proto};
+
+/// The engine of one server. Cloning is cheap.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    store: Store,
+    metrics: Arc<Metrics>,
+    limits: Limits,
+    /// Work that cancelling or deleting a job has to end.
+    active: ActiveJobs,
+    stream_places: Arc<Semaphore>,
+    /// Places for validations on request; the background workers have their own.
+    validation_places: Arc<Semaphore>,
+    wake: Notify,
+    /// Cancelled when the service begins to end.
+    draining: CancellationToken,
+    tasks: TaskTracker,
+}
+
+impl std::fmt::Debug for Inner {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Engine").field("limits", &self.limits).finish_non_exhaustive()
+    }
+}
+
+impl Engine {
+    /// An engine that does nothing yet; [`Engine::start`] sets the workers going.
+    #[must_use]
+    pub fn new(store: Store, metrics: Arc<Metrics>, limits: Limits, draining: CancellationToken) -> Self {
+        let inner = Inner {
+            stream_places: Arc::new(Semaphore::new(limits.concurrent_streams)),
+            validation_places: Arc::new(Semaphore::new(limits.validation_workers)),
+            store,
+            metrics,
+            limits,
+            active: ActiveJobs::default(),
+            wake: Notify::new(),
+            draining,
+            tasks: TaskTracker::new(),
+        };
+        Self { inner: Arc::new(inner) }
+    }
+
+    /// Takes up jobs that wait for validation, those that an earlier run of the service left behind included.
+    pub fn start(&self) {
+        let engine = self.clone();
+        self.inner.tasks.spawn(async move { worker::run(engine).await });
+    }
+
+    /// Says that there is a new job to validate.
+    pub fn wake(&self) {
+        self.inner.wake.notify_one();
+    }
+
+    /// Registers work on a job, so that cancelling the job ends it.
+    #[must_use]
+    pub fn enter(&self, id: Uuid) -> JobGuard {
+        self.inner.active.enter(id)
+    }
+
+    /// Ends the work on a job: its validation and its streams.
+    pub fn cancel_job(&self, id: Uuid) {
+        self.inner.active.cancel(id);
+    }
+
+    /// The token that is cancelled when the service begins to end.
+    #[must_use]
+    pub fn draining(&self) -> &CancellationToken {
+        &self.inner.draining
+    }
+
+    /// Waits until nothing works any more; call once [`Engine::draining`] is cancelled.
+    pub async fn stopped(&self) {
+        self.inner.tasks.close();
+        self.inner.tasks.wait().await;
+    }
+}
+
+/// Configuration of the pipeline for a stored job.
+///
+/// # Errors
+/// [`Error::Internal`] when the stored documents cannot be read.
+pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
+    let profile: proto::MachineProfile = json::from_stored(detail.machine_snapshot.get())?;
+    let settings = job_settings(detail)?;
+    Ok(PipelineConfig {
+        interpolation_period_us: settings.interpolation_period_us,
+        generation_mode: convert::generation_mode_from_proto(settings.generation_mode())
+            .ok_or_else(|| Error::internal("a stored job has no generation mode"))?,
+        tools: settings.tools.iter().map(convert::tool_for_pipeline).collect(),
+        ..PipelineConfig::new(stored_profile(&profile)?)
+    })
+}
+
+/// Settings of a stored job.
+///
+/// # Errors
+/// [`Error::Internal`] when the stored document cannot be read.
+pub fn job_settings(detail: &JobDetail) -> Result<proto::JobSettings> {
+    json::from_stored(detail.settings.get())
+}
+
+/// A profile that was checked before it was stored.
+fn stored_profile(profile: &proto::MachineProfile) -> Result<MachineProfile> {
+    let mut violations = Violations::default();
+    convert::profile_from_proto(&mut violations, "profile", profile)
+        .ok_or_else(|| Error::internal(format!("a stored profile is refused: {:?}", violations.as_slice())))
+}
+
+/// Which stored checkpoints fit a run of the pipeline over a job.
+fn checkpoint_set(job_id: Uuid, config: &PipelineConfig) -> CheckpointSet {
+    let mode = convert::generation_mode_to_proto(config.generation_mode).as_str_name();
+    CheckpointSet {
+        job_id,
+        interpolation_period_us: config.interpolation_period_us,
+        // Another version may plan otherwise: its checkpoints are not ours.
+        generation_key: format!("{mode}/{VERSION}"),
+    }
+}

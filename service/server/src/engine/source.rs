@@ -1,0 +1,67 @@
+//! Where a pipeline's program bytes come from.
+
+use bytes::Bytes;
+use feedwave_store::{CHUNK_BYTES, ProgramId, Programs as _, Store};
+use tokio::runtime::Handle;
+
+use crate::error::Result;
+
+/// Program bytes in order. Reads block: use it on a blocking thread.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// A program at hand.
+    Memory(Option<Bytes>),
+    /// A stored program.
+    Stored(StoredSource),
+}
+
+/// A stored program, read chunk by chunk.
+#[derive(Debug)]
+pub(super) struct StoredSource {
+    store: StoreHandle,
+    id: ProgramId,
+    size_bytes: u64,
+    offset: u64,
+    runtime: Handle,
+}
+
+/// The store, without its insides in debug output.
+struct StoreHandle(Store);
+
+impl std::fmt::Debug for StoreHandle {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Store")
+    }
+}
+
+impl Source {
+    /// A program at hand, in pieces that a pipeline digests well.
+    pub(super) const fn memory(program: Bytes) -> Self {
+        Self::Memory(Some(program))
+    }
+
+    /// A stored program from `offset` on. Call inside a runtime.
+    pub(super) fn stored(store: Store, id: ProgramId, size_bytes: u64, offset: u64) -> Self {
+        Self::Stored(StoredSource { store: StoreHandle(store), id, size_bytes, offset, runtime: Handle::current() })
+    }
+
+    /// The next bytes; `None` at the end.
+    pub(super) fn next(&mut self) -> Result<Option<Bytes>> {
+        match self {
+            Self::Memory(program) => Ok(program.take()),
+            Self::Stored(stored) => stored.next(),
+        }
+    }
+}
+
+impl StoredSource {
+    fn next(&mut self) -> Result<Option<Bytes>> {
+        if self.offset >= self.size_bytes {
+            return Ok(None);
+        }
+        let chunk = self.runtime.block_on(self.store.0.program_chunk(self.id, self.offset / CHUNK_BYTES))?;
+        let piece = chunk.slice((self.offset % CHUNK_BYTES) as usize..);
+        self.offset += piece.len() as u64;
+        Ok(Some(piece))
+    }
+}

@@ -1,0 +1,340 @@
+//! Generation of a stream of setpoints: from the nearest checkpoint to the end of the program, chunk by chunk, on
+//! a blocking thread that waits whenever the reader does.
+
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll};
+
+use feedwave_cutting::{Pipeline, PipelineConfig, Step};
+use feedwave_program::Severity;
+use feedwave_store::{Checkpoints as _, JobDetail};
+use futures_util::Stream;
+use tokio::runtime::Handle;
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+use tokio_util::sync::{CancellationToken, DropGuard};
+
+use super::columns::{ChunkWriter, ColumnSet};
+use super::expand::Expander;
+use super::source::Source;
+use super::{Engine, JobGuard, checkpoint_set};
+use crate::error::{Error, Result};
+use crate::names;
+use crate::observability::metrics::GaugeGuard;
+use crate::proto;
+
+/// Chunks that wait between the generator and the connection. With the one being filled this is all that a stream
+/// holds in memory.
+const CHUNKS_IN_FLIGHT: usize = 2;
+
+/// What a client wants to have streamed, checked.
+#[derive(Clone, Debug)]
+pub struct StreamPlan {
+    /// Configuration of the pipeline.
+    pub config: PipelineConfig,
+    /// Columns and their encoding.
+    pub columns: ColumnSet,
+    /// Setpoints per chunk.
+    pub chunk_size: usize,
+    /// Servo periods per interpolation period where the stream is expanded to them.
+    pub expand: Option<u32>,
+    /// Index of the first setpoint to send.
+    pub first_index: u64,
+}
+
+/// Where a client wants a stream to start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StreamStart {
+    /// At this setpoint.
+    Index(u64),
+    /// At the first setpoint at or after this time, s.
+    Time(f64),
+}
+
+impl StreamStart {
+    /// Index of the first setpoint at `period_us` from one to the next.
+    #[must_use]
+    pub fn index(self, period_us: f64) -> u64 {
+        /// A time that falls on a setpoint but for rounding means that setpoint.
+        const ROUNDING_PERIODS: f64 = 1e-6;
+        match self {
+            Self::Index(index) => index,
+            Self::Time(time_s) => (time_s * 1e6 / period_us - ROUNDING_PERIODS).ceil().max(0.0) as u64,
+        }
+    }
+}
+
+/// A running generator: its chunks, then at most one error. Dropping it ends the generator.
+#[derive(Debug)]
+pub struct Generator {
+    chunks: mpsc::Receiver<Result<proto::SetpointChunk>>,
+    /// Set once the last setpoint was handed over: a channel that closes without it was cut off.
+    complete: Arc<AtomicBool>,
+    ends: Ends,
+    _left: DropGuard,
+}
+
+impl Stream for Generator {
+    type Item = Result<proto::SetpointChunk>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        match self.chunks.poll_recv(cx) {
+            Poll::Ready(None) if !self.complete.swap(true, Ordering::Relaxed) => {
+                Poll::Ready(Some(Err(self.ends.reason())))
+            }
+            polled => polled,
+        }
+    }
+}
+
+/// Why a generator has to end before its last setpoint. The reader's side says the same to the client.
+#[derive(Clone, Debug)]
+struct Ends {
+    /// The reader left.
+    left: CancellationToken,
+    /// The job was cancelled or deleted.
+    job: CancellationToken,
+    job_name: String,
+    /// The service is ending.
+    draining: CancellationToken,
+    /// The deadline of the call.
+    deadline: Option<Instant>,
+}
+
+impl Ends {
+    fn reached(&self) -> bool {
+        self.left.is_cancelled()
+            || self.job.is_cancelled()
+            || self.draining.is_cancelled()
+            || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
+    /// Why the generator ended early.
+    fn reason(&self) -> Error {
+        if self.job.is_cancelled() {
+            Error::JobCancelled { job: self.job_name.clone() }
+        } else if self.draining.is_cancelled() {
+            Error::Draining
+        } else if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            Error::DeadlineExceeded
+        } else {
+            Error::internal(format!("the generator of {} failed", self.job_name))
+        }
+    }
+
+    /// Waits until one of them is reached.
+    async fn wait(&self) {
+        let deadline = async {
+            match self.deadline {
+                Some(deadline) => tokio::time::sleep_until(deadline).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = self.left.cancelled() => {}
+            () = self.job.cancelled() => {}
+            () = self.draining.cancelled() => {}
+            () = deadline => {}
+        }
+    }
+}
+
+/// The generator's end of the channel.
+struct Outlet {
+    sender: mpsc::Sender<Result<proto::SetpointChunk>>,
+    ends: Ends,
+    runtime: Handle,
+}
+
+impl Outlet {
+    /// Hands a chunk over, waiting for the reader; `false` when nobody wants it any more.
+    fn send(&self, chunk: Result<proto::SetpointChunk>) -> bool {
+        match self.sender.try_send(chunk) {
+            Ok(()) => true,
+            Err(mpsc::error::TrySendError::Closed(_)) => false,
+            Err(mpsc::error::TrySendError::Full(chunk)) => self.runtime.block_on(async {
+                tokio::select! {
+                    sent = self.sender.send(chunk) => sent.is_ok(),
+                    () = self.ends.wait() => false,
+                }
+            }),
+        }
+    }
+}
+
+impl Engine {
+    /// Starts to generate a stream of a job that `guard` registers work on.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many streams are open, and those of the store.
+    pub async fn generate(
+        &self,
+        detail: &JobDetail,
+        guard: JobGuard,
+        plan: StreamPlan,
+        deadline: Option<Instant>,
+    ) -> Result<Generator> {
+        let inner = &self.inner;
+        let limit = inner.limits.concurrent_streams as u64;
+        let overloaded = |_| Error::Overloaded { what: "open setpoint streams", limit };
+        let place = inner.stream_places.clone().try_acquire_owned().map_err(overloaded)?;
+        let ends = Ends {
+            left: CancellationToken::new(),
+            job: guard.token().clone(),
+            job_name: names::job(detail.job.id),
+            draining: inner.draining.clone(),
+            deadline,
+        };
+        let complete = Arc::new(AtomicBool::new(false));
+        let generator_ends = ends.clone();
+
+        // Expanding needs the setpoint before the first one.
+        let first_block_index = match plan.expand {
+            Some(substeps) => plan.first_index.div_ceil(u64::from(substeps)).saturating_sub(1),
+            None => plan.first_index,
+        };
+        let config = Arc::new(plan.config.clone());
+        let pipeline = self.pipeline_near(detail, config, first_block_index).await?;
+        let source = Source::stored(
+            inner.store.clone(),
+            detail.job.program_id,
+            detail.job.program_size_bytes,
+            pipeline.input_offset(),
+        );
+        let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
+        let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
+        let mut run = Run { pipeline, source, plan, first_block_index, outlet };
+        let active = GaugeGuard::new(&inner.metrics.active_streams);
+        let finished = complete.clone();
+        inner.tasks.spawn_blocking(move || {
+            let _held = (place, active, guard);
+            let end = run.generate().unwrap_or_else(|error| {
+                // A reader that left does not need the error.
+                run.outlet.send(Err(error));
+                End::Last
+            });
+            finished.store(end == End::Last, Ordering::Relaxed);
+        });
+        let left = ends.left.clone().drop_guard();
+        Ok(Generator { chunks, complete, ends, _left: left })
+    }
+
+    /// A pipeline at or before a setpoint, as near as a checkpoint allows.
+    async fn pipeline_near(&self, detail: &JobDetail, config: Arc<PipelineConfig>, index: u64) -> Result<Pipeline> {
+        let set = checkpoint_set(detail.job.id, &config);
+        let Some(checkpoint) = self.inner.store.nearest_checkpoint(&set, index).await? else {
+            return Ok(Pipeline::new(config));
+        };
+        match Pipeline::restore(config.clone(), &checkpoint.snapshot) {
+            Ok(pipeline) => Ok(pipeline),
+            Err(error) => {
+                // Derived data: without it the stream only begins later.
+                tracing::warn!(job = %detail.job.id, index = checkpoint.setpoint_index, %error, "unusable checkpoint");
+                Ok(Pipeline::new(config))
+            }
+        }
+    }
+}
+
+/// Everything that the blocking thread works with.
+struct Run {
+    pipeline: Pipeline,
+    source: Source,
+    plan: StreamPlan,
+    /// Setpoints of the interpolation before this one are not looked at.
+    first_block_index: u64,
+    outlet: Outlet,
+}
+
+/// How a generator ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// Everything there is to say was said.
+    Last,
+    /// Nobody wants more.
+    CutOff,
+}
+
+impl Run {
+    /// Generates to the last setpoint, or until nobody wants more.
+    fn generate(&mut self) -> Result<End> {
+        let plan = &self.plan;
+        let mut block = self.pipeline.new_block();
+        let mut writer = ChunkWriter::new(&plan.columns, plan.chunk_size, plan.first_index);
+        let machine = &plan.config.profile.machine;
+        let mut expander = plan.expand.map(|substeps| Expander::new(machine, substeps, plan.config.period_s()));
+        // Number of setpoints in the stream's own index, known once the last one was generated.
+        let mut end = 0;
+        while !self.outlet.ends.reached() {
+            match self.pipeline.next_block(&mut block) {
+                Step::NeedInput => match self.source.next()? {
+                    Some(bytes) => self.pipeline.push(&bytes),
+                    None => self.pipeline.finish_input(),
+                },
+                Step::Block => {
+                    if block.first_index + block.len() as u64 <= self.first_block_index {
+                        end = stream_index(block.first_index + block.len() as u64 - 1, plan.expand) + 1;
+                        continue;
+                    }
+                    let block = expander.as_mut().map_or(&block, |expander| expander.expand(&block));
+                    end = block.first_index + block.len() as u64;
+                    let skipped = plan.first_index.saturating_sub(block.first_index).min(block.len() as u64);
+                    let rows = skipped as usize..block.len();
+                    if !writer.write(block, rows, |chunk| self.outlet.send(Ok(chunk))) {
+                        return Ok(End::CutOff);
+                    }
+                }
+                Step::Finished => {
+                    if plan.first_index > end {
+                        return Err(beyond_end(plan.first_index, end));
+                    }
+                    let sent = writer.finish().is_none_or(|chunk| self.outlet.send(Ok(chunk)));
+                    return Ok(if sent { End::Last } else { End::CutOff });
+                }
+                Step::Refused => return Err(self.refused()),
+            }
+        }
+        Ok(End::CutOff)
+    }
+
+    /// The program is valid as the job has it, but not with what this stream overrides.
+    fn refused(&self) -> Error {
+        let findings = self.pipeline.findings().findings();
+        let first = findings.iter().find(|finding| finding.severity == Severity::Error);
+        let reason = first.map_or_else(String::new, |finding| {
+            format!(": {} in line {}: {}", finding.code, finding.span.line, finding.message)
+        });
+        let message = format!("the program is refused at this interpolation period and generation mode{reason}");
+        Error::Precondition { reason: "PROGRAM_REFUSED", subject: self.outlet.ends.job_name.clone(), message }
+    }
+}
+
+/// Index in the stream of a setpoint of the interpolation.
+fn stream_index(index: u64, expand: Option<u32>) -> u64 {
+    index * u64::from(expand.unwrap_or(1))
+}
+
+/// A start beyond the end of the plan.
+#[must_use]
+pub(crate) fn beyond_end(first_index: u64, setpoint_count: u64) -> Error {
+    Error::OutOfRange {
+        reason: "START_BEYOND_END",
+        message: format!("the stream has {setpoint_count} setpoints, it cannot start at {first_index}"),
+        metadata: vec![("setpoint_count", setpoint_count.to_string())],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_means_the_first_setpoint_at_or_after_it() {
+        assert_eq!(StreamStart::Time(0.0).index(1_000.0), 0);
+        assert_eq!(StreamStart::Time(0.1).index(1_000.0), 100);
+        assert_eq!(StreamStart::Time(0.100_4).index(1_000.0), 101);
+        assert_eq!(StreamStart::Time(0.001).index(125.0), 8);
+        assert_eq!(StreamStart::Index(7).index(1_000.0), 7);
+    }
+}

@@ -1,0 +1,99 @@
+//! One run of the pipeline over a whole program, to judge it and to leave checkpoints for streams.
+
+use std::sync::Arc;
+
+use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationReport};
+
+use super::source::Source;
+use crate::error::Result;
+
+/// Setpoints between the first checkpoints: what a stream generates in vain when it starts in between, some
+/// milliseconds.
+const CHECKPOINT_INTERVAL: u64 = 1 << 17;
+/// Later ones lie further apart, by this share of the index, so that their number grows with the logarithm of the
+/// program's length only: at most 500 for the longest program there can be.
+const CHECKPOINT_SHARE: u64 = 64;
+
+/// What became of a validation.
+pub(super) enum Outcome {
+    /// The report.
+    Reported(Box<ValidationReport>),
+    /// It was stopped first.
+    Stopped,
+}
+
+/// Runs the pipeline to the end, or until `stop` says so. `checkpoint` is called between blocks, with the pipeline, wherever one is due.
+///
+/// # Errors
+/// Those of the source and of `checkpoint`.
+pub(super) fn validate(
+    config: Arc<PipelineConfig>,
+    source: &mut Source,
+    stop: impl Fn() -> bool,
+    mut checkpoint: impl FnMut(&Pipeline) -> Result<()>,
+) -> Result<Outcome> {
+    let mut validation = Validation::new(config);
+    let mut due = CHECKPOINT_INTERVAL;
+    loop {
+        if stop() {
+            return Ok(Outcome::Stopped);
+        }
+        match validation.step() {
+            Step::NeedInput => match source.next()? {
+                Some(bytes) => validation.push(&bytes),
+                None => validation.finish_input(),
+            },
+            Step::Block => {
+                let next_index = validation.pipeline().next_index();
+                // An empty block: setpoints have stopped at an error.
+                if next_index >= due && !validation.block().is_empty() {
+                    checkpoint(validation.pipeline())?;
+                    due = next_index + CHECKPOINT_INTERVAL.max(next_index / CHECKPOINT_SHARE);
+                }
+            }
+            Step::Finished | Step::Refused => return Ok(Outcome::Reported(Box::new(validation.finish()))),
+        }
+    }
+}
+
+impl super::Engine {
+    /// Validates a program without storing anything. Dropping the future ends the work.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Draining`] when the service ends first.
+    pub async fn validate_program(&self, config: PipelineConfig, program: bytes::Bytes) -> Result<ValidationReport> {
+        use crate::error::Error;
+        use crate::observability::metrics::GaugeGuard;
+
+        let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
+        let token = self.inner.draining.child_token();
+        let cancel_when_dropped = token.clone().drop_guard();
+        let active = GaugeGuard::new(&self.inner.metrics.active_validations);
+        let run = self.inner.tasks.spawn_blocking(move || {
+            let _held = (place, active);
+            validate(Arc::new(config), &mut Source::memory(program), || token.is_cancelled(), |_| Ok(()))
+        });
+        let outcome = run.await.map_err(Error::internal)??;
+        drop(cancel_when_dropped);
+        match outcome {
+            Outcome::Reported(report) => Ok(*report),
+            Outcome::Stopped => Err(Error::Draining),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checkpoints_of_the_longest_program_stay_few() {
+        let mut due = CHECKPOINT_INTERVAL;
+        let mut count = 0;
+        while due < 1 << 32 {
+            count += 1;
+            due += CHECKPOINT_INTERVAL.max(due / CHECKPOINT_SHARE);
+        }
+        assert!(count <= 500, "{count}");
+    }
+}

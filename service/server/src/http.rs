@@ -1,0 +1,178 @@
+//! The read-only HTTP port for dashboards, Prometheus and probes. Bodies are the protobuf JSON mapping of the
+//! contract's messages, errors that of `google.rpc.Status`. Every answer under `/v1` has a strong entity tag, so
+//! that polling for what has not changed costs a 304.
+
+mod conditional;
+mod query;
+
+use axum::Router;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, RawQuery, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use feedwave_store::Jobs as _;
+use prost::Name;
+use prost_types::Timestamp;
+
+use crate::api::Api;
+use crate::error::{Error, Result, Violations};
+use crate::observability::{REVISION, VERSION};
+use crate::proto::{
+    GetJobRequest, GetReportRequest, JobStateCount, ListJobEventsRequest, ListJobsRequest, ServerState,
+};
+use crate::{api, json};
+use query::Query;
+
+/// What the handlers work with.
+#[derive(Clone, Debug)]
+pub struct HttpState {
+    /// The services.
+    pub api: Api,
+    /// When the service was started.
+    pub start_time: Timestamp,
+}
+
+/// The routes of the port.
+pub fn router(state: HttpState) -> Router {
+    let places = tower::limit::GlobalConcurrencyLimitLayer::new(state.api.limits.concurrent_requests);
+    Router::new()
+        .route("/v1/jobs", get(list_jobs))
+        .route("/v1/jobs/{id}", get(get_job))
+        .route("/v1/jobs/{id}/report", get(get_report))
+        .route("/v1/events", get(list_events))
+        .route("/v1/state", get(get_state))
+        .route("/metrics", get(get_metrics))
+        .route("/healthz", get(async || "ok\n"))
+        .route("/readyz", get(get_ready))
+        .fallback(unknown_path)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(places)
+        .with_state(state)
+}
+
+/// An error as an answer.
+struct HttpError(Error);
+
+impl<E: Into<Error>> From<E> for HttpError {
+    fn from(error: E) -> Self {
+        Self(error.into())
+    }
+}
+
+impl IntoResponse for HttpError {
+    fn into_response(self) -> Response {
+        let status = self.0.http_status();
+        json_response(status, json::status_to_string(&self.0.into()))
+    }
+}
+
+fn json_response(status: StatusCode, body: String) -> Response {
+    (status, [(header::CONTENT_TYPE, "application/json")], body).into_response()
+}
+
+/// A message as an answer, or that it has not changed.
+fn message<M: Name>(headers: &HeaderMap, message: &M) -> Response {
+    conditional::response(headers, json::to_string(message))
+}
+
+type Answer = Result<Response, HttpError>;
+
+async fn list_jobs(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListJobsRequest {
+        page_size: query.number("page_size"),
+        page_token: query.text("page_token"),
+        states: query.states("state"),
+        machine: query.text("machine"),
+        created_from: query.time("created_from"),
+        created_before: query.time("created_before"),
+    };
+    query.finish()?;
+    Ok(message(&headers, &state.api.list_jobs(request).await?))
+}
+
+/// What a path says where a job's id stands; an answer in our own words where it is not even text.
+type JobId = Result<Path<String>, PathRejection>;
+
+fn job_name(id: JobId) -> Result<String, HttpError> {
+    let mut violations = Violations::default();
+    let name = violations.check("name", id).map(|Path(id)| format!("jobs/{id}"));
+    violations.finish()?;
+    Ok(name.unwrap_or_default())
+}
+
+async fn get_job(State(state): State<HttpState>, id: JobId, headers: HeaderMap) -> Answer {
+    let response = state.api.get_job(GetJobRequest { name: job_name(id)? }).await?;
+    Ok(message(&headers, &response.job.unwrap_or_default()))
+}
+
+async fn get_report(State(state): State<HttpState>, id: JobId, headers: HeaderMap) -> Answer {
+    let response = state.api.get_report(GetReportRequest { job: job_name(id)? }).await?;
+    Ok(message(&headers, &response.report.unwrap_or_default()))
+}
+
+async fn list_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListJobEventsRequest {
+        after: query.number("after"),
+        page_size: query.number("page_size"),
+        job: query.text("job"),
+    };
+    query.finish()?;
+    Ok(message(&headers, &state.api.list_job_events(request).await?))
+}
+
+async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer {
+    let api = &state.api;
+    let jobs = api.store.count_jobs().await?;
+    let count = |gauge: &prometheus::IntGauge| u32::try_from(gauge.get()).unwrap_or(0);
+    let answer = ServerState {
+        version: VERSION.to_owned(),
+        revision: REVISION.to_owned(),
+        start_time: Some(state.start_time),
+        draining: api.engine.draining().is_cancelled(),
+        jobs: jobs
+            .into_iter()
+            .map(|(state, count)| JobStateCount { state: api::state_to_proto(state).into(), count })
+            .collect(),
+        active_streams: count(&api.metrics.active_streams),
+        active_validations: count(&api.metrics.active_validations),
+        queued_validations: count(&api.metrics.validation_queue),
+        last_event: api.store.latest_sequence().unsigned_abs(),
+    };
+    Ok(message(&headers, &answer))
+}
+
+async fn get_metrics(State(state): State<HttpState>) -> Answer {
+    let api = &state.api;
+    let stats = api.store.stats();
+    api.metrics.store_write_queue.set(stats.write_queue_depth.try_into().unwrap_or(i64::MAX));
+    api.metrics.store_bytes.set(stats.database_bytes.try_into().unwrap_or(i64::MAX));
+    api.metrics.jobs.reset();
+    // Without an answer the other figures are still worth having.
+    for (state, count) in api.store.count_jobs().await.unwrap_or_default() {
+        api.metrics.jobs.with_label_values(&[state.as_str()]).set(count.try_into().unwrap_or(i64::MAX));
+    }
+    Ok(([(header::CONTENT_TYPE, prometheus::TEXT_FORMAT)], api.metrics.to_text()).into_response())
+}
+
+async fn get_ready(State(state): State<HttpState>) -> Answer {
+    if state.api.engine.draining().is_cancelled() {
+        return Err(Error::Draining.into());
+    }
+    state.api.store.ping().await?;
+    Ok("ok\n".into_response())
+}
+
+async fn unknown_path(request: Request) -> HttpError {
+    let name: String = request.uri().path().chars().take(200).collect();
+    HttpError(Error::NotFound { kind: "path".to_owned(), name })
+}
+
+async fn wrong_method() -> Response {
+    let status = tonic::Status::unimplemented("this port is read-only: use GET or HEAD");
+    let mut response = json_response(StatusCode::METHOD_NOT_ALLOWED, json::status_to_string(&status));
+    response.headers_mut().insert(header::ALLOW, header::HeaderValue::from_static("GET,HEAD"));
+    response
+}

@@ -1,0 +1,117 @@
+//! Query parameters as fields of a request: every wrong one is reported, unknown ones included.
+
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+use prost_types::Timestamp;
+
+use crate::convert;
+use crate::error::{Result, Violations};
+use crate::proto::JobState;
+
+/// The parameters not taken yet.
+pub(super) struct Query {
+    parameters: BTreeMap<String, Vec<String>>,
+    violations: Violations,
+}
+
+impl Query {
+    /// The parameters of a URL.
+    pub(super) fn parse(raw: Option<&str>) -> Self {
+        let mut query = Self { parameters: BTreeMap::new(), violations: Violations::default() };
+        let pairs = axum::extract::Query::<Vec<(String, String)>>::try_from_uri(
+            &format!("/?{}", raw.unwrap_or_default()).parse().unwrap_or_default(),
+        );
+        match pairs {
+            Ok(pairs) => {
+                for (name, value) in pairs.0 {
+                    query.parameters.entry(name).or_default().push(value);
+                }
+            }
+            Err(error) => query.violations.add("query", error.to_string()),
+        }
+        query
+    }
+
+    /// A text, empty where it is absent.
+    pub(super) fn text(&mut self, name: &str) -> String {
+        let values = self.parameters.remove(name).unwrap_or_default();
+        if values.len() > 1 {
+            self.violations.add(name, "must be given once");
+        }
+        values.into_iter().next().unwrap_or_default()
+    }
+
+    /// A number, its default where it is absent.
+    pub(super) fn number<T: FromStr<Err: std::fmt::Display> + Default>(&mut self, name: &str) -> T {
+        let text = self.text(name);
+        if text.is_empty() {
+            return T::default();
+        }
+        self.violations.check(name, text.parse()).unwrap_or_default()
+    }
+
+    /// States by name, with or without their prefix; may be given more than once.
+    pub(super) fn states(&mut self, name: &str) -> Vec<i32> {
+        let values = self.parameters.remove(name).unwrap_or_default();
+        let mut states = Vec::with_capacity(values.len());
+        for value in values {
+            let upper = value.to_ascii_uppercase();
+            let known =
+                JobState::from_str_name(&upper).or_else(|| JobState::from_str_name(&format!("JOB_STATE_{upper}")));
+            match known {
+                Some(state) => states.push(state.into()),
+                None => self.violations.add(name, format!("{value:?} is not a state of a job")),
+            }
+        }
+        states
+    }
+
+    /// An RFC 3339 time.
+    pub(super) fn time(&mut self, name: &str) -> Option<Timestamp> {
+        let text = self.text(name);
+        if text.is_empty() {
+            return None;
+        }
+        let time = self.violations.check(name, text.parse::<jiff::Timestamp>())?;
+        Some(convert::timestamp(time.as_microsecond()))
+    }
+
+    /// Ends the reading: what was not taken is not known.
+    pub(super) fn finish(mut self) -> Result<()> {
+        for name in std::mem::take(&mut self.parameters).into_keys() {
+            self.violations.add(name, "is not a parameter of this path");
+        }
+        self.violations.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Error;
+
+    #[test]
+    fn parameters_become_fields() {
+        let mut query = Query::parse(Some(
+            "page_size=7&state=ready&state=JOB_STATE_FAILED&created_from=2026-01-02T03:04:05Z&machine=machines%2Flathe",
+        ));
+        assert_eq!(query.number::<i32>("page_size"), 7);
+        assert_eq!(query.states("state"), [i32::from(JobState::Ready), i32::from(JobState::Failed)]);
+        assert_eq!(query.time("created_from").unwrap().seconds, 1_767_323_045);
+        assert_eq!(query.text("machine"), "machines/lathe");
+        assert_eq!(query.number::<u64>("after"), 0);
+        assert!(query.finish().is_ok());
+    }
+
+    #[test]
+    fn everything_wrong_is_reported_at_once() {
+        let mut query = Query::parse(Some("page_size=many&state=lost&created_from=yesterday&colour=red"));
+        query.number::<i32>("page_size");
+        query.states("state");
+        query.time("created_from");
+        let Err(Error::Invalid(violations)) = query.finish() else { panic!("accepted") };
+        let fields: Vec<_> = violations.iter().map(|violation| violation.field.as_str()).collect();
+        assert_eq!(fields, ["page_size", "state", "created_from", "colour"]);
+    }
+}

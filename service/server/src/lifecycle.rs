@@ -1,0 +1,314 @@
+//! A server from its first port to its last call: start, run, drain.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+
+use feedwave_store::{Store, StoreError, StoreSettings};
+use http::Request;
+use jiff::Timestamp;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use tonic::codec::CompressionEncoding;
+use tonic::server::NamedService;
+use tonic::service::Routes;
+use tonic::transport::server::TcpIncoming;
+use tonic::transport::{Certificate, Identity, ServerTlsConfig};
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+use tower_http::classify::{GrpcCode, GrpcErrorsAsFailures, SharedClassifier};
+use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
+use tower_http::trace::{DefaultOnFailure, DefaultOnResponse, TraceLayer};
+use tracing::Level;
+use uuid::Uuid;
+
+use crate::api::Api;
+use crate::config::{Config, TlsConfig};
+use crate::convert::timestamp;
+use crate::engine::Engine;
+use crate::http::{HttpState, router};
+use crate::observability::metrics::Metrics;
+use crate::observability::rpc::RpcLayer;
+use crate::proto::DESCRIPTOR_SET;
+use crate::proto::jobs_server::JobsServer;
+use crate::proto::machines_server::MachinesServer;
+use crate::proto::setpoints_server::SetpointsServer;
+use crate::proto::tools_server::ToolsServer;
+
+/// Connections are asked for a sign of life after this time without one.
+const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
+
+/// Names of the services, for health.
+const SERVICES: [&str; 5] =
+    ["", JobsServer::<Api>::NAME, SetpointsServer::<Api>::NAME, MachinesServer::<Api>::NAME, ToolsServer::<Api>::NAME];
+
+/// Why a server could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The database cannot be used.
+    #[error("database.path: {path}: {source}")]
+    Database {
+        /// The file.
+        path: String,
+        /// Why.
+        source: StoreError,
+    },
+    /// A port cannot be opened.
+    #[error("{key}: {address}: {source}")]
+    Listen {
+        /// The configuration key.
+        key: &'static str,
+        /// The address.
+        address: SocketAddr,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A certificate or key cannot be used.
+    #[error("{key}: {reason}")]
+    Tls {
+        /// The configuration key.
+        key: &'static str,
+        /// Why.
+        reason: String,
+    },
+    /// Anything else.
+    #[error("the server could not be set up: {0}")]
+    Setup(String),
+}
+
+/// A server that can be started.
+#[derive(Debug)]
+pub struct Server;
+
+/// A server that runs.
+#[derive(Debug)]
+pub struct RunningServer {
+    grpc_addr: SocketAddr,
+    http_addr: SocketAddr,
+    config: Config,
+    engine: Engine,
+    metrics: Arc<Metrics>,
+    store: StoreHandle,
+    health: HealthReporter,
+    grpc: JoinHandle<Result<(), tonic::transport::Error>>,
+    http: JoinHandle<std::io::Result<()>>,
+    http_stop: CancellationToken,
+}
+
+/// The store, without its insides in debug output.
+struct StoreHandle(Store);
+
+impl std::fmt::Debug for StoreHandle {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Store")
+    }
+}
+
+impl Server {
+    /// Opens the database and both ports, takes up unfinished work, and serves. Call inside a runtime.
+    ///
+    /// # Errors
+    /// [`StartError`] with the configuration key that is at fault.
+    pub async fn start(config: Config) -> Result<RunningServer, StartError> {
+        let metrics = Arc::new(Metrics::new());
+        let store = open_store(&config, metrics.clone()).await?;
+        let (grpc_listener, grpc_addr) = listen("grpc.listen", config.grpc.listen).await?;
+        let (http_listener, http_addr) = listen("http.listen", config.http.listen).await?;
+
+        let draining = CancellationToken::new();
+        let engine = Engine::new(store.clone(), metrics.clone(), config.limits.clone(), draining.clone());
+        let api = Api::new(store.clone(), engine.clone(), metrics.clone(), config.limits.clone());
+        api.seed_machines().await.map_err(|error| StartError::Setup(error.to_string()))?;
+
+        let health = HealthReporter::new();
+        for service in SERVICES {
+            health.set_service_status(service, ServingStatus::Serving).await;
+        }
+        let rpc = RpcLayer::new(metrics.clone(), config.limits.concurrent_requests, draining.clone());
+        let routes = routes(&api, &config, &health).map_err(|error| StartError::Setup(error.to_string()))?;
+        let mut server = tonic::transport::Server::builder()
+            .accept_http1(true)
+            .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+            .max_concurrent_streams(config.limits.streams_per_connection);
+        if let Some(tls) = &config.grpc.tls {
+            server = server
+                .tls_config(tls_config(tls)?)
+                .map_err(|error| StartError::Tls { key: "grpc.tls", reason: error.to_string() })?;
+        }
+        let trace = TraceLayer::new(SharedClassifier::new(classifier()))
+            .make_span_with(span)
+            .on_response(DefaultOnResponse::new().level(Level::DEBUG))
+            .on_failure(DefaultOnFailure::new().level(Level::WARN));
+        let grpc = server
+            .layer(tonic_web::GrpcWebLayer::new())
+            .layer(SetRequestIdLayer::x_request_id(NewRequestId))
+            .layer(trace)
+            .layer(PropagateRequestIdLayer::x_request_id())
+            .layer(rpc)
+            .add_routes(routes)
+            .serve_with_incoming_shutdown(
+                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)),
+                draining.clone().cancelled_owned(),
+            );
+
+        let http_stop = CancellationToken::new();
+        let http_state = HttpState { api, start_time: timestamp(Timestamp::now().as_microsecond()) };
+        let http =
+            axum::serve(http_listener, router(http_state)).with_graceful_shutdown(http_stop.clone().cancelled_owned());
+
+        engine.start();
+        Ok(RunningServer {
+            grpc_addr,
+            http_addr,
+            engine,
+            metrics,
+            store: StoreHandle(store),
+            health,
+            grpc: tokio::spawn(grpc),
+            http: tokio::spawn(http.into_future()),
+            http_stop,
+            config,
+        })
+    }
+}
+
+impl RunningServer {
+    /// Address of the gRPC port.
+    #[must_use]
+    pub const fn grpc_addr(&self) -> SocketAddr {
+        self.grpc_addr
+    }
+
+    /// Address of the HTTP port.
+    #[must_use]
+    pub const fn http_addr(&self) -> SocketAddr {
+        self.http_addr
+    }
+
+    /// The figures that `/metrics` shows.
+    #[must_use]
+    pub fn metrics(&self) -> &Metrics {
+        &self.metrics
+    }
+
+    /// Waits until one of the ports fails, which it does only by a fault of the system; the text says why.
+    pub async fn failed(&mut self) -> String {
+        tokio::select! {
+            ended = &mut self.grpc => format!("the gRPC port ended: {ended:?}"),
+            ended = &mut self.http => format!("the HTTP port ended: {ended:?}"),
+        }
+    }
+
+    /// Ends the server: new calls are refused, open streams end at once with the reason, other calls have the
+    /// configured time to finish. The HTTP port says so until the end.
+    pub async fn shutdown(mut self) {
+        for service in SERVICES {
+            self.health.set_service_status(service, ServingStatus::NotServing).await;
+        }
+        self.engine.draining().cancel();
+        let drain = self.config.limits.drain();
+        let finished = async {
+            if !self.grpc.is_finished() {
+                let _ = (&mut self.grpc).await;
+            }
+            self.engine.stopped().await;
+        };
+        if tokio::time::timeout(drain, finished).await.is_err() {
+            tracing::warn!(seconds = drain.as_secs(), "calls did not finish in time and were cut off");
+            self.grpc.abort();
+        }
+        self.http_stop.cancel();
+        if !self.http.is_finished() && tokio::time::timeout(drain, &mut self.http).await.is_err() {
+            self.http.abort();
+        }
+        self.store.0.close().await;
+    }
+}
+
+async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, StartError> {
+    let path: &Path = &config.database.path;
+    let settings = StoreSettings {
+        max_program_bytes: config.limits.upload_bytes.max(config.limits.inline_program_bytes),
+        observer: metrics,
+        ..StoreSettings::default()
+    };
+    let failed = |source| StartError::Database { path: path.display().to_string(), source };
+    Store::open(path, settings).await.map_err(failed)
+}
+
+async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
+    let failed = |source| StartError::Listen { key, address, source };
+    let listener = TcpListener::bind(address).await.map_err(failed)?;
+    let bound = listener.local_addr().map_err(failed)?;
+    Ok((listener, bound))
+}
+
+fn tls_config(tls: &TlsConfig) -> Result<ServerTlsConfig, StartError> {
+    let read = |key, path: &Path| {
+        std::fs::read(path).map_err(|error| StartError::Tls { key, reason: format!("{}: {error}", path.display()) })
+    };
+    let identity = Identity::from_pem(read("grpc.tls.cert", &tls.cert)?, read("grpc.tls.key", &tls.key)?);
+    let server = ServerTlsConfig::new().identity(identity);
+    Ok(match &tls.client_ca {
+        Some(path) => server.client_ca_root(Certificate::from_pem(read("grpc.tls.client_ca", path)?)),
+        None => server,
+    })
+}
+
+/// Every gRPC service. Setpoints are never compressed: it would cost more time than it saves.
+fn routes(api: &Api, config: &Config, health: &HealthReporter) -> Result<Routes, Box<dyn std::error::Error>> {
+    let message_bytes = config.limits.message_bytes;
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
+    let health = tonic_health::server::HealthService::from_health_reporter(health.clone());
+    Ok(Routes::new(
+        JobsServer::new(api.clone())
+            .max_decoding_message_size(message_bytes)
+            .accept_compressed(CompressionEncoding::Gzip)
+            .send_compressed(CompressionEncoding::Gzip),
+    )
+    .add_service(SetpointsServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(MachinesServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(ToolsServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(tonic_health::pb::health_server::HealthServer::new(health))
+    .add_service(reflection().build_v1()?)
+    .add_service(reflection().build_v1alpha()?)
+    .prepare())
+}
+
+/// What a client did wrong, or had happen by its own wish, is no failure of the service.
+fn classifier() -> GrpcErrorsAsFailures {
+    let by_the_client = [
+        GrpcCode::Cancelled,
+        GrpcCode::InvalidArgument,
+        GrpcCode::DeadlineExceeded,
+        GrpcCode::NotFound,
+        GrpcCode::AlreadyExists,
+        GrpcCode::FailedPrecondition,
+        GrpcCode::Aborted,
+        GrpcCode::OutOfRange,
+        GrpcCode::Unimplemented,
+    ];
+    by_the_client.into_iter().fold(GrpcErrorsAsFailures::new(), GrpcErrorsAsFailures::with_success)
+}
+
+/// The span of a call, with its request id.
+fn span<B>(request: &Request<B>) -> tracing::Span {
+    let id = request.extensions().get::<RequestId>();
+    let id = id.and_then(|id| id.header_value().to_str().ok()).unwrap_or_default();
+    tracing::info_span!("call", method = request.uri().path(), request_id = id)
+}
+
+/// Gives calls an id that come without one.
+#[derive(Clone, Copy, Debug)]
+struct NewRequestId;
+
+impl MakeRequestId for NewRequestId {
+    fn make_request_id<B>(&mut self, _request: &Request<B>) -> Option<RequestId> {
+        Uuid::now_v7().to_string().parse().ok().map(RequestId::new)
+    }
+}

@@ -1,0 +1,178 @@
+//! What `/metrics` shows. Each server has its own registry: nothing is global.
+
+use std::time::Duration;
+
+use feedwave_store::Observer;
+use prometheus::{
+    Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
+    TextEncoder,
+};
+
+/// The figures of one server.
+#[derive(Clone, Debug)]
+pub struct Metrics {
+    registry: Registry,
+    /// gRPC calls ended, by method and status code.
+    pub requests: IntCounterVec,
+    /// Time from a gRPC call to its end, by method, s.
+    pub request_seconds: HistogramVec,
+    /// gRPC calls under way.
+    pub active_requests: IntGauge,
+    /// Setpoint streams open.
+    pub active_streams: IntGauge,
+    /// Setpoints sent.
+    pub setpoints: IntCounter,
+    /// Bytes of response messages sent, by method.
+    pub sent_bytes: IntCounterVec,
+    /// Jobs waiting for validation.
+    pub validation_queue: IntGauge,
+    /// Validations running.
+    pub active_validations: IntGauge,
+    /// Validations ended, by what became of the job.
+    pub validations: IntCounterVec,
+    /// Time of a read of the database, s.
+    pub store_read_seconds: Histogram,
+    /// Time of a transaction that writes, to its durable end, s.
+    pub store_commit_seconds: Histogram,
+    /// Writes committed.
+    pub store_writes: IntCounter,
+    /// Writes waiting for the writer.
+    pub store_write_queue: IntGauge,
+    /// Size of the database file, bytes.
+    pub store_bytes: IntGauge,
+    /// Jobs stored, by state.
+    pub jobs: IntGaugeVec,
+}
+
+/// Bounds of the time histograms, s: from what a read of the database takes to what a long stream does.
+const SECONDS: [f64; 12] = [0.000_1, 0.000_5, 0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1.0, 5.0, 30.0, 300.0];
+
+/// Registers metrics; names and options are constants, so registration cannot fail.
+struct Registrar(Registry);
+
+impl Registrar {
+    fn add<T: prometheus::core::Collector + Clone + 'static>(&self, metric: prometheus::Result<T>) -> T {
+        let metric = metric.expect("names and labels of metrics are valid");
+        self.0.register(Box::new(metric.clone())).expect("every metric is registered once");
+        metric
+    }
+
+    fn counter(&self, name: &str, help: &str) -> IntCounter {
+        self.add(IntCounter::new(name, help))
+    }
+
+    fn counters(&self, name: &str, help: &str, labels: &[&str]) -> IntCounterVec {
+        self.add(IntCounterVec::new(Opts::new(name, help), labels))
+    }
+
+    fn gauge(&self, name: &str, help: &str) -> IntGauge {
+        self.add(IntGauge::new(name, help))
+    }
+
+    fn gauges(&self, name: &str, help: &str, labels: &[&str]) -> IntGaugeVec {
+        self.add(IntGaugeVec::new(Opts::new(name, help), labels))
+    }
+
+    fn seconds(&self, name: &str, help: &str) -> Histogram {
+        self.add(Histogram::with_opts(HistogramOpts::new(name, help).buckets(SECONDS.to_vec())))
+    }
+}
+
+impl Metrics {
+    /// Figures at zero.
+    #[must_use]
+    pub fn new() -> Self {
+        let registrar = Registrar(Registry::new());
+        let build =
+            registrar.gauges("feedwave_build_info", "Always 1; the labels say what runs.", &["version", "revision"]);
+        build.with_label_values(&[super::VERSION, super::REVISION]).set(1);
+        let request_seconds = HistogramOpts::new("feedwave_grpc_request_seconds", "Time from a gRPC call to its end.")
+            .buckets(SECONDS.to_vec());
+        Self {
+            requests: registrar.counters("feedwave_grpc_requests_total", "gRPC calls ended.", &["method", "code"]),
+            request_seconds: registrar.add(HistogramVec::new(request_seconds, &["method"])),
+            active_requests: registrar.gauge("feedwave_grpc_active_requests", "gRPC calls under way."),
+            active_streams: registrar.gauge("feedwave_active_streams", "Setpoint streams open."),
+            setpoints: registrar.counter("feedwave_setpoints_total", "Setpoints sent."),
+            sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),
+            validation_queue: registrar.gauge("feedwave_validation_queue", "Jobs waiting for validation."),
+            active_validations: registrar.gauge("feedwave_active_validations", "Validations running."),
+            validations: registrar.counters("feedwave_validations_total", "Validations of jobs ended.", &["outcome"]),
+            store_read_seconds: registrar.seconds("feedwave_store_read_seconds", "Time of a read of the database."),
+            store_commit_seconds: registrar
+                .seconds("feedwave_store_commit_seconds", "Time of a writing transaction to its durable end."),
+            store_writes: registrar.counter("feedwave_store_writes_total", "Writes committed."),
+            store_write_queue: registrar.gauge("feedwave_store_write_queue", "Writes waiting for the writer."),
+            store_bytes: registrar.gauge("feedwave_store_bytes", "Size of the database file."),
+            jobs: registrar.gauges("feedwave_jobs", "Jobs stored.", &["state"]),
+            registry: registrar.0,
+        }
+    }
+
+    /// The text form that Prometheus reads.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let mut text = Vec::new();
+        // Writing into memory does not fail, and label values are valid: nothing to report.
+        let _ = TextEncoder::new().encode(&self.registry.gather(), &mut text);
+        String::from_utf8_lossy(&text).into_owned()
+    }
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Observer for Metrics {
+    fn write_committed(&self, operations: usize, latency: Duration) {
+        self.store_writes.inc_by(operations as u64);
+        self.store_commit_seconds.observe(latency.as_secs_f64());
+    }
+
+    fn read_done(&self, latency: Duration) {
+        self.store_read_seconds.observe(latency.as_secs_f64());
+    }
+}
+
+/// Adds one to a gauge for as long as it lives.
+#[derive(Debug)]
+pub struct GaugeGuard(IntGauge);
+
+impl GaugeGuard {
+    /// Counts something that begins.
+    #[must_use]
+    pub fn new(gauge: &IntGauge) -> Self {
+        gauge.inc();
+        Self(gauge.clone())
+    }
+}
+
+impl Drop for GaugeGuard {
+    fn drop(&mut self) {
+        self.0.dec();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_shows_build_and_observations() {
+        let metrics = Metrics::new();
+        metrics.requests.with_label_values(&["/feedwave.v1.Jobs/GetJob", "NOT_FOUND"]).inc();
+        metrics.write_committed(3, Duration::from_millis(2));
+        let guard = GaugeGuard::new(&metrics.active_streams);
+        let text = metrics.to_text();
+        assert!(text.contains(&format!("feedwave_build_info{{revision=\"{}\",version=", super::super::REVISION)));
+        assert!(
+            text.contains("feedwave_grpc_requests_total{code=\"NOT_FOUND\",method=\"/feedwave.v1.Jobs/GetJob\"} 1")
+        );
+        assert!(text.contains("feedwave_store_writes_total 3"));
+        assert!(text.contains("feedwave_active_streams 1"));
+        drop(guard);
+        assert!(metrics.to_text().contains("feedwave_active_streams 0"));
+    }
+}

@@ -1,0 +1,91 @@
+//! Pictures of a program and its setpoints, as SVG and PNG, without any system library.
+//!
+//! Invariant: memory does not grow with the program; what is left out is smaller than a pixel.
+
+mod canvas;
+mod chip;
+mod clip;
+mod motion;
+mod series;
+mod theme;
+mod tool_path;
+mod trace;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use feedwave_cutting::SetpointBlock;
+
+use crate::output::AxisColumn;
+use canvas::DrawResult;
+pub use canvas::PlotError;
+use chip::ChipPicture;
+pub use chip::Cut;
+use motion::{FeedPicture, MotionCurves, PositionPicture};
+use tool_path::ToolPathPicture;
+pub use trace::{PathTrace, Point, Stretch};
+
+/// Collects what the pictures of one program show, and draws them.
+#[derive(Clone, Debug)]
+pub struct Plots {
+    program: String,
+    turning: bool,
+    trace: PathTrace,
+    curves: MotionCurves,
+    chips: Vec<ChipPicture>,
+}
+
+impl Plots {
+    /// Pictures of a program on a machine with these axes; `turning` draws the tool path like a lathe.
+    #[must_use]
+    pub fn new(program: impl Into<String>, turning: bool, axes: &[AxisColumn], period_s: f64) -> Self {
+        Self {
+            program: program.into(),
+            turning,
+            trace: PathTrace::default(),
+            curves: MotionCurves::new(axes, period_s),
+            chips: Vec::new(),
+        }
+    }
+
+    /// The tool path, to be filled with the program's moves.
+    pub const fn trace_mut(&mut self) -> &mut PathTrace {
+        &mut self.trace
+    }
+
+    /// Adds a close view of a few vibration periods. Call before the setpoints are pushed.
+    pub fn add_window(&mut self, title: impl Into<String>, time_s: Range<f64>) {
+        self.curves.add_window(title, time_s);
+    }
+
+    /// Adds a picture of the chip: the programmed cut and, where there is one, the suggested cut beside it.
+    pub fn add_chip(&mut self, name: impl Into<String>, subtitle: impl Into<String>, cuts: Vec<Cut>) {
+        self.chips.push(ChipPicture { name: name.into(), subtitle: subtitle.into(), cuts });
+    }
+
+    /// Takes in a block of setpoints; blocks come in order.
+    pub fn push(&mut self, block: &SetpointBlock) {
+        self.curves.push(block);
+    }
+
+    /// Draws everything into the directory, which is created where it is missing.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, directory: &Path) -> Result<Vec<PathBuf>, PlotError> {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))?;
+        let (program, turning, trace, curves) = (self.program.as_str(), self.turning, &self.trace, &self.curves);
+        let mut files = Vec::new();
+        files.extend(canvas::write(&ToolPathPicture { program, trace, turning }, directory)?);
+        files.extend(canvas::write(&PositionPicture { program, curves }, directory)?);
+        files.extend(canvas::write(&FeedPicture { program, curves }, directory)?);
+        for chip in &self.chips {
+            files.extend(canvas::write(chip, directory)?);
+        }
+        Ok(files)
+    }
+}
+
+#[cfg(test)]
+mod tests;

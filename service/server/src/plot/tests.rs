@@ -1,0 +1,117 @@
+use std::path::Path;
+
+use feedwave_cutting::{CutCondition, FeedCoupling, SetpointBlock};
+
+use super::{Cut, Plots, Stretch};
+use crate::output::AxisColumn;
+
+fn axes() -> Vec<AxisColumn> {
+    ["X", "Z"].map(|name| AxisColumn { name: name.to_owned(), rotary: false }).to_vec()
+}
+
+/// A straight cut along Z with a vibration of 41.667 Hz from 0.5 s on.
+fn block(first_index: u64, rows: usize) -> SetpointBlock {
+    let rows = (0..rows).map(|row| (first_index + row as u64) as f64 * 1e-3);
+    let offset = |time_s: f64| 0.03 * (std::f64::consts::TAU * 41.667 * (time_s - 0.5)).sin();
+    let offset = |time_s: f64| if time_s > 0.5 { offset(time_s) } else { 0.0 };
+    SetpointBlock {
+        first_index,
+        axes: vec![
+            rows.clone().map(|_| 10.0).collect(),
+            rows.clone().map(|time_s| 2.0 - time_s - offset(time_s)).collect(),
+        ],
+        path_position_mm: rows.clone().collect(),
+        feed_mm_per_min: rows.clone().map(|_| 60.0).collect(),
+        vibration_offset_mm: rows.clone().map(offset).collect(),
+        spindle_angle_deg: rows.clone().map(|time_s| time_s * 6_000.0).collect(),
+        line: rows.map(|_| 3).collect(),
+        servo: None,
+    }
+}
+
+fn condition(frequency_hz: f64) -> CutCondition {
+    CutCondition {
+        feed_per_rev_mm: 0.01,
+        amplitude_mm: 0.03,
+        frequency_hz,
+        spindle_rev_per_min: 1_000.0,
+        diameter_mm: 20.0,
+        feed_coupling: FeedCoupling::PerRevolution,
+    }
+}
+
+fn plots() -> Plots {
+    let mut plots = Plots::new("test.nc", true, &axes(), 1e-3);
+    plots.trace_mut().line(Stretch::Rapid, [20.0, 0.0, 5.0], [10.0, 0.0, 2.0]);
+    plots.trace_mut().line(Stretch::Vibrating, [10.0, 0.0, 2.0], [10.0, 0.0, -8.0]);
+    plots.add_window("start of the vibration", 0.49..0.56);
+    for number in 0..10 {
+        plots.push(&block(number * 1_000, 1_000));
+    }
+    let cut = |frequency_hz: f64| Cut {
+        heading: format!("{frequency_hz} Hz"),
+        verdict: String::new(),
+        broken: condition(frequency_hz).breaks_chip(),
+        condition: condition(frequency_hz),
+    };
+    plots.add_chip("chip-1", "line 3", vec![cut(50.0), cut(41.667)]);
+    plots
+}
+
+#[test]
+fn every_picture_is_written_as_svg_and_png() {
+    let directory = tempfile::tempdir().unwrap();
+    let files = plots().write(&directory.path().join("pictures")).unwrap();
+    let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(
+        names,
+        [
+            "tool-path.svg",
+            "tool-path.png",
+            "position.svg",
+            "position.png",
+            "feed.svg",
+            "feed.png",
+            "chip-1.svg",
+            "chip-1.png"
+        ]
+    );
+    for file in files {
+        let bytes = std::fs::read(&file).unwrap();
+        if file.extension().unwrap() == "png" {
+            assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n");
+            assert_eq!(bytes[16..24], [0, 0, 5, 120, 0, 0, 3, 132], "1400 by 900 pixels");
+        } else {
+            let text = String::from_utf8(bytes).unwrap();
+            assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
+        }
+    }
+}
+
+#[test]
+fn a_picture_has_title_axes_with_units_and_legend() {
+    let directory = tempfile::tempdir().unwrap();
+    plots().write(directory.path()).unwrap();
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    for wanted in ["Tool path", "Z, mm", "X (radius), mm", "rapid", "cutting with vibration"] {
+        assert!(text("tool-path.svg").contains(wanted), "{wanted}");
+    }
+    for wanted in ["time, s", "path position, mm", "with vibration", "start of the vibration"] {
+        assert!(text("position.svg").contains(wanted), "{wanted}");
+    }
+    for wanted in ["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"] {
+        assert!(text("chip-1.svg").contains(wanted), "{wanted}");
+    }
+}
+
+#[test]
+fn an_empty_program_still_draws() {
+    let directory = tempfile::tempdir().unwrap();
+    assert_eq!(Plots::new("empty.nc", false, &axes(), 1e-3).write(directory.path()).unwrap().len(), 6);
+}
+
+#[test]
+fn an_unwritable_directory_is_said_plainly() {
+    let error = plots().write(Path::new("/dev/null/pictures")).unwrap_err();
+    assert!(error.to_string().starts_with("cannot create /dev/null/pictures: "));
+}

@@ -1,0 +1,345 @@
+//! The subcommands for people, as people call them: the built binary, its output and its exit codes.
+
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::record::Field;
+use serde_json::Value;
+
+mod service;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name)
+}
+
+fn feedwave() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_feedwave"));
+    command.env_remove("FEEDWAVE_CONFIG").env_remove("FEEDWAVE_SERVER").stdin(Stdio::null());
+    command
+}
+
+/// Runs a command to its end.
+fn run(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
+    let mut command = feedwave();
+    for argument in arguments {
+        command.arg(argument);
+    }
+    command.output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+fn validate_json(path: &Path) -> (Value, i32) {
+    let output = run(&[&"validate", &path, &"--format", &"json"]);
+    (
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", stderr(&output))),
+        code(&output),
+    )
+}
+
+#[test]
+fn json_has_the_documented_keys_and_the_trap_with_its_cure() {
+    let (report, code) = validate_json(&fixture("spec-trap.nc"));
+    assert_eq!(code, 0, "a warning does not refuse the program");
+    let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!(keys, ["findings", "sections", "summary"]);
+
+    let finding = &report["findings"][0];
+    let mut keys: Vec<_> = finding.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    assert_eq!(keys, ["code", "column", "length", "line", "message", "severity", "suggestions", "values"]);
+    assert_eq!((finding["code"].as_str(), finding["severity"].as_str()), (Some("VIB-CHIP-UNBROKEN"), Some("warning")));
+    assert_eq!([&finding["line"], &finding["column"], &finding["length"]].map(Value::as_u64), [6, 6, 3].map(Some));
+    assert_eq!(finding["suggestions"][0]["replacement"], "F41.667");
+
+    let chip = &report["sections"][0]["chip"];
+    assert_eq!(chip["vibrations_per_rev"], 3.0);
+    assert_eq!(chip["broken"], false);
+    assert_eq!(chip["min_amplitude_mm"], Value::Null);
+    let recommended = chip["recommended_frequencies_hz"][0].as_f64().unwrap();
+    assert!((recommended - 125.0 / 3.0).abs() < 1e-9, "{recommended}");
+    assert_eq!(report["summary"]["errors"], 0);
+    assert_eq!(report["summary"]["warnings"], 1);
+}
+
+#[test]
+fn the_cured_program_has_nothing_to_find() {
+    let (report, code) = validate_json(&fixture("spec-trap-cured.nc"));
+    assert_eq!(code, 0);
+    assert_eq!(report["findings"], Value::Array(Vec::new()));
+    assert_eq!(report["sections"][0]["chip"]["broken"], true);
+}
+
+/// The keys of every object and the kind of every value: numbers may change with the planner, the contract may not.
+fn shape(value: &Value) -> Value {
+    match value {
+        Value::Object(fields) => fields.iter().map(|(key, value)| (key.clone(), shape(value))).collect(),
+        Value::Array(values) => values.iter().map(shape).collect(),
+        Value::String(_) => Value::from("string"),
+        Value::Number(_) => Value::from("number"),
+        other => other.clone(),
+    }
+}
+
+#[test]
+fn the_documentation_describes_what_the_program_prints() {
+    let documentation = include_str!("../../../../docs/cli-json.md");
+    let block = documentation.split("```json\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let documented: Value = serde_json::from_str(block).unwrap();
+    let (report, _) = validate_json(&fixture("spec-trap.nc"));
+    assert_eq!(documented["findings"], report["findings"]);
+    assert_eq!(shape(&documented), shape(&report));
+    for name in ["findings", "sections", "summary"] {
+        let text = documentation.split(&format!("## `{name}`")).nth(1).unwrap().split("\n## ").next().unwrap();
+        let object = if report[name].is_array() { &report[name][0] } else { &report[name] };
+        for key in object.as_object().unwrap().keys() {
+            assert!(text.contains(&format!("`{key}`")), "`{name}` is documented without `{key}`");
+        }
+    }
+}
+
+#[test]
+fn a_finding_stands_under_its_column() {
+    let output = run(&[&"validate", &fixture("spec-trap.nc")]);
+    let text = stdout(&output);
+    assert!(text.contains("spec-trap.nc:6:6]"), "{text}");
+    let lines: Vec<_> = text.lines().collect();
+    let source = lines.iter().position(|line| line.contains("│ G200 F50 A0.03")).unwrap();
+    let column = |line: &str, wanted: char| line.chars().position(|character| character == wanted).unwrap();
+    // "F50" is the first F of the line; the underline begins below it and is as long.
+    assert_eq!(column(lines[source], 'F'), column(lines[source + 1], '─'));
+    assert_eq!(lines[source + 1].matches('─').count(), 3);
+    assert!(!text.contains('\u{1b}'), "no colour without a terminal");
+    assert!(text.contains("help: vibrate at 41.667 Hz") && text.contains("F41.667"), "{text}");
+    assert!(text.contains("does not break at any amplitude"), "{text}");
+    assert!(text.trim_end().ends_with("accepted, 1 warning"), "{text}");
+}
+
+#[test]
+fn every_mistake_is_reported_in_one_pass() {
+    let output = run(&[&"validate", &fixture("bad.nc")]);
+    assert_eq!(code(&output), 1);
+    let text = stdout(&output);
+    for code in ["PRG-NUMBER-INVALID", "PRG-UNKNOWN-CODE", "PRG-COMMENT-UNCLOSED", "VIB-NESTED", "VIB-OFF-WITHOUT-ON"] {
+        assert!(text.contains(code), "{code} in {text}");
+    }
+    let (report, _) = validate_json(&fixture("bad.nc"));
+    let findings = report["findings"].as_array().unwrap();
+    assert_eq!(findings.len() as u64, report["summary"]["errors"].as_u64().unwrap() + 1);
+    let lines: Vec<_> = findings.iter().map(|finding| finding["line"].as_u64().unwrap()).collect();
+    assert!(lines.is_sorted());
+}
+
+#[test]
+fn exit_codes_tell_apart_warnings_errors_and_trouble() {
+    assert_eq!(code(&run(&[&"validate", &fixture("spec-trap-cured.nc"), &"--deny-warnings"])), 0);
+    assert_eq!(code(&run(&[&"validate", &fixture("spec-trap.nc"), &"--deny-warnings"])), 1);
+    assert_eq!(code(&run(&[&"validate", &fixture("pocket-mill.nc"), &"--machine-kind", &"mill"])), 0);
+    assert_eq!(code(&run(&[&"validate", &fixture("facing-g96.nc")])), 0);
+    for (arguments, wanted) in [
+        (vec!["validate", "/no/such/file.nc"], "/no/such/file.nc: no such file or directory"),
+        (vec!["validate", "/tmp"], "/tmp: is a directory"),
+        (vec!["plan", "-", "--out", "x.txt"], "--out x.txt: must end in .csv or .parquet"),
+        (vec!["plan", "-", "--out", "x.csv", "--servo-substeps"], "--servo-substeps needs --mode servo-side"),
+        (vec!["stream", "jobs/x", "--server", "http://127.0.0.1:1"], "http://127.0.0.1:1: "),
+    ] {
+        let output = feedwave().args(&arguments).output().unwrap();
+        assert_eq!(code(&output), 2, "{arguments:?}");
+        let text = stderr(&output);
+        assert!(text.starts_with("feedwave: ") && text.contains(wanted), "{arguments:?}: {text}");
+        assert!(output.stdout.is_empty());
+    }
+    assert_eq!(code(&run(&[&"validate", &"-", &"--period-us", &"7"])), 2);
+}
+
+fn plan_to(directory: &Path, name: &str, arguments: &[&str]) -> PathBuf {
+    let path = directory.join(name);
+    let program = fixture("spec-trap-cured.nc");
+    let output = feedwave().arg("plan").arg(program).arg("--out").arg(&path).args(arguments).output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    path
+}
+
+fn rows(csv: &str) -> Vec<Vec<f64>> {
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+    csv.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn csv_names_units_and_ends_on_the_programmed_point() {
+    let directory = tempfile::tempdir().unwrap();
+    let csv = std::fs::read_to_string(plan_to(directory.path(), "a.csv", &[])).unwrap();
+    assert_eq!(
+        csv.lines().next().unwrap(),
+        "index,time_s,X_mm,Z_mm,path_position_mm,feed_mm_per_min,vibration_offset_mm,spindle_angle_deg,source_line"
+    );
+    let rows = rows(&csv);
+    let last = rows.last().unwrap();
+    assert_eq!((last[2], last[3]), (7.0, 23.5), "X is programmed as a diameter and written as a radius");
+    let (report, _) = validate_json(&fixture("spec-trap-cured.nc"));
+    assert_eq!(rows.len() as u64, report["summary"]["setpoint_count"].as_u64().unwrap());
+    assert!(rows.iter().zip(0_u32..).all(|(row, index)| row[0] == f64::from(index)));
+    assert_eq!(rows[1_234][1], 1.234);
+    let peak = rows.iter().map(|row| row[6].abs()).fold(0.0, f64::max);
+    assert!(peak > 0.0295 && peak <= 0.030_000_001, "{peak}");
+}
+
+#[test]
+fn parquet_reads_back_as_the_csv() {
+    let directory = tempfile::tempdir().unwrap();
+    let csv = rows(&std::fs::read_to_string(plan_to(directory.path(), "a.csv", &[])).unwrap());
+    let path = plan_to(directory.path(), "a.parquet", &[]);
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut count = 0;
+    for (row, wanted) in reader.get_row_iter(None).unwrap().zip(&csv) {
+        for ((_, field), wanted) in row.unwrap().get_column_iter().zip(wanted) {
+            let value = match field {
+                Field::Long(value) => *value as f64,
+                Field::Int(value) => f64::from(*value),
+                Field::Double(value) => *value,
+                other => panic!("unexpected {other:?}"),
+            };
+            assert_eq!(value.to_bits(), wanted.to_bits());
+        }
+        count += 1;
+    }
+    assert_eq!(count, csv.len());
+}
+
+#[test]
+fn a_part_of_a_plan_is_that_part_of_the_whole() {
+    let directory = tempfile::tempdir().unwrap();
+    let read = |name: &str, arguments: &[&str]| {
+        let text = std::fs::read_to_string(plan_to(directory.path(), name, arguments)).unwrap();
+        text.lines().skip(1).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let whole = read("whole.csv", &[]);
+    assert_eq!(read("a.csv", &["--from-index", "1500", "--count", "3000"]), whole[1_500..4_500]);
+    assert_eq!(read("b.csv", &["--from-time", "2.0005", "--count", "1"]), whole[2_001..2_002]);
+    assert_eq!(read("c.csv", &["--from-index", "86000"]), whole[86_000..]);
+    let output = run(&[&"plan", &fixture("spec-trap-cured.nc"), &"--out", &"-", &"--from-index", &"99999999"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("lies beyond the last one, 86"), "{}", stderr(&output));
+}
+
+#[test]
+fn servo_side_writes_conditions_or_what_the_drives_make_of_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let conditions = plan_to(directory.path(), "a.csv", &["--mode", "servo-side"]);
+    let header = std::fs::read_to_string(conditions).unwrap().lines().next().unwrap().to_owned();
+    assert!(header.contains("vibration_phase_turns") && header.contains("Z_vibration_amplitude_mm"), "{header}");
+    let read = |name: &str, arguments: &[&str]| {
+        rows(&std::fs::read_to_string(plan_to(directory.path(), name, arguments)).unwrap())
+    };
+    let expanded = read("b.csv", &["--mode", "servo-side", "--servo-substeps", "4"]);
+    assert_eq!(expanded[1][1], 0.000_25);
+    // With one substep the drive generates what the tangential mode commands.
+    let single = read("c.csv", &["--mode", "servo-side", "--servo-substeps", "1"]);
+    let tangential = read("d.csv", &["--mode", "tangential"]);
+    assert_eq!(single.len(), tangential.len());
+    let differ = single.iter().zip(&tangential).any(|(a, b)| a[2] != b[2] || a[3] != b[3]);
+    assert!(!differ, "one substep is the tangential mode");
+    assert_eq!(expanded.len(), (single.len() - 1) * 4 + 1);
+    assert!(expanded.iter().step_by(4).zip(&single).all(|(a, b)| a[2] == b[2] && a[3] == b[3]));
+}
+
+#[test]
+fn a_refused_program_leaves_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("bad.csv");
+    let output = run(&[&"plan", &fixture("bad.nc"), &"--out", &path, &"--plots", &directory.path().join("plots")]);
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("PRG-UNKNOWN-CODE") && stderr(&output).contains("rejected"));
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+    let output = run(&[&"plan", &fixture("spec-trap-cured.nc"), &"--out", &"/no/such/directory/a.csv"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("/no/such/directory/a.csv: no such file"), "{}", stderr(&output));
+}
+
+#[test]
+fn standard_input_is_as_good_as_a_file() {
+    let mut child = feedwave().args(["validate", "-"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(&std::fs::read(fixture("spec-trap.nc")).unwrap()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = stdout(&output);
+    assert!(text.contains("[standard input:6:6]") && text.contains("│ G200 F50 A0.03"), "{text}");
+    assert_eq!(code(&output), 0);
+}
+
+#[test]
+fn a_reader_that_stops_reading_ends_the_command_quietly() {
+    let program = fixture("spec-trap-cured.nc");
+    let mut child = feedwave()
+        .arg("plan")
+        .arg(program)
+        .args(["--out", "-"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = [0_u8; 100];
+    child.stdout.take().unwrap().read_exact(&mut first).unwrap();
+    assert!(first.starts_with(b"index,time_s,"));
+    // The pipe is closed now, long before the 8 MB that follow.
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((code(&output), stderr(&output)), (0, String::new()));
+}
+
+#[test]
+fn a_profile_changes_what_is_said() {
+    let directory = tempfile::tempdir().unwrap();
+    let profile = directory.path().join("slow.toml");
+    std::fs::write(&profile, "[following]\nfilter_length_s = 0.02\n\n[vibration]\nmax_frequency_hz = 40.0\n").unwrap();
+    let output = run(&[&"validate", &fixture("spec-trap.nc"), &"--profile", &profile]);
+    assert_eq!(code(&output), 1, "50 Hz is beyond the profile's limit");
+    std::fs::write(&profile, "[vibration]\nmax_frequency = 40.0\n").unwrap();
+    let output = run(&[&"validate", &fixture("spec-trap.nc"), &"--profile", &profile]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("max_frequency"), "{}", stderr(&output));
+}
+
+#[test]
+fn pictures_are_drawn_of_a_mill_program_too() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = run(&[&"plan", &fixture("pocket-mill.nc"), &"--machine-kind", &"mill", &"--plots", &directory.path()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let tool_path = std::fs::read_to_string(directory.path().join("tool-path.svg")).unwrap();
+    assert!(tool_path.contains("from above") && tool_path.contains("from the front"));
+    assert!(directory.path().join("feed.png").is_file() && directory.path().join("position.png").is_file());
+}
+
+#[test]
+fn the_demo_holds_what_it_claims_and_draws_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("demo");
+    let output = run(&[&"demo", &"--out", &out]);
+    let text = stdout(&output);
+    assert_eq!(code(&output), 0, "{text}{}", stderr(&output));
+    assert!(text.contains("all 16 checks hold") && !text.contains('✗'), "{text}");
+    assert!(text.contains("D = 3.000") && text.contains("G200 F41.667 A0.05"), "{text}");
+    for file in ["as-programmed/chip-line-32.png", "as-programmed/chip-line-32.svg", "cured/position.png"] {
+        assert!(out.join(file).metadata().unwrap().len() > 1_000, "{file}");
+    }
+    let csv = std::fs::read_to_string(out.join("turning-demo-cured.csv")).unwrap();
+    assert!(csv.lines().count() > 90_000);
+}
+
+#[test]
+fn help_teaches_with_examples() {
+    for command in ["validate", "plan", "submit", "stream", "demo"] {
+        let text = stdout(&run(&[&command, &"--help"]));
+        assert!(text.contains("Examples:") && text.contains(&format!("feedwave {command}")), "{text}");
+    }
+}

@@ -1,0 +1,8 @@
+//! The service through its own ports: real clients, real connections on free ports, a real database file for
+//! each test.
+
+mod jobs;
+mod operation;
+mod setpoints;
+mod support;
+mod uploads;

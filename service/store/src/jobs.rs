@@ -1,0 +1,321 @@
+//! Jobs: a program on a machine with settings, its state, and the log of its state changes.
+
+use std::fmt;
+use std::str::FromStr;
+
+use sha2::{Digest, Sha256};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use crate::Json;
+use crate::error::Result;
+use crate::page::{Page, PageRequest};
+use crate::programs::ProgramId;
+
+/// Where a job stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum JobState {
+    /// Stored, not yet validated.
+    PendingValidation,
+    /// Being validated.
+    Validating,
+    /// Validated without errors: setpoints can be streamed.
+    Ready,
+    /// Validated with errors; the report says which.
+    Rejected,
+    /// Cancelled on request.
+    Cancelled,
+    /// The service could not do its part; the event's detail says why.
+    Failed,
+}
+
+impl JobState {
+    /// Every state.
+    pub const ALL: [Self; 6] =
+        [Self::PendingValidation, Self::Validating, Self::Ready, Self::Rejected, Self::Cancelled, Self::Failed];
+
+    /// Name of the state in the database and in messages, for example `pending_validation`.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::PendingValidation => "pending_validation",
+            Self::Validating => "validating",
+            Self::Ready => "ready",
+            Self::Rejected => "rejected",
+            Self::Cancelled => "cancelled",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+impl fmt::Display for JobState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// The text names no job state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("not the name of a job state")]
+pub struct UnknownJobState;
+
+impl FromStr for JobState {
+    type Err = UnknownJobState;
+
+    fn from_str(text: &str) -> Result<Self, UnknownJobState> {
+        Self::ALL.into_iter().find(|state| state.as_str() == text).ok_or(UnknownJobState)
+    }
+}
+
+/// A digest of what a client asked for, by which a repeated request is told from a different one
+/// with the same request id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Fingerprint([u8; 32]);
+
+impl Fingerprint {
+    /// The fingerprint of a request made of these parts. Take what the client sent, before anything
+    /// that may change between two attempts (defaults, the current machine profile) is filled in.
+    pub fn of<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Self {
+        let mut hash = Sha256::new();
+        for part in parts {
+            // The length keeps ("ab", "c") apart from ("a", "bc").
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part);
+        }
+        Self(hash.finalize().into())
+    }
+
+    /// The digest.
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+/// A job to be created.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// Chosen by the client; a second creation with the same id and fingerprint returns the first
+    /// job.
+    pub request_id: String,
+    /// Digest of what the client asked for.
+    pub fingerprint: Fingerprint,
+    /// Name for people.
+    pub display_name: String,
+    /// The program, which must be stored.
+    pub program_id: ProgramId,
+    /// The machine's identifier, by which jobs are filtered.
+    pub machine_id: String,
+    /// The machine profile as it is now: later edits of the profile do not change the job.
+    pub machine_snapshot: Json,
+    /// Settings of the job.
+    pub settings: Json,
+}
+
+/// How many findings a report has, by severity.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FindingCounts {
+    /// Findings that prevent the job.
+    pub errors: u64,
+    /// Findings that deserve attention.
+    pub warnings: u64,
+    /// Findings that inform.
+    pub infos: u64,
+}
+
+/// A job as lists show it.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// Identifier (UUID version 7).
+    pub id: Uuid,
+    /// The client's request id.
+    pub request_id: String,
+    /// Name for people.
+    pub display_name: String,
+    /// The program.
+    pub program_id: ProgramId,
+    /// Bytes of the program's source.
+    pub program_size_bytes: u64,
+    /// The machine's identifier.
+    pub machine_id: String,
+    /// Where the job stands.
+    pub state: JobState,
+    /// Detail of the last state change, for example why the job failed; may be empty.
+    pub state_detail: String,
+    /// Counts of the validation report, once there is one.
+    pub findings: Option<FindingCounts>,
+    /// Summary given with the validation report, for lists.
+    pub summary: Option<Json>,
+    /// When it was created, microseconds since the Unix epoch.
+    pub created_us: i64,
+    /// When it last changed, microseconds since the Unix epoch.
+    pub updated_us: i64,
+    /// Counts the changes, from 1.
+    pub revision: u64,
+}
+
+impl Job {
+    /// Strong entity tag: equal exactly while the job is unchanged. Without quotes.
+    pub fn etag(&self) -> String {
+        self.revision.to_string()
+    }
+}
+
+/// A job with its documents.
+#[derive(Debug, Clone)]
+pub struct JobDetail {
+    /// The job as lists show it.
+    pub job: Job,
+    /// The machine profile when the job was created.
+    pub machine_snapshot: Json,
+    /// Settings of the job.
+    pub settings: Json,
+}
+
+/// A validation report to be stored.
+#[derive(Debug, Clone)]
+pub struct NewReport {
+    /// The report.
+    pub report: Json,
+    /// Its findings by severity.
+    pub findings: FindingCounts,
+    /// What lists show of it.
+    pub summary: Option<Json>,
+}
+
+/// A stored validation report.
+#[derive(Debug, Clone)]
+pub struct StoredReport {
+    /// The job.
+    pub job_id: Uuid,
+    /// The report.
+    pub report: Json,
+    /// Its findings by severity.
+    pub findings: FindingCounts,
+    /// When it was stored, microseconds since the Unix epoch.
+    pub created_us: i64,
+}
+
+/// One change of a job's state. Events stay when their job is deleted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JobEvent {
+    /// Position in the log of all jobs; grows by time, never used twice.
+    pub sequence: i64,
+    /// The job.
+    pub job_id: Uuid,
+    /// State before; `None` when the job was created.
+    pub from_state: Option<JobState>,
+    /// State after; `None` when the job was deleted.
+    pub to_state: Option<JobState>,
+    /// When it happened, microseconds since the Unix epoch.
+    pub at_us: i64,
+    /// Why, in words; may be empty.
+    pub detail: String,
+}
+
+/// Which jobs a list shows. The default shows all.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct JobFilter {
+    /// Only these states; empty for any.
+    pub states: Vec<JobState>,
+    /// Only this machine.
+    pub machine_id: Option<String>,
+    /// Only jobs created at this time or later, microseconds since the Unix epoch.
+    pub created_from_us: Option<i64>,
+    /// Only jobs created before this time, microseconds since the Unix epoch.
+    pub created_before_us: Option<i64>,
+}
+
+/// Most events that [`Jobs::events_after`] returns at a time.
+pub const MAX_EVENTS: u32 = 1000;
+
+/// Keeps jobs.
+pub trait Jobs {
+    /// Creates a job in state [`JobState::PendingValidation`], or returns the one that the same
+    /// request created before.
+    ///
+    /// # Errors
+    /// `Conflict` if the request id was used with another fingerprint, `NotFound` if the program
+    /// does not exist, `TooLarge`, `Unavailable`.
+    fn create_job(&self, job: NewJob) -> impl Future<Output = Result<Job>> + Send;
+
+    /// A job as lists show it.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn job(&self, id: Uuid) -> impl Future<Output = Result<Job>> + Send;
+
+    /// A job with machine profile and settings.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn job_detail(&self, id: Uuid) -> impl Future<Output = Result<JobDetail>> + Send;
+
+    /// The job created with this request id, if there is one.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn job_by_request(&self, request_id: &str) -> impl Future<Output = Result<Option<Job>>> + Send;
+
+    /// Jobs by creation time, newest first. Jobs created while paging do not shift later pages.
+    ///
+    /// # Errors
+    /// `InvalidPageToken`, `Unavailable`.
+    fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> impl Future<Output = Result<Page<Job>>> + Send;
+
+    /// Identifiers of jobs in one of these states, oldest first, at most `limit`: for taking up work
+    /// after a restart.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn jobs_in_state(&self, states: &[JobState], limit: u32) -> impl Future<Output = Result<Vec<Uuid>>> + Send;
+
+    /// How many jobs are in each state; states without jobs are absent.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn count_jobs(&self) -> impl Future<Output = Result<Vec<(JobState, u64)>>> + Send;
+
+    /// Changes a job's state if it is now one of `from`, stores the report if there is one (in
+    /// place of an earlier one), and logs the event, all at once.
+    ///
+    /// # Errors
+    /// `NotFound`, `FailedState` if the job is in another state, `TooLarge`, `Unavailable`.
+    fn transition(
+        &self,
+        id: Uuid,
+        from: &[JobState],
+        to: JobState,
+        detail: &str,
+        report: Option<NewReport>,
+    ) -> impl Future<Output = Result<Job>> + Send;
+
+    /// The validation report of a job.
+    ///
+    /// # Errors
+    /// `NotFound` if the job does not exist or has no report yet, `Corrupt`, `Unavailable`.
+    fn report(&self, id: Uuid) -> impl Future<Output = Result<StoredReport>> + Send;
+
+    /// Deletes a job with its report and checkpoints, and logs the event. The program stays.
+    ///
+    /// # Errors
+    /// `NotFound`, `EtagMismatch` if an etag is given and the job changed, `Unavailable`.
+    fn delete_job(&self, id: Uuid, etag: Option<&str>) -> impl Future<Output = Result<()>> + Send;
+
+    /// Events after position `sequence` (0 for all), of one job or of all, oldest first, at most
+    /// `limit` and never more than [`MAX_EVENTS`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn events_after(
+        &self,
+        sequence: i64,
+        job_id: Option<Uuid>,
+        limit: u32,
+    ) -> impl Future<Output = Result<Vec<JobEvent>>> + Send;
+
+    /// Position of the newest event; 0 if there is none yet.
+    fn latest_sequence(&self) -> i64;
+
+    /// Follows [`Jobs::latest_sequence`]: changes once events are durable, so that
+    /// [`Jobs::events_after`] finds them.
+    fn watch_events(&self) -> watch::Receiver<i64>;
+}

@@ -1,0 +1,47 @@
+//! What the service keeps: programs, jobs with their reports and checkpoints, machine profiles and
+//! tools.
+//!
+//! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
+//! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
+//! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
+//! [`Checkpoints`], [`Machines`], [`Tools`]) says what a database must do; [`Store`] does it with
+//! SQLite.
+//!
+//! Guarantees that hold for every method:
+//!
+//! - A write has reached the disk when its future resolves with `Ok`. A future dropped before that
+//!   may or may not have written; writes are made so that they can be repeated.
+//! - A write happens entirely or not at all.
+//! - Reads see every write acknowledged before they began.
+//! - Nothing is removed unless asked.
+#![forbid(unsafe_code)]
+
+mod checkpoints;
+mod error;
+mod jobs;
+mod machines;
+mod page;
+mod programs;
+mod settings;
+mod sqlite;
+mod tools;
+
+pub use checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
+pub use error::{Kind, Result, StoreError};
+pub use jobs::{
+    FindingCounts, Fingerprint, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport,
+    StoredReport, UnknownJobState,
+};
+pub use machines::{MachineRecord, Machines};
+pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest};
+pub use programs::{
+    CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+};
+pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
+pub use sqlite::Store;
+pub use tools::{ToolFilter, ToolRecord, Tools};
+
+/// A JSON document the store keeps without looking inside. That it is well-formed is checked when
+/// the value is made ([`to_raw_value`], [`RawValue::from_string`]).
+pub type Json = Box<RawValue>;
+pub use serde_json::value::{RawValue, to_raw_value};

@@ -1,0 +1,186 @@
+//! Programs: source bytes addressed by their SHA-256, read by chunk, uploaded resumably.
+
+use std::fmt;
+use std::str::FromStr;
+
+use bytes::Bytes;
+use sha2::{Digest, Sha256};
+use uuid::Uuid;
+
+use crate::error::Result;
+
+/// Bytes of source in every chunk of a program but the last. Each chunk is compressed alone, so any
+/// offset can be read without what precedes it.
+pub const CHUNK_BYTES: u64 = 1 << 20;
+
+/// Largest program that [`Programs::put_program`] takes; larger ones are uploaded piece by piece, so
+/// that no single write holds up the others.
+pub const MAX_PUT_BYTES: u64 = 16 << 20;
+
+/// The SHA-256 of a program's source, which is its identifier. Shown and parsed as 64 lower-case
+/// hexadecimal digits.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ProgramId([u8; 32]);
+
+impl ProgramId {
+    /// The identifier of a program with this source.
+    pub fn of(source: &[u8]) -> Self {
+        Self(Sha256::digest(source).into())
+    }
+
+    /// The identifier with this SHA-256.
+    pub const fn from_bytes(sha256: [u8; 32]) -> Self {
+        Self(sha256)
+    }
+
+    /// The SHA-256.
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+impl fmt::Display for ProgramId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for ProgramId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "ProgramId({self})")
+    }
+}
+
+/// The text is not 64 lower-case hexadecimal digits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a program id is the SHA-256 of the program as 64 lower-case hexadecimal digits")]
+pub struct InvalidProgramId;
+
+impl FromStr for ProgramId {
+    type Err = InvalidProgramId;
+
+    fn from_str(text: &str) -> Result<Self, InvalidProgramId> {
+        let digit = |byte: u8| match byte {
+            b'0'..=b'9' => Ok(byte - b'0'),
+            b'a'..=b'f' => Ok(byte - b'a' + 10),
+            _ => Err(InvalidProgramId),
+        };
+        let text: &[u8; 64] = text.as_bytes().try_into().map_err(|_| InvalidProgramId)?;
+        let mut sha256 = [0; 32];
+        for (byte, pair) in sha256.iter_mut().zip(text.chunks_exact(2)) {
+            *byte = digit(pair[0])? << 4 | digit(pair[1])?;
+        }
+        Ok(Self(sha256))
+    }
+}
+
+/// A stored program without its source.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProgramInfo {
+    /// Identifier: the SHA-256 of the source.
+    pub id: ProgramId,
+    /// Bytes of source.
+    pub size_bytes: u64,
+    /// Chunks of [`CHUNK_BYTES`] bytes of source, the last one shorter; 0 for an empty program.
+    pub chunk_count: u64,
+    /// When the program became complete, microseconds since the Unix epoch.
+    pub created_us: i64,
+}
+
+/// Identifier of an upload.
+pub type UploadId = Uuid;
+
+/// An unfinished upload.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UploadInfo {
+    /// Identifier of the upload.
+    pub id: UploadId,
+    /// The SHA-256 its bytes must have.
+    pub expected: ProgramId,
+    /// Bytes announced.
+    pub size_bytes: u64,
+    /// Bytes durably received; the next byte is appended at this offset.
+    pub received_bytes: u64,
+    /// When it began, microseconds since the Unix epoch.
+    pub created_us: i64,
+    /// When bytes last arrived, microseconds since the Unix epoch.
+    pub updated_us: i64,
+}
+
+/// Where an upload stands when it is begun.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum UploadStart {
+    /// Bytes are still missing or [`Programs::finish_upload`] was not called yet; continue at
+    /// [`UploadInfo::received_bytes`].
+    Unfinished(UploadInfo),
+    /// The program is already stored; nothing needs to be sent.
+    Complete(ProgramInfo),
+}
+
+/// Keeps programs.
+pub trait Programs {
+    /// Stores a program of at most [`MAX_PUT_BYTES`] that is at hand as a whole. Storing it again
+    /// changes nothing.
+    ///
+    /// # Errors
+    /// `TooLarge`, `Unavailable`.
+    fn put_program(&self, source: Bytes) -> impl Future<Output = Result<ProgramInfo>> + Send;
+
+    /// Size and age of a program.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn program_info(&self, id: ProgramId) -> impl Future<Output = Result<ProgramInfo>> + Send;
+
+    /// One chunk of a program's source: the bytes from `chunk_index * CHUNK_BYTES`.
+    ///
+    /// # Errors
+    /// `NotFound` if the program or the chunk does not exist, `Corrupt`, `Unavailable`.
+    fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> impl Future<Output = Result<Bytes>> + Send;
+
+    /// Deletes a program that no job references.
+    ///
+    /// # Errors
+    /// `NotFound`, `InUse`, `Unavailable`.
+    fn delete_program(&self, id: ProgramId) -> impl Future<Output = Result<()>> + Send;
+
+    /// Begins the upload of a program of `size_bytes` bytes with the SHA-256 `expected`, or finds
+    /// the unfinished upload with the same hash and size.
+    ///
+    /// # Errors
+    /// `TooLarge`, `LimitReached` if there are too many unfinished uploads, `Unavailable`.
+    fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> impl Future<Output = Result<UploadStart>> + Send;
+
+    /// Appends bytes at `offset`, which must be the number of bytes received so far, and returns
+    /// the number of bytes received thereafter. `data` may be of any size; if a large one fails
+    /// half-way its beginning may have been received, as [`Programs::upload`] then tells.
+    ///
+    /// # Errors
+    /// `NotFound`, `WrongOffset`, `TooLarge` if more bytes come than were announced, `Unavailable`.
+    fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> impl Future<Output = Result<u64>> + Send;
+
+    /// Verifies the hash of an upload whose bytes have all arrived and makes the program visible.
+    ///
+    /// # Errors
+    /// `NotFound`, `Incomplete`, `HashMismatch` (the upload is then discarded), `Unavailable`.
+    fn finish_upload(&self, id: UploadId) -> impl Future<Output = Result<ProgramInfo>> + Send;
+
+    /// Where an unfinished upload stands.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn upload(&self, id: UploadId) -> impl Future<Output = Result<UploadInfo>> + Send;
+
+    /// All unfinished uploads, oldest first. Their number is limited by
+    /// [`crate::StoreSettings::max_uploads`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn uploads(&self) -> impl Future<Output = Result<Vec<UploadInfo>>> + Send;
+
+    /// Discards an unfinished upload with the bytes received.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn delete_upload(&self, id: UploadId) -> impl Future<Output = Result<()>> + Send;
+}

@@ -1,0 +1,106 @@
+//! Limits of a store, and what it tells about its work.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Limits of a store. The defaults suit a service of one machine shop.
+#[derive(Clone)]
+pub struct StoreSettings {
+    /// Largest program in bytes; default 2 GiB.
+    pub max_program_bytes: u64,
+    /// Most unfinished uploads kept at a time; default 64. They do not expire: once the limit is
+    /// reached one must be finished or deleted before another begins.
+    pub max_uploads: u32,
+    /// Largest JSON document (profile, tool, settings) in bytes; default 4 MiB.
+    pub max_document_bytes: u64,
+    /// Largest validation report in bytes before compression; default 64 MiB.
+    pub max_report_bytes: u64,
+    /// Largest snapshot of a checkpoint in bytes before compression; default 16 MiB.
+    pub max_snapshot_bytes: u64,
+    /// Connections that read at the same time; default 4.
+    pub readers: u32,
+    /// Writes that may wait for the writer; default 1024. Callers beyond wait for a place.
+    pub write_queue: usize,
+    /// Bytes of payload that waiting writes may hold in memory together; default 32 MiB. Callers
+    /// beyond wait.
+    pub write_queue_bytes: u64,
+    /// Most writes committed by one transaction; default 256.
+    pub max_commit_operations: usize,
+    /// How long to wait for a lock held by another program, or for a free reader; default 5 s.
+    pub busy_timeout: Duration,
+    /// Who is told about finished operations; default nobody.
+    pub observer: Arc<dyn Observer>,
+}
+
+impl Default for StoreSettings {
+    fn default() -> Self {
+        Self {
+            max_program_bytes: 2 << 30,
+            max_uploads: 64,
+            max_document_bytes: 4 << 20,
+            max_report_bytes: 64 << 20,
+            max_snapshot_bytes: 16 << 20,
+            readers: 4,
+            write_queue: 1024,
+            write_queue_bytes: 32 << 20,
+            max_commit_operations: 256,
+            busy_timeout: Duration::from_secs(5),
+            observer: Arc::new(NoObserver),
+        }
+    }
+}
+
+impl fmt::Debug for StoreSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StoreSettings")
+            .field("max_program_bytes", &self.max_program_bytes)
+            .field("max_uploads", &self.max_uploads)
+            .field("max_document_bytes", &self.max_document_bytes)
+            .field("max_report_bytes", &self.max_report_bytes)
+            .field("max_snapshot_bytes", &self.max_snapshot_bytes)
+            .field("readers", &self.readers)
+            .field("write_queue", &self.write_queue)
+            .field("write_queue_bytes", &self.write_queue_bytes)
+            .field("max_commit_operations", &self.max_commit_operations)
+            .field("busy_timeout", &self.busy_timeout)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Is told about finished operations; called on the store's own tasks, so it must return at once.
+pub trait Observer: Send + Sync {
+    /// A transaction with `operations` writes was committed; `latency` is from its begin to its
+    /// durable end.
+    fn write_committed(&self, operations: usize, latency: Duration) {
+        let _ = (operations, latency);
+    }
+
+    /// A read finished, successfully or not, after `latency` (waiting for a reader included).
+    fn read_done(&self, latency: Duration) {
+        let _ = latency;
+    }
+}
+
+/// Observes nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoObserver;
+
+impl Observer for NoObserver {}
+
+/// Counters of a store since it was opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct StoreStats {
+    /// Writes waiting or under way now.
+    pub write_queue_depth: u64,
+    /// Transactions committed.
+    pub commits: u64,
+    /// Writes committed by them.
+    pub committed_operations: u64,
+    /// Writes refused or failed.
+    pub failed_operations: u64,
+    /// Reads finished.
+    pub reads: u64,
+    /// Bytes of the database file, its free pages included.
+    pub database_bytes: u64,
+}

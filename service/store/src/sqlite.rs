@@ -1,0 +1,138 @@
+//! The store in an SQLite file: one connection that writes, a pool of connections that read.
+
+mod checkpoints;
+mod compress;
+mod documents;
+mod fault;
+mod jobs;
+mod open;
+mod programs;
+#[cfg(test)]
+mod tests;
+mod uploads;
+mod writer;
+
+use std::ops::{Deref, DerefMut};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use sqlx::pool::PoolConnection;
+use sqlx::{Sqlite, SqliteConnection, SqlitePool};
+use tokio::sync::watch;
+
+use crate::error::{Result, StoreError};
+use crate::settings::{StoreSettings, StoreStats};
+use writer::{BoxFuture, Transaction, Writer};
+
+/// The store. Cloning is cheap; clones are the same store.
+#[derive(Clone)]
+pub struct Store {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    path: PathBuf,
+    settings: StoreSettings,
+    writer: Writer,
+    readers: SqlitePool,
+    reads: AtomicU64,
+    newest_event: watch::Receiver<i64>,
+}
+
+impl Store {
+    /// Opens the database file at `path`, creates it if it does not exist, and brings its schema up
+    /// to date. The folder must exist. One process at a time should have a database open: others
+    /// would write safely, but not see each other's events arrive.
+    ///
+    /// # Errors
+    /// `CannotOpen` if the path is not usable, `Incompatible` if the file belongs to a newer version
+    /// or to another program, `Corrupt` if it is not an intact database, `Unavailable`.
+    pub async fn open(path: impl AsRef<Path>, settings: StoreSettings) -> Result<Self> {
+        let path = path.as_ref().to_path_buf();
+        let opened = open::open(&path, &settings).await?;
+        let (writer, newest_event) = Writer::start(opened.writer, opened.options, opened.newest_event, &settings);
+        let inner = Inner { path, settings, writer, readers: opened.readers, reads: AtomicU64::new(0), newest_event };
+        let store = Self { inner: Arc::new(inner) };
+        store.remove_orphans().await?;
+        Ok(store)
+    }
+
+    /// Ends the store in order: waits for the writes under way, refuses new ones, and closes the
+    /// file. Clones are closed with it. Dropping the store without closing it loses nothing that was
+    /// acknowledged.
+    pub async fn close(&self) {
+        self.inner.writer.close().await;
+        self.inner.readers.close().await;
+    }
+
+    /// Verifies that the database answers reads and that writes are taken, for readiness probes.
+    ///
+    /// # Errors
+    /// `Unavailable`, `Corrupt`.
+    pub async fn ping(&self) -> Result<()> {
+        if !self.inner.writer.is_open() {
+            return Err(StoreError::unavailable("it is closed"));
+        }
+        let mut reader = self.reader().await?;
+        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await?;
+        Ok(())
+    }
+
+    /// Counters since the store was opened.
+    pub fn stats(&self) -> StoreStats {
+        let mut stats = self.inner.writer.stats();
+        stats.reads = self.inner.reads.load(Ordering::Relaxed);
+        stats.database_bytes = std::fs::metadata(&self.inner.path).map_or(0, |file| file.len());
+        stats
+    }
+
+    /// The settings it was opened with.
+    pub fn settings(&self) -> &StoreSettings {
+        &self.inner.settings
+    }
+
+    /// Does `work` within a transaction; `payload_bytes` is what it holds in memory until then.
+    async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        self.inner.writer.write(payload_bytes, work).await
+    }
+
+    async fn reader(&self) -> Result<Reader<'_>> {
+        let begun = Instant::now();
+        let connection = self.inner.readers.acquire().await?;
+        Ok(Reader { connection, inner: &self.inner, begun })
+    }
+}
+
+/// A connection for reading; reports its use when dropped.
+struct Reader<'a> {
+    connection: PoolConnection<Sqlite>,
+    inner: &'a Inner,
+    begun: Instant,
+}
+
+impl Deref for Reader<'_> {
+    type Target = SqliteConnection;
+
+    fn deref(&self) -> &SqliteConnection {
+        &self.connection
+    }
+}
+
+impl DerefMut for Reader<'_> {
+    fn deref_mut(&mut self) -> &mut SqliteConnection {
+        &mut self.connection
+    }
+}
+
+impl Drop for Reader<'_> {
+    fn drop(&mut self) {
+        self.inner.reads.fetch_add(1, Ordering::Relaxed);
+        self.inner.settings.observer.read_done(self.begun.elapsed());
+    }
+}

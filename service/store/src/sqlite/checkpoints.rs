@@ -1,0 +1,130 @@
+//! Checkpoints in SQLite.
+
+use sqlx::{QueryBuilder, Row, Sqlite};
+use uuid::Uuid;
+
+use super::Store;
+use super::compress::{compress, decompress, offload};
+use super::fault::{is_reference, signed, unsigned};
+use crate::checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
+use crate::error::{Kind, Result, StoreError, check_size};
+
+/// Rows per statement: well within SQLite's 32 766 parameters.
+const ROWS: usize = 1000;
+
+/// Longest generation key in bytes.
+const MAX_KEY_BYTES: u64 = 1024;
+
+struct Packed {
+    setpoint_index: i64,
+    input_offset: i64,
+    snapshot_bytes: i64,
+    snapshot: Vec<u8>,
+}
+
+fn pack(checkpoints: &[Checkpoint]) -> Result<Vec<Packed>> {
+    let pack = |checkpoint: &Checkpoint| {
+        Ok(Packed {
+            setpoint_index: signed("setpoint index", checkpoint.setpoint_index)?,
+            input_offset: signed("input offset", checkpoint.input_offset)?,
+            snapshot_bytes: signed("snapshot size in bytes", checkpoint.snapshot.len() as u64)?,
+            snapshot: compress(&checkpoint.snapshot)?,
+        })
+    };
+    checkpoints.iter().map(pack).collect()
+}
+
+impl Store {
+    async fn write_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>, replace: bool) -> Result<()> {
+        check_size("generation key size in bytes", set.generation_key.len(), MAX_KEY_BYTES)?;
+        for checkpoint in &checkpoints {
+            check_size("snapshot size in bytes", checkpoint.snapshot.len(), self.settings().max_snapshot_bytes)?;
+        }
+        let bytes = checkpoints.iter().map(|checkpoint| checkpoint.snapshot.len()).sum();
+        let mut packed = offload(bytes, move || pack(&checkpoints)).await?;
+        let payload = packed.iter().map(|checkpoint| checkpoint.snapshot.len()).sum();
+        let set = set.clone();
+        self.write(payload, move |tx| {
+            Box::pin(async move {
+                let id = set.job_id.to_string();
+                if replace {
+                    sqlx::query(
+                        "DELETE FROM job_checkpoints
+                         WHERE job_id = ? AND interpolation_period_us = ? AND generation_key = ?",
+                    )
+                    .bind(&id)
+                    .bind(set.interpolation_period_us)
+                    .bind(&set.generation_key)
+                    .execute(&mut tx.connection)
+                    .await?;
+                }
+                while !packed.is_empty() {
+                    let mut sql = QueryBuilder::<Sqlite>::new(
+                        "INSERT OR REPLACE INTO job_checkpoints (job_id, interpolation_period_us, generation_key,
+                            setpoint_index, input_offset, snapshot_bytes, snapshot) ",
+                    );
+                    sql.push_values(packed.drain(..packed.len().min(ROWS)), |mut row, checkpoint| {
+                        row.push_bind(id.clone())
+                            .push_bind(set.interpolation_period_us)
+                            .push_bind(set.generation_key.clone())
+                            .push_bind(checkpoint.setpoint_index)
+                            .push_bind(checkpoint.input_offset)
+                            .push_bind(checkpoint.snapshot_bytes)
+                            .push_bind(checkpoint.snapshot);
+                    });
+                    sql.build().persistent(false).execute(&mut tx.connection).await.map_err(|error| {
+                        if is_reference(&error) { StoreError::not_found(Kind::Job, &id) } else { error.into() }
+                    })?;
+                }
+                Ok(())
+            })
+        })
+        .await
+    }
+}
+
+impl Checkpoints for Store {
+    async fn put_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>) -> Result<()> {
+        self.write_checkpoints(set, checkpoints, false).await
+    }
+
+    async fn replace_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>) -> Result<()> {
+        self.write_checkpoints(set, checkpoints, true).await
+    }
+
+    async fn nearest_checkpoint(&self, set: &CheckpointSet, setpoint_index: u64) -> Result<Option<Checkpoint>> {
+        let row = sqlx::query(
+            "SELECT setpoint_index, input_offset, snapshot_bytes, snapshot FROM job_checkpoints
+             WHERE job_id = ? AND interpolation_period_us = ? AND generation_key = ? AND setpoint_index <= ?
+             ORDER BY setpoint_index DESC LIMIT 1",
+        )
+        .bind(set.job_id.to_string())
+        .bind(set.interpolation_period_us)
+        .bind(&set.generation_key)
+        // No stored index is beyond, so the nearest stays the nearest.
+        .bind(i64::try_from(setpoint_index).unwrap_or(i64::MAX))
+        .fetch_optional(&mut *self.reader().await?)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        let size = unsigned(&row, "snapshot_bytes")?;
+        let packed: Vec<u8> = row.try_get("snapshot")?;
+        Ok(Some(Checkpoint {
+            setpoint_index: unsigned(&row, "setpoint_index")?,
+            input_offset: unsigned(&row, "input_offset")?,
+            snapshot: offload(packed.len(), move || decompress(&packed, size)).await?,
+        }))
+    }
+
+    async fn delete_checkpoints(&self, job_id: Uuid) -> Result<()> {
+        self.write(0, move |tx| {
+            Box::pin(async move {
+                sqlx::query("DELETE FROM job_checkpoints WHERE job_id = ?")
+                    .bind(job_id.to_string())
+                    .execute(&mut tx.connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}

@@ -1,0 +1,244 @@
+//! Machine profiles and tools in SQLite: two collections of one kind of document.
+
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+use uuid::Uuid;
+
+use super::Store;
+use super::fault::{json, unsigned};
+use crate::Json;
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::machines::{MachineRecord, Machines};
+use crate::page::{Page, PageRequest, Scope};
+use crate::tools::{ToolFilter, ToolRecord, Tools};
+
+/// Longest identifier in bytes; it must fit a page token.
+const MAX_ID_BYTES: u64 = 256;
+
+/// The `collection` column.
+fn collection(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Tool => "tool",
+        _ => "machine",
+    }
+}
+
+struct Document {
+    id: String,
+    /// A tool's; machines have none.
+    number: Option<u32>,
+    body: Json,
+    revision: u64,
+    created_us: i64,
+    updated_us: i64,
+}
+
+impl Document {
+    fn of(row: &SqliteRow) -> Result<Self> {
+        Ok(Self {
+            id: row.try_get("id")?,
+            number: row.try_get("number")?,
+            body: json(row, "body")?,
+            revision: unsigned(row, "revision")?,
+            created_us: row.try_get("created_us")?,
+            updated_us: row.try_get("updated_us")?,
+        })
+    }
+
+    /// Creation time and revision: a document created anew under an old identifier has another tag.
+    fn etag(&self) -> String {
+        format!("{:x}-{}", self.created_us, self.revision)
+    }
+}
+
+impl From<Document> for MachineRecord {
+    fn from(document: Document) -> Self {
+        let etag = document.etag();
+        let Document { id, body, created_us, updated_us, .. } = document;
+        Self { id, body, etag, created_us, updated_us }
+    }
+}
+
+impl TryFrom<Document> for ToolRecord {
+    type Error = StoreError;
+
+    fn try_from(document: Document) -> Result<Self> {
+        let etag = document.etag();
+        let Document { id, number, body, created_us, updated_us, .. } = document;
+        let number = number.ok_or_else(|| StoreError::corrupt(format!("tool {id:?} has no number")))?;
+        Ok(Self { id, number, body, etag, created_us, updated_us })
+    }
+}
+
+async fn find(connection: &mut SqliteConnection, kind: Kind, id: &str) -> Result<Document> {
+    let row = sqlx::query("SELECT * FROM documents WHERE collection = ? AND id = ?")
+        .bind(collection(kind))
+        .bind(id)
+        .fetch_optional(connection)
+        .await?;
+    Document::of(&row.ok_or_else(|| StoreError::not_found(kind, id))?)
+}
+
+/// Refuses if a document is not the one the caller read.
+async fn check_etag(connection: &mut SqliteConnection, kind: Kind, id: &str, etag: Option<String>) -> Result<()> {
+    let current = find(connection, kind, id).await?.etag();
+    match etag {
+        Some(etag) if etag != current => Err(StoreError::EtagMismatch { kind, id: id.to_owned(), current }),
+        _ => Ok(()),
+    }
+}
+
+impl Store {
+    fn check_body(&self, kind: Kind, body: &Json) -> Result<()> {
+        let what = if kind == Kind::Tool { "tool size in bytes" } else { "machine profile size in bytes" };
+        check_size(what, body.get().len(), self.settings().max_document_bytes)
+    }
+
+    async fn create(&self, kind: Kind, id: Option<&str>, number: Option<u32>, body: Json) -> Result<Document> {
+        self.check_body(kind, &body)?;
+        let id = id.map_or_else(|| Uuid::now_v7().to_string(), str::to_owned);
+        check_size("identifier size in bytes", id.len(), MAX_ID_BYTES)?;
+        self.write(body.get().len(), move |tx| {
+            Box::pin(async move {
+                let now_us = tx.now_us();
+                let row = sqlx::query(
+                    "INSERT INTO documents (collection, id, number, created_us, updated_us, revision, body)
+                     VALUES (?, ?, ?, ?, ?, 1, ?) ON CONFLICT DO NOTHING RETURNING *",
+                )
+                .bind(collection(kind))
+                .bind(&id)
+                .bind(number)
+                .bind(now_us)
+                .bind(now_us)
+                .bind(body.get())
+                .fetch_optional(&mut tx.connection)
+                .await?;
+                Document::of(&row.ok_or(StoreError::AlreadyExists { kind, id })?)
+            })
+        })
+        .await
+    }
+
+    async fn get(&self, kind: Kind, id: &str) -> Result<Document> {
+        find(&mut *self.reader().await?, kind, id).await
+    }
+
+    async fn list<T, F>(&self, kind: Kind, number: Option<u32>, page: &PageRequest, record: F) -> Result<Page<T>>
+    where
+        F: Fn(Document) -> Result<T>,
+    {
+        let filter = number.map(u32::to_be_bytes).map_or_else(Vec::new, Vec::from);
+        let scope = Scope::of([collection(kind).as_bytes(), &filter]);
+        let after = match scope.position(&page.token)? {
+            Some(position) => String::from_utf8(position).map_err(|_| StoreError::InvalidPageToken)?,
+            None => String::new(),
+        };
+        let size = page.bounded_size();
+        let rows = sqlx::query(if number.is_some() {
+            "SELECT * FROM documents WHERE collection = ?1 AND id > ?2 AND number = ?4 ORDER BY id LIMIT ?3"
+        } else {
+            "SELECT * FROM documents WHERE collection = ?1 AND id > ?2 ORDER BY id LIMIT ?3"
+        })
+        .bind(collection(kind))
+        .bind(after)
+        .bind(size as i64 + 1)
+        .bind(number)
+        .fetch_all(&mut *self.reader().await?)
+        .await?;
+        let documents = rows.iter().map(Document::of).collect::<Result<Vec<_>>>()?;
+        let page = Page::cut(documents, size, |last| scope.token(last.id.as_bytes()));
+        let items = page.items.into_iter().map(record).collect::<Result<Vec<_>>>()?;
+        Ok(Page { items, next_token: page.next_token })
+    }
+
+    async fn update(
+        &self,
+        kind: Kind,
+        id: &str,
+        etag: Option<&str>,
+        number: Option<u32>,
+        body: Json,
+    ) -> Result<Document> {
+        self.check_body(kind, &body)?;
+        let (id, etag) = (id.to_owned(), etag.map(str::to_owned));
+        self.write(body.get().len(), move |tx| {
+            Box::pin(async move {
+                check_etag(&mut tx.connection, kind, &id, etag).await?;
+                let now_us = tx.now_us();
+                let row = sqlx::query(
+                    "UPDATE documents SET number = ?, body = ?, updated_us = ?, revision = revision + 1
+                     WHERE collection = ? AND id = ? RETURNING *",
+                )
+                .bind(number)
+                .bind(body.get())
+                .bind(now_us)
+                .bind(collection(kind))
+                .bind(&id)
+                .fetch_one(&mut tx.connection)
+                .await?;
+                Document::of(&row)
+            })
+        })
+        .await
+    }
+
+    async fn delete(&self, kind: Kind, id: &str, etag: Option<&str>) -> Result<()> {
+        let (id, etag) = (id.to_owned(), etag.map(str::to_owned));
+        self.write(0, move |tx| {
+            Box::pin(async move {
+                check_etag(&mut tx.connection, kind, &id, etag).await?;
+                sqlx::query("DELETE FROM documents WHERE collection = ? AND id = ?")
+                    .bind(collection(kind))
+                    .bind(&id)
+                    .execute(&mut tx.connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}
+
+impl Machines for Store {
+    async fn create_machine(&self, id: Option<&str>, body: Json) -> Result<MachineRecord> {
+        Ok(self.create(Kind::Machine, id, None, body).await?.into())
+    }
+
+    async fn machine(&self, id: &str) -> Result<MachineRecord> {
+        Ok(self.get(Kind::Machine, id).await?.into())
+    }
+
+    async fn list_machines(&self, page: &PageRequest) -> Result<Page<MachineRecord>> {
+        self.list(Kind::Machine, None, page, |document| Ok(document.into())).await
+    }
+
+    async fn update_machine(&self, id: &str, etag: Option<&str>, body: Json) -> Result<MachineRecord> {
+        Ok(self.update(Kind::Machine, id, etag, None, body).await?.into())
+    }
+
+    async fn delete_machine(&self, id: &str, etag: Option<&str>) -> Result<()> {
+        self.delete(Kind::Machine, id, etag).await
+    }
+}
+
+impl Tools for Store {
+    async fn create_tool(&self, id: Option<&str>, number: u32, body: Json) -> Result<ToolRecord> {
+        self.create(Kind::Tool, id, Some(number), body).await?.try_into()
+    }
+
+    async fn tool(&self, id: &str) -> Result<ToolRecord> {
+        self.get(Kind::Tool, id).await?.try_into()
+    }
+
+    async fn list_tools(&self, filter: &ToolFilter, page: &PageRequest) -> Result<Page<ToolRecord>> {
+        self.list(Kind::Tool, filter.number, page, TryInto::try_into).await
+    }
+
+    async fn update_tool(&self, id: &str, etag: Option<&str>, number: u32, body: Json) -> Result<ToolRecord> {
+        self.update(Kind::Tool, id, etag, Some(number), body).await?.try_into()
+    }
+
+    async fn delete_tool(&self, id: &str, etag: Option<&str>) -> Result<()> {
+        self.delete(Kind::Tool, id, etag).await
+    }
+}

@@ -1,0 +1,435 @@
+//! Jobs, their reports and events in SQLite.
+
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::Store;
+use super::compress::{compress, decompress, offload};
+use super::fault::{is_reference, json, json_option, parsed, parsed_option, signed, to_json, unsigned};
+use super::writer::Transaction;
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::jobs::{
+    FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport, StoredReport,
+};
+use crate::page::{Page, PageRequest, Scope};
+
+/// Longest request id, machine id, display name and detail in bytes.
+const MAX_TEXT_BYTES: u64 = 4096;
+
+/// Bytes of a page position: creation time, then id.
+const POSITION_BYTES: usize = 24;
+
+macro_rules! job_query {
+    ($columns:literal, $rest:literal) => {
+        concat!(
+            "SELECT j.id, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id, j.state,
+                j.state_detail, j.created_us, j.updated_us, j.revision,
+                r.error_count, r.warning_count, r.info_count, r.summary ", $columns,
+            " FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+                LEFT JOIN validation_reports AS r ON r.job_id = j.id ",
+            $rest
+        )
+    };
+}
+
+fn job(row: &SqliteRow) -> Result<Job> {
+    let findings = match row.try_get::<Option<i64>, _>("error_count")? {
+        Some(_) => Some(findings(row)?),
+        None => None,
+    };
+    Ok(Job {
+        id: parsed(row, "id")?,
+        request_id: row.try_get("request_id")?,
+        display_name: row.try_get("display_name")?,
+        program_id: parsed(row, "program_id")?,
+        program_size_bytes: unsigned(row, "size_bytes")?,
+        machine_id: row.try_get("machine_id")?,
+        state: parsed(row, "state")?,
+        state_detail: row.try_get("state_detail")?,
+        findings,
+        summary: json_option(row, "summary")?,
+        created_us: row.try_get("created_us")?,
+        updated_us: row.try_get("updated_us")?,
+        revision: unsigned(row, "revision")?,
+    })
+}
+
+fn findings(row: &SqliteRow) -> Result<FindingCounts> {
+    Ok(FindingCounts {
+        errors: unsigned(row, "error_count")?,
+        warnings: unsigned(row, "warning_count")?,
+        infos: unsigned(row, "info_count")?,
+    })
+}
+
+fn event(row: &SqliteRow) -> Result<JobEvent> {
+    Ok(JobEvent {
+        sequence: row.try_get("sequence")?,
+        job_id: parsed(row, "job_id")?,
+        from_state: parsed_option(row, "from_state")?,
+        to_state: parsed_option(row, "to_state")?,
+        at_us: row.try_get("at_us")?,
+        detail: row.try_get("detail")?,
+    })
+}
+
+fn missing(id: Uuid) -> StoreError {
+    StoreError::not_found(Kind::Job, id)
+}
+
+async fn find_job(connection: &mut SqliteConnection, id: Uuid) -> Result<Job> {
+    let row = sqlx::query(job_query!("", "WHERE j.id = ?")).bind(id.to_string()).fetch_optional(connection).await?;
+    job(&row.ok_or_else(|| missing(id))?)
+}
+
+/// Writes an event into the log.
+async fn log(
+    tx: &mut Transaction,
+    id: Uuid,
+    from: Option<JobState>,
+    to: Option<JobState>,
+    at_us: i64,
+    detail: &str,
+) -> Result<()> {
+    let sequence =
+        sqlx::query("INSERT INTO job_events (job_id, from_state, to_state, at_us, detail) VALUES (?, ?, ?, ?, ?)")
+            .bind(id.to_string())
+            .bind(from.map(JobState::as_str))
+            .bind(to.map(JobState::as_str))
+            .bind(at_us)
+            .bind(detail)
+            .execute(&mut tx.connection)
+            .await?
+            .last_insert_rowid();
+    tx.event_written(sequence);
+    Ok(())
+}
+
+/// A report ready to be written.
+struct PackedReport {
+    findings: FindingCounts,
+    summary: Option<String>,
+    report_bytes: i64,
+    report: Vec<u8>,
+}
+
+impl PackedReport {
+    async fn of(report: NewReport) -> Result<Self> {
+        let NewReport { report, findings, summary } = report;
+        let bytes = report.get().len();
+        let packed = offload(bytes, move || compress(report.get().as_bytes())).await?;
+        Ok(Self {
+            findings,
+            summary: summary.map(|summary| summary.get().to_owned()),
+            report_bytes: signed("report size in bytes", bytes as u64)?,
+            report: packed,
+        })
+    }
+
+    async fn insert(self, connection: &mut SqliteConnection, id: Uuid, at_us: i64) -> Result<()> {
+        sqlx::query(
+            "INSERT OR REPLACE INTO validation_reports
+                (job_id, error_count, warning_count, info_count, created_us, summary, report_bytes, report)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        )
+        .bind(id.to_string())
+        .bind(signed("number of errors", self.findings.errors)?)
+        .bind(signed("number of warnings", self.findings.warnings)?)
+        .bind(signed("number of infos", self.findings.infos)?)
+        .bind(at_us)
+        .bind(self.summary)
+        .bind(self.report_bytes)
+        .bind(self.report)
+        .execute(connection)
+        .await?;
+        Ok(())
+    }
+}
+
+/// The token scope of a job list.
+fn scope(filter: &JobFilter) -> Scope {
+    let mut states: Vec<_> = filter.states.iter().map(|state| state.as_str()).collect();
+    states.sort_unstable();
+    states.dedup();
+    // A present and an absent filter differ in length, so no value can pass for "absent".
+    let time = |time: Option<i64>| time.map(i64::to_be_bytes).map_or_else(Vec::new, Vec::from);
+    let machine = filter.machine_id.as_deref().map_or_else(String::new, |id| format!("={id}"));
+    let [from, before] = [filter.created_from_us, filter.created_before_us].map(time);
+    Scope::of([b"jobs", states.join(",").as_bytes(), machine.as_bytes(), &from, &before])
+}
+
+fn position(job: &Job) -> [u8; POSITION_BYTES] {
+    let mut position = [0; POSITION_BYTES];
+    position[..8].copy_from_slice(&job.created_us.to_be_bytes());
+    position[8..].copy_from_slice(job.id.as_bytes());
+    position
+}
+
+/// The creation time and id in a page position.
+fn position_parts(position: &[u8]) -> Result<(i64, Uuid)> {
+    let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
+    let time = time.try_into().map_err(|_| StoreError::InvalidPageToken)?;
+    let id = id.try_into().map_err(|_| StoreError::InvalidPageToken)?;
+    Ok((i64::from_be_bytes(time), Uuid::from_bytes(id)))
+}
+
+fn push_states(sql: &mut QueryBuilder<Sqlite>, states: &[JobState]) {
+    sql.push("(");
+    let mut list = sql.separated(", ");
+    for state in states {
+        list.push_bind(state.as_str());
+    }
+    sql.push(")");
+}
+
+impl Jobs for Store {
+    async fn create_job(&self, new: NewJob) -> Result<Job> {
+        for (what, text) in [
+            ("request id size in bytes", &new.request_id),
+            ("display name size in bytes", &new.display_name),
+            ("machine id size in bytes", &new.machine_id),
+        ] {
+            check_size(what, text.len(), MAX_TEXT_BYTES)?;
+        }
+        let limit = self.settings().max_document_bytes;
+        check_size("machine profile size in bytes", new.machine_snapshot.get().len(), limit)?;
+        check_size("job settings size in bytes", new.settings.get().len(), limit)?;
+        let payload = new.machine_snapshot.get().len() + new.settings.get().len();
+        self.write(payload, move |tx| Box::pin(create(tx, new))).await
+    }
+
+    async fn job(&self, id: Uuid) -> Result<Job> {
+        find_job(&mut *self.reader().await?, id).await
+    }
+
+    async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
+        let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings", "WHERE j.id = ?"))
+            .bind(id.to_string())
+            .fetch_optional(&mut *self.reader().await?)
+            .await?
+            .ok_or_else(|| missing(id))?;
+        Ok(JobDetail {
+            job: job(&row)?,
+            machine_snapshot: json(&row, "machine_snapshot")?,
+            settings: json(&row, "settings")?,
+        })
+    }
+
+    async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>> {
+        let row = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
+            .bind(request_id)
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        row.as_ref().map(job).transpose()
+    }
+
+    async fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<Job>> {
+        let scope = scope(filter);
+        let size = page.bounded_size();
+        let mut sql = QueryBuilder::<Sqlite>::new(job_query!("", "WHERE TRUE"));
+        if !filter.states.is_empty() {
+            sql.push(" AND j.state IN ");
+            push_states(&mut sql, &filter.states);
+        }
+        if let Some(machine) = &filter.machine_id {
+            sql.push(" AND j.machine_id = ").push_bind(machine);
+        }
+        if let Some(from) = filter.created_from_us {
+            sql.push(" AND j.created_us >= ").push_bind(from);
+        }
+        if let Some(before) = filter.created_before_us {
+            sql.push(" AND j.created_us < ").push_bind(before);
+        }
+        if let Some(position) = scope.position(&page.token)? {
+            let (time, id) = position_parts(&position)?;
+            sql.push(" AND (j.created_us, j.id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
+        }
+        sql.push(" ORDER BY j.created_us DESC, j.id DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let jobs = rows.iter().map(job).collect::<Result<Vec<_>>>()?;
+        Ok(Page::cut(jobs, size, |last| scope.token(&position(last))))
+    }
+
+    async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>> {
+        let mut sql = QueryBuilder::<Sqlite>::new("SELECT id FROM jobs WHERE state IN ");
+        push_states(&mut sql, states);
+        sql.push(" ORDER BY created_us, id LIMIT ").push_bind(limit);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(|row| parsed(row, "id")).collect()
+    }
+
+    async fn count_jobs(&self) -> Result<Vec<(JobState, u64)>> {
+        let rows = sqlx::query("SELECT state, COUNT(*) AS jobs FROM jobs GROUP BY state")
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        rows.iter().map(|row| Ok((parsed(row, "state")?, unsigned(row, "jobs")?))).collect()
+    }
+
+    async fn transition(
+        &self,
+        id: Uuid,
+        from: &[JobState],
+        to: JobState,
+        detail: &str,
+        report: Option<NewReport>,
+    ) -> Result<Job> {
+        check_size("detail size in bytes", detail.len(), MAX_TEXT_BYTES)?;
+        if let Some(report) = &report {
+            check_size("report size in bytes", report.report.get().len(), self.settings().max_report_bytes)?;
+            let summary = report.summary.as_ref().map_or(0, |summary| summary.get().len());
+            check_size("report summary size in bytes", summary, self.settings().max_document_bytes)?;
+        }
+        let report = match report {
+            Some(report) => Some(PackedReport::of(report).await?),
+            None => None,
+        };
+        let payload = report.as_ref().map_or(0, |report| report.report.len());
+        let (from, detail) = (from.to_vec(), detail.to_owned());
+        self.write(payload, move |tx| Box::pin(change(tx, id, from, to, detail, report))).await
+    }
+
+    async fn report(&self, id: Uuid) -> Result<StoredReport> {
+        let row = sqlx::query("SELECT * FROM validation_reports WHERE job_id = ?")
+            .bind(id.to_string())
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        let Some(row) = row else {
+            self.job(id).await?;
+            return Err(StoreError::not_found(Kind::Report, id));
+        };
+        let size = unsigned(&row, "report_bytes")?;
+        let packed: Vec<u8> = row.try_get("report")?;
+        let report = offload(packed.len(), move || {
+            let text = String::from_utf8(decompress(&packed, size)?.into())
+                .map_err(|error| StoreError::corrupt_by("a report is not text", error))?;
+            to_json(text, "report")
+        })
+        .await?;
+        Ok(StoredReport { job_id: id, report, findings: findings(&row)?, created_us: row.try_get("created_us")? })
+    }
+
+    async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<()> {
+        let etag = etag.map(str::to_owned);
+        self.write(0, move |tx| {
+            Box::pin(async move {
+                let job = find_job(&mut tx.connection, id).await?;
+                let current = job.etag();
+                if etag.is_some_and(|etag| etag != current) {
+                    return Err(StoreError::EtagMismatch { kind: Kind::Job, id: id.to_string(), current });
+                }
+                sqlx::query("DELETE FROM jobs WHERE id = ?").bind(id.to_string()).execute(&mut tx.connection).await?;
+                let now_us = tx.now_us();
+                log(tx, id, Some(job.state), None, now_us, "deleted").await
+            })
+        })
+        .await
+    }
+
+    async fn events_after(&self, sequence: i64, job_id: Option<Uuid>, limit: u32) -> Result<Vec<JobEvent>> {
+        let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM job_events WHERE sequence > ");
+        sql.push_bind(sequence);
+        if let Some(id) = job_id {
+            sql.push(" AND job_id = ").push_bind(id.to_string());
+        }
+        sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_EVENTS));
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(event).collect()
+    }
+
+    fn latest_sequence(&self) -> i64 {
+        *self.inner.newest_event.borrow()
+    }
+
+    fn watch_events(&self) -> watch::Receiver<i64> {
+        self.inner.newest_event.clone()
+    }
+}
+
+async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
+    let earlier = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
+        .bind(&new.request_id)
+        .fetch_optional(&mut tx.connection)
+        .await?;
+    if let Some(row) = earlier {
+        let earlier = job(&row)?;
+        if row.try_get::<&[u8], _>("fingerprint")? == new.fingerprint.as_bytes() {
+            return Ok(earlier);
+        }
+        return Err(StoreError::Conflict { request_id: new.request_id, job_id: earlier.id });
+    }
+    let id = Uuid::now_v7();
+    let state = JobState::PendingValidation;
+    let now_us = tx.now_us();
+    let inserted = sqlx::query(
+        "INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail,
+            created_us, updated_us, revision, settings, machine_snapshot)
+         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?)
+         RETURNING (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
+    )
+    .bind(id.to_string())
+    .bind(&new.request_id)
+    .bind(new.fingerprint.as_bytes().as_slice())
+    .bind(&new.display_name)
+    .bind(new.program_id.to_string())
+    .bind(&new.machine_id)
+    .bind(state.as_str())
+    .bind(now_us)
+    .bind(now_us)
+    .bind(new.settings.get())
+    .bind(new.machine_snapshot.get())
+    .fetch_one(&mut tx.connection)
+    .await;
+    let row = inserted.map_err(|error| {
+        if is_reference(&error) { StoreError::not_found(Kind::Program, new.program_id) } else { error.into() }
+    })?;
+    log(tx, id, None, Some(state), now_us, "").await?;
+    Ok(Job {
+        id,
+        request_id: new.request_id,
+        display_name: new.display_name,
+        program_id: new.program_id,
+        program_size_bytes: unsigned(&row, "size_bytes")?,
+        machine_id: new.machine_id,
+        state,
+        state_detail: String::new(),
+        findings: None,
+        summary: None,
+        created_us: now_us,
+        updated_us: now_us,
+        revision: 1,
+    })
+}
+
+async fn change(
+    tx: &mut Transaction,
+    id: Uuid,
+    from: Vec<JobState>,
+    to: JobState,
+    detail: String,
+    report: Option<PackedReport>,
+) -> Result<Job> {
+    let state = sqlx::query("SELECT state FROM jobs WHERE id = ?")
+        .bind(id.to_string())
+        .fetch_optional(&mut tx.connection)
+        .await?
+        .ok_or_else(|| missing(id))?;
+    let actual: JobState = parsed(&state, "state")?;
+    if !from.contains(&actual) {
+        return Err(StoreError::FailedState { job_id: id, actual, expected: from });
+    }
+    let now_us = tx.now_us();
+    sqlx::query("UPDATE jobs SET state = ?, state_detail = ?, updated_us = ?, revision = revision + 1 WHERE id = ?")
+        .bind(to.as_str())
+        .bind(&detail)
+        .bind(now_us)
+        .bind(id.to_string())
+        .execute(&mut tx.connection)
+        .await?;
+    if let Some(report) = report {
+        report.insert(&mut tx.connection, id, now_us).await?;
+    }
+    log(tx, id, Some(actual), Some(to), now_us, &detail).await?;
+    find_job(&mut tx.connection, id).await
+}

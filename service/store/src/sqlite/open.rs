@@ -1,0 +1,104 @@
+//! Opening the file: is it ours, is it current, and with which guarantees.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
+
+use crate::error::{Result, StoreError};
+use crate::settings::StoreSettings;
+
+static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/sqlite");
+
+/// Marks the file as ours ("fwdb"), so that no other program's database is ever migrated.
+const APPLICATION_ID: i32 = 0x6677_6462;
+
+/// After a checkpoint the write-ahead log is cut down to this size; a large upload would otherwise
+/// leave it large for good.
+const JOURNAL_SIZE_LIMIT: &str = "67108864";
+
+pub(super) struct Opened {
+    pub(super) writer: SqliteConnection,
+    pub(super) options: SqliteConnectOptions,
+    pub(super) readers: SqlitePool,
+    pub(super) newest_event: i64,
+}
+
+pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened> {
+    let cannot = |reason| StoreError::CannotOpen { path: path.into(), reason, source: None };
+    if path.as_os_str().is_empty() {
+        return Err(cannot("the path is empty"));
+    }
+    if path.is_dir() {
+        return Err(cannot("it is a folder"));
+    }
+    if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        return Err(cannot("its folder does not exist"));
+    }
+
+    let plain = SqliteConnectOptions::new()
+        .filename(path)
+        .create_if_missing(true)
+        .busy_timeout(settings.busy_timeout)
+        .disable_statement_logging();
+    let fresh = identify(path, &plain).await?;
+
+    let options = plain
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .pragma("journal_size_limit", JOURNAL_SIZE_LIMIT);
+    let mut writer = options.connect().await?;
+    if fresh {
+        sqlx::query("PRAGMA application_id = 0x66776462").execute(&mut writer).await?;
+    }
+    MIGRATOR.run_direct(None, &mut writer, false).await.map_err(migration_fault)?;
+    let newest_event =
+        sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM sqlite_sequence WHERE name = 'job_events'")
+            .fetch_one(&mut writer)
+            .await?;
+
+    let readers = SqlitePoolOptions::new()
+        .max_connections(settings.readers.max(1))
+        .acquire_timeout(settings.busy_timeout)
+        .idle_timeout(None)
+        .max_lifetime(None)
+        .test_before_acquire(false)
+        .connect_with(options.clone().create_if_missing(false).pragma("query_only", "ON"))
+        .await?;
+    Ok(Opened { writer, options, readers, newest_event })
+}
+
+/// Looks at the file before anything in it is changed. True if it is new.
+async fn identify(path: &Path, plain: &SqliteConnectOptions) -> Result<bool> {
+    let mut connection = plain.connect().await.map_err(|error| match StoreError::from(error) {
+        StoreError::Unavailable { reason, source } => StoreError::CannotOpen { path: path.into(), reason, source },
+        other => other,
+    })?;
+    let application: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut connection).await?;
+    let tables: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM sqlite_schema").fetch_one(&mut connection).await?;
+    connection.close().await?;
+    match (application, tables) {
+        (APPLICATION_ID, _) => Ok(false),
+        (0, 0) => Ok(true),
+        _ => Err(StoreError::Incompatible("it was made by another program".into())),
+    }
+}
+
+fn migration_fault(error: MigrateError) -> StoreError {
+    match error {
+        MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => error.into(),
+        MigrateError::VersionMissing(version) => {
+            let known = MIGRATOR.iter().map(|migration| migration.version).max().unwrap_or(0);
+            StoreError::Incompatible(format!(
+                "it was changed by a newer version (it has migration {version}, this version knows those up to {known})"
+            ))
+        }
+        MigrateError::VersionMismatch(version) => {
+            StoreError::Incompatible(format!("its migration {version} differs from this version's"))
+        }
+        other => StoreError::Unavailable { reason: "migrating it failed", source: Some(Arc::new(other)) },
+    }
+}

@@ -1,0 +1,261 @@
+//! Programs in SQLite.
+
+use bytes::Bytes;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+use super::Store;
+use super::compress::{compress, decompress, offload};
+use super::fault::{is_reference, parsed, signed, unsigned};
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::programs::{
+    CHUNK_BYTES, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+};
+
+/// Chunks removed by one write: a large program is removed in pieces that hold up nobody.
+const REMOVED_CHUNKS: i64 = 32;
+
+/// A compressed chunk on its way to the database.
+pub(super) struct Chunk {
+    pub(super) index: i64,
+    pub(super) source_bytes: i64,
+    pub(super) data: Vec<u8>,
+}
+
+impl Chunk {
+    /// Compresses the chunk of `source` that begins at a multiple of [`CHUNK_BYTES`].
+    pub(super) fn of(source: &[u8], source_offset: u64) -> Result<Self> {
+        Ok(Self {
+            index: signed("chunk index", source_offset / CHUNK_BYTES)?,
+            source_bytes: signed("chunk size in bytes", source.len() as u64)?,
+            data: compress(source)?,
+        })
+    }
+}
+
+/// Writes chunks of a content.
+pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i64, chunks: Vec<Chunk>) -> Result<()> {
+    if chunks.is_empty() {
+        return Ok(());
+    }
+    let mut sql = QueryBuilder::<Sqlite>::new(
+        "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data) ",
+    );
+    sql.push_values(chunks, |mut row, chunk| {
+        row.push_bind(content)
+            .push_bind(chunk.index)
+            .push_bind(chunk.index * CHUNK_BYTES as i64)
+            .push_bind(chunk.source_bytes)
+            .push_bind(chunk.data);
+    });
+    sql.build().persistent(false).execute(connection).await?;
+    Ok(())
+}
+
+/// Makes a content visible as a program.
+pub(super) async fn insert_program(connection: &mut SqliteConnection, content: i64, info: &ProgramInfo) -> Result<()> {
+    sqlx::query("INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us) VALUES (?, ?, ?, ?, ?)")
+        .bind(info.id.to_string())
+        .bind(content)
+        .bind(signed("program size in bytes", info.size_bytes)?)
+        .bind(signed("number of chunks", info.chunk_count)?)
+        .bind(info.created_us)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// A new content without chunks.
+pub(super) async fn insert_content(connection: &mut SqliteConnection) -> Result<i64> {
+    Ok(sqlx::query_scalar("INSERT INTO contents DEFAULT VALUES RETURNING id").fetch_one(connection).await?)
+}
+
+pub(super) async fn find_program(connection: &mut SqliteConnection, id: ProgramId) -> Result<Option<ProgramInfo>> {
+    let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = ?")
+        .bind(id.to_string())
+        .fetch_optional(connection)
+        .await?;
+    row.as_ref().map(program_info).transpose()
+}
+
+fn program_info(row: &SqliteRow) -> Result<ProgramInfo> {
+    Ok(ProgramInfo {
+        id: parsed(row, "id")?,
+        size_bytes: unsigned(row, "size_bytes")?,
+        chunk_count: unsigned(row, "chunk_count")?,
+        created_us: row.try_get("created_us")?,
+    })
+}
+
+impl Store {
+    /// One chunk of a content, of a program or an upload.
+    pub(super) async fn content_chunk(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
+        let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
+            .bind(content)
+            .bind(i64::try_from(index).unwrap_or(i64::MAX))
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        match row {
+            Some(row) => chunk_source(&row).await.map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Removes the bytes of a content to which nothing refers any more. Goes on when the caller does
+    /// not wait; what is left when the process ends is removed when the store is opened again.
+    pub(super) async fn remove_content(&self, content: i64) -> Result<()> {
+        let store = self.clone();
+        let task = tokio::spawn(async move {
+            while !store.write(0, move |tx| Box::pin(remove_piece(&mut tx.connection, content))).await? {}
+            Ok(())
+        });
+        task.await.map_err(|_| StoreError::unavailable("the service is ending"))?
+    }
+
+    /// Removes what earlier removals left.
+    pub(super) async fn remove_orphans(&self) -> Result<()> {
+        let orphans: Vec<i64> = sqlx::query_scalar(
+            "SELECT id FROM contents AS c
+             WHERE NOT EXISTS (SELECT 1 FROM programs WHERE content_id = c.id)
+               AND NOT EXISTS (SELECT 1 FROM uploads WHERE content_id = c.id)",
+        )
+        .fetch_all(&mut *self.reader().await?)
+        .await?;
+        for content in orphans {
+            self.remove_content(content).await?;
+        }
+        Ok(())
+    }
+}
+
+/// Removes some chunks of a content; true once nothing is left of it.
+async fn remove_piece(connection: &mut SqliteConnection, content: i64) -> Result<bool> {
+    let removed = sqlx::query(
+        "DELETE FROM program_chunks WHERE content_id = ?1 AND chunk_index IN
+            (SELECT chunk_index FROM program_chunks WHERE content_id = ?1 LIMIT ?2)",
+    )
+    .bind(content)
+    .bind(REMOVED_CHUNKS)
+    .execute(&mut *connection)
+    .await?
+    .rows_affected();
+    if removed == REMOVED_CHUNKS as u64 {
+        return Ok(false);
+    }
+    sqlx::query("DELETE FROM contents WHERE id = ?").bind(content).execute(connection).await?;
+    Ok(true)
+}
+
+async fn chunk_source(row: &SqliteRow) -> Result<Bytes> {
+    let size = unsigned(row, "source_bytes")?;
+    let data: Vec<u8> = row.try_get("data")?;
+    if size > CHUNK_BYTES {
+        return Err(StoreError::corrupt("a chunk claims to be larger than chunks are"));
+    }
+    offload(data.len(), move || decompress(&data, size)).await
+}
+
+impl Programs for Store {
+    async fn put_program(&self, source: Bytes) -> Result<ProgramInfo> {
+        check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
+        let hashed = source.clone();
+        let id = offload(source.len(), move || Ok(ProgramId::of(&hashed))).await?;
+        if let Some(info) = find_program(&mut *self.reader().await?, id).await? {
+            return Ok(info);
+        }
+        let size_bytes = source.len() as u64;
+        let chunks = offload(source.len(), move || {
+            let pieces = source.chunks(CHUNK_BYTES as usize).zip((0..).step_by(CHUNK_BYTES as usize));
+            pieces.map(|(piece, offset)| Chunk::of(piece, offset)).collect::<Result<Vec<_>>>()
+        })
+        .await?;
+        let payload = chunks.iter().map(|chunk| chunk.data.len()).sum();
+        self.write(payload, move |tx| {
+            Box::pin(async move {
+                if let Some(info) = find_program(&mut tx.connection, id).await? {
+                    return Ok(info);
+                }
+                let info = ProgramInfo { id, size_bytes, chunk_count: chunks.len() as u64, created_us: tx.now_us() };
+                let content = insert_content(&mut tx.connection).await?;
+                insert_chunks(&mut tx.connection, content, chunks).await?;
+                insert_program(&mut tx.connection, content, &info).await?;
+                Ok(info)
+            })
+        })
+        .await
+    }
+
+    async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo> {
+        let info = find_program(&mut *self.reader().await?, id).await?;
+        info.ok_or_else(|| StoreError::not_found(Kind::Program, id))
+    }
+
+    async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes> {
+        let row = sqlx::query(
+            "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
+             WHERE id = ? AND chunk_index = ?",
+        )
+        .bind(id.to_string())
+        .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
+        .fetch_optional(&mut *self.reader().await?)
+        .await?;
+        match row {
+            Some(row) => chunk_source(&row).await,
+            None => Err(StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}"))),
+        }
+    }
+
+    async fn delete_program(&self, id: ProgramId) -> Result<()> {
+        let content = self
+            .write(0, move |tx| {
+                Box::pin(async move {
+                    let deleted = sqlx::query_scalar("DELETE FROM programs WHERE id = ? RETURNING content_id")
+                        .bind(id.to_string())
+                        .fetch_optional(&mut tx.connection)
+                        .await;
+                    match deleted {
+                        Ok(Some(content)) => Ok(content),
+                        Ok(None) => Err(StoreError::not_found(Kind::Program, id)),
+                        Err(error) if is_reference(&error) => {
+                            let users: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM jobs WHERE program_id = ?")
+                                .bind(id.to_string())
+                                .fetch_one(&mut tx.connection)
+                                .await?;
+                            Err(StoreError::InUse {
+                                kind: Kind::Program,
+                                id: id.to_string(),
+                                users: users.unsigned_abs(),
+                            })
+                        }
+                        Err(error) => Err(error.into()),
+                    }
+                })
+            })
+            .await?;
+        self.remove_content(content).await
+    }
+
+    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart> {
+        self.begin(expected, size_bytes).await
+    }
+
+    async fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> Result<u64> {
+        self.append(id, offset, data).await
+    }
+
+    async fn finish_upload(&self, id: UploadId) -> Result<ProgramInfo> {
+        self.finish(id).await
+    }
+
+    async fn upload(&self, id: UploadId) -> Result<UploadInfo> {
+        Ok(self.find_upload(id).await?.1)
+    }
+
+    async fn uploads(&self) -> Result<Vec<UploadInfo>> {
+        self.all_uploads().await
+    }
+
+    async fn delete_upload(&self, id: UploadId) -> Result<()> {
+        self.discard(id).await
+    }
+}

@@ -1,0 +1,211 @@
+//! What only shows from inside: guarantees of the connections, and faults in the middle of a batch.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use sqlx::Row;
+use tempfile::TempDir;
+
+use super::Store;
+use crate::{Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
+
+async fn store(settings: StoreSettings) -> (TempDir, Store) {
+    let folder = TempDir::new().unwrap();
+    let store = Store::open(folder.path().join("feedwave.db"), settings).await.unwrap();
+    (folder, store)
+}
+
+async fn note(store: &Store, text: &'static str) -> Result<(), StoreError> {
+    store
+        .write(0, move |tx| {
+            Box::pin(async move {
+                sqlx::query("INSERT INTO notes VALUES (?)").bind(text).execute(&mut tx.connection).await?;
+                if text.starts_with("refused") {
+                    return Err(StoreError::not_found(Kind::Job, text));
+                }
+                Ok(())
+            })
+        })
+        .await
+}
+
+async fn notes(store: &Store) -> Vec<String> {
+    let mut reader = store.reader().await.unwrap();
+    let rows = sqlx::query("SELECT text FROM notes ORDER BY rowid").fetch_all(&mut *reader).await.unwrap();
+    rows.iter().map(|row| row.get("text")).collect()
+}
+
+async fn create_notes(store: &Store) {
+    store
+        .write(0, |tx| {
+            Box::pin(async {
+                sqlx::query("CREATE TABLE notes (text TEXT UNIQUE)").execute(&mut tx.connection).await?;
+                Ok(())
+            })
+        })
+        .await
+        .unwrap();
+}
+
+#[tokio::test]
+async fn connections_keep_what_the_store_promises() {
+    let (_folder, store) = store(StoreSettings::default()).await;
+    async fn pragmas(connection: &mut sqlx::SqliteConnection) -> (String, [i64; 3]) {
+        let mode = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *connection).await.unwrap();
+        let mut values = [0; 3];
+        for (value, pragma) in
+            values.iter_mut().zip(["PRAGMA synchronous", "PRAGMA foreign_keys", "PRAGMA busy_timeout"])
+        {
+            *value = sqlx::query_scalar(pragma).fetch_one(&mut *connection).await.unwrap();
+        }
+        (mode, values)
+    }
+    let expected = ("wal".to_owned(), [2, 1, 5000]);
+    let writer = store.write(0, |tx| Box::pin(async { Ok(pragmas(&mut tx.connection).await) })).await.unwrap();
+    assert_eq!(writer, expected);
+    let mut reader = store.reader().await.unwrap();
+    assert_eq!(pragmas(&mut reader).await, expected);
+    let written = sqlx::query("DELETE FROM jobs").execute(&mut *reader).await;
+    assert!(written.is_err(), "a reader cannot write");
+}
+
+#[tokio::test]
+async fn lists_are_read_by_index() {
+    let (_folder, store) = store(StoreSettings::default()).await;
+    let mut reader = store.reader().await.unwrap();
+    for (sql, index) in [
+        (
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+             WHERE (j.created_us, j.id) < (1, 'x') ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
+            "jobs_by_time",
+        ),
+        (
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+             WHERE j.state IN ('ready') ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
+            "jobs_by_state",
+        ),
+        (
+            "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
+             WHERE j.machine_id = 'm' ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
+            "jobs_by_machine",
+        ),
+    ] {
+        let plan = sqlx::query(sql).fetch_all(&mut *reader).await.unwrap();
+        let plan: Vec<String> = plan.iter().map(|row| row.get("detail")).collect();
+        assert!(plan[0].contains(index), "{plan:?}");
+        assert!(!plan.iter().any(|step| step.contains("TEMP B-TREE")), "{plan:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_refused_write_takes_none_of_its_batch_with_it() {
+    #[derive(Default)]
+    struct Committed(AtomicUsize);
+    impl Observer for Committed {
+        fn write_committed(&self, operations: usize, _: Duration) {
+            self.0.fetch_add(operations, Ordering::Relaxed);
+        }
+    }
+    let observer = Arc::new(Committed::default());
+    let (_folder, store) = store(StoreSettings { observer: observer.clone(), ..StoreSettings::default() }).await;
+    create_notes(&store).await;
+    let before = store.stats();
+    // On one thread all of them are queued before the writer runs again: one transaction.
+    let (a, b, c, d, e, f) = tokio::join!(
+        note(&store, "refused at the start"),
+        note(&store, "first"),
+        note(&store, "refused between"),
+        note(&store, "first"),
+        note(&store, "second"),
+        note(&store, "refused at the end"),
+    );
+    assert!(b.is_ok() && e.is_ok());
+    assert!(matches!(d, Err(StoreError::Unavailable { .. })), "a broken constraint fails alone: {d:?}");
+    for refused in [a, c, f] {
+        assert!(matches!(refused, Err(StoreError::NotFound { .. })), "{refused:?}");
+    }
+    assert_eq!(notes(&store).await, ["first", "second"]);
+    let after = store.stats();
+    assert_eq!(after.commits - before.commits, 1);
+    assert_eq!(after.committed_operations - before.committed_operations, 2);
+    assert_eq!(after.failed_operations - before.failed_operations, 4);
+    assert_eq!(after.write_queue_depth, 0);
+    assert_eq!(observer.0.load(Ordering::Relaxed) as u64, after.committed_operations);
+}
+
+#[tokio::test]
+async fn a_full_disk_fails_writes_and_only_until_there_is_space() {
+    let (_folder, store) = store(StoreSettings::default()).await;
+    create_notes(&store).await;
+    let limit_pages = |limit: &'static str| {
+        store.write(0, move |tx| {
+            Box::pin(async move {
+                sqlx::query(limit).execute(&mut tx.connection).await?;
+                Ok(())
+            })
+        })
+    };
+    limit_pages("PRAGMA max_page_count = 1").await.unwrap();
+    let large = RawValue::from_string(format!("\"{}\"", "x".repeat(1 << 20))).unwrap();
+    let (large_write, small_write) =
+        tokio::join!(store.create_machine(Some("m"), large.clone()), note(&store, "beside it"));
+    match &large_write {
+        Err(StoreError::Unavailable { reason, source }) => {
+            assert_eq!(*reason, "the disk is full");
+            assert!(source.is_some());
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(matches!(store.machine("m").await, Err(StoreError::NotFound { .. })));
+    assert_eq!(notes(&store).await.len(), usize::from(small_write.is_ok()), "what is acknowledged is there");
+
+    limit_pages("PRAGMA max_page_count = 1000000").await.unwrap();
+    store.create_machine(Some("m"), large).await.unwrap();
+    note(&store, "afterwards").await.unwrap();
+}
+
+#[tokio::test]
+async fn a_lock_held_by_another_program_passes() {
+    let settings = StoreSettings { busy_timeout: Duration::from_millis(20), ..StoreSettings::default() };
+    let (folder, store) = store(settings).await;
+    create_notes(&store).await;
+    let options = sqlx::sqlite::SqliteConnectOptions::new().filename(folder.path().join("feedwave.db"));
+    let mut other = sqlx::ConnectOptions::connect(&options).await.unwrap();
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+    let (first, second) = tokio::join!(note(&store, "first"), note(&store, "second"));
+    for locked in [first, second] {
+        match locked {
+            Err(error @ StoreError::Unavailable { reason, .. }) => {
+                assert_eq!(reason, "it is locked by another program");
+                assert!(!error.to_string().contains("SAVEPOINT"), "no SQL in {error}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+    note(&store, "third").await.unwrap();
+    assert_eq!(notes(&store).await, ["third"]);
+}
+
+#[tokio::test]
+async fn writes_wait_for_a_place_in_a_short_queue() {
+    let settings =
+        StoreSettings { write_queue: 1, write_queue_bytes: 1, max_commit_operations: 2, ..StoreSettings::default() };
+    let (_folder, store) = store(settings).await;
+    let mut writes = tokio::task::JoinSet::new();
+    for index in 0..50 {
+        let store = store.clone();
+        let body = RawValue::from_string(format!("\"{}\"", "x".repeat(index * 100))).unwrap();
+        writes.spawn(async move { store.create_machine(None, body).await });
+    }
+    assert!(writes.join_all().await.iter().all(Result::is_ok));
+}
+
+#[tokio::test]
+async fn times_never_go_back_or_repeat() {
+    let (_folder, store) = store(StoreSettings::default()).await;
+    let times =
+        store.write(0, |tx| Box::pin(async { Ok((0..1000).map(|_| tx.now_us()).collect::<Vec<_>>()) })).await.unwrap();
+    assert!(times.is_sorted_by(|earlier, later| earlier < later));
+}

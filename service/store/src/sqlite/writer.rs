@@ -1,0 +1,272 @@
+//! The one writer. Writes queue up while a transaction is being committed; the next transaction
+//! takes all that wait, so that one flush to disk serves many callers. Each write has a savepoint of
+//! its own: one that fails takes nothing with it.
+
+use std::pin::Pin;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
+
+use crate::error::{Result, StoreError};
+use crate::settings::{Observer, StoreSettings, StoreStats};
+
+pub(super) type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+/// Payload is counted in pieces of this many bytes: a semaphore holds at most 2^29 permits on the
+/// smallest platform, and small writes need no exact count.
+const PAYLOAD_UNIT_BYTES: u64 = 1024;
+
+/// What a write works with.
+pub(super) struct Transaction {
+    /// The connection, inside a transaction.
+    pub(super) connection: SqliteConnection,
+    latest_us: i64,
+    newest_event: i64,
+}
+
+impl Transaction {
+    /// The time now in microseconds since the Unix epoch, later than at every call before: records
+    /// written one after the other are ordered by their times, even when the clock is set back.
+    pub(super) fn now_us(&mut self) -> i64 {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |age| age.as_micros());
+        self.latest_us = i64::try_from(now).unwrap_or(i64::MAX).max(self.latest_us.saturating_add(1));
+        self.latest_us
+    }
+
+    /// Tells that an event was written, to be announced once it is durable.
+    pub(super) fn event_written(&mut self, sequence: i64) {
+        self.newest_event = self.newest_event.max(sequence);
+    }
+}
+
+/// The caller's side of the writer.
+pub(super) struct Writer {
+    queue: Mutex<Option<mpsc::Sender<Box<dyn Operation>>>>,
+    task: Mutex<Option<JoinHandle<()>>>,
+    payload: Arc<Semaphore>,
+    payload_units: u32,
+    counters: Arc<Counters>,
+}
+
+#[derive(Default)]
+struct Counters {
+    queued: AtomicU64,
+    commits: AtomicU64,
+    committed: AtomicU64,
+    failed: AtomicU64,
+}
+
+impl Writer {
+    /// Starts the task that writes through `connection`, and opens further connections with
+    /// `options` should this one fail. The second value follows the newest durable event.
+    pub(super) fn start(
+        connection: SqliteConnection,
+        options: SqliteConnectOptions,
+        newest_event: i64,
+        settings: &StoreSettings,
+    ) -> (Self, watch::Receiver<i64>) {
+        let (queue, receiver) = mpsc::channel(settings.write_queue.max(1));
+        let (announce, announced) = watch::channel(newest_event);
+        let counters = Arc::new(Counters::default());
+        let task = Task {
+            transaction: Some(Transaction { connection, latest_us: 0, newest_event }),
+            options,
+            latest_us: 0,
+            announce,
+            observer: settings.observer.clone(),
+            counters: counters.clone(),
+        };
+        let task = tokio::spawn(task.run(receiver, settings.max_commit_operations.max(1)));
+        let units = settings.write_queue_bytes.div_ceil(PAYLOAD_UNIT_BYTES).clamp(1, 1 << 28);
+        // In range by the line above.
+        let payload_units = u32::try_from(units).unwrap_or(u32::MAX);
+        let writer = Self {
+            queue: Mutex::new(Some(queue)),
+            task: Mutex::new(Some(task)),
+            payload: Arc::new(Semaphore::new(payload_units as usize)),
+            payload_units,
+            counters,
+        };
+        (writer, announced)
+    }
+
+    pub(super) async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        let closed = || StoreError::unavailable("it is closed");
+        // A write larger than the whole allowance waits until it is alone.
+        let units = (payload_bytes as u64).div_ceil(PAYLOAD_UNIT_BYTES).min(u64::from(self.payload_units));
+        let units = u32::try_from(units).unwrap_or(self.payload_units);
+        let permit = self.payload.clone().acquire_many_owned(units).await.map_err(|_| closed())?;
+        let queue = lock(&self.queue).clone().ok_or_else(closed)?;
+        let place = queue.reserve().await.map_err(|_| closed())?;
+        let (reply, answer) = oneshot::channel();
+        self.counters.queued.fetch_add(1, Ordering::Relaxed);
+        place.send(Box::new(Write { work: Some(work), result: None, reply, _permit: permit }));
+        answer.await.map_err(|_| closed())?
+    }
+
+    /// Whether writes are still taken.
+    pub(super) fn is_open(&self) -> bool {
+        lock(&self.queue).as_ref().is_some_and(|queue| !queue.is_closed())
+    }
+
+    /// Commits what is queued, then ends.
+    pub(super) async fn close(&self) {
+        drop(lock(&self.queue).take());
+        let task = lock(&self.task).take();
+        if let Some(task) = task
+            && let Err(error) = task.await
+        {
+            tracing::error!(%error, "the writer of the store ended abnormally");
+        }
+    }
+
+    pub(super) fn stats(&self) -> StoreStats {
+        let Counters { queued, commits, committed, failed } = &*self.counters;
+        StoreStats {
+            write_queue_depth: queued.load(Ordering::Relaxed),
+            commits: commits.load(Ordering::Relaxed),
+            committed_operations: committed.load(Ordering::Relaxed),
+            failed_operations: failed.load(Ordering::Relaxed),
+            ..StoreStats::default()
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Only whole values are put in or taken out, so a panic elsewhere cannot leave them half-done.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A queued write, whatever its result.
+trait Operation: Send {
+    /// Does the write and keeps its result; true if it is to stay.
+    fn run<'t>(&'t mut self, transaction: &'t mut Transaction) -> BoxFuture<'t, bool>;
+
+    /// Answers the caller with the result, or with why the transaction failed.
+    fn answer(self: Box<Self>, fault: Option<&StoreError>);
+}
+
+struct Write<T, F> {
+    work: Option<F>,
+    result: Option<Result<T>>,
+    reply: oneshot::Sender<Result<T>>,
+    _permit: OwnedSemaphorePermit,
+}
+
+impl<T, F> Operation for Write<T, F>
+where
+    T: Send,
+    F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send,
+{
+    fn run<'t>(&'t mut self, transaction: &'t mut Transaction) -> BoxFuture<'t, bool> {
+        Box::pin(async {
+            if let Some(work) = self.work.take() {
+                self.result = Some(work(transaction).await);
+            }
+            matches!(self.result, Some(Ok(_)))
+        })
+    }
+
+    fn answer(self: Box<Self>, fault: Option<&StoreError>) {
+        let result = match (self.result, fault) {
+            // What the write itself was refused for says more than that the transaction failed.
+            (Some(Err(error)), _) => Err(error),
+            (_, Some(fault)) => Err(fault.clone()),
+            (Some(result), None) => result,
+            (None, None) => Err(StoreError::unavailable("the write was not done")),
+        };
+        // A caller who no longer waits does not want the answer.
+        let _ = self.reply.send(result);
+    }
+}
+
+struct Task {
+    /// `None` after a failed transaction: its connection is given up with whatever it holds.
+    transaction: Option<Transaction>,
+    options: SqliteConnectOptions,
+    latest_us: i64,
+    announce: watch::Sender<i64>,
+    observer: Arc<dyn Observer>,
+    counters: Arc<Counters>,
+}
+
+impl Task {
+    async fn run(mut self, mut queue: mpsc::Receiver<Box<dyn Operation>>, max_operations: usize) {
+        let mut batch = Vec::new();
+        while queue.recv_many(&mut batch, max_operations).await > 0 {
+            self.process(&mut batch).await;
+        }
+        if let Some(transaction) = self.transaction
+            && let Err(error) = transaction.connection.close().await
+        {
+            tracing::warn!(%error, "closing the database failed");
+        }
+    }
+
+    async fn process(&mut self, batch: &mut Vec<Box<dyn Operation>>) {
+        let begun = Instant::now();
+        let outcome = self.commit(batch).await;
+        let Counters { queued, commits, committed, failed } = &*self.counters;
+        queued.fetch_sub(batch.len() as u64, Ordering::Relaxed);
+        let fault = match outcome {
+            Ok((succeeded, newest_event)) => {
+                commits.fetch_add(1, Ordering::Relaxed);
+                committed.fetch_add(succeeded as u64, Ordering::Relaxed);
+                failed.fetch_add((batch.len() - succeeded) as u64, Ordering::Relaxed);
+                self.observer.write_committed(succeeded, begun.elapsed());
+                self.announce.send_if_modified(|announced| std::mem::replace(announced, newest_event) != newest_event);
+                None
+            }
+            Err(fault) => {
+                tracing::error!(error = %fault, operations = batch.len(), "a transaction failed");
+                failed.fetch_add(batch.len() as u64, Ordering::Relaxed);
+                Some(fault)
+            }
+        };
+        for operation in batch.drain(..) {
+            operation.answer(fault.as_ref());
+        }
+    }
+
+    /// Does a batch of writes in one transaction. Returns how many succeeded and the newest event.
+    async fn commit(&mut self, batch: &mut [Box<dyn Operation>]) -> Result<(usize, i64)> {
+        // Taken out, so that on every early end the connection closes and rolls back.
+        let mut transaction = match self.transaction.take() {
+            Some(transaction) => transaction,
+            None => Transaction {
+                connection: self.options.connect().await?,
+                latest_us: self.latest_us,
+                newest_event: *self.announce.borrow(),
+            },
+        };
+        // Each statement is a hop to the connection's thread, so what can go together does.
+        sqlx::query("BEGIN IMMEDIATE; SAVEPOINT operation").execute(&mut transaction.connection).await?;
+        let last = batch.len() - 1;
+        let mut succeeded = 0;
+        for (index, operation) in batch.iter_mut().enumerate() {
+            let newest_event = transaction.newest_event;
+            if operation.run(&mut transaction).await {
+                succeeded += 1;
+            } else {
+                transaction.newest_event = newest_event;
+                sqlx::query("ROLLBACK TO operation").execute(&mut transaction.connection).await?;
+            }
+            self.latest_us = transaction.latest_us;
+            let next =
+                if index < last { "RELEASE operation; SAVEPOINT operation" } else { "RELEASE operation; COMMIT" };
+            sqlx::query(next).execute(&mut transaction.connection).await?;
+        }
+        let newest_event = transaction.newest_event;
+        self.transaction = Some(transaction);
+        Ok((succeeded, newest_event))
+    }
+}

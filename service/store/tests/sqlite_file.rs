@@ -1,0 +1,321 @@
+//! The file itself: opening it, what is refused, and what survives.
+
+use std::path::Path;
+
+use feedwave_store::{
+    CHUNK_BYTES, Fingerprint, JobState, Jobs, Kind, Machines, NewJob, ProgramId, Programs, RawValue, Store, StoreError,
+    StoreSettings, UploadStart,
+};
+use proptest::prelude::*;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
+use sqlx::{ConnectOptions, Connection};
+use tempfile::TempDir;
+
+async fn open(path: &Path) -> Result<Store, StoreError> {
+    Store::open(path, StoreSettings::default()).await
+}
+
+async fn raw(path: &Path) -> SqliteConnection {
+    SqliteConnectOptions::new().filename(path).create_if_missing(true).connect().await.unwrap()
+}
+
+fn folder() -> (TempDir, std::path::PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("feedwave.db");
+    (folder, path)
+}
+
+fn new_job(request: &str, program_id: ProgramId) -> NewJob {
+    let empty = || RawValue::from_string("{}".into()).unwrap();
+    NewJob {
+        request_id: request.into(),
+        fingerprint: Fingerprint::of([]),
+        display_name: String::new(),
+        program_id,
+        machine_id: String::new(),
+        machine_snapshot: empty(),
+        settings: empty(),
+    }
+}
+
+#[tokio::test]
+async fn unusable_paths_are_named() {
+    let (folder, path) = folder();
+    let absent = folder.path().join("absent").join("feedwave.db");
+    for (path, words) in [
+        (absent.as_path(), "its folder does not exist"),
+        (folder.path(), "it is a folder"),
+        (Path::new(""), "the path is empty"),
+    ] {
+        let error = open(path).await.err().unwrap();
+        assert!(matches!(error, StoreError::CannotOpen { .. }), "{error:?}");
+        assert!(error.to_string().contains(words) && error.to_string().contains(&format!("{path:?}")), "{error}");
+    }
+    open(&path).await.unwrap();
+    assert!(path.is_file());
+}
+
+#[tokio::test]
+async fn what_is_no_database_is_refused_and_left_alone() {
+    let (_folder, path) = folder();
+    for garbage in [b"G1 X10\n".repeat(1000), [b"SQLite format 3\0".to_vec(), vec![0xAA; 9000]].concat()] {
+        std::fs::write(&path, &garbage).unwrap();
+        let error = open(&path).await.err().unwrap();
+        assert!(matches!(error, StoreError::Corrupt { .. }), "{error:?}");
+        assert!(std::error::Error::source(&error).is_some());
+        assert_eq!(std::fs::read(&path).unwrap(), garbage);
+    }
+}
+
+#[tokio::test]
+async fn another_programs_database_is_refused_and_left_alone() {
+    let (_folder, path) = folder();
+    let mut other = raw(&path).await;
+    sqlx::query("CREATE TABLE songs (title TEXT)").execute(&mut other).await.unwrap();
+    other.close().await.unwrap();
+    let before = std::fs::read(&path).unwrap();
+    let error = open(&path).await.err().unwrap();
+    assert!(matches!(error, StoreError::Incompatible(_)), "{error:?}");
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+}
+
+#[tokio::test]
+async fn a_newer_or_altered_schema_is_refused() {
+    let (_folder, path) = folder();
+    open(&path).await.unwrap().close().await;
+    open(&path).await.unwrap().close().await;
+    let mut database = raw(&path).await;
+    sqlx::query(
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+         VALUES (9999, 'later', TRUE, x'00', 0)",
+    )
+    .execute(&mut database)
+    .await
+    .unwrap();
+    let error = open(&path).await.err().unwrap();
+    assert!(matches!(&error, StoreError::Incompatible(reason) if reason.contains("9999")), "{error:?}");
+    assert!(error.to_string().contains("newer version"), "{error}");
+
+    sqlx::query("DELETE FROM _sqlx_migrations WHERE version = 9999").execute(&mut database).await.unwrap();
+    sqlx::query("UPDATE _sqlx_migrations SET checksum = x'00'").execute(&mut database).await.unwrap();
+    let error = open(&path).await.err().unwrap();
+    assert!(matches!(&error, StoreError::Incompatible(_)), "{error:?}");
+}
+
+#[tokio::test]
+async fn migrations_leave_a_sound_schema() {
+    let (_folder, path) = folder();
+    open(&path).await.unwrap().close().await;
+    let mut database = raw(&path).await;
+    let integrity: String = sqlx::query_scalar("PRAGMA integrity_check").fetch_one(&mut database).await.unwrap();
+    assert_eq!(integrity, "ok");
+    let tables: Vec<String> = sqlx::query_scalar(
+        "SELECT name FROM pragma_table_list WHERE schema = 'main' AND type = 'table' AND strict = 0
+         AND name NOT LIKE 'sqlite%' AND name NOT LIKE '\\_sqlx%' ESCAPE '\\'",
+    )
+    .fetch_all(&mut database)
+    .await
+    .unwrap();
+    assert!(tables.is_empty(), "tables that take values of any type: {tables:?}");
+}
+
+/// The files as a killed process leaves them: whatever was written, nothing tidied up.
+#[tokio::test]
+async fn what_is_acknowledged_is_in_the_files_at_once() {
+    let (folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let copy = TempDir::new().unwrap();
+    for round in 0..5 {
+        let program = store.put_program(format!("G4 P{round}\n").into()).await.unwrap();
+        let job = store.create_job(new_job(&round.to_string(), program.id)).await.unwrap();
+        store.transition(job.id, &[JobState::PendingValidation], JobState::Ready, "", None).await.unwrap();
+        for file in ["feedwave.db", "feedwave.db-wal"] {
+            std::fs::copy(folder.path().join(file), copy.path().join(file)).unwrap();
+        }
+        let survived = open(&copy.path().join("feedwave.db")).await.unwrap();
+        assert_eq!(survived.job(job.id).await.unwrap().state, JobState::Ready);
+        assert_eq!(survived.latest_sequence(), 2 * (round + 1));
+        survived.program_chunk(program.id, 0).await.unwrap();
+        survived.close().await;
+    }
+}
+
+#[tokio::test]
+async fn dropping_without_closing_loses_nothing() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let program = store.put_program("M30\n".into()).await.unwrap();
+    let mut ids = Vec::new();
+    for index in 0..20 {
+        ids.push(store.create_job(new_job(&index.to_string(), program.id)).await.unwrap().id);
+    }
+    drop(store);
+    let store = open(&path).await.unwrap();
+    assert_eq!(store.jobs_in_state(&[JobState::PendingValidation], 100).await.unwrap(), ids);
+}
+
+#[tokio::test]
+async fn a_closed_store_finishes_its_queue_and_refuses_more() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let program = store.put_program("M30\n".into()).await.unwrap();
+    store.ping().await.unwrap();
+    let mut creations = tokio::task::JoinSet::new();
+    for index in 0..100 {
+        let store = store.clone();
+        creations.spawn(async move { store.create_job(new_job(&index.to_string(), program.id)).await });
+    }
+    // Lets every creation reach the queue before the store closes.
+    tokio::task::yield_now().await;
+    store.close().await;
+    store.close().await;
+    let outcomes = creations.join_all().await;
+    for refused in [
+        store.create_job(new_job("late", program.id)).await.map(|_| ()),
+        store.job_by_request("late").await.map(|_| ()),
+        store.ping().await,
+    ] {
+        assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
+    }
+    let reopened = open(&path).await.unwrap();
+    let kept = reopened.jobs_in_state(&JobState::ALL, 1000).await.unwrap();
+    let acknowledged: Vec<_> = outcomes.into_iter().filter_map(Result::ok).map(|job| job.id).collect();
+    assert!(!acknowledged.is_empty() && acknowledged.iter().all(|id| kept.contains(id)));
+}
+
+#[tokio::test]
+async fn damage_is_told_from_content() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    // Noise does not compress, so most of the file is this program.
+    let mut state = 1_u64;
+    let noise: Vec<u8> = (0..CHUNK_BYTES)
+        .map(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 56) as u8
+        })
+        .collect();
+    let program = store.put_program(noise.into()).await.unwrap();
+    store.close().await;
+    let mut file = std::fs::read(&path).unwrap();
+    let middle = file.len() / 2 / 4096 * 4096 + 1000;
+    file[middle] ^= 1;
+    std::fs::write(&path, file).unwrap();
+    let store = open(&path).await.unwrap();
+    let damaged = store.program_chunk(program.id, 0).await;
+    assert!(matches!(damaged, Err(StoreError::Corrupt { .. })), "one flipped bit: {damaged:?}");
+}
+
+#[tokio::test]
+async fn an_interrupted_removal_is_completed_when_opening() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let gone = store.put_program(vec![b'x'; 10 << 20].into()).await.unwrap();
+    let kept = store.put_program("M30\n".into()).await.unwrap();
+    let UploadStart::Unfinished(upload) = store.begin_upload(ProgramId::of(b"ab"), 2).await.unwrap() else {
+        panic!("nothing was uploaded yet");
+    };
+    store.append_upload(upload.id, 0, "a".into()).await.unwrap();
+    store.close().await;
+    let mut database = raw(&path).await;
+    sqlx::query("DELETE FROM programs WHERE id = ?").bind(gone.id.to_string()).execute(&mut database).await.unwrap();
+
+    let store = open(&path).await.unwrap();
+    let contents: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM contents").fetch_one(&mut database).await.unwrap();
+    let chunks: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM program_chunks").fetch_one(&mut database).await.unwrap();
+    assert_eq!((contents, chunks), (2, 1));
+    store.program_chunk(kept.id, 0).await.unwrap();
+    store.append_upload(upload.id, 1, "b".into()).await.unwrap();
+    store.finish_upload(upload.id).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_large_program_is_removed_in_pieces() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let source = bytes::Bytes::from(vec![b'\n'; 70 << 20]);
+    let id = ProgramId::of(&source);
+    let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64).await.unwrap() else {
+        panic!("nothing was uploaded yet");
+    };
+    store.append_upload(upload.id, 0, source).await.unwrap();
+    store.finish_upload(upload.id).await.unwrap();
+    assert_eq!(store.program_info(id).await.unwrap().chunk_count, 70);
+    let before = store.stats().commits;
+    store.delete_program(id).await.unwrap();
+    assert_eq!(store.stats().commits - before, 4, "the program, then 32, 32 and 6 of its chunks");
+    let mut database = raw(&path).await;
+    let chunks: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM program_chunks").fetch_one(&mut database).await.unwrap();
+    assert_eq!(chunks, 0);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn many_writers_and_readers_never_find_it_busy() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let program = store.put_program("M30\n".into()).await.unwrap().id;
+    let mut tasks = tokio::task::JoinSet::new();
+    for writer in 0..32 {
+        let store = store.clone();
+        tasks.spawn(async move {
+            for index in 0..10 {
+                let job = store.create_job(new_job(&format!("{writer}-{index}"), program)).await?;
+                assert_eq!(store.job(job.id).await?.revision, 1, "an acknowledged write is read");
+                store.transition(job.id, &JobState::ALL, JobState::Ready, "", None).await?;
+                let machine = store.create_machine(None, RawValue::from_string("{}".into()).unwrap()).await?;
+                store.delete_machine(&machine.id, Some(&machine.etag)).await?;
+            }
+            Ok::<_, StoreError>(())
+        });
+    }
+    for outcome in tasks.join_all().await {
+        outcome.unwrap();
+    }
+    assert_eq!(store.count_jobs().await.unwrap(), [(JobState::Ready, 320)]);
+    let stats = store.stats();
+    assert_eq!((stats.failed_operations, stats.write_queue_depth), (0, 0));
+    assert_eq!(stats.committed_operations, 1 + 320 * 4);
+    assert!(stats.commits < stats.committed_operations, "commits are shared: {stats:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// However an upload is cut and wherever the store is opened anew, the program is the same.
+    #[test]
+    fn any_cut_of_an_upload_gives_the_program(
+        pieces in prop::collection::vec((0_usize..700_000, any::<bool>()), 1..8),
+        seed in any::<u8>(),
+    ) {
+        let size: usize = pieces.iter().map(|(size, _)| size).sum();
+        let source: Vec<u8> = (0..size).map(|index| (index / 7) as u8 ^ (index >> 9) as u8 ^ seed).collect();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (_folder, path) = folder();
+            let mut store = open(&path).await.unwrap();
+            let id = ProgramId::of(&source);
+            let mut rest = &source[..];
+            for (size, reopen) in pieces {
+                if reopen {
+                    store = open(&path).await.unwrap();
+                }
+                let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64).await.unwrap() else {
+                    panic!("not finished yet");
+                };
+                assert_eq!(upload.received_bytes as usize, source.len() - rest.len());
+                let (piece, later) = rest.split_at(size);
+                let piece = bytes::Bytes::copy_from_slice(piece);
+                store.append_upload(upload.id, upload.received_bytes, piece).await.unwrap();
+                rest = later;
+            }
+            let upload = store.uploads().await.unwrap().remove(0);
+            let info = store.finish_upload(upload.id).await.unwrap();
+            let mut read = Vec::new();
+            for index in 0..info.chunk_count {
+                read.extend_from_slice(&store.program_chunk(id, index).await.unwrap());
+            }
+            assert_eq!(read, source);
+            assert!(matches!(store.upload(upload.id).await, Err(StoreError::NotFound { kind: Kind::Upload, .. })));
+        });
+    }
+}

@@ -1,0 +1,99 @@
+//! Configuration that cannot be used is refused; the example is complete and can be used.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Output;
+
+use feedwave::config::{Config, Overrides, TlsConfig};
+use feedwave_tests::feedwave_binary;
+use tokio::process::Command;
+
+fn example() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/feedwave.example.toml"))
+}
+
+/// Runs `feedwave serve` with a configuration that must stop it.
+async fn refused(config: &str, environment: &[(&str, &str)]) -> Output {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let file = directory.path().join("shop.toml");
+    std::fs::write(&file, config).expect("the configuration is written");
+    let mut command = Command::new(feedwave_binary());
+    command.args(["serve", "--config"]).arg(file).envs(environment.iter().copied()).kill_on_drop(true);
+    command.output().await.expect("the binary is started")
+}
+
+#[tokio::test]
+async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
+    let cases = [
+        ("[limits]\ndrain_seconds = 3\n", "limits.drain_seconds", "unknown key"),
+        ("[limits]\nmessage_bytes = 1\n", "limits.message_bytes", "must be 65536 to"),
+        ("[grpc]\nlisten = 'everywhere'\n", "grpc.listen", "invalid socket address"),
+        ("[grpc]\nlisten = \n", "", "shop.toml"),
+    ];
+    for (config, key, reason) in cases {
+        let output = refused(config, &[]).await;
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(78), "{config}: {message}");
+        for part in ["shop.toml", key, reason] {
+            assert!(message.contains(part), "{part:?} is not in {message:?}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_bad_variable_is_refused_with_its_key() {
+    let output = refused("", &[("FEEDWAVE_LIMITS__CONCURRENT_STREAMS", "0")]).await;
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(78), "{message}");
+    assert!(message.contains("limits.concurrent_streams") && message.contains("environment"), "{message}");
+}
+
+#[test]
+fn the_example_states_every_key_with_its_default() {
+    let loaded = Config::load(Some(example()), &Overrides::default()).expect("the example is accepted");
+    let mut expected = Config::default();
+    // The default depends on the machine; the example has to name a number.
+    expected.limits.validation_workers = loaded.limits.validation_workers;
+    assert_eq!(loaded, expected);
+
+    let tls = TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()) };
+    let mut full = expected;
+    full.grpc.tls = Some(tls);
+    full.telemetry.otlp_endpoint = Some(String::new());
+    let full = serde_json::to_value(full).expect("configuration is serializable");
+    let mut keys = BTreeSet::new();
+    collect_keys(&full, "", &mut keys);
+    let text = std::fs::read_to_string(example()).expect("the example is there");
+    assert_eq!(keys_of_example(&text), keys);
+}
+
+fn collect_keys(value: &serde_json::Value, path: &str, keys: &mut BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(fields) => {
+            for (name, value) in fields {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                collect_keys(value, &path, keys);
+            }
+        }
+        _ => {
+            keys.insert(path.to_owned());
+        }
+    }
+}
+
+/// Keys of the example, those that are commented out included.
+fn keys_of_example(text: &str) -> BTreeSet<String> {
+    let mut section = String::new();
+    let mut keys = BTreeSet::new();
+    for line in text.lines() {
+        let line = line.trim_start_matches("# ");
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+            name.clone_into(&mut section);
+        } else if let Some((key, _)) = line.split_once(" = ")
+            && key.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_')
+        {
+            keys.insert(format!("{section}.{key}"));
+        }
+    }
+    keys
+}

@@ -1,0 +1,107 @@
+//! The read-only HTTP port, polled as a dashboard polls.
+
+use bytes::Bytes;
+use feedwave::proto::StreamSetpointsRequest;
+use feedwave_tests::{SHAFT, Server, header_of, long_dwell};
+use http::StatusCode;
+
+#[tokio::test]
+async fn jobs_and_their_reports_are_the_messages_of_the_contract_as_json() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let job = clients.submit(SHAFT).await.job;
+    let web = server.web();
+
+    let list = web.get("/v1/jobs?state=ready").await;
+    assert_eq!((list.status, list.header("content-type")), (StatusCode::OK, "application/json"));
+    let list = list.json();
+    assert_eq!(list["jobs"][0]["name"], job.name);
+    assert_eq!(list["jobs"][0]["state"], "JOB_STATE_READY");
+    assert_eq!(web.get("/v1/jobs?state=rejected").await.json()["jobs"].as_array().map_or(0, Vec::len), 0);
+
+    let one = web.get(&format!("/v1/{}", job.name)).await.json();
+    assert_eq!(one["machine"], "machines/lathe");
+    // 64-bit numbers are texts in the protobuf mapping.
+    assert_eq!(one["programBytes"], SHAFT.len().to_string());
+    let report = web.get(&format!("/v1/{}/report", job.name)).await.json();
+    let codes: Vec<_> = report["findings"].as_array().expect("findings").iter().map(|f| f["code"].clone()).collect();
+    assert!(codes.iter().any(|code| code == "VIB-CHIP-UNBROKEN"), "{codes:?}");
+}
+
+#[tokio::test]
+async fn what_has_not_changed_is_not_sent_again_and_cursors_name_what_is_new() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    clients.submit("G0 X1. Z1.\nM30\n").await;
+    let web = server.web();
+
+    for path in ["/v1/jobs", "/v1/events", "/v1/state"] {
+        let first = web.get(path).await;
+        let tag = first.header("etag").to_owned();
+        assert!(tag.starts_with('"'), "{path}: {tag:?} is not a strong entity tag");
+        let again = web.send("GET", path, &[("if-none-match", &tag)], Bytes::new()).await;
+        assert_eq!((again.status, again.body.len()), (StatusCode::NOT_MODIFIED, 0), "{path}");
+    }
+    let before = web.get("/v1/events").await.json();
+    let cursor = before["nextAfter"].as_str().expect("a cursor").to_owned();
+    let old_tag = web.get("/v1/jobs").await.header("etag").to_owned();
+
+    let job = clients.submit("G0 X2. Z1.\nM30\n").await.job;
+    let changed = web.send("GET", "/v1/jobs", &[("if-none-match", &old_tag)], Bytes::new()).await;
+    assert_eq!(changed.status, StatusCode::OK);
+    let new = web.get(&format!("/v1/events?after={cursor}")).await.json();
+    let states: Vec<_> = new["events"].as_array().expect("events").iter().map(|event| event["state"].clone()).collect();
+    assert_eq!(states, ["JOB_STATE_PENDING", "JOB_STATE_VALIDATING", "JOB_STATE_READY"]);
+    assert!(new["events"].as_array().expect("events").iter().all(|event| event["job"] == job.name));
+}
+
+#[tokio::test]
+async fn what_cannot_be_answered_is_refused_in_the_same_vocabulary() {
+    let server = Server::start().await;
+    let web = server.web();
+    let cases = [
+        ("/v1/jobs?page_size=many&colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/jobs/7", StatusCode::BAD_REQUEST),
+        ("/v1/jobs/01900000-0000-7000-8000-000000000001", StatusCode::NOT_FOUND),
+        ("/v1/nothing", StatusCode::NOT_FOUND),
+        ("/v1/jobs/%ff", StatusCode::BAD_REQUEST),
+    ];
+    for (path, status) in cases {
+        let answer = web.get(path).await;
+        assert_eq!(answer.status, status, "{path}: {answer:?}");
+        let json = answer.json();
+        assert!(json["code"].is_u64() && json["message"].is_string(), "{path}: {json}");
+    }
+    let posted = web.send("POST", "/v1/jobs", &[], Bytes::from_static(b"{}")).await;
+    assert_eq!((posted.status, posted.header("allow")), (StatusCode::METHOD_NOT_ALLOWED, "GET,HEAD"));
+}
+
+#[tokio::test]
+async fn metrics_count_what_happens() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let web = server.web();
+    for path in ["/healthz", "/readyz"] {
+        assert_eq!(web.get(path).await.status, StatusCode::OK, "{path}");
+    }
+    let job = clients.submit(&long_dwell(3_000)).await.job;
+    let request = StreamSetpointsRequest { job: job.name, ..StreamSetpointsRequest::default() };
+    let mut open = clients.setpoints.stream_setpoints(request).await.expect("a stream").into_inner();
+    header_of(&mut open).await.expect("a header");
+    open.message().await.expect("a chunk");
+
+    let answer = web.get("/metrics").await;
+    assert!(answer.header("content-type").starts_with("text/plain"), "{:?}", answer.headers);
+    let metrics = answer.text();
+    let value = |start: &str| -> f64 {
+        let line = metrics.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {metrics}"));
+        line.rsplit(' ').next().and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("{line}"))
+    };
+    assert_eq!(value("feedwave_jobs{state=\"ready\"}"), 1.0);
+    assert_eq!(value("feedwave_active_streams"), 1.0);
+    assert!(value("feedwave_setpoints_total") >= 8_192.0);
+    assert_eq!(value("feedwave_build_info"), 1.0);
+    for line in metrics.lines().filter(|line| !line.starts_with('#')) {
+        assert!(line.starts_with("feedwave_"), "{line}");
+    }
+}

@@ -1,0 +1,14 @@
+//! The built binary as a black box: a child process with a real database file, spoken to through its ports.
+
+mod configuration;
+mod dashboards;
+mod discovery;
+mod durability;
+mod hostile;
+mod jobs;
+mod lifecycle;
+mod memory;
+mod setpoints;
+mod status;
+mod streaming;
+mod uploads;

@@ -1,0 +1,184 @@
+//! Large programs, sent in pieces, over connections that break and servers that die.
+
+use bytes::Bytes;
+use feedwave::proto::create_job_request::Source;
+use feedwave::proto::{
+    DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, UploadProgramRequest, UploadProgramResponse,
+};
+use feedwave_tests::{Clients, Server, many_blocks, sha256_hex, upload, upload_messages};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Code, Response, Status};
+
+use crate::status::{assert_error, violated_fields};
+
+const PIECE: usize = 256 << 10;
+
+fn large_program() -> Bytes {
+    many_blocks(6 << 20).collect::<String>().into()
+}
+
+async fn send(clients: &mut Clients, messages: Vec<UploadProgramRequest>) -> Result<UploadProgramResponse, Status> {
+    let response = clients.jobs.upload_program(futures_util::stream::iter(messages)).await?;
+    Ok(response.into_inner())
+}
+
+async fn progress(clients: &mut Clients, name: &str) -> Result<GetUploadResponse, Status> {
+    let request = GetUploadRequest { program: name.to_owned() };
+    Ok(clients.jobs.get_upload(request).await?.into_inner())
+}
+
+/// Sends part of a program, leaves the call open, and waits until the service acknowledges at least `wanted` bytes.
+/// Answers with what was acknowledged and with the open call: its sender and its answer.
+async fn send_part(
+    clients: &mut Clients,
+    program: &Bytes,
+    name: &str,
+    wanted: usize,
+) -> (u64, mpsc::Sender<UploadProgramRequest>, JoinHandle<Result<UploadProgramResponse, Status>>) {
+    let (sender, receiver) = mpsc::channel(4);
+    let mut uploader = clients.clone();
+    let answer = tokio::spawn(async move {
+        let response = uploader.jobs.upload_program(ReceiverStream::new(receiver)).await;
+        response.map(Response::into_inner)
+    });
+    let enough = 1 + (2 * wanted).div_ceil(PIECE);
+    for message in upload_messages(program, 0, PIECE).into_iter().take(enough) {
+        sender.send(message).await.expect("the call is open");
+    }
+    // Acknowledgement is what GetUpload says; bounded, because every question takes a round trip.
+    for _ in 0..20_000 {
+        match progress(clients, name).await {
+            Ok(progress) if progress.received_bytes >= wanted as u64 => {
+                return (progress.received_bytes, sender, answer);
+            }
+            _ => tokio::task::yield_now().await,
+        }
+    }
+    panic!("{wanted} bytes are never acknowledged");
+}
+
+#[tokio::test]
+async fn a_large_program_is_uploaded_and_becomes_a_job() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let program = large_program();
+    let name = upload(&mut clients, &program).await.unwrap();
+    assert_eq!(name, format!("programs/{}", sha256_hex(&program)));
+    let state = progress(&mut clients, &name).await.unwrap();
+    assert!(state.complete);
+    assert_eq!((state.received_bytes, state.size_bytes), (program.len() as u64, program.len() as u64));
+    let job = clients.create_from(Source::Program(name.clone()), "").await.unwrap();
+    let outcome = clients.validated(&job.name).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings.first());
+    assert_eq!(outcome.report.summary.unwrap().bytes, program.len() as u64);
+    // The same content has the same address: a second upload has nothing to do.
+    assert_eq!(upload(&mut clients, &program).await.unwrap(), name);
+}
+
+#[tokio::test]
+async fn acknowledged_bytes_survive_a_killed_server_and_the_upload_goes_on() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let program = large_program();
+    let name = format!("programs/{}", sha256_hex(&program));
+    let (acknowledged, _open_call, _answer) = send_part(&mut clients, &program, &name, 2 << 20).await;
+    let server = server.kill().await.start().await;
+
+    let mut clients = server.connect().await;
+    let state = progress(&mut clients, &name).await.unwrap();
+    assert!(!state.complete);
+    assert!(state.received_bytes >= acknowledged, "{} of {acknowledged} acknowledged bytes", state.received_bytes);
+    assert_eq!(state.size_bytes, program.len() as u64);
+    let early = clients.create_from(Source::Program(name.clone()), "").await.unwrap_err();
+    assert!(matches!(early.code(), Code::FailedPrecondition | Code::NotFound), "{early:?}");
+
+    let from = usize::try_from(state.received_bytes).unwrap();
+    let response = send(&mut clients, upload_messages(&program, from, PIECE)).await.unwrap();
+    assert_eq!((response.program.as_str(), response.received_bytes), (name.as_str(), program.len() as u64));
+    let job = clients.create_from(Source::Program(name), "").await.unwrap();
+    assert_eq!(clients.validated(&job.name).await.job.state(), JobState::Ready);
+}
+
+#[tokio::test]
+async fn a_call_that_ends_early_keeps_what_was_acknowledged() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let program = large_program();
+    let name = format!("programs/{}", sha256_hex(&program));
+    let (acknowledged, open_call, answer) = send_part(&mut clients, &program, &name, 1 << 20).await;
+    // The client ends its side before the last byte: an answer, not an error, and nothing is lost.
+    drop(open_call);
+    let answer = answer.await.unwrap().unwrap();
+    assert_eq!(answer.program, "");
+    assert!(answer.received_bytes >= acknowledged);
+    let state = progress(&mut clients, &name).await.unwrap();
+    assert_eq!((state.received_bytes, state.complete), (answer.received_bytes, false));
+
+    let from_the_start = send(&mut clients, upload_messages(&program, 0, PIECE)).await.unwrap_err();
+    assert_error(&from_the_start, Code::OutOfRange, "UPLOAD_OFFSET");
+    let from = usize::try_from(state.received_bytes).unwrap();
+    let response = send(&mut clients, upload_messages(&program, from, PIECE)).await.unwrap();
+    assert_eq!(response.program, name);
+}
+
+#[tokio::test]
+async fn a_call_that_breaks_keeps_what_was_acknowledged() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let program = large_program();
+    let name = format!("programs/{}", sha256_hex(&program));
+    let mut breaking = server.connect().await;
+    let (acknowledged, open_call, answer) = send_part(&mut breaking, &program, &name, 1 << 20).await;
+    // The client is gone with its connection.
+    answer.abort();
+    drop((open_call, breaking));
+    // What is still on its way may arrive meanwhile; the service names the right offset whenever it is asked.
+    for _ in 0..100 {
+        let state = progress(&mut clients, &name).await.unwrap();
+        assert!(state.received_bytes >= acknowledged && !state.complete);
+        let from = usize::try_from(state.received_bytes).unwrap();
+        match send(&mut clients, upload_messages(&program, from, PIECE)).await {
+            Ok(response) => return assert_eq!(response.program, name),
+            Err(status) => assert_error(&status, Code::OutOfRange, "UPLOAD_OFFSET"),
+        }
+    }
+    panic!("the upload never goes on");
+}
+
+#[tokio::test]
+async fn content_that_is_not_what_was_announced_is_refused() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let program = Bytes::from_static(b"G0 X1.\nM30\n");
+    let name = format!("programs/{}", sha256_hex(&program));
+    let mut messages = upload_messages(&program, 0, PIECE);
+    let tampered = upload_messages(&Bytes::from_static(b"G0 X2.\nM30\n"), 0, PIECE);
+    messages[1] = tampered[1].clone();
+    let status = send(&mut clients, messages).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument, "{status:?}");
+    assert!(!progress(&mut clients, &name).await.is_ok_and(|state| state.complete));
+    // The address is not blocked: the true content can follow.
+    assert_eq!(upload(&mut clients, &program).await.unwrap(), name);
+    clients.jobs.delete_program(DeleteProgramRequest { name: name.clone() }).await.unwrap();
+    assert!(!progress(&mut clients, &name).await.is_ok_and(|state| state.complete));
+}
+
+#[tokio::test]
+async fn an_upload_that_breaks_the_rules_is_refused() {
+    let server = feedwave_tests::Home::new("[limits]\nupload_bytes = 1000000").start().await;
+    let mut clients = server.connect().await;
+    let program = large_program();
+    let messages = upload_messages(&program, 0, PIECE);
+    let too_large = send(&mut clients, messages[..1].to_vec()).await.unwrap_err();
+    assert!(matches!(too_large.code(), Code::InvalidArgument | Code::ResourceExhausted), "{too_large:?}");
+    assert_eq!(violated_fields(&send(&mut clients, messages[1..2].to_vec()).await.unwrap_err()), ["header"]);
+    assert_eq!(violated_fields(&send(&mut clients, Vec::new()).await.unwrap_err()), ["header"]);
+
+    let small = Bytes::from(program.slice(..600_000).to_vec());
+    let mut gap = upload_messages(&small, 0, PIECE);
+    gap.remove(1);
+    let status = send(&mut clients, gap).await.unwrap_err();
+    assert_error(&status, Code::OutOfRange, "UPLOAD_OFFSET");
+}

@@ -1,0 +1,18 @@
+//! What the black-box tests share: the built binary as a child process with a database of its own, clients, and the
+//! decoding of setpoint streams. Nothing here knows the inside of the service.
+
+mod binary;
+mod client;
+mod memory;
+mod programs;
+mod server;
+mod setpoints;
+mod web;
+
+pub use binary::feedwave_binary;
+pub use client::{Clients, Outcome, sha256_hex, upload, upload_messages};
+pub use memory::{MemoryUse, measure_memory};
+pub use programs::{SHAFT, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, long_dwell, many_blocks};
+pub use server::{Home, Server};
+pub use setpoints::{Setpoints, header_of, stream};
+pub use web::{Answer, Web};

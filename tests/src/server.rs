@@ -1,0 +1,176 @@
+//! The service as a child process.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+use tempfile::TempDir;
+use tokio::process::{Child, Command};
+use tokio::time::timeout;
+
+use crate::{Clients, Web, feedwave_binary};
+
+/// No wait of a test lasts longer; reached only when something is broken.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A directory with a database and a configuration, which outlives the servers that run on it.
+pub struct Home {
+    directory: TempDir,
+}
+
+impl Home {
+    /// An empty directory; the configuration puts the database into it, both ports on free ones, and adds `more`.
+    ///
+    /// # Panics
+    /// When there is no room for temporary files.
+    #[must_use]
+    pub fn new(more: &str) -> Self {
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let mut config = String::from("[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n");
+        writeln!(config, "[database]\npath = '{}'\n{more}", directory.path().join("feedwave.db").display())
+            .expect("text grows");
+        std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
+        Self { directory }
+    }
+
+    /// Path of the directory.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// Starts the service and waits until it says that it is ready.
+    ///
+    /// # Panics
+    /// When it does not start; with its log.
+    pub async fn start(self) -> Server {
+        let ready_file = self.path().join("ready.json");
+        let _ = std::fs::remove_file(&ready_file);
+        let log = self.path().join("log.txt");
+        let log_file = File::options().create(true).append(true).open(&log).expect("the log is opened");
+        let mut child = Command::new(feedwave_binary())
+            .args(["serve", "--config"])
+            .arg(self.path().join("feedwave.toml"))
+            .arg("--ready-file")
+            .arg(&ready_file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log_file)
+            .kill_on_drop(true)
+            .spawn()
+            .expect("the service is started");
+        let ready = async {
+            loop {
+                if let Ok(text) = std::fs::read_to_string(&ready_file) {
+                    return text;
+                }
+                let ended = timeout(Duration::from_millis(5), child.wait()).await;
+                assert!(ended.is_err(), "the service ended: {ended:?}\n{}", read_log(&log));
+            }
+        };
+        let ready = timeout(PATIENCE, ready).await.unwrap_or_else(|_| panic!("never ready:\n{}", read_log(&log)));
+        let ready: serde_json::Value = serde_json::from_str(&ready).expect("the ready file is JSON");
+        let address = |key: &str| -> SocketAddr {
+            ready[key].as_str().and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{key} in {ready}"))
+        };
+        Server { grpc: address("grpc"), http: address("http"), child, log, home: self }
+    }
+}
+
+fn read_log(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// A running service. Dropping it kills it.
+pub struct Server {
+    /// Address of the gRPC port.
+    pub grpc: SocketAddr,
+    /// Address of the HTTP port.
+    pub http: SocketAddr,
+    child: Child,
+    log: PathBuf,
+    home: Home,
+}
+
+impl Server {
+    /// A service with an empty database and default limits.
+    pub async fn start() -> Self {
+        Home::new("").start().await
+    }
+
+    /// Clients over one new connection.
+    ///
+    /// # Panics
+    /// When the port cannot be reached.
+    pub async fn connect(&self) -> Clients {
+        Clients::connect(self.grpc).await
+    }
+
+    /// A plain HTTP/1.1 client for the HTTP port.
+    #[must_use]
+    pub fn web(&self) -> Web {
+        Web::new(self.http)
+    }
+
+    /// Process id.
+    ///
+    /// # Panics
+    /// When the process has ended.
+    #[must_use]
+    pub fn pid(&self) -> u32 {
+        self.child.id().expect("the service is running")
+    }
+
+    /// What it has logged so far.
+    #[must_use]
+    pub fn log(&self) -> String {
+        read_log(&self.log)
+    }
+
+    /// Most memory that it was ever resident with, bytes, by the operating system's account.
+    ///
+    /// # Panics
+    /// Where there is no such account.
+    #[must_use]
+    pub fn peak_resident_bytes(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.pid())).expect("the process is accounted");
+        let kibibytes = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmHWM:"))
+            .and_then(|rest| rest.trim().strip_suffix(" kB"))
+            .and_then(|number| number.trim().parse::<u64>().ok());
+        kibibytes.expect("VmHWM in kB") * 1024
+    }
+
+    /// Sends a signal.
+    ///
+    /// # Panics
+    /// When the process has ended.
+    pub fn signal(&self, signal: Signal) {
+        let pid = i32::try_from(self.pid()).ok().and_then(Pid::from_raw).expect("a process id");
+        kill_process(pid, signal).expect("the signal is delivered");
+    }
+
+    /// Kills it as a power cut would, and gives back what it leaves on the disk.
+    ///
+    /// # Panics
+    /// When it does not end.
+    pub async fn kill(mut self) -> Home {
+        self.child.kill().await.expect("the service is killed");
+        self.home
+    }
+
+    /// Waits until it ends by itself.
+    ///
+    /// # Panics
+    /// When it does not end.
+    pub async fn ended(mut self) -> (ExitStatus, Home) {
+        let status = timeout(PATIENCE, self.child.wait()).await;
+        let status = status.unwrap_or_else(|_| panic!("the service does not end:\n{}", read_log(&self.log)));
+        (status.expect("the service is waited for"), self.home)
+    }
+}
