@@ -17,6 +17,7 @@ pub mod healthcheck;
 pub mod http;
 pub mod json;
 pub mod lifecycle;
+mod lingering;
 pub mod names;
 pub mod observability;
 pub mod output;

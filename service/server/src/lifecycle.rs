@@ -9,6 +9,7 @@ use http::Request;
 use jiff::Timestamp;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
+use tokio_stream::StreamExt as _;
 use tokio_util::sync::CancellationToken;
 use tonic::codec::CompressionEncoding;
 use tonic::server::NamedService;
@@ -28,6 +29,7 @@ use crate::config::{Config, TlsConfig};
 use crate::convert::timestamp;
 use crate::engine::Engine;
 use crate::http::{HttpState, router};
+use crate::lingering::Lingering;
 use crate::observability::metrics::Metrics;
 use crate::observability::rpc::RpcLayer;
 use crate::proto::DESCRIPTOR_SET;
@@ -148,7 +150,7 @@ impl Server {
             .layer(rpc)
             .add_routes(routes)
             .serve_with_incoming_shutdown(
-                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)),
+                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)).map(|accepted| accepted.map(Lingering::new)),
                 draining.clone().cancelled_owned(),
             );
 
