@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_motion::{Element, PathLimits, Profile};
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, Plane, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, SourceSpan, Spindle};
 
 const SETPOINTS: usize = 4_096;
 const PERIOD_S: f64 = 1e-3;
@@ -32,6 +32,8 @@ fn element(radius_mm: Option<f64>) -> Element {
         feed: Feed::PerMinute(1_000.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_motion::{Element, Machine, MotionRequest, PathMotion, Planner, PlannerSettings, path_limits, stretches};
-use feedwave_program::{Feed, Move, MoveKind, Position, SourceSpan, Spindle};
+use feedwave_program::{Feed, Move, MoveKind, PathControl, Position, SourceSpan, Spindle};
 
 const BLOCKS: u32 = 10_000;
 
@@ -28,6 +28,8 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
             feed,
             spindle: Spindle::STOPPED,
             tool: 0,
+            spline: None,
+            path_control: PathControl::default(),
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
         let limits = path_limits(&element, machine, PathMotion::ZERO).expect("nothing is superposed");

@@ -4,7 +4,7 @@ use feedwave_motion::{
     Element, Machine, MachineAxis, MotionRequest, PathMotion, Planned, PlannedMotion, Planner, PlannerSettings,
     path_limits, stretches,
 };
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, Plane, Position, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
 use proptest::prelude::*;
 
 /// One element, joined to the one before with a turn of direction.
@@ -79,6 +79,8 @@ fn elements(pieces: &[Piece]) -> Vec<Element> {
             feed: Feed::PerMinute(1.0),
             spindle: Spindle::STOPPED,
             tool: 0,
+            spline: None,
+            path_control: PathControl::default(),
         };
         elements.extend(Element::from_move(&mv, SourceSpan::default()));
         at = end;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use feedwave_motion::Element;
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, Plane, Position, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
 use proptest::prelude::*;
 
 fn moved(start: Position, end: Position, arc: Option<ArcGeometry>) -> Move {
@@ -16,6 +16,8 @@ fn moved(start: Position, end: Position, arc: Option<ArcGeometry>) -> Move {
         feed: Feed::PerMinute(1_000.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     }
 }
 

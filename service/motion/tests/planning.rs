@@ -5,7 +5,8 @@ use feedwave_motion::{
     PlannerSettings, Profile, path_limits, stretches,
 };
 use feedwave_program::{
-    ArcGeometry, Axis, Feed, Move, MoveKind, Plane, Position, SourceSpan, Spindle, SpindleDirection, SpindleSpeed,
+    ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle, SpindleDirection,
+    SpindleSpeed,
 };
 use proptest::prelude::*;
 
@@ -128,6 +129,8 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Option<E
         feed: Feed::PerMinute(1.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan::default())
 }

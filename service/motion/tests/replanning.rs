@@ -3,7 +3,7 @@
 use feedwave_motion::{
     Element, Machine, MotionRequest, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings, Stretch,
 };
-use feedwave_program::{Feed, Move, MoveKind, SourceSpan, Spindle};
+use feedwave_program::{Feed, Move, MoveKind, PathControl, SourceSpan, Spindle};
 use proptest::prelude::*;
 
 const PERIOD_S: f64 = 1e-3;
@@ -22,6 +22,8 @@ fn requests(pieces: &[(f64, f64, f64, u32)]) -> Vec<MotionRequest> {
             feed: Feed::PerMinute(60.0 * speed_mm_per_s),
             spindle: Spindle::STOPPED,
             tool: 0,
+            spline: None,
+            path_control: PathControl::default(),
         };
         mv.start[0] = at;
         mv.end[0] = at + length_mm;

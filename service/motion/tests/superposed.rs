@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use feedwave_motion::{Element, Machine, MachineAxis, PathMotion, Profile, Quantity, path_limits};
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, Plane, Position, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
 use proptest::prelude::*;
 
 fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Element {
@@ -17,6 +17,8 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Element 
         feed: Feed::PerMinute(1.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -24,7 +24,7 @@ pub use interpreter::{Interpreter, LineOutcome, interpret};
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
-    OperationKind, Spindle, SpindleDirection, SpindleSpeed,
+    OperationKind, PathControl, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry,
 };
 pub use settings::{DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, XWord};
 pub use state::InterpreterState;

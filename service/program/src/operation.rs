@@ -68,8 +68,12 @@ pub struct Move {
     pub end: Position,
     /// Work offset: machine position = work position + offset, per axis.
     pub work_offset: Position,
-    /// The circle, for `G2` and `G3`; straight otherwise.
+    /// The circle, for `G2` and `G3`.
     pub arc: Option<ArcGeometry>,
+    /// The spline, for `G5`, `G5.1` and `G5.2`; straight where neither this nor `arc` is there.
+    pub spline: Option<Box<SplineGeometry>>,
+    /// How the path runs through the end point of this block into the next.
+    pub path_control: PathControl,
     /// Programmed feed; meaningless for rapids.
     pub feed: Feed,
     /// Spindle state while this block runs.
@@ -89,6 +93,41 @@ pub struct ArcGeometry {
     pub clockwise: bool,
     /// Signed swept angle about the plane's normal, rad: positive counter-clockwise, |sweep| may exceed 2π.
     pub sweep_rad: f64,
+}
+
+/// A NURBS in a plane with uniform knots, clamped at both ends: it starts at the first control point and ends at the
+/// last. `G5` gives one of order 4 with four points, `G5.1` one of order 3 with three points, all weights 1: Bézier
+/// curves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SplineGeometry {
+    /// The plane of the curve.
+    pub plane: Plane,
+    /// Order (degree + 1), at most the number of control points.
+    pub order: u8,
+    /// Control points, the start and the end of the move among them: first and second axis of the plane, work
+    /// coordinates, mm.
+    pub points: Vec<[f64; 2]>,
+    /// Weight of each control point, positive.
+    pub weights: Vec<f64>,
+}
+
+/// How the path runs from one block into the next (modal group 13).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PathControl {
+    /// `G61`: through the programmed point, at a corner with no larger step of the axis velocities than the machine
+    /// permits.
+    #[default]
+    ExactPath,
+    /// `G61.1`, and `G9` for one block: to rest on the programmed point.
+    ExactStop,
+    /// `G64 P Q`: corners are rounded within a tolerance.
+    Continuous {
+        /// Largest distance of the path from the programmed one, mm (`P`).
+        tolerance_mm: f64,
+        /// Largest distance of a point left out of a straight run of short lines, mm (`Q`); part of `tolerance_mm`.
+        merge_tolerance_mm: f64,
+    },
 }
 
 /// Programmed feed.

@@ -1,4 +1,4 @@
-use feedwave_program::{ArcGeometry, Move, MoveKind, Plane, Position, SourceSpan, SpindleDirection};
+use feedwave_program::{ArcGeometry, Move, MoveKind, PathControl, Plane, Position, SourceSpan, SpindleDirection};
 use proptest::prelude::*;
 
 use super::*;
@@ -16,6 +16,8 @@ fn element(kind: MoveKind, start: [f64; 3], end: [f64; 3], arc: Option<ArcGeomet
         feed: Feed::PerRevolution(FEED_MM_PER_REV),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -1,4 +1,4 @@
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, Plane, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, SourceSpan, Spindle};
 
 use super::*;
 use crate::MachineAxis;
@@ -16,6 +16,8 @@ fn mv(start: [f64; 3], end: [f64; 3]) -> Move {
         feed: Feed::PerMinute(600.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     }
 }
 

@@ -1,6 +1,6 @@
 use core::f64::consts::TAU;
 
-use feedwave_program::{ArcGeometry, Feed, Move, MoveKind, Plane, SourceSpan, Spindle};
+use feedwave_program::{ArcGeometry, Feed, Move, MoveKind, PathControl, Plane, SourceSpan, Spindle};
 use proptest::prelude::*;
 
 use super::*;
@@ -19,6 +19,8 @@ fn arc(radius: f64, angle: f64, sweep_rad: f64, rise: f64, error: f64) -> Elemen
         feed: Feed::PerMinute(1.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        spline: None,
+        path_control: PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -235,6 +235,8 @@ impl Execution<'_> {
                 feed,
                 spindle: self.state.spindle(),
                 tool: self.state.tool,
+                spline: None,
+                path_control: crate::PathControl::default(),
             }),
         });
     }

@@ -31,6 +31,8 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>, line: u32) 
         feed: Feed::PerRevolution(0.01),
         spindle: Spindle::STOPPED,
         tool: 1,
+        spline: None,
+        path_control: feedwave_program::PathControl::default(),
     };
     Element::from_move(&mv, SourceSpan { line, column: 1, length: 20 }).expect("the element moves")
 }
