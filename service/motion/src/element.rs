@@ -1,11 +1,18 @@
-//! Path elements: lines, arcs and helices over arc length.
+//! Path elements: lines, arcs, helices and splines over arc length.
 
 use core::f64::consts::TAU;
 
 use feedwave_program::{AXIS_COUNT, ArcGeometry, Axis, Move, MoveKind, Position, SourceSpan};
 use serde::{Deserialize, Serialize};
+use smallvec::{SmallVec, smallvec};
 
-use crate::tolerance::HUGE_RADIUS_MM;
+use crate::tolerance::{HUGE_RADIUS_MM, SAME_POINT_MM};
+
+mod bezier;
+mod fit;
+mod spline;
+
+pub use spline::Spline;
 
 /// One element of the path, in work coordinates, over its arc length `s` from 0 to `length`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +40,8 @@ pub enum Curve {
     Line,
     /// Circular in a plane; every other axis moves in proportion.
     Arc(Arc),
+    /// Free in X, Y and Z; every other axis moves in proportion to the arc length.
+    Spline(Box<Spline>),
 }
 
 /// A circular arc. Start and end radius may differ within the arc tolerance: the radius then changes in
@@ -112,12 +121,18 @@ impl Arc {
 }
 
 impl Element {
-    /// The element of a move; `None` where nothing moves.
+    /// The element of a move; `None` where nothing moves, and for a spline that is none: see [`Spline::from_geometry`]. A
+    /// spline whose points are all the same is the straight move of the other axes.
     #[must_use]
     pub fn from_move(mv: &Move, source: SourceSpan) -> Option<Self> {
-        let (curve, length) = match &mv.arc {
-            None => (Curve::Line, line_length(&mv.start, &mv.end)),
-            Some(geometry) => {
+        let rapid = mv.kind == MoveKind::Rapid;
+        let (curve, length) = match (&mv.arc, &mv.spline) {
+            (_, Some(geometry)) if geometry.points.iter().any(|point| *point != geometry.points[0]) => {
+                let spline = Spline::from_geometry(geometry, &mv.start, &mv.end)?;
+                return Self::from_spline(mv.start, mv.end, spline, mv.work_offset, source, rapid);
+            }
+            (None, _) => (Curve::Line, line_length(&mv.start, &mv.end)),
+            (Some(geometry), _) => {
                 let arc = Arc::new(geometry, &mv.start, &mv.end);
                 let mean_radius_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm);
                 let radial_mm = arc.end_radius_mm - arc.start_radius_mm;
@@ -139,8 +154,53 @@ impl Element {
             curve,
             length,
             source,
-            rapid: mv.kind == MoveKind::Rapid,
+            rapid,
         })
+    }
+
+    /// The element of a spline; every axis but X, Y and Z moves from `start` to `end` in proportion to its arc length.
+    /// `None` when the spline does not run from `start` to `end`, to 1e-9 mm.
+    #[must_use]
+    pub fn from_spline(
+        start: Position,
+        end: Position,
+        mut spline: Spline,
+        work_offset: Position,
+        source: SourceSpan,
+        rapid: bool,
+    ) -> Option<Self> {
+        let apart = |a: &Position, b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| !((a - b).abs() <= SAME_POINT_MM));
+        let [first, last] = spline.ends();
+        if apart(&start, &first) || apart(&end, &last) {
+            return None;
+        }
+        let beside = Axis::ALL.into_iter().filter(|&axis| !axis.is_rotary() && !Spline::has(axis));
+        let square: f64 = beside.map(|axis| end[axis.index()] - start[axis.index()]).map(|delta| delta * delta).sum();
+        if square > 0.0 {
+            spline.lengthen((1.0 + square / (spline.length_mm() * spline.length_mm())).sqrt());
+        }
+        let length = spline.length_mm();
+        let curve = Curve::Spline(Box::new(spline));
+        length.is_finite().then_some(Self { start, end, work_offset, curve, length, source, rapid })
+    }
+
+    /// The element in parts within which direction and curvature are continuous: itself, but for a spline that has
+    /// corners or steps of curvature where its spans meet. What such a step allows is decided between elements.
+    #[must_use]
+    pub fn smooth_parts(self) -> SmallVec<[Self; 1]> {
+        let Curve::Spline(spline) = &self.curve else { return smallvec![self] };
+        let mut parts = SmallVec::new();
+        let mut from = 0.0;
+        for to in spline.bends().chain([self.length]) {
+            if let Some(part) = spline.between(from, to) {
+                let (start, end) = (self.position(from), self.position(to));
+                let length = part.length_mm();
+                let curve = Curve::Spline(Box::new(part));
+                parts.push(Self { start, end, curve, length, ..self });
+            }
+            from = to;
+        }
+        parts
     }
 
     /// Position at arc length `s`; the exact start for `s` ≤ 0, the exact programmed end for `s` ≥ `length`.
@@ -187,6 +247,7 @@ impl Element {
                     }
                 }
             }
+            Curve::Spline(spline) if Spline::has(axis) => spline.fill_axis(axis, s, out),
             _ => {
                 let slope = (end - start) * per_length;
                 for (out, &s) in out.iter_mut().zip(s) {
@@ -204,7 +265,11 @@ impl Element {
     #[must_use]
     pub fn moves(&self, axis: Axis) -> bool {
         self.start[axis.index()] != self.end[axis.index()]
-            || matches!(&self.curve, Curve::Arc(arc) if arc.first == axis || arc.second == axis)
+            || match &self.curve {
+                Curve::Line => false,
+                Curve::Arc(arc) => arc.first == axis || arc.second == axis,
+                Curve::Spline(spline) => spline.moves(axis),
+            }
     }
 
     /// Derivative of the position by arc length at `s`, per axis.
@@ -224,14 +289,14 @@ impl Element {
     pub fn fill_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         let out = &mut out[..s.len()];
         let per_length = 1.0 / self.length;
-        let Curve::Arc(arc) = &self.curve else {
-            out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
-            return;
+        let arc = match &self.curve {
+            Curve::Arc(arc) if axis == arc.first || axis == arc.second => arc,
+            Curve::Spline(spline) if Spline::has(axis) => return spline.fill_tangent(axis, s, out),
+            _ => {
+                out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
+                return;
+            }
         };
-        if axis != arc.first && axis != arc.second {
-            out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
-            return;
-        }
         // Along the circle the first axis follows −sin and the second cos; outwards cos and sin.
         type Function = fn(f64) -> f64;
         let [around, beside]: [Function; 2] =
@@ -251,6 +316,9 @@ impl Element {
     /// Second derivative of the position by arc length at `s`, per axis, 1/mm: curvature times normal.
     pub(crate) fn second_derivative(&self, s: f64) -> Position {
         let mut second = [0.0; AXIS_COUNT];
+        if let Curve::Spline(spline) = &self.curve {
+            second[..3].copy_from_slice(&spline.second_derivative(s));
+        }
         if let Curve::Arc(arc) = &self.curve {
             let share = s.clamp(0.0, self.length) / self.length;
             let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
@@ -265,7 +333,8 @@ impl Element {
         second
     }
 
-    /// Largest curvature, 1/mm: 0 for a line, r/(r² + p²) for a helix of radius r that advances p per radian.
+    /// Largest curvature, 1/mm: 0 for a line, r/(r² + p²) for a helix of radius r that advances p per radian, a close upper
+    /// bound for a spline.
     #[must_use]
     pub fn curvature(&self) -> f64 {
         match &self.curve {
@@ -275,13 +344,17 @@ impl Element {
                 // κ = r·(dθ/ds)², largest where r is.
                 arc.largest_radius_mm() * per_length * per_length
             }
+            Curve::Spline(spline) => spline.curvature(),
         }
     }
 
-    /// Upper bound of |tangent| per axis over the whole element; attained for lines and circular arcs.
+    /// Upper bound of |tangent| per axis over the whole element; attained for all but inexact arcs.
     #[must_use]
     pub fn largest_tangent(&self) -> Position {
         let mut largest = self.tangent(0.0).map(f64::abs);
+        if let Curve::Spline(spline) = &self.curve {
+            largest[..3].copy_from_slice(&spline.largest_tangent());
+        }
         if let Curve::Arc(arc) = &self.curve {
             let at_end = self.tangent(self.length);
             let per_length = 1.0 / self.length;
@@ -317,6 +390,13 @@ impl Element {
         for (index, &end) in self.end.iter().enumerate() {
             low[index] = low[index].min(end);
             high[index] = high[index].max(end);
+        }
+        if let Curve::Spline(spline) = &self.curve {
+            for axis in Axis::ALL.into_iter().filter(|&axis| spline.moves(axis)) {
+                let [lowest, highest] = spline.extent(axis);
+                low[axis.index()] = low[axis.index()].min(lowest);
+                high[axis.index()] = high[axis.index()].max(highest);
+            }
         }
         if let Curve::Arc(arc) = &self.curve {
             let quarter = TAU / 4.0;

@@ -15,12 +15,14 @@ mod planner;
 mod profile;
 mod tolerance;
 
-pub use element::{Arc, Curve, Element};
+pub use element::{Arc, Curve, Element, Spline};
 pub use feed::{Stretch, Stretches, stretches};
 pub use limits::{
     LimitExceeded, PathLimits, PathMotion, Quantity, TravelExceeded, missing_axis, path_limits, travel_exceeded,
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
-pub use planner::{MotionRequest, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings};
-pub use profile::Profile;
+pub use planner::{
+    MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
+};
+pub use profile::{Profile, ProfilePart};
 pub use tolerance::TANGENT_TOLERANCE_RAD;

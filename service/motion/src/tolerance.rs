@@ -51,6 +51,18 @@ pub(crate) const SOLVER_PRECISION: f64 = 1e-12;
 /// Relative shortfall of a length that is put down to the solver's precision when a window is planned again.
 pub(crate) const SOLVER_SLACK: f64 = 1e-9;
 
+/// Relative precision of the time at which a profile passes a position: some ulps of the phase.
+pub(crate) const TIME_PRECISION: f64 = 1e-15;
+
+/// Commanded speeds that differ by no more than this share count as one, so that a feed in inverse time, rounded in
+/// every block, does not divide a path: a fifth of a percent is below what a drive shows. It lies below a step of
+/// [`SURFACE_SPEED_STEP`], so that the feed per revolution stays exact under constant surface speed.
+pub(crate) const SAME_COMMAND: f64 = 2e-3;
+
+/// Share of an axis' jerk that the change of direction at a junction may use where the path accelerates through it;
+/// beyond it the acceleration ends there.
+pub(crate) const KINK_RAMP_SHARE: f64 = 0.05;
+
 /// Share of an axis' acceleration that the change of direction at a tangent junction may use. The elements beside it
 /// leave ten times the share that is used, and a curve needs that: √(0.8² + (0.6·(1 − 10·u))²) + u ≤ 1 up to u = 0.05.
 pub(crate) const KINK_ACCELERATION_SHARE: f64 = 0.05;
@@ -61,4 +73,24 @@ pub(crate) const KINK_JERK_SHARE: f64 = 0.1;
 /// limits: √((0.8·(1 − u) + 0.4·u)² + (0.6·(1 − u) + u)²) ≤ 1.
 pub(crate) const BEND_JERK_SHARE: f64 = 0.4;
 /// Most that the elements beside a junction leave free for it.
-pub(crate) const LARGEST_RESERVE: f64 = KINK_JERK_SHARE + BEND_JERK_SHARE;
+pub(crate) const LARGEST_RESERVE: f64 = KINK_JERK_SHARE + BEND_JERK_SHARE + KINK_RAMP_SHARE;
+
+/// Highest degree of a spline: order 10, more than any controller takes.
+pub(crate) const MAX_SPLINE_DEGREE: usize = 9;
+/// Most polynomial pieces of a spline, and most spans: 4 MB. An ordinary curve needs some eight per turn of direction.
+pub(crate) const MAX_SPLINE_PIECES: usize = 16_384;
+/// Most times that a span is halved: a place that still cannot be fitted in a 2⁻³⁰th of its span is a cusp.
+pub(crate) const MAX_SPLINE_HALVINGS: u32 = 30;
+/// Largest distance of a spline's polynomials from the curve where it is measured, mm: a tenth of what is promised, as it is
+/// measured at three points.
+pub(crate) const SPLINE_FIT_MM: f64 = 1e-10;
+/// Largest difference of a spline's tangents from the curve's where they are measured.
+pub(crate) const SPLINE_FIT_TANGENT: f64 = 1e-10;
+/// Relative difference of two quadratures of the length, the second of which is 10⁸ times as exact as the first.
+pub(crate) const SPLINE_QUADRATURE: f64 = 1e-6;
+/// Rounding of positions relative to the largest coordinate: some tens of units in the last place.
+pub(crate) const SPLINE_ROUNDING: f64 = 4e-15;
+/// Control points closer than this to a line are on it, mm, and extremes of position are found to this.
+pub(crate) const SPLINE_STRAIGHT_MM: f64 = 1e-12;
+/// Steps of direction, and relative steps of curvature, below this are rounding.
+pub(crate) const SPLINE_BEND: f64 = 1e-6;

@@ -1,0 +1,398 @@
+//! Splines over arc length: piecewise polynomials of the arc length itself.
+//!
+//! A spline is measured once, when it is made: what is kept are not the control points but polynomials that give X, Y
+//! and Z by arc length, as close to the curve as a position has to be. Evaluation is then a search and a Horner scheme,
+//! derivatives by arc length are those of the polynomials, and every bound follows from their Bernstein coefficients,
+//! between whose smallest and largest a polynomial stays. The bounds thus hold for the path that is followed, to rounding.
+
+use feedwave_program::{Axis, Position, SplineGeometry};
+use serde::{Deserialize, Serialize};
+
+use super::bezier::{Bezier, Weighted, binomial};
+use super::fit;
+use crate::tolerance::{
+    MAX_SPLINE_DEGREE, MAX_SPLINE_PIECES, SAME_POINT_MM, SPLINE_BEND, SPLINE_ROUNDING, SPLINE_STRAIGHT_MM,
+};
+
+/// Coefficients of a piece's polynomial: degree 9.
+pub(super) const COEFFICIENTS: usize = 10;
+
+/// Most parts a piece is halved into to find where it is farthest, as a power of two.
+const EXTREME_HALVINGS: u32 = 24;
+
+/// A polynomial on 0 to 1 by its Bernstein coefficients.
+type Bernstein = [f64; COEFFICIENTS];
+
+/// A smooth curve over X, Y and Z by its arc length, mm.
+///
+/// Positions are within 1e-9 mm of the curve that it was made from, and its tangents are unit vectors to 1e-9.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spline {
+    pieces: Vec<Piece>,
+    length_mm: f64,
+    /// Whether X, Y, Z change anywhere.
+    moves: [bool; 3],
+}
+
+/// One polynomial per axis of t = (s − start)·per_length, from 0 to 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Piece {
+    start: f64,
+    length: f64,
+    per_length: f64,
+    /// X, Y, Z; of t⁰, t¹ and so on.
+    coefficients: [[f64; COEFFICIENTS]; 3],
+}
+
+impl Piece {
+    pub(super) fn new(start: f64, length: f64, coefficients: [[f64; COEFFICIENTS]; 3]) -> Self {
+        Self { start, length, per_length: 1.0 / length, coefficients }
+    }
+
+    pub(super) fn moved_to(self, start: f64) -> Self {
+        Self { start, ..self }
+    }
+
+    pub(super) fn end(&self) -> f64 {
+        self.start + self.length
+    }
+
+    #[inline]
+    pub(super) fn value(&self, axis: usize, s: f64) -> f64 {
+        let t = (s - self.start) * self.per_length;
+        self.coefficients[axis].iter().rev().fold(0.0, |sum, coefficient| sum * t + coefficient)
+    }
+
+    #[inline]
+    pub(super) fn slope(&self, axis: usize, s: f64) -> f64 {
+        let t = (s - self.start) * self.per_length;
+        let coefficients = &self.coefficients[axis];
+        (1..COEFFICIENTS).rev().fold(0.0, |sum, k| sum * t + k as f64 * coefficients[k]) * self.per_length
+    }
+
+    fn second(&self, axis: usize, s: f64) -> f64 {
+        let t = (s - self.start) * self.per_length;
+        let coefficients = &self.coefficients[axis];
+        let sum = (2..COEFFICIENTS).rev().fold(0.0, |sum, k| sum * t + (k * (k - 1)) as f64 * coefficients[k]);
+        sum * self.per_length * self.per_length
+    }
+
+    /// Bernstein coefficients of a derivative by arc length; those of higher degree than its own raise it to degree 9.
+    fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
+        let mut polynomial = self.coefficients[axis];
+        for _ in 0..derivative {
+            for k in 1..COEFFICIENTS {
+                polynomial[k - 1] = polynomial[k] * k as f64 * self.per_length;
+            }
+            polynomial[COEFFICIENTS - 1] = 0.0;
+        }
+        let degree = COEFFICIENTS - 1;
+        core::array::from_fn(|i| (0..=i).map(|k| binomial(i, k) / binomial(degree, k) * polynomial[k]).sum())
+    }
+}
+
+/// The first and the second half of a polynomial.
+fn halves(polynomial: &Bernstein) -> [Bernstein; 2] {
+    let (mut left, mut right) = ([0.0; COEFFICIENTS], *polynomial);
+    for k in 0..COEFFICIENTS {
+        left[k] = right[0];
+        for i in 0..COEFFICIENTS - 1 - k {
+            right[i] = 0.5 * (right[i] + right[i + 1]);
+        }
+    }
+    [left, right]
+}
+
+/// Raises `found` to the largest value of the polynomial, or beyond it by no more than rounding.
+fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
+    *found = found.max(polynomial[0]).max(polynomial[COEFFICIENTS - 1]);
+    let bound = polynomial.iter().fold(f64::NEG_INFINITY, |bound, &value| bound.max(value));
+    if bound <= *found + (SPLINE_STRAIGHT_MM + SPLINE_ROUNDING * bound.abs()) || depth >= EXTREME_HALVINGS {
+        *found = found.max(bound);
+    } else {
+        halves(polynomial).iter().for_each(|half| raise_to_largest(half, found, depth + 1));
+    }
+}
+
+impl Spline {
+    /// The curve of a `G5`, `G5.1` or `G5.2`. The axis of X, Y and Z outside its plane moves from `start` to `end` in
+    /// proportion to the arc length in the plane, as on a helix.
+    ///
+    /// `None` where it does not move in its plane, cannot be a NURBS (numbers that are not finite, weights not positive, order
+    /// below 2, above 10 or above the number of points), or has a point without a direction: a cusp. Where straight
+    /// parts meet in a corner it has the corner; see [`crate::Element::smooth_parts`].
+    #[must_use]
+    pub fn from_geometry(geometry: &SplineGeometry, start: &Position, end: &Position) -> Option<Self> {
+        let count = geometry.points.len();
+        let degree = usize::from(geometry.order).checked_sub(1)?;
+        if !(1..=MAX_SPLINE_DEGREE).contains(&degree) || degree >= count || geometry.weights.len() != count {
+            return None;
+        }
+        let (first, second) = geometry.plane.axes();
+        let normal = geometry.plane.normal().index();
+        let (first, second) = (first.index(), second.index());
+        let mut weighted = Vec::with_capacity(count);
+        for (index, (point, &weight)) in geometry.points.iter().zip(&geometry.weights).enumerate() {
+            let [u, v] = match index {
+                0 => [start[first], start[second]],
+                _ if index == count - 1 => [end[first], end[second]],
+                _ => *point,
+            };
+            let mut at: Weighted = [0.0, 0.0, 0.0, weight];
+            at[first] = (u - start[first]) * weight;
+            at[second] = (v - start[second]) * weight;
+            weighted.push(at);
+        }
+        let spans = (0..count - degree).map(|index| Bezier::of_nurbs(&weighted, degree, index));
+        let mut origin = [0.0; 3];
+        origin[first] = start[first];
+        origin[second] = start[second];
+        let mut spline = Self::from_spans(&origin, spans)?;
+        spline.lift(normal, start[normal], end[normal]);
+        Some(spline)
+    }
+
+    /// A chain of Bézier spans of degree 5 over X, Y and Z, each with its six control points.
+    ///
+    /// `None` where they do not hang together, do not move, hold a number that is not finite, or have a cusp.
+    #[must_use]
+    pub fn from_polynomial_spans(spans: &[[[f64; 3]; 6]]) -> Option<Self> {
+        let origin = spans.first()?[0];
+        let beziers = spans
+            .iter()
+            .map(|points| Bezier::new(&points.map(|[x, y, z]| [x - origin[0], y - origin[1], z - origin[2], 1.0])));
+        let apart = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| !((a - b).abs() <= SAME_POINT_MM));
+        if spans.windows(2).any(|pair| apart(&pair[0][5], &pair[1][0])) {
+            return None;
+        }
+        Self::from_spans(&origin, beziers)
+    }
+
+    /// The spline of spans relative to `origin`, each of which starts where the one before ends.
+    fn from_spans(origin: &[f64; 3], spans: impl ExactSizeIterator<Item = Bezier>) -> Option<Self> {
+        if spans.len() > MAX_SPLINE_PIECES {
+            return None;
+        }
+        let mut spans: Vec<Bezier> = spans.collect();
+        for k in 1..spans.len() {
+            let end = *spans[k - 1].points().last()?;
+            spans[k].start_at(end);
+        }
+        let mut control = spans.iter().flat_map(|span| span.points());
+        if !control.all(|point| point.iter().all(|value| value.is_finite()) && point[3] > 0.0) {
+            return None;
+        }
+        let position = |point: &Weighted| [point[0] / point[3], point[1] / point[3], point[2] / point[3]];
+        let size_mm = spans
+            .iter()
+            .flat_map(|span| span.points())
+            .flat_map(position)
+            .chain(*origin)
+            .fold(0.0_f64, |size, value| size.max(value.abs()));
+        let mut pieces = Vec::new();
+        let mut length_mm = 0.0;
+        for span in &spans {
+            if let Some(piece) = straight(span) {
+                // A span that stays where it is adds nothing.
+                if piece.length > SPLINE_STRAIGHT_MM {
+                    pieces.push(piece.moved_to(length_mm));
+                    length_mm = pieces[pieces.len() - 1].end();
+                }
+            } else {
+                length_mm = fit::append(&mut pieces, span, length_mm, size_mm, 0)?;
+            }
+        }
+        let mut moves = [false; 3];
+        for piece in &mut pieces {
+            for axis in 0..3 {
+                moves[axis] |= piece.coefficients[axis][1..].iter().any(|&coefficient| coefficient != 0.0);
+                piece.coefficients[axis][0] += origin[axis];
+            }
+        }
+        (length_mm > 0.0 && length_mm.is_finite()).then_some(Self { pieces, length_mm, moves })
+    }
+
+    /// Moves an axis across the curve's plane in proportion to the arc length.
+    fn lift(&mut self, axis: usize, from: f64, to: f64) {
+        let per_length = (to - from) / self.length_mm;
+        for piece in &mut self.pieces {
+            piece.coefficients[axis] = [0.0; COEFFICIENTS];
+            piece.coefficients[axis][0] = from + per_length * piece.start;
+            piece.coefficients[axis][1] = per_length * piece.length;
+        }
+        self.moves[axis] = from != to;
+        self.lengthen((1.0 + per_length * per_length).sqrt());
+    }
+
+    /// Counts `factor` times the arc length: for axes that move beside X, Y and Z.
+    pub(super) fn lengthen(&mut self, factor: f64) {
+        let mut s = 0.0;
+        for piece in &mut self.pieces {
+            piece.length *= factor;
+            piece.per_length = 1.0 / piece.length;
+            piece.start = s;
+            s = piece.end();
+        }
+        self.length_mm = s;
+    }
+
+    /// Arc length, mm.
+    #[must_use]
+    pub fn length_mm(&self) -> f64 {
+        self.length_mm
+    }
+
+    /// Polynomial pieces, a measure of what evaluating and keeping it costs.
+    #[must_use]
+    pub fn piece_count(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// First and last point: X, Y, Z, mm.
+    #[must_use]
+    pub fn ends(&self) -> [[f64; 3]; 2] {
+        [0.0, self.length_mm].map(|s| core::array::from_fn(|axis| self.pieces[self.piece_at(s)].value(axis, s)))
+    }
+
+    /// Whether this is one of the axes of a spline.
+    pub(super) fn has(axis: Axis) -> bool {
+        axis.index() < 3
+    }
+
+    pub(super) fn moves(&self, axis: Axis) -> bool {
+        Self::has(axis) && self.moves[axis.index()]
+    }
+
+    fn piece_at(&self, s: f64) -> usize {
+        self.pieces.partition_point(|piece| piece.start <= s).saturating_sub(1)
+    }
+
+    fn fill(&self, s: &[f64], out: &mut [f64], evaluate: impl Fn(&Piece, f64) -> f64) {
+        let mut index = 0;
+        // Where the piece ends, taken from the start of the next so that every arc length belongs to one piece.
+        let end_of = |index: usize| self.pieces.get(index + 1).map_or(f64::INFINITY, |next| next.start);
+        let mut end = end_of(0);
+        for (out, &s) in out.iter_mut().zip(s) {
+            let s = s.clamp(0.0, self.length_mm);
+            if s < self.pieces[index].start || s >= end {
+                index = self.piece_at(s);
+                end = end_of(index);
+            }
+            *out = evaluate(&self.pieces[index], s);
+        }
+    }
+
+    pub(super) fn fill_axis(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        self.fill(s, out, |piece, s| piece.value(axis.index(), s));
+    }
+
+    pub(super) fn fill_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        self.fill(s, out, |piece, s| piece.slope(axis.index(), s));
+    }
+
+    pub(super) fn second_derivative(&self, s: f64) -> [f64; 3] {
+        let s = s.clamp(0.0, self.length_mm);
+        let piece = &self.pieces[self.piece_at(s)];
+        core::array::from_fn(|axis| piece.second(axis, s))
+    }
+
+    /// Smallest and largest position of an axis.
+    pub(super) fn extent(&self, axis: Axis) -> [f64; 2] {
+        let (mut highest, mut lowest) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        for piece in &self.pieces {
+            let polynomial = piece.bernstein(axis.index(), 0);
+            raise_to_largest(&polynomial, &mut highest, 0);
+            raise_to_largest(&polynomial.map(|value| -value), &mut lowest, 0);
+        }
+        [-lowest, highest]
+    }
+
+    /// Largest |derivative by arc length| per axis.
+    pub(super) fn largest_tangent(&self) -> [f64; 3] {
+        core::array::from_fn(|axis| {
+            let mut largest = 0.0;
+            for piece in &self.pieces {
+                let polynomial = piece.bernstein(axis, 1);
+                raise_to_largest(&polynomial, &mut largest, 0);
+                raise_to_largest(&polynomial.map(|value| -value), &mut largest, 0);
+            }
+            largest
+        })
+    }
+
+    /// Upper bound of the curvature, 1/mm, over quarters of its pieces: the control polygon of the second derivative holds
+    /// the second derivative.
+    pub(super) fn curvature(&self) -> f64 {
+        let mut largest = 0.0_f64;
+        for piece in &self.pieces {
+            let axes: [[Bernstein; 4]; 3] = core::array::from_fn(|axis| {
+                let [a, b] = halves(&piece.bernstein(axis, 2)).map(|half| halves(&half));
+                [a[0], a[1], b[0], b[1]]
+            });
+            for quarter in 0..4 {
+                for k in 0..COEFFICIENTS {
+                    let square: f64 = axes.iter().map(|axis| axis[quarter][k] * axis[quarter][k]).sum();
+                    largest = largest.max(square.sqrt());
+                }
+            }
+        }
+        largest
+    }
+
+    /// Arc lengths inside where direction or curvature jump.
+    pub(super) fn bends(&self) -> impl Iterator<Item = f64> {
+        let jumps = |[before, after]: [f64; 2], (jump, scale): (f64, f64)| {
+            (jump + (after - before) * (after - before), scale.max(before * before).max(after * after))
+        };
+        self.pieces.windows(2).filter_map(move |pair| {
+            let s = pair[1].start;
+            let at = |evaluate: fn(&Piece, usize, f64) -> f64| {
+                (0..3)
+                    .map(|axis| [0, 1].map(|k| evaluate(&pair[k], axis, s)))
+                    .fold((0.0, 0.0), |sum, both| jumps(both, sum))
+            };
+            let (kink, _) = at(Piece::slope);
+            let (bend, curvature) = at(Piece::second);
+            let allowed = SPLINE_BEND * (curvature.sqrt() + SPLINE_BEND);
+            (kink.sqrt() > SPLINE_BEND || bend.sqrt() > allowed).then_some(s)
+        })
+    }
+
+    /// The pieces from one joint of pieces to another.
+    pub(super) fn between(&self, from: f64, to: f64) -> Option<Self> {
+        let inside = |piece: &&Piece| piece.start >= from && piece.start < to;
+        let mut pieces: Vec<Piece> = self.pieces.iter().filter(inside).cloned().collect();
+        let mut s = 0.0;
+        for piece in &mut pieces {
+            piece.start = s;
+            s = piece.end();
+        }
+        (s > 0.0).then_some(Self { pieces, length_mm: s, moves: self.moves })
+    }
+}
+
+/// The only piece of a span whose control points lie on a straight line in their order; its length may be 0.
+fn straight(span: &Bezier) -> Option<Piece> {
+    let points = span.points();
+    let position = |point: &Weighted| [point[0] / point[3], point[1] / point[3], point[2] / point[3]];
+    let (start, end) = (position(&points[0]), position(&points[points.len() - 1]));
+    let chord: [f64; 3] = core::array::from_fn(|k| end[k] - start[k]);
+    let length = chord.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let direction = chord.map(|value| if length > 0.0 { value / length } else { 0.0 });
+    let mut reached = 0.0;
+    for point in points {
+        let from_start: [f64; 3] = core::array::from_fn(|k| position(point)[k] - start[k]);
+        let along: f64 = from_start.iter().zip(direction).map(|(a, b)| a * b).sum();
+        let beside = (0..3).map(|k| (from_start[k] - along * direction[k]).abs()).fold(0.0, f64::max);
+        if !(beside <= SPLINE_STRAIGHT_MM && along >= reached - SPLINE_STRAIGHT_MM) {
+            return None;
+        }
+        reached = reached.max(along);
+    }
+    let mut coefficients = [[0.0; COEFFICIENTS]; 3];
+    for axis in 0..3 {
+        coefficients[axis][0] = start[axis];
+        coefficients[axis][1] = chord[axis];
+    }
+    (reached <= length + SPLINE_STRAIGHT_MM).then(|| Piece::new(0.0, length, coefficients))
+}
