@@ -1,0 +1,113 @@
+//! What goes into the planner and what comes out.
+
+use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+
+use crate::{Element, ProfilePart, Stretch, Stretches};
+
+/// An element to plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionRequest {
+    /// The element.
+    pub element: Element,
+    /// Arc length where the motion begins, mm: 0, but where a change of the feed override has divided the element.
+    pub start: f64,
+    /// Commanded speeds and limits along it; the first one starts at `start`.
+    pub stretches: Stretches,
+    /// Whether it rests at its end even where the next element is tangent (exact stop).
+    pub rest_at_end: bool,
+    /// Whether corners at its ends may be passed with the velocity step that the machine permits.
+    pub passes_corners: bool,
+    /// Whether the feed override acts on it; it does not on threads.
+    pub follows_override: bool,
+}
+
+impl MotionRequest {
+    /// The whole of an element, in exact path mode.
+    #[must_use]
+    pub const fn new(element: Element, stretches: Stretches) -> Self {
+        let start = 0.0;
+        Self { element, start, stretches, rest_at_end: false, passes_corners: true, follows_override: true }
+    }
+
+    /// Commanded speed of a stretch at this feed override, mm/s.
+    pub(crate) fn commanded(&self, stretch: &Stretch, feed_override: f64) -> f64 {
+        if self.follows_override { stretch.speed_mm_per_s * feed_override } else { stretch.speed_mm_per_s }
+    }
+}
+
+/// A stretch with its profile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedStretch {
+    /// Arc length where it starts, mm.
+    pub start: f64,
+    /// Where it ends, and what it was asked for.
+    pub stretch: Stretch,
+    /// Motion along it, from 0 to its length.
+    pub profile: ProfilePart,
+}
+
+/// A planned element.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedMotion {
+    /// The element.
+    pub element: Element,
+    /// Its stretches in order; at least one.
+    pub stretches: SmallVec<[PlannedStretch; 1]>,
+    rest_at_end: bool,
+    passes_corners: bool,
+    follows_override: bool,
+}
+
+impl PlannedMotion {
+    pub(super) fn new(request: MotionRequest, stretches: SmallVec<[PlannedStretch; 1]>) -> Self {
+        let MotionRequest { element, rest_at_end, passes_corners, follows_override, .. } = request;
+        Self { element, stretches, rest_at_end, passes_corners, follows_override }
+    }
+
+    /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
+    #[must_use]
+    pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
+        let &Self { rest_at_end, passes_corners, follows_override, .. } = self;
+        let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
+        MotionRequest { element: self.element.clone(), start, stretches, rest_at_end, passes_corners, follows_override }
+    }
+
+    /// Whether the feed override and feed hold act on it.
+    #[must_use]
+    pub const fn follows_override(&self) -> bool {
+        self.follows_override
+    }
+}
+
+/// What comes out of the planner, in the order in which it went in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant, reason = "most items are motions, and a box would allocate once per element")]
+pub enum Planned<B> {
+    /// A planned element.
+    Motion(PlannedMotion),
+    /// A barrier, at which the path rests.
+    Barrier(B),
+}
+
+/// A part of the path that is to be planned again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant, reason = "most items are motions, and a box would allocate once per element")]
+pub enum PathItem<B> {
+    /// An element.
+    Motion(MotionRequest),
+    /// A barrier, at which the path rests.
+    Barrier(B),
+}
+
+impl<B> From<Planned<B>> for PathItem<B> {
+    fn from(planned: Planned<B>) -> Self {
+        match planned {
+            Planned::Motion(motion) => {
+                let start = motion.stretches.first().map_or(0.0, |stretch| stretch.start);
+                Self::Motion(motion.request_from(0, start))
+            }
+            Planned::Barrier(barrier) => Self::Barrier(barrier),
+        }
+    }
+}
