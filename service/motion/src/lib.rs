@@ -13,6 +13,7 @@ mod limits;
 mod machine;
 mod planner;
 mod profile;
+mod smoothing;
 mod tolerance;
 
 pub use element::{Arc, Curve, Element, Spline};
@@ -25,4 +26,5 @@ pub use planner::{
     MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
 pub use profile::{Profile, ProfilePart};
+pub use smoothing::{Carried, PathSmoother, Smoothed};
 pub use tolerance::TANGENT_TOLERANCE_RAD;

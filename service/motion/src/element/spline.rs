@@ -77,6 +77,25 @@ impl Piece {
         sum * self.per_length * self.per_length
     }
 
+    /// The part from one arc length to another, by a Taylor shift.
+    fn between(&self, from: f64, to: f64) -> Self {
+        let (t, share) = ((from - self.start) * self.per_length, (to - from) * self.per_length);
+        let mut coefficients = self.coefficients;
+        for polynomial in &mut coefficients {
+            for lowest in 0..COEFFICIENTS - 1 {
+                for k in (lowest..COEFFICIENTS - 1).rev() {
+                    polynomial[k] += t * polynomial[k + 1];
+                }
+            }
+            let mut power = 1.0;
+            for coefficient in polynomial {
+                *coefficient *= power;
+                power *= share;
+            }
+        }
+        Self::new(from, to - from, coefficients)
+    }
+
     /// Bernstein coefficients of a derivative by arc length; those of higher degree than its own raise it to degree 9.
     fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
         let mut polynomial = self.coefficients[axis];
@@ -358,14 +377,17 @@ impl Spline {
         })
     }
 
-    /// The pieces from one joint of pieces to another.
-    pub(super) fn between(&self, from: f64, to: f64) -> Option<Self> {
-        let inside = |piece: &&Piece| piece.start >= from && piece.start < to;
-        let mut pieces: Vec<Piece> = self.pieces.iter().filter(inside).cloned().collect();
+    /// The part from arc length `from` to `to`; `None` where nothing is left.
+    pub(crate) fn between(&self, from: f64, to: f64) -> Option<Self> {
         let mut s = 0.0;
-        for piece in &mut pieces {
-            piece.start = s;
-            s = piece.end();
+        let mut pieces = Vec::new();
+        for piece in &self.pieces {
+            let (from, to) = (from.max(piece.start), to.min(piece.end()));
+            if from < to {
+                let part = if from > piece.start || to < piece.end() { piece.between(from, to) } else { piece.clone() };
+                pieces.push(part.moved_to(s));
+                s = pieces[pieces.len() - 1].end();
+            }
         }
         (s > 0.0).then_some(Self { pieces, length_mm: s, moves: self.moves })
     }

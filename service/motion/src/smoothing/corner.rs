@@ -1,0 +1,202 @@
+//! The curve that rounds a corner.
+//!
+//! Both elements are cut back by the same arc length d, and a quintic Bézier curve joins the cuts with the direction
+//! and the curvature of the elements there. With unit tangent τ and curvature vector κ at a cut, its three control
+//! points on that side are (a = 3/8·d)
+//!
+//! ```text
+//! P0     P0 + a·τ     P0 + 2a·τ + 5/4·a²·κ
+//! ```
+//!
+//! since B′ = 5·(P1 − P0) and B″ = 20·(P2 − 2·P1 + P0) there, and the part of B″ across τ has to be |B′|²·κ. The share
+//! 3/8 keeps the largest curvature and its rate of change, both at a given deviation, within a fifth of the least
+//! possible for corners up to a right angle.
+//!
+//! **Deviation between lines.** With the corner at the origin and the control points at −u·τ₀ and u·τ₁,
+//! u = d·(1, 5/8, 1/4), a curve point is −A·τ₀ + D·τ₁, where D collects the weights of the last three points. Against
+//! the path point −(A − D)·τ₀ of the first half it is off by D·|τ₁ − τ₀| = 2·D·sin(θ/2) for a deflection θ. D grows with
+//! the curve's parameter, so the largest is that of the middle, where the path point is the corner itself:
+//!
+//! ```text
+//! ε = 2·sin(θ/2)·(1 + 5·5/8 + 10·1/4)/32·d = 53/128·sin(θ/2)·d
+//! ```
+//!
+//! and every path point has a curve point as near (a bound of the Fréchet distance). **Between curves** the same pairs
+//! of points are compared at samples, and d shrinks until they are within the tolerance.
+
+use feedwave_program::Axis;
+
+use super::vector::{Vector, difference, dot, linear, norm, scaled, sum};
+use crate::tolerance::{SAME_POINT_MM, TANGENT_TOLERANCE_RAD};
+use crate::{Curve, Element};
+
+/// Cosine of the largest deflection that is rounded, 170°: beyond it the path turns back, and the curve would be as
+/// tight as the corner.
+const LEAST_COSINE: f64 = -0.984_807_753_012_208;
+/// Least length cut from an element, mm: shorter curves gain no time, and rounding would show in their curvature.
+const LEAST_CUT_MM: f64 = 1e-4;
+/// Largest angle that an element turns in the length cut from it, rad, by its curvature at the corner: the curve is
+/// then close to the one between lines.
+const LARGEST_TURN_RAD: f64 = 0.5;
+/// Distance of the first two control points, and of the second two along the tangent, as a share of the cut.
+const POINT_SPACING: f64 = 0.375;
+/// Deviation between lines as a share of d·sin(θ/2).
+const LINE_DEVIATION: f64 = 53.0 / 128.0;
+/// What of the tolerance is left unused, mm: positions on splines and on the elements are exact to 1e-9 mm.
+const UNUSED_TOLERANCE_MM: f64 = 2e-9;
+/// Part of the tolerance used where deviations are sampled: the largest lies between two samples, each at most
+/// 1/64 of the curve from it, where a deviation that changes over a tenth of the curve falls by less than 2 %.
+const USED_SAMPLED_TOLERANCE: f64 = 0.97;
+/// Samples of the deviation in each half of the curve.
+const HALF_SAMPLES: usize = 16;
+/// Most tries for the cut between curves.
+const MAX_TRIES: usize = 12;
+
+/// Control points of a quintic Bézier curve, mm.
+pub(super) type ControlPoints = [Vector; 6];
+
+/// Length to cut from both elements where they meet, mm; `None` where the corner has to stay.
+///
+/// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut.
+pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64) -> Option<f64> {
+    let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
+    if norm(difference(to.point, from.point)) > SAME_POINT_MM {
+        return None;
+    }
+    // |τ₁ − τ₀| = 2·sin(θ/2).
+    let kink = norm(difference(to.tangent, from.tangent));
+    let cosine = dot(from.tangent, to.tangent);
+    // Not negated, so that a direction that is no number is refused as well.
+    if !(kink > TANGENT_TOLERANCE_RAD && cosine >= LEAST_COSINE) {
+        return None;
+    }
+    let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
+    let for_lines = tolerance_mm / (LINE_DEVIATION * 0.5 * kink);
+    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CUT_MM).then_some(cut_mm);
+    if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
+        return is_enough(for_lines.min(most_cut_mm));
+    }
+
+    let curvature = norm(from.curvature).max(norm(to.curvature));
+    let most_cut_mm = most_cut_mm.min(LARGEST_TURN_RAD / curvature);
+    let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;
+    let mut good: Option<f64> = None;
+    let mut bad = f64::INFINITY;
+    let mut cut_mm = (for_lines * USED_SAMPLED_TOLERANCE).min(most_cut_mm);
+    for _ in 0..MAX_TRIES {
+        is_enough(cut_mm)?;
+        let points = control_points(Joint::of(before, before.length - cut_mm), Joint::of(after, cut_mm), cut_mm);
+        let deviation_mm =
+            if is_forward(&points) { sampled_deviation(&points, before, after, cut_mm) } else { f64::INFINITY };
+        if deviation_mm <= tolerance_mm {
+            good = Some(cut_mm);
+            if cut_mm >= most_cut_mm || deviation_mm > 0.9 * tolerance_mm {
+                break;
+            }
+        } else {
+            bad = bad.min(cut_mm);
+        }
+        // Deviations grow about in proportion to the cut; aim a little below the tolerance.
+        let step = (0.97 * tolerance_mm / deviation_mm).clamp(0.25, 4.0);
+        let next = (cut_mm * step).min(most_cut_mm);
+        if next >= bad || good.is_some_and(|good| next <= good) {
+            if good.is_some() {
+                break;
+            }
+            cut_mm = 0.5 * bad;
+        } else {
+            cut_mm = next;
+        }
+    }
+    good
+}
+
+/// The curve from the end of one element, cut back already, to the start of the other.
+pub(super) fn curve(before: &Element, after: &Element, cut_mm: f64) -> ControlPoints {
+    control_points(Joint::of(before, before.length), Joint::of(after, 0.0), cut_mm)
+}
+
+/// Place of an element, its direction and its curvature.
+#[derive(Clone, Copy)]
+struct Joint {
+    point: Vector,
+    /// Of length 1.
+    tangent: Vector,
+    /// Curvature times normal, 1/mm.
+    curvature: Vector,
+}
+
+impl Joint {
+    fn of(element: &Element, s: f64) -> Self {
+        let tangent = linear(&element.tangent(s));
+        // On spirals the arc length is a mean: the derivatives by the true one differ a little.
+        let square = dot(tangent, tangent);
+        let second = linear(&element.second_derivative(s));
+        let across = difference(second, scaled(tangent, dot(second, tangent) / square));
+        Self {
+            point: linear(&element.position(s)),
+            tangent: scaled(tangent, 1.0 / square.sqrt()),
+            curvature: scaled(across, 1.0 / square),
+        }
+    }
+}
+
+fn control_points(from: Joint, to: Joint, cut_mm: f64) -> ControlPoints {
+    let spacing = POINT_SPACING * cut_mm;
+    let bend = 1.25 * spacing * spacing;
+    let second = |joint: Joint, spacing: f64| sum(joint.point, scaled(joint.tangent, spacing));
+    let third = |joint: Joint, spacing: f64| sum(second(joint, 2.0 * spacing), scaled(joint.curvature, bend));
+    [from.point, second(from, spacing), third(from, spacing), third(to, -spacing), second(to, -spacing), to.point]
+}
+
+/// Whether the curve never stops or turns back: each of its legs, of which its derivative is a mean, goes forward.
+fn is_forward(points: &ControlPoints) -> bool {
+    let legs: [Vector; 5] = core::array::from_fn(|index| difference(points[index + 1], points[index]));
+    let [first, last] = [scaled(legs[0], 1.0 / norm(legs[0])), scaled(legs[4], 1.0 / norm(legs[4]))];
+    let forward = sum(first, last);
+    legs.iter().all(|&leg| dot(leg, forward) > 0.0)
+}
+
+/// Largest distance of the curve from the path point that belongs to each of its points, at samples.
+fn sampled_deviation(points: &ControlPoints, before: &Element, after: &Element, cut_mm: f64) -> f64 {
+    let mut largest = 0.0_f64;
+    for (element, points, is_before) in [(before, *points, true), (after, reversed(points), false)] {
+        let mut s = [0.0; HALF_SAMPLES];
+        let mut curve = [[0.0; 3]; HALF_SAMPLES];
+        for (index, (s, curve)) in s.iter_mut().zip(&mut curve).enumerate() {
+            let weights = bernstein(0.5 * (index + 1) as f64 / HALF_SAMPLES as f64);
+            // (A − D)/d: how far from the corner, from 1 at the cut to 0 in the middle of the curve.
+            let shares = [1.0, 1.0 - POINT_SPACING, 1.0 - 2.0 * POINT_SPACING];
+            let share: f64 = (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum();
+            let from_corner_mm = share * cut_mm;
+            *s = if is_before { element.length - from_corner_mm } else { from_corner_mm };
+            *curve = weights.iter().zip(&points).fold([0.0; 3], |at, (&weight, &point)| sum(at, scaled(point, weight)));
+        }
+        let mut squares = [0.0; HALF_SAMPLES];
+        for (index, axis) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
+            let mut path = [0.0; HALF_SAMPLES];
+            element.fill_axis(axis, &s, &mut path);
+            for ((square, path), curve) in squares.iter_mut().zip(&path).zip(&curve) {
+                *square += (curve[index] - path) * (curve[index] - path);
+            }
+        }
+        largest = squares.into_iter().fold(largest, f64::max);
+    }
+    largest.sqrt()
+}
+
+fn reversed(points: &ControlPoints) -> ControlPoints {
+    let mut reversed = *points;
+    reversed.reverse();
+    reversed
+}
+
+/// Bernstein polynomials of degree 5.
+fn bernstein(t: f64) -> [f64; 6] {
+    let u = 1.0 - t;
+    let [t2, u2] = [t * t, u * u];
+    [u2 * u2 * u, 5.0 * u2 * u2 * t, 10.0 * u2 * u * t2, 10.0 * u2 * t2 * t, 5.0 * u * t2 * t2, t2 * t2 * t]
+}
+
+#[cfg(test)]
+mod tests;

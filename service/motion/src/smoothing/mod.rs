@@ -1,0 +1,214 @@
+//! Path smoothing (`G64 P Q`): short lines that lie in one line are merged, and corners are rounded by
+//! curvature-continuous curves, both within the programmed tolerance.
+//!
+//! Elements go in as programmed and come out as they are run; the programmed path and the one that is run are nowhere
+//! farther apart than the tolerance `P` of the block before the corner. Merging uses no more than `Q` and no more
+//! than half of `P`; what it used is not used again at the corners beside it.
+//!
+//! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, and the block
+//! before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
+//! elements are too short, and at the ends of everything else. Where the elements are tangent already there is
+//! nothing to round.
+//!
+//! Smoothing looks ahead one element, or one run of mergeable lines, and keeps nothing else.
+
+mod corner;
+mod merge;
+#[cfg(test)]
+mod test_path;
+mod trim;
+mod vector;
+
+use feedwave_program::{Axis, PathControl};
+use serde::{Deserialize, Serialize};
+
+use self::vector::Vector;
+use crate::{Curve, Element, Spline};
+
+/// Part of the tolerance `P` that merging may use: the rest is left to the corners.
+const MERGING_SHARE: f64 = 0.5;
+/// Part of an element that may be cut off at one of its ends: something is left between two rounded corners.
+const CORNER_SHARE: f64 = 0.45;
+
+/// What belongs to an element besides its path, such as its feed. Lines are merged where it is equal.
+pub trait Carried: Clone + PartialEq {
+    /// What belongs to the curve between this block and the next; `None` where the corner has to stay.
+    fn at_corner(&self, next: &Self) -> Option<Self>;
+}
+
+/// An element as it is run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Smoothed<T> {
+    /// The element. A merged line names the last of its blocks as its source, the curve at a corner the block after
+    /// the corner.
+    pub element: Element,
+    /// What was pushed along with it.
+    pub carried: T,
+    /// Blocks that it carries out: 1 for most, more for a merged line, 0 for the curve at a corner.
+    pub blocks: u32,
+    /// Whether the path rests at its end, whatever follows (exact stop).
+    pub rest_at_end: bool,
+}
+
+/// Smooths a path in one pass. Its state can be stored between any two calls and continues bit for bit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathSmoother<T> {
+    /// The line that the next ones may be merged into.
+    run: Option<Entry<T>>,
+    /// Ends of the blocks within the run, mm, work coordinates.
+    between: Vec<Vector>,
+    /// The element whose end may be cut back for the corner to the next.
+    held: Option<Entry<T>>,
+}
+
+/// An element on its way through.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry<T> {
+    element: Element,
+    /// At its end.
+    control: PathControl,
+    carried: T,
+    blocks: u32,
+    /// Deviation used by merging, mm.
+    merged_within_mm: f64,
+    /// Length before its start was cut back, mm.
+    full_length_mm: f64,
+}
+
+impl<T> Default for PathSmoother<T> {
+    fn default() -> Self {
+        Self { run: None, between: Vec::new(), held: None }
+    }
+}
+
+impl<T: Carried> PathSmoother<T> {
+    /// Adds the next element and gives on what is settled by it.
+    pub fn push(&mut self, element: Element, control: PathControl, carried: T, emit: &mut impl FnMut(Smoothed<T>)) {
+        let full_length_mm = element.length;
+        let next = Entry { element, control, carried, blocks: 1, merged_within_mm: 0.0, full_length_mm };
+        if self.merge(&next) {
+            return;
+        }
+        self.end_run(emit);
+        if next.merge_tolerance_mm().is_some() {
+            self.run = Some(next);
+        } else {
+            self.join(next, emit);
+        }
+    }
+
+    /// Gives on everything that is held: the last end point stays exact.
+    pub fn flush(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
+        self.end_run(emit);
+        if let Some(held) = self.held.take() {
+            emit(held.finish());
+        }
+    }
+
+    /// Merges a line into the present run; `false` where it does not belong to it.
+    fn merge(&mut self, next: &Entry<T>) -> bool {
+        let Some(run) = &mut self.run else { return false };
+        let Some(tolerance_mm) = run.merge_tolerance_mm() else { return false };
+        let alike = next.merge_tolerance_mm() == Some(tolerance_mm)
+            && next.control == run.control
+            && next.carried == run.carried
+            && next.element.work_offset == run.element.work_offset
+            && next.element.start == run.element.end;
+        if !alike || self.between.len() >= merge::MAX_POINTS {
+            return false;
+        }
+        self.between.push(vector::linear(&run.element.end));
+        let used_mm = merge::deviation(&run.element.start, &self.between, &next.element.end, tolerance_mm);
+        let Some(used_mm) = used_mm else {
+            self.between.pop();
+            return false;
+        };
+        run.element.end = next.element.end;
+        run.element.length = trim::distance(&run.element.start, &run.element.end);
+        run.element.source = next.element.source;
+        run.full_length_mm = run.element.length;
+        run.merged_within_mm = used_mm;
+        run.blocks = run.blocks.saturating_add(next.blocks);
+        true
+    }
+
+    fn end_run(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
+        self.between.clear();
+        if let Some(run) = self.run.take() {
+            self.join(run, emit);
+        }
+    }
+
+    /// Settles the corner from the element held to the next one.
+    fn join(&mut self, mut next: Entry<T>, emit: &mut impl FnMut(Smoothed<T>)) {
+        if let Some(mut held) = self.held.take() {
+            let corner = held.round_corner(&mut next);
+            emit(held.finish());
+            if let Some(corner) = corner {
+                emit(corner);
+            }
+        }
+        if next.corner_tolerance_mm().is_some() {
+            self.held = Some(next);
+        } else {
+            emit(next.finish());
+        }
+    }
+}
+
+impl<T: Carried> Entry<T> {
+    /// Whether smoothing can change its path at all.
+    fn is_smoothable(&self) -> bool {
+        let other_axes = || Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
+        !self.element.rapid && other_axes().all(|axis| !self.element.moves(axis))
+    }
+
+    /// Largest distance of points left out of a line, mm; `None` where it is not to be merged with the next.
+    fn merge_tolerance_mm(&self) -> Option<f64> {
+        match self.control {
+            PathControl::Continuous { tolerance_mm, merge_tolerance_mm }
+                if merge_tolerance_mm > 0.0 && matches!(self.element.curve, Curve::Line) && self.is_smoothable() =>
+            {
+                Some(merge_tolerance_mm.min(MERGING_SHARE * tolerance_mm))
+            }
+            _ => None,
+        }
+    }
+
+    /// Largest distance from the programmed path at its end, mm; `None` where the end stays as it is.
+    fn corner_tolerance_mm(&self) -> Option<f64> {
+        match self.control {
+            PathControl::Continuous { tolerance_mm, .. } if tolerance_mm > 0.0 && self.is_smoothable() => {
+                Some(tolerance_mm)
+            }
+            _ => None,
+        }
+    }
+
+    /// Cuts this element and the next one back for the curve between them.
+    fn round_corner(&mut self, next: &mut Self) -> Option<Smoothed<T>> {
+        let tolerance_mm = self.corner_tolerance_mm()? - self.merged_within_mm.max(next.merged_within_mm);
+        if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
+            return None;
+        }
+        let most_cut_mm = CORNER_SHARE * self.full_length_mm.min(next.full_length_mm);
+        let carried = self.carried.at_corner(&next.carried)?;
+        let cut_mm = corner::cut(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
+        let before = self.element.part(0.0, self.element.length - cut_mm)?;
+        let after = next.element.part(cut_mm, next.element.length)?;
+        let spline = Spline::from_polynomial_spans(&[corner::curve(&before, &after, cut_mm)])?;
+        let source = after.source;
+        let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
+        self.element = before;
+        next.element = after;
+        Some(Smoothed { element, carried, blocks: 0, rest_at_end: false })
+    }
+
+    fn finish(self) -> Smoothed<T> {
+        let rest_at_end = self.control == PathControl::ExactStop;
+        Smoothed { element: self.element, carried: self.carried, blocks: self.blocks, rest_at_end }
+    }
+}
+
+#[cfg(test)]
+mod tests;
