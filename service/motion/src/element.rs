@@ -12,6 +12,7 @@ mod bezier;
 mod fit;
 mod spline;
 
+pub(crate) use spline::Part;
 pub use spline::Spline;
 
 /// One element of the path, in work coordinates, over its arc length `s` from 0 to `length`.
@@ -147,7 +148,7 @@ impl Element {
                 (Curve::Arc(arc), square.sqrt())
             }
         };
-        (length > 0.0 && length.is_finite()).then(|| Self {
+        (length > 0.0 && length.is_finite()).then_some(Self {
             start: mv.start,
             end: mv.end,
             work_offset: mv.work_offset,
@@ -169,9 +170,9 @@ impl Element {
         source: SourceSpan,
         rapid: bool,
     ) -> Option<Self> {
-        let apart = |a: &Position, b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| !((a - b).abs() <= SAME_POINT_MM));
+        let same = |a: &Position, b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_POINT_MM);
         let [first, last] = spline.ends();
-        if apart(&start, &first) || apart(&end, &last) {
+        if !same(&start, &first) || !same(&end, &last) {
             return None;
         }
         let beside = Axis::ALL.into_iter().filter(|&axis| !axis.is_rotary() && !Spline::has(axis));

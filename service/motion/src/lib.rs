@@ -19,7 +19,8 @@ mod tolerance;
 pub use element::{Arc, Curve, Element, Spline};
 pub use feed::{Stretch, Stretches, stretches};
 pub use limits::{
-    LimitExceeded, PathLimits, PathMotion, Quantity, TravelExceeded, missing_axis, path_limits, travel_exceeded,
+    LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces, missing_axis,
+    path_limits, travel_exceeded,
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{

@@ -29,6 +29,10 @@ use crate::tolerance::{
 };
 use crate::{Arc, Curve, Element, Machine, MachineAxis};
 
+mod pieces;
+
+pub use pieces::{LimitPiece, LimitPieces, limit_pieces};
+
 /// Peak motion along the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathMotion {
@@ -54,6 +58,20 @@ pub struct PathLimits {
     pub acceleration: f64,
     /// mm/s³
     pub jerk: f64,
+}
+
+impl PathLimits {
+    /// No limit at all.
+    const NONE: Self = Self { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+
+    /// The smaller of each.
+    fn tightest(&self, other: &Self) -> Self {
+        Self {
+            velocity: self.velocity.min(other.velocity),
+            acceleration: self.acceleration.min(other.acceleration),
+            jerk: self.jerk.min(other.jerk),
+        }
+    }
 }
 
 /// Quantity of an axis limit.
@@ -115,15 +133,19 @@ pub struct TravelExceeded {
     pub limit: f64,
 }
 
-/// Largest feed motion along an element when the peaks of `superposed` are added on top.
+/// Largest feed motion everywhere along an element when the peaks of `superposed` are added on top.
 ///
 /// The machine must have every axis that the element moves; see [`missing_axis`].
 ///
 /// # Errors
 /// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed.
 pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion) -> Result<PathLimits, LimitExceeded> {
+    if let Curve::Spline(_) = &element.curve {
+        let pieces = limit_pieces(element, machine, superposed)?;
+        return Ok(pieces.iter().fold(PathLimits::NONE, |tightest, piece| tightest.tightest(&piece.limits)));
+    }
     let largest = element.largest_tangent();
-    let mut limits = PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+    let mut limits = PathLimits::NONE;
     for axis in &machine.axes {
         let share = largest[axis.axis.index()];
         if share > 0.0 {

@@ -94,3 +94,11 @@ pub(crate) const SPLINE_ROUNDING: f64 = 4e-15;
 pub(crate) const SPLINE_STRAIGHT_MM: f64 = 1e-12;
 /// Steps of direction, and relative steps of curvature, below this are rounding.
 pub(crate) const SPLINE_BEND: f64 = 1e-6;
+/// Share of an axis' jerk that turning alone may use on a spline; see `limits::pieces`.
+pub(crate) const SPLINE_TURNING_JERK_SHARE: f64 = 0.25;
+/// Part of the time that one set of limits for a stretch of a spline may cost a part of it.
+pub(crate) const LIMIT_SLOWDOWN: f64 = 0.1;
+/// Most times that a polynomial piece of a spline is halved for its limits.
+pub(crate) const LIMIT_HALVINGS: u32 = 5;
+/// Most pieces with limits of their own of one element.
+pub(crate) const MAX_LIMIT_PIECES: usize = 256;

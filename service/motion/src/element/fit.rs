@@ -44,7 +44,7 @@ fn by_arc_length(span: &Bezier, at_end: bool, length: f64) -> Option<[[f64; 3]; 
     // Speed as a power series, its integral relative to its first term.
     let mut speed = [0.0; MATCHED - 1];
     speed[0] = norm(&c[1]);
-    if !(speed[0] > 0.0 && speed[0].is_finite()) {
+    if speed[0] == 0.0 || !speed[0].is_finite() {
         return None;
     }
     for k in 1..MATCHED - 1 {
@@ -100,7 +100,8 @@ fn fit(span: &Bezier, size_mm: f64) -> Option<Piece> {
     let length: f64 = quarters.iter().sum();
     let coarse = length_between(span, 0.0, 1.0);
     // Quarters are 4¹⁴ times as exact as the whole.
-    if !(length > 0.0 && length.is_finite() && (coarse - length).abs() <= SPLINE_QUADRATURE * length) {
+    let is_measured = length > 0.0 && length.is_finite() && (coarse - length).abs() <= SPLINE_QUADRATURE * length;
+    if !is_measured {
         return None;
     }
     let left = by_arc_length(span, false, length)?;
@@ -116,8 +117,8 @@ fn fit(span: &Bezier, size_mm: f64) -> Option<Piece> {
         for axis in 0..3 {
             let off_mm = (piece.value(axis, s) - point[axis]).abs();
             let turned = (piece.slope(axis, s) - slope[axis] / speed).abs();
-            // Not fitting, too, when it is not a number.
-            if !(off_mm <= SPLINE_FIT_MM + rounding && turned <= SPLINE_FIT_TANGENT + rounding / length) {
+            let fits = off_mm <= SPLINE_FIT_MM + rounding && turned <= SPLINE_FIT_TANGENT + rounding / length;
+            if !fits {
                 return None;
             }
         }

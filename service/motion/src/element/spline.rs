@@ -133,6 +133,35 @@ fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
     }
 }
 
+/// Stretch of a spline by its first three derivatives by arc length.
+#[derive(Clone, Copy)]
+pub(crate) struct Part {
+    /// Arc length where it ends, mm.
+    pub(crate) end: f64,
+    length: f64,
+    /// By derivative and axis.
+    derivatives: [[Bernstein; 3]; 3],
+}
+
+impl Part {
+    /// Its first and its second half.
+    pub(crate) fn halves(&self) -> [Self; 2] {
+        let half = |index: usize| Self {
+            end: if index == 0 { self.end - 0.5 * self.length } else { self.end },
+            length: 0.5 * self.length,
+            derivatives: self.derivatives.map(|axes| axes.map(|polynomial| halves(&polynomial)[index])),
+        };
+        [half(0), half(1)]
+    }
+
+    /// Upper bounds of |first|, |second| and |third derivative| of X, Y and Z.
+    pub(crate) fn bounds(&self) -> [[f64; 3]; 3] {
+        let largest =
+            |polynomial: Bernstein| polynomial.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        self.derivatives.map(|axes| axes.map(largest))
+    }
+}
+
 impl Spline {
     /// The curve of a `G5`, `G5.1` or `G5.2`. The axis of X, Y and Z outside its plane moves from `start` to `end` in
     /// proportion to the arc length in the plane, as on a helix.
@@ -180,8 +209,8 @@ impl Spline {
         let beziers = spans
             .iter()
             .map(|points| Bezier::new(&points.map(|[x, y, z]| [x - origin[0], y - origin[1], z - origin[2], 1.0])));
-        let apart = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| !((a - b).abs() <= SAME_POINT_MM));
-        if spans.windows(2).any(|pair| apart(&pair[0][5], &pair[1][0])) {
+        let same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_POINT_MM);
+        if !spans.windows(2).all(|pair| same(&pair[0][5], &pair[1][0])) {
             return None;
         }
         Self::from_spans(&origin, beziers)
@@ -197,14 +226,14 @@ impl Spline {
             let end = *spans[k - 1].points().last()?;
             spans[k].start_at(end);
         }
-        let mut control = spans.iter().flat_map(|span| span.points());
+        let mut control = spans.iter().flat_map(Bezier::points);
         if !control.all(|point| point.iter().all(|value| value.is_finite()) && point[3] > 0.0) {
             return None;
         }
         let position = |point: &Weighted| [point[0] / point[3], point[1] / point[3], point[2] / point[3]];
         let size_mm = spans
             .iter()
-            .flat_map(|span| span.points())
+            .flat_map(Bezier::points)
             .flat_map(position)
             .chain(*origin)
             .fold(0.0_f64, |size, value| size.max(value.abs()));
@@ -274,7 +303,7 @@ impl Spline {
     }
 
     /// Whether this is one of the axes of a spline.
-    pub(super) fn has(axis: Axis) -> bool {
+    pub(crate) fn has(axis: Axis) -> bool {
         axis.index() < 3
     }
 
@@ -358,6 +387,15 @@ impl Spline {
         largest
     }
 
+    /// The pieces by their derivatives.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part> {
+        self.pieces.iter().map(|piece| Part {
+            end: piece.end(),
+            length: piece.length,
+            derivatives: [1, 2, 3].map(|order| core::array::from_fn(|axis| piece.bernstein(axis, order))),
+        })
+    }
+
     /// Arc lengths inside where direction or curvature jump.
     pub(super) fn bends(&self) -> impl Iterator<Item = f64> {
         let jumps = |[before, after]: [f64; 2], (jump, scale): (f64, f64)| {
@@ -406,7 +444,8 @@ fn straight(span: &Bezier) -> Option<Piece> {
         let from_start: [f64; 3] = core::array::from_fn(|k| position(point)[k] - start[k]);
         let along: f64 = from_start.iter().zip(direction).map(|(a, b)| a * b).sum();
         let beside = (0..3).map(|k| (from_start[k] - along * direction[k]).abs()).fold(0.0, f64::max);
-        if !(beside <= SPLINE_STRAIGHT_MM && along >= reached - SPLINE_STRAIGHT_MM) {
+        let fits = beside <= SPLINE_STRAIGHT_MM && along >= reached - SPLINE_STRAIGHT_MM;
+        if !fits {
             return None;
         }
         reached = reached.max(along);

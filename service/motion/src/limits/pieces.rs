@@ -1,0 +1,213 @@
+//! Limits that change along an element: splines.
+//!
+//! On a stretch of a spline each axis' derivatives by arc length have upper bounds T₁, T₂ and T₃, and nothing is known of
+//! how they go together but that the sums must stay within the limits A and J of the axis:
+//!
+//! ```text
+//! a·T₁ + v²·T₂ ≤ A
+//! j·T₁ + 3·v·a·T₂ + v³·T₃ ≤ J
+//! ```
+//!
+//! The speed takes v²·T₂ ≤ A·min(0.8, 1 − 0.6·T₁), which leaves the feed an acceleration of 0.6·A at least. On a circle, T₁
+//! and T₂ the cosine and κ times the sine of the same angle, that is v²κ ≥ 0.8·A in every direction, what an arc takes. It also
+//! takes v³·T₃ ≤ J/4; twice what it really takes is left out of the jerk for the feed, so that a junction that takes
+//! the share u ≤ ½ of J, for which acceleration and jerk are lowered by as much, fits: v³·T₃ + (1 − u)·(J − 2·v³·T₃) + u·J ≤ J.
+//! Of the rest the part of T₂/K in T₁ + T₂/K may go to 3·v·a·T₂, with K the largest T₂ of all axes; what
+//! the acceleration leaves goes to j·T₁.
+//!
+//! Where the limits change by more than a tenth in time (v by λ, a by λ², j by λ³) the element is divided.
+
+use feedwave_program::{AXIS_COUNT, Position};
+use serde::{Deserialize, Serialize};
+use smallvec::{SmallVec, smallvec};
+
+use super::{LimitExceeded, PathLimits, PathMotion, Quantity, path_limits, rest};
+use crate::element::Part;
+use crate::tolerance::{
+    CENTRIPETAL_SHARE, LIMIT_HALVINGS, LIMIT_SLOWDOWN, MAX_LIMIT_PIECES, SPLINE_TURNING_JERK_SHARE, TANGENTIAL_SHARE,
+};
+use crate::{Curve, Element, Machine};
+
+/// Part of an element with one set of limits; it starts where the one before ends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LimitPiece {
+    /// Arc length where it ends, mm; of the last piece the element's length.
+    pub end: f64,
+    /// Largest motion of the feed on it.
+    pub limits: PathLimits,
+}
+
+/// The pieces of an element in order, at least one and at most 256; one for lines and arcs.
+pub type LimitPieces = SmallVec<[LimitPiece; 1]>;
+
+/// Upper bounds of the absolute derivatives by arc length on a stretch.
+#[derive(Clone, Copy)]
+struct Bounds([Position; 3]);
+
+impl Bounds {
+    fn union(&self, other: &Self) -> Self {
+        Self(core::array::from_fn(|order| core::array::from_fn(|axis| self.0[order][axis].max(other.0[order][axis]))))
+    }
+}
+
+/// A stretch and what it allows.
+struct Stretch {
+    end: f64,
+    bounds: Bounds,
+    limits: Result<PathLimits, LimitExceeded>,
+}
+
+/// Whether what holds for a union costs none of its parts more than the share `slowdown` of its time.
+fn is_close(union: &PathLimits, part: &PathLimits, slowdown: f64) -> bool {
+    let scale = 1.0 - slowdown;
+    union.velocity >= scale * part.velocity
+        && union.acceleration >= scale * scale * part.acceleration
+        && union.jerk >= scale * scale * scale * part.jerk
+}
+
+/// Largest feed motion along the pieces of an element when the peaks of `superposed` are added on top; [`path_limits`] is
+/// the tightest of them.
+///
+/// The machine must have every axis that the element moves; see [`super::missing_axis`].
+///
+/// # Errors
+/// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed, anywhere.
+pub fn limit_pieces(
+    element: &Element,
+    machine: &Machine,
+    superposed: PathMotion,
+) -> Result<LimitPieces, LimitExceeded> {
+    let Curve::Spline(spline) = &element.curve else {
+        return Ok(smallvec![LimitPiece { end: element.length, limits: path_limits(element, machine, superposed)? }]);
+    };
+    let beside: Position = core::array::from_fn(|axis| {
+        if axis < 3 { 0.0 } else { (element.end[axis] - element.start[axis]).abs() / element.length }
+    });
+    let rule = Rule { machine, superposed, beside };
+    let mut stretches = Vec::new();
+    for part in spline.parts() {
+        rule.divide(&part, rule.judge(&part), 0, &mut stretches)?;
+    }
+    let mut slowdown = LIMIT_SLOWDOWN;
+    loop {
+        let mut pieces = rule.merge(&stretches, slowdown)?;
+        if pieces.len() <= MAX_LIMIT_PIECES {
+            if let Some(last) = pieces.last_mut() {
+                last.end = element.length;
+            }
+            return Ok(pieces);
+        }
+        slowdown = if slowdown < 0.5 { 2.0 * slowdown } else { 1.0 };
+    }
+}
+
+/// What limits depend on beside the derivatives.
+struct Rule<'a> {
+    machine: &'a Machine,
+    superposed: PathMotion,
+    /// Derivatives of the axes beside X, Y and Z.
+    beside: Position,
+}
+
+impl Rule<'_> {
+    fn judge(&self, part: &Part) -> Stretch {
+        let mut bounds = Bounds([self.beside, [0.0; AXIS_COUNT], [0.0; AXIS_COUNT]]);
+        for (all, linear) in bounds.0.iter_mut().zip(part.bounds()) {
+            all[..3].copy_from_slice(&linear);
+        }
+        Stretch { end: part.end, bounds, limits: self.limits(&bounds) }
+    }
+
+    /// Appends the stretches of a part, divided until halves would gain too little.
+    fn divide(
+        &self,
+        part: &Part,
+        whole: Stretch,
+        depth: u32,
+        stretches: &mut Vec<Stretch>,
+    ) -> Result<(), LimitExceeded> {
+        if depth < LIMIT_HALVINGS {
+            let halves = part.halves();
+            let judged = halves.each_ref().map(|half| self.judge(half));
+            let gains = |half: &Stretch| match (&whole.limits, &half.limits) {
+                (Ok(whole), Ok(half)) => !is_close(whole, half, LIMIT_SLOWDOWN),
+                _ => true,
+            };
+            if judged.iter().any(gains) {
+                for (half, judged) in halves.iter().zip(judged) {
+                    self.divide(half, judged, depth + 1, stretches)?;
+                }
+                return Ok(());
+            }
+        }
+        whole.limits?;
+        stretches.push(whole);
+        Ok(())
+    }
+
+    /// Joins neighbours that lose no more than `slowdown` by it; everything when that is 1.
+    fn merge(&self, stretches: &[Stretch], slowdown: f64) -> Result<LimitPieces, LimitExceeded> {
+        let mut pieces = LimitPieces::new();
+        let mut open: Option<(Bounds, PathLimits)> = None;
+        for stretch in stretches {
+            let own = stretch.limits?;
+            let (mut bounds, mut best, mut limits) = (stretch.bounds, own, own);
+            if let Some((open_bounds, open_best)) = &open {
+                let union = open_bounds.union(&bounds);
+                let loosest = PathLimits {
+                    velocity: open_best.velocity.max(own.velocity),
+                    acceleration: open_best.acceleration.max(own.acceleration),
+                    jerk: open_best.jerk.max(own.jerk),
+                };
+                let joined = self.limits(&union);
+                let joins = slowdown >= 1.0 || joined.is_ok_and(|joined| is_close(&joined, &loosest, slowdown));
+                if joins {
+                    (bounds, best, limits) = (union, loosest, joined?);
+                    pieces.pop();
+                }
+            }
+            pieces.push(LimitPiece { end: stretch.end, limits });
+            open = Some((bounds, best));
+        }
+        Ok(pieces)
+    }
+
+    /// What the feed may do where the derivatives stay within these bounds; see the module's comment.
+    fn limits(&self, Bounds([first, second, third]): &Bounds) -> Result<PathLimits, LimitExceeded> {
+        let superposed = self.superposed;
+        let moved = || self.machine.axes.iter().map(|axis| (axis, axis.axis.index())).filter(|&(_, k)| first[k] > 0.0);
+        let mut limits = PathLimits::NONE;
+        for (axis, k) in moved() {
+            let centripetal = axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * first[k]);
+            let turning = SPLINE_TURNING_JERK_SHARE * axis.max_jerk_per_s3;
+            // A division by zero is no limit at all.
+            let speed = (axis.max_velocity_per_s / first[k])
+                .min((centripetal / second[k]).sqrt())
+                .min(libm::cbrt(turning / third[k]));
+            let left = rest(axis.axis, Quantity::Velocity, speed * first[k], first[k], superposed.velocity)?;
+            limits.velocity = limits.velocity.min(left);
+        }
+
+        let speed = limits.velocity + superposed.velocity;
+        let largest_second = second.iter().fold(0.0_f64, |largest, &second| largest.max(second));
+        // Jerk of an axis beside twice what turning takes.
+        let free_jerk = |jerk: f64, k: usize| jerk - 2.0 * speed * speed * speed * third[k];
+        for (axis, k) in moved() {
+            let mut left = axis.max_acceleration_per_s2 - speed * speed * second[k];
+            if second[k] > 0.0 {
+                let bent = second[k] / largest_second;
+                let normal_jerk = free_jerk(axis.max_jerk_per_s3, k) * bent / (first[k] + bent);
+                left = left.min(normal_jerk / (3.0 * speed * second[k]) * first[k]);
+            }
+            let left = rest(axis.axis, Quantity::Acceleration, left, first[k], superposed.acceleration)?;
+            limits.acceleration = limits.acceleration.min(left);
+        }
+
+        let acceleration = limits.acceleration + superposed.acceleration;
+        for (axis, k) in moved() {
+            let left = free_jerk(axis.max_jerk_per_s3, k) - 3.0 * speed * acceleration * second[k];
+            limits.jerk = limits.jerk.min(rest(axis.axis, Quantity::Jerk, left, first[k], superposed.jerk)?);
+        }
+        Ok(limits)
+    }
+}
