@@ -8,7 +8,7 @@ use feedwave_motion::{
     path_limits, stretches, travel_exceeded,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
+    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind, PathControl,
     SourceSpan, Spindle, SpindleSpeed,
 };
 use serde::{Deserialize, Serialize};
@@ -245,11 +245,18 @@ impl Builder {
                 return;
             }
         };
-        let stretches = stretches(&element, mv.feed, &mv.spindle, machine);
+        let pieces = [(element.length, limits)];
+        let stretches = stretches(&element, mv.feed, &mv.spindle, machine, &pieces);
         if cutting {
             self.check_feed(&stretches, &limits, element.length, span, findings);
         }
-        planner.push_motion(MotionRequest { element, limits, stretches });
+        // Where the vibration has to wait for a corner, the path rests there.
+        let passes_corners = in_section.is_none();
+        planner.push_motion(MotionRequest {
+            rest_at_end: mv.path_control == PathControl::ExactStop,
+            passes_corners,
+            ..MotionRequest::new(element, stretches)
+        });
     }
 
     fn switch_vibration(

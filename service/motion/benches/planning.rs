@@ -33,8 +33,8 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
         let limits = path_limits(&element, machine, PathMotion::ZERO).expect("nothing is superposed");
-        let stretches = stretches(&element, feed, &Spindle::STOPPED, machine);
-        MotionRequest { element, limits, stretches }
+        let stretches = stretches(&element, feed, &Spindle::STOPPED, machine, &[(element.length, limits)]);
+        MotionRequest::new(element, stretches)
     };
     (0..BLOCKS).map(line).collect()
 }

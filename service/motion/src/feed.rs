@@ -7,17 +7,19 @@ use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
 use crate::tolerance::{MAX_STRETCHES, MAX_TURNS_PER_STRETCH, SAME_ANGLE_RAD, SURFACE_SPEED_STEP};
-use crate::{Curve, Element, Machine};
+use crate::{Curve, Element, Machine, PathLimits};
 
-/// Part of an element with one commanded speed; it starts where the one before ends.
+/// Part of an element with one commanded speed and one set of limits; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stretch {
     /// Arc length where it ends, mm.
     pub end: f64,
-    /// Commanded speed, mm/s; infinite for rapids.
+    /// Commanded speed at 100 % feed override, mm/s; infinite for rapids.
     pub speed_mm_per_s: f64,
     /// Spindle speed, rev/s, without its sense.
     pub spindle_rev_per_s: f64,
+    /// Largest feed motion on it.
+    pub limits: PathLimits,
 }
 
 /// The stretches of one element, in order; mostly one.
@@ -30,8 +32,45 @@ pub type Stretches = SmallVec<[Stretch; 1]>;
 /// speed is never above the programmed one and at most 1 % below it. Should that take more than 2048 stretches (a
 /// spiral of many turns through X0), the last one is as slow as its largest radius asks for. The machine's top speed
 /// clamps the spindle. A rapid runs with the spindle speed of its largest radius.
+///
+/// The element is divided where its limits change, too: `limits` are its pieces, each with the arc length where it ends.
 #[must_use]
-pub fn stretches(element: &Element, feed: Feed, spindle: &Spindle, machine: &Machine) -> Stretches {
+pub fn stretches(
+    element: &Element,
+    feed: Feed,
+    spindle: &Spindle,
+    machine: &Machine,
+    limits: &[(f64, PathLimits)],
+) -> Stretches {
+    let mut divided = commanded(element, feed, spindle, machine);
+    match limits {
+        [] => divided.clear(),
+        [(_, limits)] => divided.iter_mut().for_each(|stretch| stretch.limits = *limits),
+        pieces => {
+            let mut whole = core::mem::take(&mut divided).into_iter().peekable();
+            let mut pieces = pieces.iter().peekable();
+            while let (Some(stretch), Some(&&(piece_end, limits))) = (whole.peek(), pieces.peek()) {
+                let is_last = pieces.len() == 1;
+                let end = if is_last { stretch.end } else { stretch.end.min(piece_end) };
+                divided.push(Stretch { end, limits, ..*stretch });
+                if !is_last && piece_end <= end {
+                    pieces.next();
+                }
+                if stretch.end <= end {
+                    whole.next();
+                }
+            }
+        }
+    }
+    divided
+}
+
+/// Before the limits are known.
+const UNLIMITED: PathLimits =
+    PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+
+/// The stretches by commanded speed alone.
+fn commanded(element: &Element, feed: Feed, spindle: &Spindle, machine: &Machine) -> Stretches {
     let top_rev_per_s = machine.max_spindle_rev_per_min / 60.0;
     let spindle_at = |radius_mm: f64| spindle.rev_per_s(radius_mm).min(top_rev_per_s);
     let speed_at = |rev_per_s: f64| match feed {
@@ -44,6 +83,7 @@ pub fn stretches(element: &Element, feed: Feed, spindle: &Spindle, machine: &Mac
         end,
         speed_mm_per_s: speed_at(spindle_rev_per_s),
         spindle_rev_per_s,
+        limits: UNLIMITED,
     };
 
     let x = Axis::X.index();

@@ -11,6 +11,7 @@
 //! v·Δτ·max(1/T, v/ℓ)          to the acceleration
 //! v·Δτ·max(1/T, 3/2·v/ℓ)/T    to the jerk, and
 //! v²·Δp″·max(3/4/T, v/ℓ)      to the jerk
+//! a·Δτ·max(1/T, v/ℓ)          to the jerk, where the path accelerates by a through it
 //! ```
 //!
 //! of an axis. Each may use a fixed share of the axis' limit, and the elements on both sides leave that share free.
@@ -19,7 +20,7 @@ use feedwave_program::{AXIS_COUNT, Position};
 use serde::{Deserialize, Serialize};
 
 use crate::tolerance::{
-    BEND_JERK_SHARE, KINK_ACCELERATION_SHARE, KINK_JERK_SHARE, LARGEST_RESERVE, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
+    BEND_JERK_SHARE, KINK_ACCELERATION_SHARE, KINK_JERK_SHARE, KINK_RAMP_SHARE, LARGEST_RESERVE, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
 };
 use crate::{Element, Machine};
 
@@ -31,6 +32,8 @@ pub(crate) struct JunctionRules {
     per_acceleration: Position,
     /// Per axis 1/(largest jerk), s³/mm; 0 where the machine has no such axis.
     per_jerk: Position,
+    /// Per axis the largest step of its velocity at a corner, mm/s; infinite where the machine has no such axis.
+    velocity_step: Position,
 }
 
 /// A junction that the path passes without resting.
@@ -40,25 +43,45 @@ pub(crate) struct Junction {
     pub(crate) speed: f64,
     /// Share of acceleration and jerk that the elements on both sides leave to it.
     pub(crate) reserve: f64,
+    /// Whether the path must not accelerate through it.
+    pub(crate) is_flat: bool,
 }
 
 impl Junction {
     /// Where the path rests.
-    pub(crate) const REST: Self = Self { speed: 0.0, reserve: 0.0 };
+    pub(crate) const REST: Self = Self { speed: 0.0, reserve: 0.0, is_flat: true };
+    /// Inside an element: nothing changes.
+    pub(crate) const NONE: Self = Self { speed: f64::INFINITY, reserve: 0.0, is_flat: false };
 }
 
 impl JunctionRules {
     pub(crate) fn new(machine: &Machine, period_s: f64) -> Self {
-        let mut rules = Self { period_s, per_acceleration: [0.0; AXIS_COUNT], per_jerk: [0.0; AXIS_COUNT] };
+        let mut rules = Self {
+            period_s,
+            per_acceleration: [0.0; AXIS_COUNT],
+            per_jerk: [0.0; AXIS_COUNT],
+            velocity_step: [f64::INFINITY; AXIS_COUNT],
+        };
+        // Two axes that carry out the same program axis together are limited by the weaker one.
         for axis in &machine.axes {
-            rules.per_acceleration[axis.axis.index()] = 1.0 / axis.max_acceleration_per_s2;
-            rules.per_jerk[axis.axis.index()] = 1.0 / axis.max_jerk_per_s3;
+            let index = axis.axis.index();
+            rules.per_acceleration[index] = rules.per_acceleration[index].max(1.0 / axis.max_acceleration_per_s2);
+            rules.per_jerk[index] = rules.per_jerk[index].max(1.0 / axis.max_jerk_per_s3);
+            rules.velocity_step[index] = rules.velocity_step[index].min(axis.max_velocity_step_per_s);
         }
         rules
     }
 
-    /// The junction from one element to the next at no more than `top_speed`; `None` where the path must rest.
-    pub(crate) fn junction(&self, from: &Element, to: &Element, top_speed: f64) -> Option<Junction> {
+    /// The junction from one element to the next at no more than `top_speed`, with no more than `acceleration` along
+    /// the path; `None` where the path must rest. A corner is passed only where `passes_corners`.
+    pub(crate) fn junction(
+        &self,
+        from: &Element,
+        to: &Element,
+        top_speed: f64,
+        acceleration: f64,
+        passes_corners: bool,
+    ) -> Option<Junction> {
         if from.rapid != to.rapid {
             return None;
         }
@@ -67,6 +90,7 @@ impl JunctionRules {
         let mut square = 0.0;
         // Largest steps relative to the axes' limits, per unit of v and v².
         let (mut kink_acceleration, mut kink_jerk, mut bend_jerk) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let mut corner_speed = top_speed;
         for index in 0..AXIS_COUNT {
             let gap = (to.start[index] + to.work_offset[index]) - (from.end[index] + from.work_offset[index]);
             if gap.abs() > SAME_POINT_MM {
@@ -75,12 +99,16 @@ impl JunctionRules {
             let kink = (tangents[1][index] - tangents[0][index]).abs();
             let bend = (bends[1][index] - bends[0][index]).abs();
             square += kink * kink;
+            if kink > 0.0 {
+                corner_speed = corner_speed.min(self.velocity_step[index] / kink);
+            }
             kink_acceleration = kink_acceleration.max(kink * self.per_acceleration[index]);
             kink_jerk = kink_jerk.max(kink * self.per_jerk[index]);
             bend_jerk = bend_jerk.max(bend * self.per_jerk[index]);
         }
         if square > TANGENT_TOLERANCE_RAD * TANGENT_TOLERANCE_RAD {
-            return None;
+            let passes = passes_corners && !from.rapid && corner_speed > 0.0;
+            return passes.then_some(Junction { speed: corner_speed, reserve: 0.0, is_flat: true });
         }
 
         let period_s = self.period_s;
@@ -95,11 +123,15 @@ impl JunctionRules {
             .min(libm::cbrt(BEND_JERK_SHARE * length / bend_jerk));
 
         let per_s = speed / length;
+        // What the path's own acceleration steps by in the direction of an axis.
+        let ramp_jerk = acceleration * kink_jerk * per_s.max(1.0 / period_s);
+        let is_flat = ramp_jerk > KINK_RAMP_SHARE;
         let acceleration = speed * kink_acceleration * per_s.max(1.0 / period_s);
         let jerk = speed * kink_jerk * (1.5 * per_s).max(1.0 / period_s) / period_s
-            + speed * speed * bend_jerk * per_s.max(0.75 / period_s);
+            + speed * speed * bend_jerk * per_s.max(0.75 / period_s)
+            + if is_flat { 0.0 } else { ramp_jerk };
         let reserve = jerk.max(acceleration * (LARGEST_RESERVE / KINK_ACCELERATION_SHARE)).min(LARGEST_RESERVE);
-        (speed > 0.0).then_some(Junction { speed, reserve })
+        (speed > 0.0).then_some(Junction { speed, reserve, is_flat })
     }
 }
 

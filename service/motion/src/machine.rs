@@ -38,6 +38,10 @@ pub struct MachineAxis {
     pub max_acceleration_per_s2: f64,
     /// Largest jerk, mm/s³ or degrees/s³.
     pub max_jerk_per_s3: f64,
+    /// Largest step of the velocity permitted at a corner in exact path mode, mm/s or degrees/s; with 0 the path rests
+    /// at corners that this axis takes part in.
+    #[serde(default)]
+    pub max_velocity_step_per_s: f64,
     /// Lowest position, machine coordinates; unlimited when absent.
     #[serde(default)]
     pub travel_min: Option<f64>,
@@ -59,6 +63,7 @@ impl MachineAxis {
             max_velocity_per_s,
             max_acceleration_per_s2,
             max_jerk_per_s3,
+            max_velocity_step_per_s: 0.0,
             travel_min: None,
             travel_max: None,
             carried_by: CarriedBy::Tool,

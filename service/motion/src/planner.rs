@@ -1,65 +1,31 @@
-//! The feed planner: speeds at the junctions of elements within bounded look-ahead, and a profile for every stretch.
+//! The feed planner: bounded look-ahead over the path, and a jerk-limited profile for all of it.
 //!
-//! Elements arrive in order. Where two of them do not meet tangentially, and at every barrier, the path rests; what
-//! lies between two rests is a chain. A chain is planned by a backward and a forward pass over its junctions, when
-//! its end is known or when the window is full: then the path is assumed to rest at the window's end, which is
-//! always safe, and the first half of the window is released. All planning happens when something is pushed, so the
-//! result does not depend on when it is taken out.
+//! Elements arrive in order. Where two of them cannot be passed at speed, and at every barrier, the path rests; what
+//! lies between two rests is a chain. A chain is planned when its end is known or when the window is full: then the
+//! path is assumed to rest at the window's end, which is always safe, and about the first half of the window is
+//! released. All planning happens when something is pushed, so the result does not depend on when it is taken out.
+//!
+//! Planning has two steps. First neighbouring stretches are gathered into runs ([`runs`]) that share one set of limits,
+//! so that acceleration carries on from one short block into the next. Then a backward and a forward pass over the
+//! ends of the runs, where there is no acceleration, give the speeds there, and each run one [`Profile`].
+//!
+//! A feed override scales the commanded speeds. When it changes, the caller takes back what has not been run
+//! ([`Planner::withdraw`]) and has it planned again from the present speed ([`Planner::restart`]); that speed may then
+//! be too high for the new commands, and the first runs brake.
+
+mod request;
+mod runs;
 
 use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
-use smallvec::SmallVec;
 
 use crate::junction::{Junction, JunctionRules};
-use crate::profile::{highest_entry, reachable_exit};
 use crate::tolerance::LARGEST_RESERVE;
-use crate::{Element, Machine, PathLimits, Profile, Stretches};
+use crate::{Machine, Stretch};
 
-/// An element to plan.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MotionRequest {
-    /// The element.
-    pub element: Element,
-    /// Largest feed motion along it.
-    pub limits: PathLimits,
-    /// Commanded speeds along it.
-    pub stretches: Stretches,
-}
-
-/// A stretch with its profile.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlannedStretch {
-    /// Arc length where it starts, mm.
-    pub start: f64,
-    /// Arc length where it ends, mm.
-    pub end: f64,
-    /// Motion along it, from 0 to `end − start`.
-    pub profile: Profile,
-    /// Spindle speed, rev/s, without its sense.
-    pub spindle_rev_per_s: f64,
-}
-
-/// A planned element.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlannedMotion {
-    /// The element.
-    pub element: Element,
-    /// Its stretches in order; at least one.
-    pub stretches: SmallVec<[PlannedStretch; 1]>,
-    /// Whether the next element follows tangentially.
-    pub tangent_end: bool,
-}
-
-/// What comes out of the planner, in the order in which it went in.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(clippy::large_enum_variant, reason = "most items are motions, and a box would allocate once per element")]
-pub enum Planned<B> {
-    /// A planned element.
-    Motion(PlannedMotion),
-    /// A barrier, at which the path rests.
-    Barrier(B),
-}
+pub use request::{MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
+use runs::{Node, Plan, Stop};
 
 /// Settings of a planner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,9 +40,14 @@ impl PlannerSettings {
     /// within one period, and the axes must follow them within their limits.
     #[must_use]
     pub fn new(machine: &Machine, window: usize, period_s: f64) -> Self {
-        Self { window: window.max(2), junctions: JunctionRules::new(machine, period_s) }
+        Self { window: window.max(4), junctions: JunctionRules::new(machine, period_s) }
     }
 }
+
+/// The present speed is too high to plan anew from: the plan so far has to go on until it is slower.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the speed at the start is too high for the path ahead")]
+pub struct TooFast;
 
 /// An element waiting to be planned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,69 +61,102 @@ struct Waiting {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Planner<B> {
     settings: PlannerSettings,
+    /// Ratio of the speeds to the commanded ones.
+    feed_override: f64,
     /// The present chain, as far as it is not released.
     chain: VecDeque<Waiting>,
-    /// Speed at the chain's start, mm/s.
+    /// Speed at the chain's start, mm/s; without acceleration.
     entry_speed: f64,
+    /// Fastest that the chain may be run until it has slowed down to its commanded speeds, mm/s.
+    overspeed: f64,
+    /// Stretches per run of what was planned and not released, in order.
+    runs_before: Vec<usize>,
+    /// Chain length at which it is planned next.
+    next_plan: usize,
+    /// What comes after the place where no speed is commanded; there is such a place where this is not `None`.
+    held: Option<VecDeque<PathItem<B>>>,
+    /// Whether nothing follows what was pushed.
+    finished: bool,
+    /// Whether a restart has turned out to be impossible.
+    too_fast: bool,
     ready: VecDeque<Planned<B>>,
     #[serde(skip)]
-    scratch: Scratch,
-}
-
-/// Junction speeds of the chain; kept between plans so that planning allocates nothing.
-#[derive(Clone, Debug, Default)]
-struct Scratch {
-    nodes: Vec<Node>,
-}
-
-impl PartialEq for Scratch {
-    /// Scratch is no state.
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
-}
-
-/// One stretch of the chain.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    length: f64,
-    limits: PathLimits,
-    /// Highest speed at its start, then the planned one.
-    entry: f64,
+    scratch: Plan,
 }
 
 impl<B> Planner<B> {
-    /// A planner at rest.
+    /// A planner at rest, at 100 % feed override.
     #[must_use]
     pub fn new(settings: PlannerSettings) -> Self {
-        Self { settings, chain: VecDeque::new(), entry_speed: 0.0, ready: VecDeque::new(), scratch: Scratch::default() }
+        Self {
+            feed_override: 1.0,
+            chain: VecDeque::new(),
+            entry_speed: 0.0,
+            overspeed: 0.0,
+            runs_before: Vec::new(),
+            next_plan: settings.window,
+            held: None,
+            finished: false,
+            too_fast: false,
+            ready: VecDeque::new(),
+            scratch: Plan::default(),
+            settings,
+        }
+    }
+
+    /// The feed override, as a ratio; 0 is feed hold.
+    #[must_use]
+    pub const fn feed_override(&self) -> f64 {
+        self.feed_override
+    }
+
+    /// Whether the path is at rest, or will be, at a place where no speed is commanded.
+    #[must_use]
+    pub const fn is_held(&self) -> bool {
+        self.held.is_some()
     }
 
     /// Adds the next element.
     pub fn push_motion(&mut self, request: MotionRequest) {
-        let junction = self.chain.back().and_then(|before| {
-            let top_speed = before.request.top_speed_at_end().min(request.top_speed_at_start());
-            self.settings.junctions.junction(&before.request.element, &request.element, top_speed)
+        if let Some(held) = &mut self.held {
+            return held.push_back(PathItem::Motion(request));
+        }
+        let top_speed = |stretch: &Stretch, request: &MotionRequest| {
+            stretch.limits.velocity.min(request.commanded(stretch, self.feed_override).max(self.overspeed))
+        };
+        let before = self.chain.back().filter(|before| !before.request.rest_at_end);
+        let junction = before.and_then(|Waiting { request: before, .. }| {
+            let (from, to) = (before.stretches.last()?, request.stretches.first()?);
+            let top_speed = top_speed(from, before).min(top_speed(to, &request));
+            let acceleration = from.limits.acceleration.min(to.limits.acceleration);
+            let passes_corners = before.passes_corners && request.passes_corners;
+            let rules = &self.settings.junctions;
+            rules.junction(&before.element, &request.element, top_speed, acceleration, passes_corners)
         });
         if junction.is_none() {
             self.release_chain();
         }
+        if let Some(held) = &mut self.held {
+            return held.push_back(PathItem::Motion(request));
+        }
         self.chain.push_back(Waiting { request, entry: junction.unwrap_or(Junction::REST) });
-        if self.chain.len() >= self.settings.window {
-            // What the next junction will need is not known yet.
-            self.plan(LARGEST_RESERVE);
-            self.release(self.chain.len() / 2);
+        if self.chain.len() >= self.next_plan {
+            self.release_window();
         }
     }
 
     /// Adds a barrier; the path rests there.
     pub fn push_barrier(&mut self, barrier: B) {
         self.release_chain();
-        self.ready.push_back(Planned::Barrier(barrier));
+        match &mut self.held {
+            Some(held) => held.push_back(PathItem::Barrier(barrier)),
+            None => self.ready.push_back(Planned::Barrier(barrier)),
+        }
     }
 
     /// Says that nothing follows.
     pub fn finish(&mut self) {
+        self.finished = true;
         self.release_chain();
     }
 
@@ -161,82 +165,157 @@ impl<B> Planner<B> {
         self.ready.pop_front()
     }
 
-    fn release_chain(&mut self) {
-        if !self.chain.is_empty() {
-            self.plan(Junction::REST.reserve);
-            self.release(self.chain.len());
-        }
-        self.entry_speed = 0.0;
+    /// Takes back everything that was pushed and not popped, in order.
+    pub fn withdraw(&mut self) -> Vec<PathItem<B>> {
+        let ready = self.ready.drain(..).map(PathItem::from);
+        let chain = self.chain.drain(..).map(|waiting| PathItem::Motion(waiting.request));
+        ready.chain(chain).chain(self.held.take().into_iter().flatten()).collect()
     }
 
-    /// Plans the junction speeds of the whole chain, from its entry speed to rest at its end, where the junction after
-    /// it takes the share `end_reserve`.
-    fn plan(&mut self, end_reserve: f64) {
-        let nodes = &mut self.scratch.nodes;
-        nodes.clear();
-        let exits = self.chain.iter().skip(1).map(|next| next.entry.reserve).chain([end_reserve]);
-        for (Waiting { request, entry }, exit_reserve) in self.chain.iter().zip(exits) {
-            let left = 1.0 - entry.reserve.max(exit_reserve);
-            let mut start = 0.0;
-            let mut entry_limit = entry.speed;
-            for stretch in &request.stretches {
-                let velocity = request.limits.velocity.min(stretch.speed_mm_per_s);
-                let limits = PathLimits {
-                    velocity,
-                    acceleration: left * request.limits.acceleration,
-                    jerk: left * request.limits.jerk,
-                };
-                nodes.push(Node { length: stretch.end - start, limits, entry: entry_limit.min(velocity) });
-                start = stretch.end;
-                // The next stretch limits its entry to its own velocity too.
-                entry_limit = velocity;
+    /// Plans `path`, what was withdrawn, anew: from `speed` mm/s without acceleration, at another feed override. At 0 the
+    /// path comes to rest as soon as it can, where the override acts on it.
+    ///
+    /// # Errors
+    /// [`TooFast`] when the path ahead, as far as it is known, cannot be run from that speed within the limits; the
+    /// planner is then of no more use, and what it was copied from goes on.
+    pub fn restart(&mut self, speed: f64, feed_override: f64, path: Vec<PathItem<B>>) -> Result<(), TooFast> {
+        self.feed_override = feed_override;
+        self.entry_speed = speed;
+        self.overspeed = speed;
+        self.runs_before.clear();
+        // What is known is looked at as a whole.
+        self.next_plan = usize::MAX;
+        for item in path {
+            match item {
+                PathItem::Motion(request) => self.push_motion(request),
+                PathItem::Barrier(barrier) => self.push_barrier(barrier),
             }
         }
-        nodes[0].entry = self.entry_speed;
-        let mut exit = 0.0;
-        for node in nodes.iter_mut().skip(1).rev() {
-            node.entry = highest_entry(exit, node.entry, node.length, &node.limits);
-            exit = node.entry;
+        self.next_plan = self.settings.window;
+        if self.finished {
+            self.release_chain();
+        } else if self.chain.len() >= self.settings.window {
+            self.release_window();
+        } else if self.entry_speed > 0.0 && self.plan(LARGEST_RESERVE) {
+            match self.scratch.stop {
+                Some(stop) => self.release_until(stop),
+                None => self.runs_before = self.scratch.run_lengths(0),
+            }
         }
-        for index in 1..nodes.len() {
-            let before = nodes[index - 1];
-            nodes[index].entry = reachable_exit(before.entry, nodes[index].entry, before.length, &before.limits);
+        if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
+    }
+
+    /// Releases the chain, which ends here at rest.
+    fn release_chain(&mut self) {
+        if self.chain.is_empty() || self.is_held() {
+            return;
         }
+        self.plan(Junction::REST.reserve);
+        if let Some(stop) = self.scratch.stop {
+            return self.release_until(stop);
+        }
+        self.release(self.chain.len());
+        self.entry_speed = 0.0;
+        self.overspeed = 0.0;
+    }
+
+    /// Releases about half of the chain, which goes on.
+    fn release_window(&mut self) {
+        // What the next junction will need is not known yet.
+        self.plan(LARGEST_RESERVE);
+        if let Some(stop) = self.scratch.stop {
+            return self.release_until(stop);
+        }
+        let window = self.settings.window;
+        let is_overdue = self.chain.len() >= 2 * window;
+        let enough = if is_overdue { window / 2 } else { 1 };
+        match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
+            Some((count, speed)) => {
+                self.release(count);
+                self.entry_speed = speed;
+            }
+            // All of it brakes: with more of the path known there will be a place to divide it.
+            None if !is_overdue => self.runs_before = self.scratch.run_lengths(0),
+            None => {
+                self.release(self.chain.len());
+                self.entry_speed = 0.0;
+            }
+        }
+        self.next_plan = window.max(self.chain.len() + window / 4);
+    }
+
+    /// Plans the whole chain, from its entry speed to rest at its end, where the junction after it takes the share
+    /// `end_reserve`; whether there is such a plan.
+    fn plan(&mut self, end_reserve: f64) -> bool {
+        let plan = &mut self.scratch;
+        plan.nodes.clear();
+        let exits = self.chain.iter().skip(1).map(|next| next.entry.reserve).chain([end_reserve]);
+        for (element, (Waiting { request, entry }, exit_reserve)) in self.chain.iter().zip(exits).enumerate() {
+            let left = 1.0 - entry.reserve.max(exit_reserve);
+            let mut start = request.start;
+            let mut entry = *entry;
+            for stretch in &request.stretches {
+                plan.nodes.push(Node::new(element, stretch, start, left, entry, request, self.feed_override));
+                start = stretch.end;
+                entry = Junction::NONE;
+            }
+        }
+        plan.gather(&[]);
+        if plan.solve(self.entry_speed) {
+            return true;
+        }
+        // Gathered as in the plan before, the part that was planned can be run as it was planned.
+        plan.gather(&self.runs_before);
+        let is_possible = plan.solve(self.entry_speed);
+        self.too_fast |= !is_possible;
+        is_possible
+    }
+
+    /// Releases the planned chain up to where it stops because no speed is commanded.
+    fn release_until(&mut self, stop: Stop) {
+        let Stop { node, s } = stop;
+        let element = self.scratch.element(node);
+        let first = self.scratch.first_node_of(element);
+        self.release(element);
+        if let Some(Waiting { request, entry }) = self.chain.front_mut() {
+            let within = node - first;
+            let start = if within == 0 { request.start } else { request.stretches[within - 1].end };
+            let stop = (start + s).min(request.stretches[within].end);
+            if stop > request.start {
+                let mut before = request.clone();
+                before.stretches.truncate(within + 1);
+                before.stretches[within].end = stop;
+                let stretches = self.scratch.planned(&before, first, Some(s));
+                self.ready.push_back(Planned::Motion(PlannedMotion::new(before, stretches)));
+                request.start = stop;
+                request.stretches.drain(..within);
+                if stop >= request.stretches[0].end {
+                    request.stretches.remove(0);
+                }
+            }
+            *entry = Junction::REST;
+            if request.stretches.is_empty() {
+                self.chain.pop_front();
+            }
+        }
+        if let Some(Waiting { entry, .. }) = self.chain.front_mut() {
+            *entry = Junction::REST;
+        }
+        self.entry_speed = 0.0;
+        self.overspeed = 0.0;
+        self.runs_before.clear();
+        self.held = Some(VecDeque::new());
     }
 
     /// Releases the first `count` elements of the planned chain.
     fn release(&mut self, count: usize) {
-        let nodes = &self.scratch.nodes;
         let mut node = 0;
-        for _ in 0..count {
-            let Some(Waiting { request, .. }) = self.chain.pop_front() else { break };
-            let tangent_end = !self.chain.is_empty();
-            let mut start = 0.0;
-            let mut stretches = SmallVec::new();
-            for stretch in &request.stretches {
-                let Node { length, limits, entry } = nodes[node];
-                node += 1;
-                let exit = nodes.get(node).map_or(0.0, |next| next.entry);
-                let profile = Profile::solve(length, entry, exit, limits);
-                debug_assert!(profile.is_some(), "the passes leave room for every change of speed");
-                let profile =
-                    profile.unwrap_or_else(|| Profile::with_cruise(length, entry, entry.max(exit), exit, &limits));
-                let spindle_rev_per_s = stretch.spindle_rev_per_s;
-                stretches.push(PlannedStretch { start, end: stretch.end, profile, spindle_rev_per_s });
-                start = stretch.end;
-            }
-            self.ready.push_back(Planned::Motion(PlannedMotion { element: request.element, stretches, tangent_end }));
+        for Waiting { request, .. } in self.chain.drain(..count) {
+            let stretches = self.scratch.planned(&request, node, None);
+            node += stretches.len();
+            self.ready.push_back(Planned::Motion(PlannedMotion::new(request, stretches)));
         }
-        self.entry_speed = nodes.get(node).map_or(0.0, |next| next.entry);
-    }
-}
-
-impl MotionRequest {
-    fn top_speed_at_start(&self) -> f64 {
-        self.limits.velocity.min(self.stretches.first().map_or(0.0, |stretch| stretch.speed_mm_per_s))
-    }
-
-    fn top_speed_at_end(&self) -> f64 {
-        self.limits.velocity.min(self.stretches.last().map_or(0.0, |stretch| stretch.speed_mm_per_s))
+        self.runs_before = self.scratch.run_lengths(node);
+        self.next_plan = self.settings.window;
     }
 }

@@ -1,9 +1,9 @@
-//! Seven-phase jerk-limited profiles between two speeds, without acceleration at either end.
+//! Seven-phase jerk-limited profiles between two speeds, without acceleration at either end, and parts of them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::PathLimits;
-use crate::tolerance::{SOLVER_PRECISION, SOLVER_SLACK, SOLVER_STEPS};
+use crate::tolerance::{SOLVER_PRECISION, SOLVER_SLACK, SOLVER_STEPS, TIME_PRECISION};
 
 /// Speed along a length as a function of time: acceleration ramps up, holds and ramps down, the speed cruises, and
 /// the same backwards; any phase may be empty.
@@ -60,7 +60,7 @@ fn change_time_s(difference: f64, limits: &PathLimits) -> f64 {
 
 /// Length that the fastest change from one speed to another takes, mm: mean speed times time, since the change is
 /// symmetric about its middle.
-fn change_length(from: f64, to: f64, limits: &PathLimits) -> f64 {
+pub(crate) fn change_length(from: f64, to: f64, limits: &PathLimits) -> f64 {
     0.5 * (from + to) * change_time_s((to - from).abs(), limits)
 }
 
@@ -201,10 +201,15 @@ impl Profile {
         self.speeds[0]
     }
 
+    /// Speed between the two changes of speed, mm/s.
+    pub(crate) fn cruise_velocity(&self) -> f64 {
+        self.speeds[1]
+    }
+
     /// Highest speed, mm/s.
     #[must_use]
     pub fn peak_velocity(&self) -> f64 {
-        self.speeds[1]
+        self.speed_range()[1]
     }
 
     /// Speed at the end, mm/s.
@@ -253,9 +258,52 @@ impl Profile {
         let phases = self.phases();
         let phase = phases.iter().rev().find(|phase| phase.start_s <= t_s).unwrap_or(&phases[0]);
         let state = phase.at(t_s - phase.start_s);
-        let [start, cruise, end] = self.speeds;
-        let speed = state.speed.clamp(start.min(end), cruise);
+        let [slowest, fastest] = self.speed_range();
+        let speed = state.speed.clamp(slowest, fastest);
         (state.s.clamp(0.0, self.length), speed, state.acceleration, phase.jerk)
+    }
+
+    /// Time at which it passes the path position `s`, s: the inverse of [`Profile::state`]. Where it rests at an end,
+    /// that end's time.
+    #[must_use]
+    pub fn time_at(&self, s: f64) -> f64 {
+        if s <= 0.0 {
+            return 0.0;
+        }
+        if s >= self.length {
+            return self.duration();
+        }
+        let phases = self.phases();
+        let index = phases.iter().rposition(|phase| phase.s <= s).unwrap_or(0);
+        let duration_s = phases.get(index + 1).map_or(self.duration(), |next| next.start_s) - phases[index].start_s;
+        phases[index].start_s + phases[index].time_to(s - phases[index].s, duration_s)
+    }
+
+    /// The profile up to where its acceleration can end soonest when the rise is broken off at local time `t_s`:
+    /// what lies before `t_s` is the same to the bit, and it ends where its acceleration does, or at its end when it is
+    /// braking towards that by then.
+    #[must_use]
+    pub fn broken_off(&self, t_s: f64) -> Self {
+        let rise_s = self.rise.duration_s();
+        if t_s >= rise_s + self.cruise_s {
+            return *self;
+        }
+        let [start, cruise, _] = self.speeds;
+        let mut rise = self.rise;
+        let mut cruise_s = 0.0;
+        let mut speed = cruise;
+        if t_s >= rise_s {
+            cruise_s = t_s - rise_s;
+        } else if rise.jerk > 0.0 && t_s < rise.ramp_s + rise.hold_s {
+            rise.hold_s = (t_s - rise.ramp_s).clamp(0.0, rise.hold_s);
+            rise.ramp_s = rise.ramp_s.min(t_s.max(0.0));
+            speed = start + rise.jerk * rise.ramp_s * (rise.ramp_s + rise.hold_s);
+        }
+        let fall = Change { jerk: -rise.jerk, ramp_s: 0.0, hold_s: 0.0 };
+        let mut broken = Self { length: 0.0, speeds: [start, speed, speed], rise, fall, cruise_s };
+        let [.., last] = broken.phases();
+        broken.length = last.s.min(self.length);
+        broken
     }
 
     /// Path positions and speeds at the local times `(first + k) · period_s − offset_s`. Each value depends on
@@ -264,6 +312,19 @@ impl Profile {
     /// # Panics
     /// When the slices differ in length.
     pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
+        self.fill_part(first, period_s, offset_s, [0.0, self.length], out_s, out_v);
+    }
+
+    /// [`Profile::fill`] between two path positions, seen from the first of them.
+    fn fill_part(
+        &self,
+        first: u64,
+        period_s: f64,
+        offset_s: f64,
+        [from, to]: [f64; 2],
+        out_s: &mut [f64],
+        out_v: &mut [f64],
+    ) {
         assert_eq!(out_s.len(), out_v.len(), "one speed for every position");
         let time_s = |k: usize| (first + k as u64) as f64 * period_s - offset_s;
         let phases = self.phases();
@@ -281,6 +342,7 @@ impl Profile {
                 end -= 1;
             }
             let Phase { start_s, s, speed, acceleration, jerk } = *phase;
+            let s = s - from;
             let count = end - k;
             let run = out_s[k..end].iter_mut().zip(&mut out_v[k..end]);
             let run_first = first + k as u64;
@@ -292,15 +354,92 @@ impl Profile {
             }
             k += count;
         }
-        out_s[k..].fill(self.length);
+        out_s[k..].fill(to - from);
         out_v[k..].fill(self.speeds[2]);
         // Rounding must not lead out of the profile.
-        let [start, cruise, end] = self.speeds;
-        let slowest = start.min(end);
+        let [slowest, fastest] = self.speed_range();
+        let length = to - from;
         for (s, v) in out_s[..k].iter_mut().zip(&mut out_v[..k]) {
-            *s = s.clamp(0.0, self.length);
-            *v = v.clamp(slowest, cruise);
+            *s = s.clamp(0.0, length);
+            *v = v.clamp(slowest, fastest);
         }
+    }
+
+    /// Lowest and highest of the three speeds, mm/s.
+    fn speed_range(&self) -> [f64; 2] {
+        let [start, cruise, end] = self.speeds;
+        [start.min(cruise).min(end), start.max(cruise).max(end)]
+    }
+
+    /// Path positions between which the speed is constant, mm.
+    pub(crate) fn cruise(&self) -> [f64; 2] {
+        let phases = self.phases();
+        [phases[3].s, phases[4].s]
+    }
+}
+
+/// A part of a profile: from one of its path positions to another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProfilePart {
+    profile: Profile,
+    /// Path positions of its start and end on the profile, mm, and the times they are passed at, s.
+    start: (f64, f64),
+    end: (f64, f64),
+}
+
+impl ProfilePart {
+    /// The part of `profile` from path position `start` to `end`, mm.
+    #[must_use]
+    pub fn new(profile: Profile, start: f64, end: f64) -> Self {
+        let start_s = profile.time_at(start);
+        let end_s = profile.time_at(end).max(start_s);
+        Self { profile, start: (start, start_s), end: (end, end_s) }
+    }
+
+    /// The profile it is a part of.
+    #[must_use]
+    pub const fn whole(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Path positions of its start and end on the whole profile, mm.
+    #[must_use]
+    pub const fn range(&self) -> [f64; 2] {
+        [self.start.0, self.end.0]
+    }
+
+    /// Time on the whole profile at its start, s.
+    #[must_use]
+    pub const fn start_time_s(&self) -> f64 {
+        self.start.1
+    }
+
+    /// Length covered, mm.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.end.0 - self.start.0
+    }
+
+    /// Time taken, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.end.1 - self.start.1
+    }
+
+    /// Path position from its start, speed, acceleration and jerk at local time `t_s`; the ends beyond them.
+    #[must_use]
+    pub fn state(&self, t_s: f64) -> (f64, f64, f64, f64) {
+        let (s, v, a, j) = self.profile.state((self.start.1 + t_s.max(0.0)).min(self.end.1));
+        ((s - self.start.0).clamp(0.0, self.length()), v, a, j)
+    }
+
+    /// Path positions from its start and speeds at the local times `(first + k) · period_s − offset_s`. Each value
+    /// depends on its own time only, whatever `first` a fill starts with.
+    ///
+    /// # Panics
+    /// When the slices differ in length.
+    pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
+        self.profile.fill_part(first, period_s, offset_s - self.start.1, self.range(), out_s, out_v);
     }
 }
 
@@ -315,6 +454,34 @@ struct Phase {
 }
 
 impl Phase {
+    /// Time within the phase, at most `duration_s`, at which it has gone `length` mm: Newton's method on the
+    /// increasing cubic, kept within a bracket.
+    fn time_to(&self, length: f64, duration_s: f64) -> f64 {
+        if self.acceleration == 0.0 && self.jerk == 0.0 {
+            return (length / self.speed).clamp(0.0, duration_s);
+        }
+        let (mut low, mut high) = (0.0, duration_s);
+        let whole = self.at(duration_s).s - self.s;
+        let mut t = duration_s * (length / whole).clamp(0.0, 1.0);
+        for _ in 0..SOLVER_STEPS {
+            let excess = t * (self.speed + t * (0.5 * self.acceleration + t * (self.jerk / 6.0))) - length;
+            let speed = self.speed + t * (self.acceleration + t * (0.5 * self.jerk));
+            if excess > 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            let next = t - excess / speed;
+            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+            let is_settled = (next - t).abs() <= TIME_PRECISION * duration_s;
+            t = next;
+            if is_settled {
+                break;
+            }
+        }
+        t
+    }
+
     /// The state `t` seconds into the phase.
     fn at(&self, t: f64) -> Self {
         Self {

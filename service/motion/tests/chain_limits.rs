@@ -108,8 +108,8 @@ fn plan(
     let mut planner = Planner::<()>::new(PlannerSettings::new(machine, window, period_s));
     for element in elements {
         let limits = path_limits(element, machine, PathMotion::ZERO).expect("nothing is superposed");
-        let stretches = stretches(element, Feed::PerMinute(feed_mm_per_min), &Spindle::STOPPED, machine);
-        planner.push_motion(MotionRequest { element: element.clone(), limits, stretches });
+        let stretches = stretches(element, Feed::PerMinute(feed_mm_per_min), &Spindle::STOPPED, machine, &[(element.length, limits)]);
+        planner.push_motion(MotionRequest::new(element.clone(), stretches));
     }
     planner.finish();
     let motion = |item| match item {

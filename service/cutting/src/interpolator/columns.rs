@@ -96,7 +96,7 @@ impl Interpolator {
                     let profile_length = stretch.profile.length();
                     for value in s {
                         // The end is the planned one, not a sum that may miss it by a bit.
-                        *value = if *value >= profile_length { stretch.end } else { stretch.start + *value };
+                        *value = if *value >= profile_length { stretch.stretch.end } else { stretch.start + *value };
                     }
                     self.emit_motion(block, start, item);
                 }

@@ -360,7 +360,7 @@ impl Interpolator {
         let Some(motion) = state.track.motion(state.track.current_index()) else { return };
         let stretch = &motion.stretches[index];
         let duration_s = stretch.profile.duration();
-        let spindle_rev_per_s = signed(state.spindle, stretch.spindle_rev_per_s);
+        let spindle_rev_per_s = signed(state.spindle, stretch.stretch.spindle_rev_per_s);
         self.activate(ActivityKind::Stretch(index), duration_s, spindle_rev_per_s, After::Continue);
     }
 
@@ -370,7 +370,7 @@ impl Interpolator {
             // The vibration's spindle speed is that of the stretch before.
             ActivityKind::VibratingHold => {
                 let last = self.last_motion().and_then(|motion| motion.stretches.last());
-                last.map_or(0.0, |stretch| signed(self.state.spindle, stretch.spindle_rev_per_s))
+                last.map_or(0.0, |stretch| signed(self.state.spindle, stretch.stretch.spindle_rev_per_s))
             }
             _ => {
                 let rev_per_s = self.state.spindle.rev_per_s(radius_mm).min(self.settings.top_rev_per_s);

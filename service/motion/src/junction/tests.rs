@@ -45,7 +45,7 @@ fn rules() -> JunctionRules {
 #[test]
 fn one_straight_line_in_two_parts_is_no_junction() {
     let [a, b] = [line([0.0; 3], [30.0, 40.0, 0.0]), line([30.0, 40.0, 0.0], [90.0, 120.0, 0.0])];
-    let junction = rules().junction(&a, &b, 123.0).expect("passes");
+    let junction = rules().junction(&a, &b, 123.0, 0.0, true).expect("passes");
     assert_eq!(junction.speed, 123.0);
     assert!(junction.reserve < 1e-9);
 }
@@ -55,11 +55,11 @@ fn a_line_into_an_arc_steps_its_acceleration_within_one_period() {
     // Δp″ = 1/r = 0.1/mm: v² ≤ 0.4·j·T/(0.75·0.1) = 0.4·5e6·1e-3/0.075.
     let [a, b] = [line([-50.0, 0.0, 0.0], [0.0; 3]), quarter(10.0)];
     let fastest = (0.4_f64 * 5e6 * 1e-3 / 0.075).sqrt();
-    let junction = rules().junction(&a, &b, 1e3).expect("passes");
+    let junction = rules().junction(&a, &b, 1e3, 0.0, true).expect("passes");
     assert!((junction.speed - fastest).abs() < 1e-9 * fastest);
     assert!((junction.reserve - 0.4).abs() < 1e-9);
     // At half that speed a quarter of the share is used.
-    let junction = rules().junction(&a, &b, 0.5 * fastest).expect("passes");
+    let junction = rules().junction(&a, &b, 0.5 * fastest, 0.0, true).expect("passes");
     assert_eq!(junction.speed, 0.5 * fastest);
     assert!((junction.reserve - 0.1).abs() < 1e-9);
 }
@@ -69,12 +69,12 @@ fn a_small_change_of_direction_is_passed_slowly_and_a_large_one_not_at_all() {
     let turned = |angle: f64| line([0.0; 3], [50.0 * angle.cos(), 50.0 * angle.sin(), 0.0]);
     let before = line([-50.0, 0.0, 0.0], [0.0; 3]);
     // The step in Y, 5e-4·v: within 0.05·a = 500 mm/s² per period v ≤ 1000; within 0.1·j per period² v ≤ 1000 too.
-    let junction = rules().junction(&before, &turned(5e-4), 2e3).expect("passes");
+    let junction = rules().junction(&before, &turned(5e-4), 2e3, 0.0, true).expect("passes");
     assert!((junction.speed - 1_000.0).abs() < 1e-3, "{}", junction.speed);
-    assert!((junction.reserve - 0.5).abs() < 1e-6);
-    assert!(rules().junction(&before, &turned(1.1e-3), 2e3).is_none());
-    assert!(rules().junction(&before, &turned(3.0), 2e3).is_none());
-    assert!(rules().junction(&before, &turned(core::f64::consts::PI), 2e3).is_none());
+    assert!((junction.reserve - LARGEST_RESERVE).abs() < 1e-6);
+    assert!(rules().junction(&before, &turned(1.1e-3), 2e3, 0.0, true).is_none());
+    assert!(rules().junction(&before, &turned(3.0), 2e3, 0.0, true).is_none());
+    assert!(rules().junction(&before, &turned(core::f64::consts::PI), 2e3, 0.0, true).is_none());
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn junctions_in_quick_succession_count_by_their_rate() {
     let angle = 5e-4_f64;
     let before = line([-0.01, 0.0, 0.0], [0.0; 3]);
     let after = line([0.0; 3], [0.01 * angle.cos(), 0.01 * angle.sin(), 0.0]);
-    let junction = rules().junction(&before, &after, 1e3).expect("passes");
+    let junction = rules().junction(&before, &after, 1e3, 0.0, true).expect("passes");
     assert!((junction.speed - 81.65).abs() < 0.01, "{}", junction.speed);
 }
 
@@ -93,27 +93,27 @@ fn an_axis_the_machine_lacks_does_not_limit() {
     let mut machine = Machine::mill();
     machine.axes.truncate(1);
     let [a, b] = [line([-50.0, 0.0, 0.0], [0.0; 3]), quarter(10.0)];
-    let junction = JunctionRules::new(&machine, PERIOD_S).junction(&a, &b, 50.0).expect("passes");
+    let junction = JunctionRules::new(&machine, PERIOD_S).junction(&a, &b, 50.0, 0.0, true).expect("passes");
     assert!(junction.reserve < 1e-15);
 }
 
 #[test]
 fn the_path_rests_between_rapid_and_cut_at_gaps_and_without_speed() {
     let [a, b] = [line([0.0; 3], [10.0, 0.0, 0.0]), line([10.0, 0.0, 0.0], [20.0, 0.0, 0.0])];
-    assert!(rules().junction(&a, &b, 10.0).is_some());
-    assert!(rules().junction(&a, &b, 0.0).is_none());
-    assert!(rules().junction(&Element { rapid: true, ..a.clone() }, &b, 10.0).is_none());
+    assert!(rules().junction(&a, &b, 10.0, 0.0, true).is_some());
+    assert!(rules().junction(&a, &b, 0.0, 0.0, true).is_none());
+    assert!(rules().junction(&Element { rapid: true, ..a.clone() }, &b, 10.0, 0.0, true).is_none());
     let beyond = line([10.001, 0.0, 0.0], [20.0, 0.0, 0.0]);
-    assert!(rules().junction(&a, &beyond, 10.0).is_none());
+    assert!(rules().junction(&a, &beyond, 10.0, 0.0, true).is_none());
     // The same machine position in other work coordinates is the same place.
     let mut shifted = line([110.0, 0.0, 0.0], [120.0, 0.0, 0.0]);
-    assert!(rules().junction(&a, &shifted, 10.0).is_none());
+    assert!(rules().junction(&a, &shifted, 10.0, 0.0, true).is_none());
     shifted.work_offset[0] = -100.0;
-    assert!(rules().junction(&a, &shifted, 10.0).is_some());
+    assert!(rules().junction(&a, &shifted, 10.0, 0.0, true).is_some());
     // A rotary axis that starts to turn along with the path is a corner.
     let mut turning = mv([10.0, 0.0, 0.0], [20.0, 0.0, 0.0]);
     turning.end[Axis::C.index()] = 1.0;
-    assert!(rules().junction(&a, &element(&turning), 10.0).is_none());
+    assert!(rules().junction(&a, &element(&turning), 10.0, 0.0, true).is_none());
 }
 
 #[test]
