@@ -4,15 +4,16 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use feedwave_motion::{
-    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, Planner, Stretches, missing_axis,
-    path_limits, stretches, travel_exceeded,
+    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed, Stretches,
+    missing_axis, path_limits, stretches, travel_exceeded,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind, PathControl,
-    SourceSpan, Spindle, SpindleSpeed,
+    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
+    PathControl, SourceSpan, Spindle, SpindleSpeed,
 };
 use serde::{Deserialize, Serialize};
 
+use crate::cut::Cut;
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
 use crate::{
     PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
@@ -33,6 +34,7 @@ pub(crate) struct BuilderState {
     /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
     unusable_vibration: bool,
     spindle: Spindle,
+    smoother: PathSmoother<Cut>,
     /// X radius where the last move ended, mm.
     radius_mm: f64,
     feed_limited_reported: bool,
@@ -91,6 +93,8 @@ impl Analysis {
 pub(crate) struct Builder {
     pub(crate) state: BuilderState,
     pub(crate) analysis: Option<Analysis>,
+    /// Elements on their way from the smoother to the planner; empty between operations.
+    smoothed: Vec<Smoothed<Cut>>,
 }
 
 impl Default for BuilderState {
@@ -99,6 +103,7 @@ impl Default for BuilderState {
             vibration: None,
             unusable_vibration: false,
             spindle: Spindle::STOPPED,
+            smoother: PathSmoother::default(),
             radius_mm: 0.0,
             feed_limited_reported: false,
             speed_limit_reported: false,
@@ -108,7 +113,7 @@ impl Default for BuilderState {
 
 impl Builder {
     pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>) -> Self {
-        Self { state, analysis }
+        Self { state, analysis, smoothed: Vec::new() }
     }
 
     /// Handles one operation.
@@ -119,6 +124,11 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
+        if !matches!(&operation.kind, OperationKind::Move(mv) if mv.kind == MoveKind::Cutting) {
+            // Everything but another cut happens on the programmed point, and in the section that it belongs to.
+            self.state.smoother.flush(&mut |smoothed| self.smoothed.push(smoothed));
+            self.run_smoothed(config, planner, findings);
+        }
         match &operation.kind {
             OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
             OperationKind::Dwell(time) => {
@@ -192,20 +202,7 @@ impl Builder {
             findings.push(finding.suggest("remove the word, or add the axis to the machine profile"));
             return;
         }
-        if let Some(exceeded) = travel_exceeded(&element, machine) {
-            let letter = exceeded.axis.letter();
-            let message = format!(
-                "{letter} would reach {:.3}, beyond its travel limit {:.3} (machine coordinates)",
-                exceeded.value, exceeded.limit
-            );
-            let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
-            findings.push(
-                Finding::error("AXIS-TRAVEL", span, message)
-                    .with_value("position", exceeded.value, unit)
-                    .with_value("limit", exceeded.limit, unit)
-                    .suggest("check the work offset and the programmed coordinate"),
-            );
-        }
+        check_travel(&element, machine, findings);
 
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting {
@@ -226,10 +223,49 @@ impl Builder {
             );
             return;
         }
+        self.state.radius_mm = mv.end[0];
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += u64::from(cutting);
+        }
+        let cut = Cut::of(mv, &element);
+        let mut parts = element.smooth_parts().into_iter().peekable();
+        while let Some(part) = parts.next() {
+            // The block stops at its own end only.
+            let stops_within = parts.peek().is_some() && mv.path_control == PathControl::ExactStop;
+            let control = if stops_within { PathControl::ExactPath } else { mv.path_control };
+            self.state.smoother.push(part, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+        }
+        self.run_smoothed(config, planner, findings);
+    }
+
+    /// Plans what came out of the smoother.
+    fn run_smoothed(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        let mut smoothed = std::mem::take(&mut self.smoothed);
+        for smoothed in smoothed.drain(..) {
+            self.run(smoothed, config, planner, findings);
+        }
+        self.smoothed = smoothed;
+    }
+
+    fn run(
+        &mut self,
+        smoothed: Smoothed<Cut>,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let machine = &config.profile.machine;
+        let Smoothed { element, carried: cut, blocks, rest_at_end } = smoothed;
+        let (cutting, span) = (!element.rapid, element.source);
+        if blocks == 0 {
+            // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
+            check_travel(&element, machine, findings);
+        }
         let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
         let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
         let limits = path_limits(&element, machine, superposed);
-        self.analyse(mv, &element, &limits, in_section.is_some(), machine);
+        self.analyse(&cut, &element, &limits, in_section.is_some(), machine);
         let limits = match limits {
             Ok(limits) => limits,
             Err(exceeded) => {
@@ -246,17 +282,13 @@ impl Builder {
             }
         };
         let pieces = [(element.length, limits)];
-        let stretches = stretches(&element, mv.feed, &mv.spindle, machine, &pieces);
+        let stretches = stretches(&element, cut.feed, &cut.spindle, machine, &pieces);
         if cutting {
             self.check_feed(&stretches, &limits, element.length, span, findings);
         }
         // Where the vibration has to wait for a corner, the path rests there.
         let passes_corners = in_section.is_none();
-        planner.push_motion(MotionRequest {
-            rest_at_end: mv.path_control == PathControl::ExactStop,
-            passes_corners,
-            ..MotionRequest::new(element, stretches)
-        });
+        planner.push_motion(MotionRequest { rest_at_end, passes_corners, ..MotionRequest::new(element, stretches) });
     }
 
     fn switch_vibration(
@@ -334,24 +366,21 @@ impl Builder {
 
     fn analyse(
         &mut self,
-        mv: &Move,
+        cut: &Cut,
         element: &Element,
         limits: &Result<PathLimits, LimitExceeded>,
         in_section: bool,
         machine: &Machine,
     ) {
-        self.state.radius_mm = mv.end[0];
         let Some(analysis) = &mut self.analysis else { return };
-        analysis.moves += 1;
         analysis.path_length_mm += element.length;
-        if mv.kind != MoveKind::Cutting {
+        if element.rapid {
             return;
         }
-        analysis.cutting_moves += 1;
         analysis.cutting_length_mm += element.length;
-        if mv.spindle.is_turning() {
+        if cut.spindle.is_turning() {
             for radius_mm in element.radius_range_mm() {
-                let speed = (mv.spindle.rev_per_s(radius_mm) * 60.0).min(machine.max_spindle_rev_per_min);
+                let speed = (cut.spindle.rev_per_s(radius_mm) * 60.0).min(machine.max_spindle_rev_per_min);
                 let [least, most] = analysis.spindle_rev_per_min.get_or_insert([speed; 2]);
                 *least = least.min(speed);
                 *most = most.max(speed);
@@ -359,7 +388,7 @@ impl Builder {
         }
         if in_section {
             if let Some(open) = &mut analysis.open {
-                open.add_element(element, mv.feed, &mv.spindle, limits, analysis.previous.as_ref());
+                open.add_element(element, cut.feed, &cut.spindle, limits, analysis.previous.as_ref());
             }
             analysis.previous = Some(element.clone());
         }
@@ -438,6 +467,23 @@ impl Builder {
                     .suggest_value("program what the axes can follow", None, "feed", allowed, "mm/min"),
             );
         }
+    }
+}
+
+fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
+    if let Some(exceeded) = travel_exceeded(element, machine) {
+        let letter = exceeded.axis.letter();
+        let message = format!(
+            "{letter} would reach {:.3}, beyond its travel limit {:.3} (machine coordinates)",
+            exceeded.value, exceeded.limit
+        );
+        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
+        findings.push(
+            Finding::error("AXIS-TRAVEL", element.source, message)
+                .with_value("position", exceeded.value, unit)
+                .with_value("limit", exceeded.limit, unit)
+                .suggest("check the work offset and the programmed coordinate"),
+        );
     }
 }
 

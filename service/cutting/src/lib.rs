@@ -7,6 +7,7 @@
 
 mod builder;
 mod chip;
+mod cut;
 mod following;
 mod interpolator;
 mod path_vibration;

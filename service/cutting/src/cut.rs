@@ -1,0 +1,53 @@
+//! What a cutting block asks for besides its path.
+
+use feedwave_motion::{Carried, Element};
+use feedwave_program::{Feed, Move, Spindle};
+use serde::{Deserialize, Serialize};
+
+/// Feed and spindle of a block; of a rapid, too, where the feed means nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Cut {
+    /// Per minute or per revolution.
+    pub(crate) feed: Feed,
+    pub(crate) spindle: Spindle,
+}
+
+impl Cut {
+    /// Those of a block. Inverse time becomes the feed that it means on the programmed length: what is run may be shorter.
+    pub(crate) fn of(mv: &Move, element: &Element) -> Self {
+        let feed = match mv.feed {
+            Feed::InverseTime(per_min) => Feed::PerMinute(element.length * per_min),
+            feed => feed,
+        };
+        Self { feed, spindle: mv.spindle }
+    }
+}
+
+impl Carried for Cut {
+    /// The slower feed, under one spindle command; feeds of different kinds are not compared.
+    fn at_corner(&self, next: &Self) -> Option<Self> {
+        let feed = match (self.feed, next.feed) {
+            (Feed::PerMinute(a), Feed::PerMinute(b)) => Feed::PerMinute(a.min(b)),
+            (Feed::PerRevolution(a), Feed::PerRevolution(b)) => Feed::PerRevolution(a.min(b)),
+            _ => return None,
+        };
+        (self.spindle == next.spindle).then_some(Self { feed, ..*self })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cut(feed: Feed) -> Cut {
+        Cut { feed, spindle: Spindle::STOPPED }
+    }
+
+    #[test]
+    fn corners_have_the_slower_feed_of_one_kind() {
+        let at_corner = |a: Feed, b: Feed| cut(a).at_corner(&cut(b)).map(|cut| cut.feed);
+        assert_eq!(at_corner(Feed::PerMinute(100.0), Feed::PerMinute(50.0)), Some(Feed::PerMinute(50.0)));
+        assert_eq!(at_corner(Feed::PerRevolution(0.1), Feed::PerRevolution(0.2)), Some(Feed::PerRevolution(0.1)));
+        assert_eq!(at_corner(Feed::PerMinute(100.0), Feed::PerRevolution(0.2)), None);
+    }
+}
