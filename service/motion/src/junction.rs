@@ -20,7 +20,8 @@ use feedwave_program::{AXIS_COUNT, Position};
 use serde::{Deserialize, Serialize};
 
 use crate::tolerance::{
-    BEND_JERK_SHARE, KINK_ACCELERATION_SHARE, KINK_JERK_SHARE, KINK_RAMP_SHARE, LARGEST_RESERVE, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
+    BEND_JERK_SHARE, KINK_ACCELERATION_SHARE, KINK_JERK_SHARE, KINK_RAMP_SHARE, LARGEST_RESERVE, SAME_POINT_MM,
+    TANGENT_TOLERANCE_RAD,
 };
 use crate::{Element, Machine};
 
@@ -32,7 +33,7 @@ pub(crate) struct JunctionRules {
     per_acceleration: Position,
     /// Per axis 1/(largest jerk), s³/mm; 0 where the machine has no such axis.
     per_jerk: Position,
-    /// Per axis the largest step of its velocity at a corner, mm/s; infinite where the machine has no such axis.
+    /// Per axis the largest step of its velocity at a corner, mm/s; 0 where the machine has no such axis.
     velocity_step: Position,
 }
 
@@ -43,15 +44,15 @@ pub(crate) struct Junction {
     pub(crate) speed: f64,
     /// Share of acceleration and jerk that the elements on both sides leave to it.
     pub(crate) reserve: f64,
-    /// Whether the path must not accelerate through it.
-    pub(crate) is_flat: bool,
+    /// Largest acceleration along the path through it, mm/s²; 0 where there must be none.
+    pub(crate) acceleration: f64,
 }
 
 impl Junction {
     /// Where the path rests.
-    pub(crate) const REST: Self = Self { speed: 0.0, reserve: 0.0, is_flat: true };
+    pub(crate) const REST: Self = Self { speed: 0.0, reserve: 0.0, acceleration: 0.0 };
     /// Inside an element: nothing changes.
-    pub(crate) const NONE: Self = Self { speed: f64::INFINITY, reserve: 0.0, is_flat: false };
+    pub(crate) const NONE: Self = Self { speed: f64::INFINITY, reserve: 0.0, acceleration: f64::INFINITY };
 }
 
 impl JunctionRules {
@@ -60,14 +61,16 @@ impl JunctionRules {
             period_s,
             per_acceleration: [0.0; AXIS_COUNT],
             per_jerk: [0.0; AXIS_COUNT],
-            velocity_step: [f64::INFINITY; AXIS_COUNT],
+            velocity_step: [0.0; AXIS_COUNT],
         };
         // Two axes that carry out the same program axis together are limited by the weaker one.
         for axis in &machine.axes {
             let index = axis.axis.index();
+            let is_first = rules.per_jerk[index] == 0.0;
+            let other_step = if is_first { f64::INFINITY } else { rules.velocity_step[index] };
+            rules.velocity_step[index] = axis.max_velocity_step_per_s.min(other_step);
             rules.per_acceleration[index] = rules.per_acceleration[index].max(1.0 / axis.max_acceleration_per_s2);
             rules.per_jerk[index] = rules.per_jerk[index].max(1.0 / axis.max_jerk_per_s3);
-            rules.velocity_step[index] = rules.velocity_step[index].min(axis.max_velocity_step_per_s);
         }
         rules
     }
@@ -108,7 +111,7 @@ impl JunctionRules {
         }
         if square > TANGENT_TOLERANCE_RAD * TANGENT_TOLERANCE_RAD {
             let passes = passes_corners && !from.rapid && corner_speed > 0.0;
-            return passes.then_some(Junction { speed: corner_speed, reserve: 0.0, is_flat: true });
+            return passes.then_some(Junction { speed: corner_speed, reserve: 0.0, acceleration: 0.0 });
         }
 
         let period_s = self.period_s;
@@ -123,15 +126,16 @@ impl JunctionRules {
             .min(libm::cbrt(BEND_JERK_SHARE * length / bend_jerk));
 
         let per_s = speed / length;
-        // What the path's own acceleration steps by in the direction of an axis.
-        let ramp_jerk = acceleration * kink_jerk * per_s.max(1.0 / period_s);
-        let is_flat = ramp_jerk > KINK_RAMP_SHARE;
+        // The path's own acceleration steps in the direction of an axis, too.
+        let ramp_jerk_per_acceleration = kink_jerk * per_s.max(1.0 / period_s);
+        let top_acceleration = KINK_RAMP_SHARE / ramp_jerk_per_acceleration;
+        let ramp_jerk = acceleration.min(top_acceleration) * ramp_jerk_per_acceleration;
         let acceleration = speed * kink_acceleration * per_s.max(1.0 / period_s);
         let jerk = speed * kink_jerk * (1.5 * per_s).max(1.0 / period_s) / period_s
             + speed * speed * bend_jerk * per_s.max(0.75 / period_s)
-            + if is_flat { 0.0 } else { ramp_jerk };
+            + ramp_jerk;
         let reserve = jerk.max(acceleration * (LARGEST_RESERVE / KINK_ACCELERATION_SHARE)).min(LARGEST_RESERVE);
-        (speed > 0.0).then_some(Junction { speed, reserve, is_flat })
+        (speed > 0.0).then_some(Junction { speed, reserve, acceleration: top_acceleration })
     }
 }
 

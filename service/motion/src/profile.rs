@@ -429,7 +429,9 @@ impl ProfilePart {
     /// Path position from its start, speed, acceleration and jerk at local time `t_s`; the ends beyond them.
     #[must_use]
     pub fn state(&self, t_s: f64) -> (f64, f64, f64, f64) {
-        let (s, v, a, j) = self.profile.state((self.start.1 + t_s.max(0.0)).min(self.end.1));
+        // A sum could miss the end by a bit.
+        let time_s = if t_s >= self.duration() { self.end.1 } else { self.start.1 + t_s.max(0.0) };
+        let (s, v, a, j) = self.profile.state(time_s);
         ((s - self.start.0).clamp(0.0, self.length()), v, a, j)
     }
 

@@ -59,8 +59,7 @@ pub(crate) const TIME_PRECISION: f64 = 1e-15;
 /// [`SURFACE_SPEED_STEP`], so that the feed per revolution stays exact under constant surface speed.
 pub(crate) const SAME_COMMAND: f64 = 2e-3;
 
-/// Share of an axis' jerk that the change of direction at a junction may use where the path accelerates through it;
-/// beyond it the acceleration ends there.
+/// Share of an axis' jerk that the change of direction at a junction may use where the path accelerates through it.
 pub(crate) const KINK_RAMP_SHARE: f64 = 0.05;
 
 /// Share of an axis' acceleration that the change of direction at a tangent junction may use. The elements beside it
@@ -71,7 +70,7 @@ pub(crate) const KINK_JERK_SHARE: f64 = 0.1;
 /// Share of an axis' jerk that the change of curvature at a tangent junction may use. Together with the change of
 /// direction, u ≤ 0.5, it stays within what a curve's elements leave when their feed changes with (1 − u) of its
 /// limits: √((0.8·(1 − u) + 0.4·u)² + (0.6·(1 − u) + u)²) ≤ 1.
-pub(crate) const BEND_JERK_SHARE: f64 = 0.4;
+pub(crate) const BEND_JERK_SHARE: f64 = 0.35;
 /// Most that the elements beside a junction leave free for it.
 pub(crate) const LARGEST_RESERVE: f64 = KINK_JERK_SHARE + BEND_JERK_SHARE + KINK_RAMP_SHARE;
 
@@ -96,8 +95,10 @@ pub(crate) const SPLINE_STRAIGHT_MM: f64 = 1e-12;
 pub(crate) const SPLINE_BEND: f64 = 1e-6;
 /// Share of an axis' jerk that turning alone may use on a spline; see `limits::pieces`.
 pub(crate) const SPLINE_TURNING_JERK_SHARE: f64 = 0.25;
-/// Part of the time that one set of limits for a stretch of a spline may cost a part of it.
-pub(crate) const LIMIT_SLOWDOWN: f64 = 0.1;
+/// Part of its time that half a stretch of a spline must gain by limits of its own for the stretch to be halved.
+pub(crate) const LIMIT_GAIN: f64 = 0.03;
+/// Part of its time that a stretch of a spline may lose by limits in common with its neighbours.
+pub(crate) const LIMIT_SLOWDOWN: f64 = 0.07;
 /// Most times that a polynomial piece of a spline is halved for its limits.
 pub(crate) const LIMIT_HALVINGS: u32 = 5;
 /// Most pieces with limits of their own of one element.

@@ -1,7 +1,7 @@
 //! The planner over its window's edge: short elements, fixed entry speeds, snapshots.
 
 use feedwave_motion::{
-    Element, Machine, MotionRequest, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings, Stretch,
+    Element, Machine, MotionRequest, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings, ProfilePart, Stretch,
 };
 use feedwave_program::{Feed, Move, MoveKind, PathControl, SourceSpan, Spindle};
 use proptest::prelude::*;
@@ -35,9 +35,9 @@ fn requests(pieces: &[(f64, f64, f64, u32)]) -> Vec<MotionRequest> {
             // Alternately faster and slower, as with a changing spindle speed.
             speed_mm_per_s: speed_mm_per_s * if part.is_multiple_of(2) { 1.01 } else { 1.0 },
             spindle_rev_per_s: f64::from(part),
+            limits: PathLimits { velocity: 800.0, acceleration, jerk: 30.0 * acceleration },
         };
-        let limits = PathLimits { velocity: 800.0, acceleration, jerk: 30.0 * acceleration };
-        requests.push(MotionRequest { element, limits, stretches: (1..=parts).map(stretch).collect() });
+        requests.push(MotionRequest::new(element, (1..=parts).map(stretch).collect()));
     }
     requests
 }
@@ -76,31 +76,50 @@ fn duration_s(motions: &[PlannedMotion]) -> f64 {
     motions.iter().flat_map(|motion| &motion.stretches).map(|stretch| stretch.profile.duration()).sum()
 }
 
-/// Every profile really does what it promises: it brakes and accelerates within its length.
+/// Speeds at the start and end of a part of a profile.
+fn end_speeds(profile: &ProfilePart) -> [f64; 2] {
+    [profile.state(0.0).1, profile.state(profile.duration()).1]
+}
+
+/// Every profile really does what it promises: it brakes and accelerates within its length, and its parts follow one
+/// another without a step of speed or acceleration.
 fn check(requests: &[MotionRequest], motions: &[PlannedMotion]) -> Result<(), TestCaseError> {
     prop_assert_eq!(requests.len(), motions.len());
-    let mut speed = 0.0;
+    let mut before = (0.0, 0.0);
     for (request, motion) in requests.iter().zip(motions) {
         prop_assert_eq!(request.stretches.len(), motion.stretches.len());
-        for (wanted, stretch) in request.stretches.iter().zip(&motion.stretches) {
-            let profile = &stretch.profile;
-            prop_assert_eq!(profile.start_velocity().to_bits(), f64::to_bits(speed));
-            speed = profile.end_velocity();
-            let top = wanted.speed_mm_per_s.min(request.limits.velocity);
-            prop_assert!(profile.peak_velocity() <= top * (1.0 + 1e-9), "{} of {top}", profile.peak_velocity());
-            // An impossible change would be cut off at the length long before the time is over.
-            let just_before_s = profile.duration() * (1.0 - 1e-12);
-            let (s, v, _, _) = profile.state(just_before_s);
-            let slack_mm = 1e-8 * profile.length() + 1e-12 * profile.peak_velocity() * profile.duration();
-            prop_assert!((profile.length() - s).abs() <= slack_mm, "at {s} of {}", profile.length());
-            prop_assert!((v - speed).abs() <= 1e-6 * profile.peak_velocity(), "with {v} instead of {speed}");
-            if profile.length() > 1e-9 {
-                let early = profile.state(profile.duration() * 0.999).0;
-                prop_assert!(early < profile.length() || profile.end_velocity() == 0.0, "arrives early");
+        let mut at = 0.0;
+        for (wanted, planned) in request.stretches.iter().zip(&motion.stretches) {
+            prop_assert_eq!(planned.start, at);
+            prop_assert_eq!(planned.stretch, *wanted);
+            at = wanted.end;
+            let profile = &planned.profile;
+            prop_assert!((profile.length() - (wanted.end - planned.start)).abs() <= 1e-9 * profile.whole().length());
+            let (_, v, a, _) = profile.state(0.0);
+            // Positions on a run round to its length's ulps, where the acceleration changes by jerk times time.
+            let rounding_s = 1e-12 * profile.whole().duration();
+            let top = wanted.speed_mm_per_s.min(wanted.limits.velocity);
+            prop_assert!((v - before.0).abs() <= 1e-6 * top, "speed {v} after {}", before.0);
+            let step = 1e-6 * wanted.limits.acceleration + wanted.limits.jerk * rounding_s;
+            prop_assert!((a - before.1).abs() <= step, "acceleration {a} after {}", before.1);
+            for k in 0..=16 {
+                let (_, v, a, j) = profile.state(profile.duration() * (f64::from(k) / 16.0));
+                prop_assert!(v <= top * (1.0 + 1e-9), "{v} of {top}");
+                prop_assert!(a.abs() <= wanted.limits.acceleration * (1.0 + 1e-9));
+                prop_assert!(j.abs() <= wanted.limits.jerk * (1.0 + 1e-9));
+                before = (v, a);
             }
+            // An impossible change would be cut off at the length long before the time is over.
+            let whole = profile.whole();
+            let (s, v, _, _) = whole.state(whole.duration() * (1.0 - 1e-12));
+            let slack_mm = 1e-8 * whole.length() + 1e-12 * whole.peak_velocity() * whole.duration();
+            prop_assert!((whole.length() - s).abs() <= slack_mm, "at {s} of {}", whole.length());
+            let exit = whole.end_velocity();
+            prop_assert!((v - exit).abs() <= 1e-6 * whole.peak_velocity(), "with {v} instead of {exit}");
         }
+        prop_assert_eq!(at, request.element.length);
     }
-    prop_assert_eq!(speed, 0.0);
+    prop_assert_eq!(before.0, 0.0);
     Ok(())
 }
 
@@ -156,16 +175,28 @@ fn a_window_with_room_to_stop_costs_no_time() {
     // 300 mm as one piece, at 50 mm/s, a 1000, j 30 000: each change takes 50/1000 + 1/30 s at half the speed.
     let whole = duration_s(&plan(&requests(&[(300.0, 50.0, 1_000.0, 1)]), 1_000));
     assert!((whole - (300.0 / 50.0 + 50.0 / 1_000.0 + 1.0 / 30.0)).abs() < 1e-9);
-    // In pieces every change of speed ends at a piece's end, which takes longer; but only near the path's two ends.
+    // In pieces it takes as long: acceleration carries on from one into the next.
     let pieces = requests(&[(0.1, 50.0, 1_000.0, 1); 3_000]);
     let all_known = duration_s(&plan(&pieces, 4_000));
-    assert!(all_known > whole);
-    // Within a piece of 0.1 mm the speed changes by j·(0.1/2v)² = 75/v², so that stopping takes 50³/225 = 556 pieces:
-    // with so many always ahead, nothing is lost.
-    let windowed = duration_s(&plan(&pieces, 1_200));
-    assert!((windowed - all_known).abs() <= 1e-6 * all_known, "{windowed} for {all_known}");
+    assert!((all_known - whole).abs() <= 1e-9, "{all_known} for {whole}");
+    // A change of speed takes 50/2·(50/1000 + 1/30) mm, 21 pieces: with so many always ahead, nothing is lost.
+    let windowed = duration_s(&plan(&pieces, 100));
+    assert!((windowed - whole).abs() <= 1e-9, "{windowed} for {whole}");
     // With hardly any it is slower, and still arrives.
-    assert!(duration_s(&plan(&pieces, 10)) > 1.2 * all_known);
+    assert!(duration_s(&plan(&pieces, 10)) > 1.2 * whole);
+}
+
+#[test]
+fn stretches_under_slightly_different_limits_share_a_run_and_a_change_of_feed_divides() {
+    let time = |pieces: &[(f64, f64, f64, u32)]| duration_s(&plan(&requests(pieces), 1_000));
+    // Every other piece has a tenth less acceleration: no slower than all of them with the lesser one.
+    let mixed: Vec<_> = (0..1_000).map(|k| (0.1, 50.0, if k % 2 == 0 { 1_000.0 } else { 900.0 }, 1)).collect();
+    let least = time(&[(100.0, 50.0, 900.0, 1)]);
+    assert!((time(&mixed) - least).abs() < 1e-9, "{} for {least}", time(&mixed));
+    // The feed changes in the middle, where it is programmed, and is reached on both sides.
+    let changed = plan(&requests(&[(100.0, 50.0, 1_000.0, 1), (100.0, 49.0, 1_000.0, 1)]), 1_000);
+    let peaks: Vec<f64> = changed.iter().map(|motion| motion.stretches[0].profile.whole().peak_velocity()).collect();
+    assert_eq!(peaks, [50.0, 49.0]);
 }
 
 #[test]
@@ -187,12 +218,12 @@ fn barriers_come_out_in_order_and_make_the_path_rest() {
     let speeds = |item: &Planned<u32>| match item {
         Planned::Motion(motion) => {
             let profile = &motion.stretches[0].profile;
-            Some((profile.start_velocity() > 0.0, profile.end_velocity() > 0.0, motion.tangent_end))
+            Some(end_speeds(profile).map(|speed| speed > 0.0))
         }
         Planned::Barrier(_) => None,
     };
     let found: Vec<_> = items.iter().map(speeds).collect();
-    let (first, last) = (Some((false, true, true)), Some((true, false, false)));
+    let (first, last) = (Some([false, true]), Some([true, false]));
     assert_eq!(found, [first, last, None, None, first, last]);
     assert_eq!((&items[2], &items[3]), (&Planned::Barrier(1), &Planned::Barrier(2)));
 }

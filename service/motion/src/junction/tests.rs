@@ -52,16 +52,16 @@ fn one_straight_line_in_two_parts_is_no_junction() {
 
 #[test]
 fn a_line_into_an_arc_steps_its_acceleration_within_one_period() {
-    // Δp″ = 1/r = 0.1/mm: v² ≤ 0.4·j·T/(0.75·0.1) = 0.4·5e6·1e-3/0.075.
+    // Δp″ = 1/r = 0.1/mm: v² ≤ 0.35·j·T/(0.75·0.1) = 0.35·5e6·1e-3/0.075.
     let [a, b] = [line([-50.0, 0.0, 0.0], [0.0; 3]), quarter(10.0)];
-    let fastest = (0.4_f64 * 5e6 * 1e-3 / 0.075).sqrt();
+    let fastest = (0.35_f64 * 5e6 * 1e-3 / 0.075).sqrt();
     let junction = rules().junction(&a, &b, 1e3, 0.0, true).expect("passes");
     assert!((junction.speed - fastest).abs() < 1e-9 * fastest);
-    assert!((junction.reserve - 0.4).abs() < 1e-9);
+    assert!((junction.reserve - 0.35).abs() < 1e-9);
     // At half that speed a quarter of the share is used.
     let junction = rules().junction(&a, &b, 0.5 * fastest, 0.0, true).expect("passes");
     assert_eq!(junction.speed, 0.5 * fastest);
-    assert!((junction.reserve - 0.1).abs() < 1e-9);
+    assert!((junction.reserve - 0.35 / 4.0).abs() < 1e-9);
 }
 
 #[test]

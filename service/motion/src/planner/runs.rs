@@ -104,14 +104,14 @@ impl Run {
 
     /// The run with the next stretch.
     fn with(&self, node: &Node) -> Self {
-        let junction = node.entry.speed;
+        let Junction { speed: junction, acceleration, .. } = node.entry;
         let (a, b) = (&self.limits, &node.limits);
         Self {
             count: self.count + 1,
             length: self.length + node.length,
             limits: PathLimits {
                 velocity: a.velocity.min(b.velocity).min(junction),
-                acceleration: a.acceleration.min(b.acceleration),
+                acceleration: a.acceleration.min(b.acceleration).min(acceleration),
                 jerk: a.jerk.min(b.jerk),
             },
             hard_velocity: self.hard_velocity.min(node.hard_velocity).min(junction),
@@ -128,7 +128,7 @@ impl Run {
 
     /// Whether the next stretch joins this run; then the run with it.
     fn joined_by(&self, node: &Node) -> Option<Self> {
-        if node.entry.is_flat || self.follows_override != node.follows_override {
+        if node.entry.acceleration == 0.0 || self.follows_override != node.follows_override {
             return None;
         }
         // A programmed change of feed takes place where it is programmed.
@@ -142,17 +142,18 @@ impl Run {
         let velocity = joined.usual_velocity;
         let traverse_s = joined.length / velocity;
         let (ramp_s, best_ramp_s) = (acceleration / jerk, joined.best.acceleration / joined.best.jerk);
-        let slower_change_s = velocity / acceleration - velocity / joined.best.acceleration + (ramp_s - best_ramp_s).max(0.0);
-        let lost_s = traverse_s - joined.ideal_s + slower_change_s.min(traverse_s);
-        // A run that has room to cruise divides at the price of a small change of speed only.
+        let slower_change_s =
+            velocity / acceleration - velocity / joined.best.acceleration + (ramp_s - best_ramp_s).max(0.0);
+        let slower_travel_s = traverse_s - joined.ideal_s - SOLVER_SLACK * traverse_s;
+        if slower_travel_s + slower_change_s.min(traverse_s) > ramp_s {
+            return None;
+        }
+        // With room to cruise, a lower speed is reached at the price of a small change of speed.
         let cruising_mm = velocity * (velocity / acceleration + ramp_s);
-        let divided_s = if self.length.max(node.length) >= cruising_mm {
-            let step = (self.usual_velocity - node.usual_velocity).abs();
-            (2.0 * step * (step / jerk).sqrt() / velocity).min(ramp_s)
-        } else {
-            ramp_s
-        };
-        (lost_s <= divided_s + SOLVER_SLACK * traverse_s).then_some(joined)
+        let step = self.usual_velocity.max(node.usual_velocity) - velocity;
+        let divides = self.length.max(node.length) >= cruising_mm
+            && slower_travel_s > 2.0 * step * (step / jerk).sqrt() / velocity;
+        (!divides).then_some(joined)
     }
 
     /// The limits with the largest velocity whatever is commanded.
