@@ -2,23 +2,31 @@
 //!
 //! Both elements are cut back by the same arc length d, and a quintic Bézier curve joins the cuts with the direction
 //! and the curvature of the elements there. With unit tangent τ and curvature vector κ at a cut, its three control
-//! points on that side are (a = 3/8·d)
+//! points on that side are
 //!
 //! ```text
-//! P0     P0 + a·τ     P0 + 2a·τ + 5/4·a²·κ
+//! P0     P0 + a·τ     P0 + b·τ + 5/4·a²·κ          a = (1 − u₁)·d, b = (1 − u₂)·d
 //! ```
 //!
-//! since B′ = 5·(P1 − P0) and B″ = 20·(P2 − 2·P1 + P0) there, and the part of B″ across τ has to be |B′|²·κ. The share
-//! 3/8 keeps the largest curvature and its rate of change, both at a given deviation, within a fifth of the least
-//! possible for corners up to a right angle.
+//! since B′ = 5·(P1 − P0) and B″ = 20·(P2 − 2·P1 + P0) there, and the part of B″ across τ has to be |B′|²·κ.
 //!
-//! **Deviation between lines.** With the corner at the origin and the control points at −u·τ₀ and u·τ₁,
-//! u = d·(1, 5/8, 1/4), a curve point is −A·τ₀ + D·τ₁, where D collects the weights of the last three points. Against
-//! the path point −(A − D)·τ₀ of the first half it is off by D·|τ₁ − τ₀| = 2·D·sin(θ/2) for a deflection θ. D grows with
-//! the curve's parameter, so the largest is that of the middle, where the path point is the corner itself:
+//! **Shape.** The shares u₁ and u₂ are how far P1 and P2 lie from a corner between lines. What passing a corner takes,
+//! at the speed at which the third derivative of the curve reaches a given jerk, was minimised over both for deflections
+//! from 30° to 150° at the same deviation; with σ = sin²(θ/2) the fit
 //!
 //! ```text
-//! ε = 2·sin(θ/2)·(1 + 5·5/8 + 10·1/4)/32·d = 53/128·sin(θ/2)·d
+//! u₁ = 0.6 + 0.15·σ²          u₂ = 0.15 + 0.1·σ + 0.4·σ²
+//! ```
+//!
+//! is within some percent of the least everywhere: the sharper the corner, the closer the points to it.
+//!
+//! **Deviation between lines.** With the corner at the origin and the control points at −u·τ₀ and u·τ₁, u = d, u₁·d and
+//! u₂·d, a curve point is −A·τ₀ + D·τ₁, where D collects the weights of the last three points. Against the path point
+//! −(A − D)·τ₀ of the first half it is off by D·|τ₁ − τ₀| = 2·D·sin(θ/2) for a deflection θ. D grows with the curve's
+//! parameter, so the largest is that of the middle, where the path point is the corner itself:
+//!
+//! ```text
+//! ε = (1 + 5·u₁ + 10·u₂)/16·sin(θ/2)·d
 //! ```
 //!
 //! and every path point has a curve point as near (a bound of the Fréchet distance). **Between curves** the same pairs
@@ -38,10 +46,6 @@ const LEAST_CUT_MM: f64 = 1e-4;
 /// Largest angle that an element turns in the length cut from it, rad, by its curvature at the corner: the curve is
 /// then close to the one between lines.
 const LARGEST_TURN_RAD: f64 = 0.5;
-/// Distance of the first two control points, and of the second two along the tangent, as a share of the cut.
-const POINT_SPACING: f64 = 0.375;
-/// Deviation between lines as a share of d·sin(θ/2).
-const LINE_DEVIATION: f64 = 53.0 / 128.0;
 /// What of the tolerance is left unused, mm: positions on splines and on the elements are exact to 1e-9 mm.
 const UNUSED_TOLERANCE_MM: f64 = 2e-9;
 /// Part of the tolerance used where deviations are sampled: the largest lies between two samples, each at most
@@ -55,10 +59,83 @@ const MAX_TRIES: usize = 12;
 /// Control points of a quintic Bézier curve, mm.
 pub(super) type ControlPoints = [Vector; 6];
 
-/// Length to cut from both elements where they meet, mm; `None` where the corner has to stay.
+/// How a corner is rounded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rounding {
+    /// What is cut from both elements where they meet, mm.
+    pub(super) cut_mm: f64,
+    shape: Shape,
+}
+
+/// Distances of the second and third control point from a corner between lines, as shares of the cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Shape {
+    second: f64,
+    third: f64,
+}
+
+impl Shape {
+    /// The shape for a corner with the sine of half its deflection.
+    fn of(half_sine: f64) -> Self {
+        let square = half_sine * half_sine;
+        Self { second: 0.6 + 0.15 * square * square, third: 0.15 + (0.1 + 0.4 * square) * square }
+    }
+
+    /// Deviation between lines as a share of d·sin(θ/2).
+    fn deviation(&self) -> f64 {
+        (1.0 + 5.0 * self.second + 10.0 * self.third) / 16.0
+    }
+}
+
+impl Rounding {
+    /// The curve from the end of one element, cut back already, to the start of the other.
+    pub(super) fn curve(&self, before: &Element, after: &Element) -> ControlPoints {
+        self.control_points(Joint::of(before, before.length), Joint::of(after, 0.0))
+    }
+
+    fn control_points(&self, from: Joint, to: Joint) -> ControlPoints {
+        let [near, far] = [(1.0 - self.shape.second) * self.cut_mm, (1.0 - self.shape.third) * self.cut_mm];
+        let second = |joint: Joint, near: f64| sum(joint.point, scaled(joint.tangent, near));
+        let third = |joint: Joint, far: f64| {
+            sum(sum(joint.point, scaled(joint.tangent, far)), scaled(joint.curvature, 1.25 * near * near))
+        };
+        [from.point, second(from, near), third(from, far), third(to, -far), second(to, -near), to.point]
+    }
+
+    /// Largest distance of the curve from the path point that belongs to each of its points, at samples.
+    fn sampled_deviation(&self, points: &ControlPoints, before: &Element, after: &Element) -> f64 {
+        let mut largest = 0.0_f64;
+        for (element, points, is_before) in [(before, *points, true), (after, reversed(points), false)] {
+            let mut s = [0.0; HALF_SAMPLES];
+            let mut curve = [[0.0; 3]; HALF_SAMPLES];
+            for (index, (s, curve)) in s.iter_mut().zip(&mut curve).enumerate() {
+                let weights = bernstein(0.5 * (index + 1) as f64 / HALF_SAMPLES as f64);
+                // (A − D)/d: how far from the corner, from 1 at the cut to 0 in the middle of the curve.
+                let shares = [1.0, self.shape.second, self.shape.third];
+                let share: f64 = (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum();
+                let from_corner_mm = share * self.cut_mm;
+                *s = if is_before { element.length - from_corner_mm } else { from_corner_mm };
+                *curve =
+                    weights.iter().zip(&points).fold([0.0; 3], |at, (&weight, &point)| sum(at, scaled(point, weight)));
+            }
+            let mut squares = [0.0; HALF_SAMPLES];
+            for (index, axis) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
+                let mut path = [0.0; HALF_SAMPLES];
+                element.fill_axis(axis, &s, &mut path);
+                for ((square, path), curve) in squares.iter_mut().zip(&path).zip(&curve) {
+                    *square += (curve[index] - path) * (curve[index] - path);
+                }
+            }
+            largest = squares.into_iter().fold(largest, f64::max);
+        }
+        largest.sqrt()
+    }
+}
+
+/// How to round the corner between two elements; `None` where it has to stay.
 ///
 /// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut.
-pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64) -> Option<f64> {
+pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64) -> Option<Rounding> {
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     if norm(difference(to.point, from.point)) > SAME_POINT_MM {
         return None;
@@ -71,8 +148,9 @@ pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut
         return None;
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
-    let for_lines = tolerance_mm / (LINE_DEVIATION * 0.5 * kink);
-    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CUT_MM).then_some(cut_mm);
+    let shape = Shape::of(0.5 * kink);
+    let for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
+    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CUT_MM).then_some(Rounding { cut_mm, shape });
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
         return is_enough(for_lines.min(most_cut_mm));
     }
@@ -80,16 +158,16 @@ pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut
     let curvature = norm(from.curvature).max(norm(to.curvature));
     let most_cut_mm = most_cut_mm.min(LARGEST_TURN_RAD / curvature);
     let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;
-    let mut good: Option<f64> = None;
+    let mut good: Option<Rounding> = None;
     let mut bad = f64::INFINITY;
     let mut cut_mm = (for_lines * USED_SAMPLED_TOLERANCE).min(most_cut_mm);
     for _ in 0..MAX_TRIES {
-        is_enough(cut_mm)?;
-        let points = control_points(Joint::of(before, before.length - cut_mm), Joint::of(after, cut_mm), cut_mm);
+        let rounding = is_enough(cut_mm)?;
+        let points = rounding.control_points(Joint::of(before, before.length - cut_mm), Joint::of(after, cut_mm));
         let deviation_mm =
-            if is_forward(&points) { sampled_deviation(&points, before, after, cut_mm) } else { f64::INFINITY };
+            if is_forward(&points) { rounding.sampled_deviation(&points, before, after) } else { f64::INFINITY };
         if deviation_mm <= tolerance_mm {
-            good = Some(cut_mm);
+            good = Some(rounding);
             if cut_mm >= most_cut_mm || deviation_mm > 0.9 * tolerance_mm {
                 break;
             }
@@ -99,7 +177,7 @@ pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut
         // Deviations grow about in proportion to the cut; aim a little below the tolerance.
         let step = (0.97 * tolerance_mm / deviation_mm).clamp(0.25, 4.0);
         let next = (cut_mm * step).min(most_cut_mm);
-        if next >= bad || good.is_some_and(|good| next <= good) {
+        if next >= bad || good.is_some_and(|good| next <= good.cut_mm) {
             if good.is_some() {
                 break;
             }
@@ -109,11 +187,6 @@ pub(super) fn cut(before: &Element, after: &Element, tolerance_mm: f64, most_cut
         }
     }
     good
-}
-
-/// The curve from the end of one element, cut back already, to the start of the other.
-pub(super) fn curve(before: &Element, after: &Element, cut_mm: f64) -> ControlPoints {
-    control_points(Joint::of(before, before.length), Joint::of(after, 0.0), cut_mm)
 }
 
 /// Place of an element, its direction and its curvature.
@@ -141,48 +214,12 @@ impl Joint {
     }
 }
 
-fn control_points(from: Joint, to: Joint, cut_mm: f64) -> ControlPoints {
-    let spacing = POINT_SPACING * cut_mm;
-    let bend = 1.25 * spacing * spacing;
-    let second = |joint: Joint, spacing: f64| sum(joint.point, scaled(joint.tangent, spacing));
-    let third = |joint: Joint, spacing: f64| sum(second(joint, 2.0 * spacing), scaled(joint.curvature, bend));
-    [from.point, second(from, spacing), third(from, spacing), third(to, -spacing), second(to, -spacing), to.point]
-}
-
 /// Whether the curve never stops or turns back: each of its legs, of which its derivative is a mean, goes forward.
 fn is_forward(points: &ControlPoints) -> bool {
     let legs: [Vector; 5] = core::array::from_fn(|index| difference(points[index + 1], points[index]));
     let [first, last] = [scaled(legs[0], 1.0 / norm(legs[0])), scaled(legs[4], 1.0 / norm(legs[4]))];
     let forward = sum(first, last);
     legs.iter().all(|&leg| dot(leg, forward) > 0.0)
-}
-
-/// Largest distance of the curve from the path point that belongs to each of its points, at samples.
-fn sampled_deviation(points: &ControlPoints, before: &Element, after: &Element, cut_mm: f64) -> f64 {
-    let mut largest = 0.0_f64;
-    for (element, points, is_before) in [(before, *points, true), (after, reversed(points), false)] {
-        let mut s = [0.0; HALF_SAMPLES];
-        let mut curve = [[0.0; 3]; HALF_SAMPLES];
-        for (index, (s, curve)) in s.iter_mut().zip(&mut curve).enumerate() {
-            let weights = bernstein(0.5 * (index + 1) as f64 / HALF_SAMPLES as f64);
-            // (A − D)/d: how far from the corner, from 1 at the cut to 0 in the middle of the curve.
-            let shares = [1.0, 1.0 - POINT_SPACING, 1.0 - 2.0 * POINT_SPACING];
-            let share: f64 = (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum();
-            let from_corner_mm = share * cut_mm;
-            *s = if is_before { element.length - from_corner_mm } else { from_corner_mm };
-            *curve = weights.iter().zip(&points).fold([0.0; 3], |at, (&weight, &point)| sum(at, scaled(point, weight)));
-        }
-        let mut squares = [0.0; HALF_SAMPLES];
-        for (index, axis) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
-            let mut path = [0.0; HALF_SAMPLES];
-            element.fill_axis(axis, &s, &mut path);
-            for ((square, path), curve) in squares.iter_mut().zip(&path).zip(&curve) {
-                *square += (curve[index] - path) * (curve[index] - path);
-            }
-        }
-        largest = squares.into_iter().fold(largest, f64::max);
-    }
-    largest.sqrt()
 }
 
 fn reversed(points: &ControlPoints) -> ControlPoints {

@@ -193,10 +193,10 @@ impl<T: Carried> Entry<T> {
         }
         let most_cut_mm = CORNER_SHARE * self.full_length_mm.min(next.full_length_mm);
         let carried = self.carried.at_corner(&next.carried)?;
-        let cut_mm = corner::cut(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
-        let before = self.element.part(0.0, self.element.length - cut_mm)?;
-        let after = next.element.part(cut_mm, next.element.length)?;
-        let spline = Spline::from_polynomial_spans(&[corner::curve(&before, &after, cut_mm)])?;
+        let rounding = corner::rounding(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
+        let before = self.element.part(0.0, self.element.length - rounding.cut_mm)?;
+        let after = next.element.part(rounding.cut_mm, next.element.length)?;
+        let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
         let source = after.source;
         let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
         self.element = before;

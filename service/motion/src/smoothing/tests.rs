@@ -67,7 +67,7 @@ fn corners_of_a_square_are_rounded() {
     let lines: Vec<u32> = smoothed.iter().map(|smoothed| smoothed.element.source.line).collect();
     assert_eq!(lines, [1, 2, 2, 3, 3]);
     assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks).collect::<Vec<_>>(), [1, 0, 1, 0, 1]);
-    let cut_mm = 0.034_154_591_7;
+    let cut_mm = 0.031_481_624;
     assert_eq!(smoothed[0].element.start, at([0.0; 3]));
     assert!((smoothed[0].element.length - (10.0 - cut_mm)).abs() < 1e-8);
     assert!((smoothed[2].element.length - (10.0 - 2.0 * cut_mm)).abs() < 2e-8);

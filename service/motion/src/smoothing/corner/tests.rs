@@ -25,12 +25,13 @@ fn evaluate(points: &ControlPoints, t: f64) -> (Vector, Vector, Vector) {
 #[test]
 fn right_angle_between_lines_is_rounded_by_the_closed_form() {
     let [before, after] = [line([-10.0, 0.0, 0.0], [0.0; 3]), line([0.0; 3], [0.0, 10.0, 0.0])];
-    let cut_mm = cut(&before, &after, 0.01, 4.5).expect("a corner to round");
-    // 0.01·128/53/sin 45°
-    assert!((cut_mm - 0.034_154_591_7).abs() < 1e-8, "{cut_mm}");
+    let rounding = rounding(&before, &after, 0.01, 4.5).expect("a corner to round");
+    let cut_mm = rounding.cut_mm;
+    // u₁ = 0.6375, u₂ = 0.3: 0.01·16/(1 + 3.1875 + 3)/sin 45°
+    assert!((cut_mm - 0.031_481_624).abs() < 1e-8, "{cut_mm}");
 
     let [before, after] = [before.part(0.0, 10.0 - cut_mm).expect("a rest"), after.part(cut_mm, 10.0).expect("a rest")];
-    let points = curve(&before, &after, cut_mm);
+    let points = rounding.curve(&before, &after);
     let deviation_mm =
         (0..=1_000).map(|k| norm(evaluate(&points, f64::from(k) * 1e-3).0)).fold(f64::INFINITY, f64::min);
     assert!(deviation_mm <= 0.01 && deviation_mm > 0.01 - 1e-8, "{deviation_mm}");
@@ -52,12 +53,12 @@ fn corners_that_cannot_be_rounded_stay() {
     let before = line([-10.0, 0.0, 0.0], [0.0; 3]);
     let towards =
         |degrees: f64| line([0.0; 3], [10.0 * degrees.to_radians().cos(), 10.0 * degrees.to_radians().sin(), 0.0]);
-    assert!(cut(&before, &towards(169.0), 0.01, 4.5).is_some());
-    assert_eq!(cut(&before, &towards(171.0), 0.01, 4.5), None, "turns back");
-    assert_eq!(cut(&before, &towards(0.05), 0.01, 4.5), None, "tangent already");
-    assert_eq!(cut(&before, &towards(90.0), 0.0, 4.5), None, "no tolerance");
-    assert_eq!(cut(&before, &towards(90.0), 0.01, 0.5 * LEAST_CUT_MM), None, "too short");
-    assert_eq!(cut(&before, &line([0.0, 1e-6, 0.0], [0.0, 10.0, 0.0]), 0.01, 4.5), None, "a gap");
+    assert!(rounding(&before, &towards(169.0), 0.01, 4.5).is_some());
+    assert_eq!(rounding(&before, &towards(171.0), 0.01, 4.5), None, "turns back");
+    assert_eq!(rounding(&before, &towards(0.05), 0.01, 4.5), None, "tangent already");
+    assert_eq!(rounding(&before, &towards(90.0), 0.0, 4.5), None, "no tolerance");
+    assert_eq!(rounding(&before, &towards(90.0), 0.01, 0.5 * LEAST_CUT_MM), None, "too short");
+    assert_eq!(rounding(&before, &line([0.0, 1e-6, 0.0], [0.0, 10.0, 0.0]), 0.01, 4.5), None, "a gap");
 }
 
 /// Distance from a point to an element, by dense samples with parabolic refinement around the nearest.
@@ -84,13 +85,14 @@ proptest! {
         let elements = chain(&shapes);
         let [before, after] = [&elements[0], &elements[1]];
         let most_cut_mm = share * before.length.min(after.length);
-        let Some(cut_mm) = cut(before, after, tolerance_mm, most_cut_mm) else { return Ok(()) };
+        let Some(rounding) = rounding(before, after, tolerance_mm, most_cut_mm) else { return Ok(()) };
+        let cut_mm = rounding.cut_mm;
         prop_assert!((LEAST_CUT_MM..=most_cut_mm).contains(&cut_mm));
         let [rest_before, rest_after] = [
             before.part(0.0, before.length - cut_mm).expect("a rest"),
             after.part(cut_mm, after.length).expect("a rest"),
         ];
-        let points = curve(&rest_before, &rest_after, cut_mm);
+        let points = rounding.curve(&rest_before, &rest_after);
         for k in 0..=200 {
             let (point, tangent, _) = evaluate(&points, f64::from(k) / 200.0);
             let off_mm = distance_to(before, point).min(distance_to(after, point));
@@ -122,12 +124,13 @@ proptest! {
         let deflection = libm::acos(dot(from.tangent, to.tangent).clamp(-1.0, 1.0));
         prop_assume!((0.2..2.5).contains(&deflection));
         let most_cut_mm = 0.45 * before.length.min(after.length);
-        let found = cut(before, after, tolerance_mm, most_cut_mm);
+        let found = rounding(before, after, tolerance_mm, most_cut_mm);
         prop_assume!(tolerance_mm > LEAST_CUT_MM && most_cut_mm > 4.0 * LEAST_CUT_MM);
-        let cut_mm = found.expect("a corner to round");
+        let found = found.expect("a corner to round");
+        let cut_mm = found.cut_mm;
         let turn = norm(from.curvature).max(norm(to.curvature)) * cut_mm;
         if cut_mm < 0.99 * most_cut_mm && turn < 0.1 {
-            let least = tolerance_mm / (LINE_DEVIATION * (0.5 * deflection).sin());
+            let least = tolerance_mm / (found.shape.deviation() * (0.5 * deflection).sin());
             prop_assert!(cut_mm > 0.5 * least, "{cut_mm} of {least}");
         }
     }
