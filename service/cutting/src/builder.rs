@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use feedwave_motion::{
     Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed, Stretches,
-    missing_axis, path_limits, stretches, travel_exceeded,
+    limit_pieces, missing_axis, stretches, travel_exceeded,
 };
 use feedwave_program::{
     Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
@@ -264,10 +264,14 @@ impl Builder {
         }
         let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
         let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
-        let limits = path_limits(&element, machine, superposed);
+        let pieces = limit_pieces(&element, machine, superposed);
+        let limits = match &pieces {
+            Ok(pieces) => Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits))),
+            Err(exceeded) => Err(*exceeded),
+        };
         self.analyse(&cut, &element, &limits, in_section.is_some(), machine);
-        let limits = match limits {
-            Ok(limits) => limits,
+        let pieces = match pieces {
+            Ok(pieces) => pieces,
             Err(exceeded) => {
                 // The section's own report says more where there is one.
                 if self.analysis.as_ref().is_none_or(|analysis| analysis.open.is_none()) {
@@ -281,10 +285,10 @@ impl Builder {
                 return;
             }
         };
-        let pieces = [(element.length, limits)];
         let stretches = stretches(&element, cut.feed, &cut.spindle, machine, &pieces);
-        if cutting {
-            self.check_feed(&stretches, &limits, element.length, span, findings);
+        // A curve at a corner has no feed of its own that could be missed.
+        if cutting && blocks > 0 {
+            self.check_feed(&stretches, element.length, span, findings);
         }
         // Where the vibration has to wait for a corner, the path rests there.
         let passes_corners = in_section.is_none();
@@ -439,24 +443,18 @@ impl Builder {
         }
     }
 
-    fn check_feed(
-        &mut self,
-        stretches: &Stretches,
-        limits: &PathLimits,
-        length_mm: f64,
-        span: SourceSpan,
-        findings: &mut FindingLog,
-    ) {
+    fn check_feed(&mut self, stretches: &Stretches, length_mm: f64, span: SourceSpan, findings: &mut FindingLog) {
         let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
         let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
         let duration_s = length_mm / slowest;
         if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
             findings.push(too_long(span, duration_s));
         }
-        if fastest > limits.velocity && !self.state.feed_limited_reported {
+        let limit = stretches.iter().map(|stretch| stretch.limits.velocity).fold(f64::INFINITY, f64::min);
+        if fastest > limit && !self.state.feed_limited_reported {
             self.state.feed_limited_reported = true;
             let wanted = fastest * 60.0;
-            let allowed = limits.velocity * 60.0;
+            let allowed = limit * 60.0;
             let message = format!(
                 "the programmed feed {wanted:.1} mm/min is limited to {allowed:.1} mm/min by the axes here (first place)"
             );

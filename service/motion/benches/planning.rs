@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_motion::{Element, Machine, MotionRequest, PathMotion, Planner, PlannerSettings, path_limits, stretches};
+use feedwave_motion::{Element, Machine, MotionRequest, PathMotion, Planner, PlannerSettings, limit_pieces, stretches};
 use feedwave_program::{Feed, Move, MoveKind, PathControl, Position, SourceSpan, Spindle};
 
 const BLOCKS: u32 = 10_000;
@@ -32,8 +32,8 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
             path_control: PathControl::default(),
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
-        let limits = path_limits(&element, machine, PathMotion::ZERO).expect("nothing is superposed");
-        let stretches = stretches(&element, feed, &Spindle::STOPPED, machine, &[(element.length, limits)]);
+        let limits = limit_pieces(&element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let stretches = stretches(&element, feed, &Spindle::STOPPED, machine, &limits);
         MotionRequest::new(element, stretches)
     };
     (0..BLOCKS).map(line).collect()

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
 use crate::tolerance::{MAX_STRETCHES, MAX_TURNS_PER_STRETCH, SAME_ANGLE_RAD, SURFACE_SPEED_STEP};
-use crate::{Curve, Element, Machine, PathLimits};
+use crate::{Curve, Element, LimitPiece, Machine, PathLimits};
 
 /// Part of an element with one commanded speed and one set of limits; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,23 +33,23 @@ pub type Stretches = SmallVec<[Stretch; 1]>;
 /// spiral of many turns through X0), the last one is as slow as its largest radius asks for. The machine's top speed
 /// clamps the spindle. A rapid runs with the spindle speed of its largest radius.
 ///
-/// The element is divided where its limits change, too: `limits` are its pieces, each with the arc length where it ends.
+/// The element is divided where its limits change, too.
 #[must_use]
 pub fn stretches(
     element: &Element,
     feed: Feed,
     spindle: &Spindle,
     machine: &Machine,
-    limits: &[(f64, PathLimits)],
+    limits: &[LimitPiece],
 ) -> Stretches {
     let mut divided = commanded(element, feed, spindle, machine);
     match limits {
         [] => divided.clear(),
-        [(_, limits)] => divided.iter_mut().for_each(|stretch| stretch.limits = *limits),
+        [LimitPiece { limits, .. }] => divided.iter_mut().for_each(|stretch| stretch.limits = *limits),
         pieces => {
             let mut whole = core::mem::take(&mut divided).into_iter().peekable();
             let mut pieces = pieces.iter().peekable();
-            while let (Some(stretch), Some(&&(piece_end, limits))) = (whole.peek(), pieces.peek()) {
+            while let (Some(stretch), Some(&&LimitPiece { end: piece_end, limits })) = (whole.peek(), pieces.peek()) {
                 let is_last = pieces.len() == 1;
                 let end = if is_last { stretch.end } else { stretch.end.min(piece_end) };
                 divided.push(Stretch { end, limits, ..*stretch });
@@ -66,8 +66,7 @@ pub fn stretches(
 }
 
 /// Before the limits are known.
-const UNLIMITED: PathLimits =
-    PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+const UNLIMITED: PathLimits = PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
 
 /// The stretches by commanded speed alone.
 fn commanded(element: &Element, feed: Feed, spindle: &Spindle, machine: &Machine) -> Stretches {

@@ -64,13 +64,14 @@ impl PathLimits {
     /// No limit at all.
     const NONE: Self = Self { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
 
-    /// The smaller of each.
-    fn tightest(&self, other: &Self) -> Self {
-        Self {
-            velocity: self.velocity.min(other.velocity),
-            acceleration: self.acceleration.min(other.acceleration),
-            jerk: self.jerk.min(other.jerk),
-        }
+    /// The smallest of each; infinite where there are none.
+    #[must_use]
+    pub fn tightest<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
+        all.fold(Self::NONE, |tightest, limits| Self {
+            velocity: tightest.velocity.min(limits.velocity),
+            acceleration: tightest.acceleration.min(limits.acceleration),
+            jerk: tightest.jerk.min(limits.jerk),
+        })
     }
 }
 
@@ -142,7 +143,7 @@ pub struct TravelExceeded {
 pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion) -> Result<PathLimits, LimitExceeded> {
     if let Curve::Spline(_) = &element.curve {
         let pieces = limit_pieces(element, machine, superposed)?;
-        return Ok(pieces.iter().fold(PathLimits::NONE, |tightest, piece| tightest.tightest(&piece.limits)));
+        return Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits)));
     }
     let largest = element.largest_tangent();
     let mut limits = PathLimits::NONE;

@@ -2,7 +2,7 @@
 
 use feedwave_motion::{
     Element, Machine, MachineAxis, MotionRequest, PathMotion, Planned, PlannedMotion, Planner, PlannerSettings,
-    path_limits, stretches,
+    limit_pieces, stretches,
 };
 use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
 use proptest::prelude::*;
@@ -107,8 +107,8 @@ fn plan(
 ) -> Vec<PlannedMotion> {
     let mut planner = Planner::<()>::new(PlannerSettings::new(machine, window, period_s));
     for element in elements {
-        let limits = path_limits(element, machine, PathMotion::ZERO).expect("nothing is superposed");
-        let stretches = stretches(element, Feed::PerMinute(feed_mm_per_min), &Spindle::STOPPED, machine, &[(element.length, limits)]);
+        let limits = limit_pieces(element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let stretches = stretches(element, Feed::PerMinute(feed_mm_per_min), &Spindle::STOPPED, machine, &limits);
         planner.push_motion(MotionRequest::new(element.clone(), stretches));
     }
     planner.finish();

@@ -1,8 +1,8 @@
 //! Profiles and the planner: closed forms, limits by finite differences, continuity, order and restarts.
 
 use feedwave_motion::{
-    Element, Machine, MachineAxis, MotionRequest, PathLimits, PathMotion, Planned, PlannedMotion, Planner,
-    PlannerSettings, Profile, ProfilePart, path_limits, stretches,
+    Element, LimitPiece, Machine, MachineAxis, MotionRequest, PathLimits, PathMotion, Planned, PlannedMotion, Planner,
+    PlannerSettings, Profile, ProfilePart, limit_pieces, path_limits, stretches,
 };
 use feedwave_program::{
     ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle, SpindleDirection,
@@ -183,8 +183,8 @@ fn plan(elements: &[Option<Element>], machine: &Machine, feed: f64, window: usiz
         match element {
             None => planner.push_barrier(index as u32),
             Some(element) => {
-                let limits = path_limits(element, machine, PathMotion::ZERO).expect("nothing is superposed");
-                let stretches = stretches(element, Feed::PerMinute(feed), &Spindle::STOPPED, machine, &[(element.length, limits)]);
+                let limits = limit_pieces(element, machine, PathMotion::ZERO).expect("nothing is superposed");
+                let stretches = stretches(element, Feed::PerMinute(feed), &Spindle::STOPPED, machine, &limits);
                 planner.push_motion(MotionRequest::new(element.clone(), stretches));
             }
         }
@@ -342,8 +342,8 @@ fn face(from_mm: f64, to_mm: f64) -> Element {
 }
 
 /// Limits that do not matter.
-const ANY: &[(f64, PathLimits)] =
-    &[(0.0, PathLimits { velocity: 1.0, acceleration: 1.0, jerk: 1.0 })];
+const ANY: &[LimitPiece] =
+    &[LimitPiece { end: 0.0, limits: PathLimits { velocity: 1.0, acceleration: 1.0, jerk: 1.0 } }];
 
 fn surface(m_per_min: f64, max_rev_per_min: f64) -> Spindle {
     Spindle { direction: SpindleDirection::Clockwise, speed: SpindleSpeed::Surface { m_per_min, max_rev_per_min } }
@@ -377,8 +377,13 @@ proptest! {
 
 #[test]
 fn facing_through_the_centre_without_a_clamp_stays_finite() {
-    let parts =
-        stretches(&face(100.0, -100.0), Feed::PerRevolution(0.2), &surface(200.0, f64::INFINITY), &Machine::lathe(), ANY);
+    let parts = stretches(
+        &face(100.0, -100.0),
+        Feed::PerRevolution(0.2),
+        &surface(200.0, f64::INFINITY),
+        &Machine::lathe(),
+        ANY,
+    );
     assert!(parts.len() < 2_000, "{}", parts.len());
     assert!(parts.iter().all(|part| part.spindle_rev_per_s.is_finite() && part.spindle_rev_per_s <= 5_000.0 / 60.0));
 }
@@ -397,7 +402,7 @@ fn bad_machines_are_refused_field_by_field() {
     machine.axes[0].max_velocity_per_s = 0.0;
     machine.axes[1].max_jerk_per_s3 = f64::NAN;
     machine.axes[1].name = "X".to_owned();
-    machine.axes[1].axis = Axis::X;
+    machine.axes[0].max_velocity_step_per_s = -1.0;
     machine.axes[0].travel_min = Some(5.0);
     machine.axes[0].travel_max = Some(5.0);
     machine.max_spindle_rev_per_min = -1.0;
@@ -406,7 +411,7 @@ fn bad_machines_are_refused_field_by_field() {
         "axes[0].max_velocity_per_s",
         "axes[1].max_jerk_per_s3",
         "axes[1].name",
-        "axes[1].axis",
+        "axes[0].max_velocity_step_per_s",
         "axes[0].travel_max",
         "max_spindle_rev_per_min",
     ] {

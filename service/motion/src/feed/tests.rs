@@ -97,7 +97,12 @@ fn a_clamped_radius_needs_no_division() {
     let parts = stretches(&inside, Feed::PerRevolution(0.2), &surface(100.0, 1_000.0), &Machine::lathe());
     assert_eq!(
         parts.as_slice(),
-        [Stretch { end: 31.8, speed_mm_per_s: 0.2 * (1_000.0 / 60.0), spindle_rev_per_s: 1_000.0 / 60.0, limits: UNLIMITED }]
+        [Stretch {
+            end: 31.8,
+            speed_mm_per_s: 0.2 * (1_000.0 / 60.0),
+            spindle_rev_per_s: 1_000.0 / 60.0,
+            limits: UNLIMITED
+        }]
     );
     // The machine's own 5000 rev/min clamps where the program does not: r = 3.18 mm.
     let centre = element(MoveKind::Cutting, [3.1, 0.0, 0.0], [0.0, 0.0, 0.0], None);
@@ -136,7 +141,10 @@ fn without_radius_or_surface_speed_there_is_one_stretch() {
 
     let facing = element(MoveKind::Cutting, [50.0, 0.0, 0.0], [0.0, 0.0, 0.0], None);
     let parts = stretches(&facing, Feed::PerRevolution(0.3), &constant(1_200.0), &machine);
-    assert_eq!(parts.as_slice(), [Stretch { end: 50.0, speed_mm_per_s: 0.3 * 20.0, spindle_rev_per_s: 20.0, limits: UNLIMITED }]);
+    assert_eq!(
+        parts.as_slice(),
+        [Stretch { end: 50.0, speed_mm_per_s: 0.3 * 20.0, spindle_rev_per_s: 20.0, limits: UNLIMITED }]
+    );
     // The machine's top speed clamps a constant speed too, and the feed with it.
     let parts = stretches(&facing, Feed::PerRevolution(0.3), &constant(60_000.0), &machine);
     assert_eq!(parts[0].spindle_rev_per_s, 5_000.0 / 60.0);
