@@ -1,7 +1,7 @@
 //! The machine profile: everything the product knows about one machine.
 
 use feedwave_motion::{Machine, ProfileProblem};
-use feedwave_program::LanguageSettings;
+use feedwave_program::{LanguageSettings, MAX_PATH_TOLERANCE_MM};
 use serde::{Deserialize, Serialize};
 
 use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
@@ -81,6 +81,11 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
         }
     }
     require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
+    let tolerance_mm = language.default_path_tolerance_mm;
+    if !(0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {
+        let message = format!("must lie between 0 and {MAX_PATH_TOLERANCE_MM}, is {tolerance_mm}");
+        problems.push(problem("default_path_tolerance_mm", message));
+    }
     if !(64..=65_536).contains(&language.max_line_bytes) {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
     }
@@ -143,6 +148,7 @@ mod tests {
         profile.language.path_vibration.on = 1.0;
         profile.language.path_vibration.off = 200.55;
         profile.language.max_line_bytes = 1;
+        profile.language.default_path_tolerance_mm = f64::NAN;
         profile.language.work_offsets[2][1] = f64::NAN;
         profile.vibration.max_amplitude_mm = 11.0;
         profile.vibration.servo_substeps = 0;
@@ -152,6 +158,7 @@ mod tests {
         let expected = [
             "machine.max_spindle_rev_per_min",
             "language.work_offsets[2][1]",
+            "language.default_path_tolerance_mm",
             "language.max_line_bytes",
             "language.path_vibration.on",
             "language.path_vibration.off",

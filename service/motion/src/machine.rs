@@ -30,7 +30,8 @@ pub enum CarriedBy {
 pub struct MachineAxis {
     /// Column name in the setpoints, such as `X` or `X1`.
     pub name: String,
-    /// Axis letter of the program that it carries out.
+    /// Axis letter of the program that it carries out. Several axes may carry out one letter, as on a gantry: each
+    /// follows it with its own limits.
     pub axis: Axis,
     /// Largest velocity, mm/s or degrees/s.
     pub max_velocity_per_s: f64,
@@ -86,7 +87,7 @@ impl MachineAxis {
 pub struct Machine {
     /// Turning or milling.
     pub kind: MachineKind,
-    /// The axes, in the order of the setpoint columns: 1 to 9, one per program axis.
+    /// The axes, in the order of the setpoint columns: 1 to 9.
     pub axes: Vec<MachineAxis>,
     /// Highest spindle speed, rev/min.
     pub max_spindle_rev_per_min: f64,
@@ -101,11 +102,13 @@ pub struct ProfileProblem {
     pub message: String,
 }
 
-/// Most axes of a machine: one per program axis.
+/// Most axes of a machine: as many as a program can address.
 const MAX_AXES: usize = AXIS_COUNT;
 /// Range of an axis limit, per second, second² or second³. It holds every machine from a nanopositioner's to a
 /// fast-tool drive's axis, and keeps every figure derived from it (squares, cubes, quotients) finite.
 const LIMIT_RANGE: (f64, f64) = (1e-3, 1e15);
+/// Range of the largest velocity step, mm/s or degrees/s.
+const VELOCITY_STEP_RANGE: (f64, f64) = (0.0, 1e3);
 /// Largest travel, mm or degrees: beyond it a double no longer resolves a nanometre.
 const MAX_TRAVEL: f64 = 1e6;
 /// Range of the highest spindle speed, rev/min; the fastest spindles made reach some 300 000.
@@ -129,7 +132,7 @@ impl Machine {
         Self { kind: MachineKind::Mill, axes, max_spindle_rev_per_min: 24_000.0 }
     }
 
-    /// Column of a program axis.
+    /// First column of a program axis; there may be more.
     #[must_use]
     pub fn column_of(&self, axis: Axis) -> Option<usize> {
         self.axes.iter().position(|machine_axis| machine_axis.axis == axis)
@@ -162,6 +165,9 @@ impl Machine {
                     add(field(name), message);
                 }
             }
+            if let Some(message) = out_of_range(axis.max_velocity_step_per_s, VELOCITY_STEP_RANGE) {
+                add(field("max_velocity_step_per_s"), message);
+            }
             let is_name = |name: &str| {
                 (1..=16).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
             };
@@ -170,9 +176,6 @@ impl Machine {
             }
             if self.axes[..index].iter().any(|other| other.name == axis.name) {
                 add(field("name"), format!("{} names two axes", axis.name));
-            }
-            if self.axes[..index].iter().any(|other| other.axis == axis.axis) {
-                add(field("axis"), format!("{} is carried out by two axes", axis.axis.letter()));
             }
             for (name, limit) in [("travel_min", axis.travel_min), ("travel_max", axis.travel_max)] {
                 if let Some(message) = limit.and_then(|limit| out_of_range(limit, (-MAX_TRAVEL, MAX_TRAVEL))) {

@@ -32,7 +32,7 @@ finding_codes! {
     UNKNOWN_CODE = "PRG-UNKNOWN-CODE": "a G or M code the dialect does not know";
     UNSUPPORTED_CODE = "PRG-UNSUPPORTED-CODE": "a known code that is not supported yet";
     GROUP_CONFLICT = "PRG-GROUP-CONFLICT": "two codes of one modal group in a block";
-    MOTION_MISSING = "PRG-MOTION-MISSING": "axis words before any G0, G1, G2 or G3";
+    MOTION_MISSING = "PRG-MOTION-MISSING": "axis words, but no motion code in force";
     FEED_MISSING = "PRG-FEED-MISSING": "a cutting move without a valid feed";
     FEED_NOT_POSITIVE = "PRG-FEED-NOT-POSITIVE": "a feed that is zero, negative or too small to mean anything";
     SPINDLE_STOPPED = "PRG-SPINDLE-STOPPED": "feed per revolution with a spindle that does not turn";
@@ -46,6 +46,15 @@ finding_codes! {
     ARC_RADIUS_ZERO = "PRG-ARC-RADIUS-ZERO": "an arc that starts or ends at its own centre";
     ARC_RADIUS_TOO_SMALL = "PRG-ARC-RADIUS-TOO-SMALL": "a radius that cannot reach from start to end";
     ARC_FULL_BY_RADIUS = "PRG-ARC-FULL-BY-RADIUS": "an arc by radius whose end is its start has no definite centre";
+    PATH_TOLERANCE = "PRG-PATH-TOLERANCE": "a tolerance of G64 that is negative or too large, or a Q without a P or beyond it";
+    SPLINE_POINT_MISSING = "PRG-SPLINE-POINT-MISSING": "a spline without the words of one of its control points";
+    SPLINE_AXIS = "PRG-SPLINE-AXIS": "a spline block with a word of an axis outside its plane";
+    NURBS_POINT = "PRG-NURBS-POINT": "a control point of a NURBS without both of its coordinates";
+    NURBS_WEIGHT = "PRG-NURBS-WEIGHT": "a weight of a control point that is not positive or out of range";
+    NURBS_ORDER = "PRG-NURBS-ORDER": "an order of a NURBS that is out of range or larger than the number of its control points";
+    NURBS_TOO_LONG = "PRG-NURBS-TOO-LONG": "a NURBS with more control points than are supported";
+    NURBS_UNFINISHED = "PRG-NURBS-UNFINISHED": "something other than control points between G5.2 and G5.3";
+    NURBS_NOT_OPEN = "PRG-NURBS-NOT-OPEN": "G5.3 without G5.2";
     MACHINE_MOTION = "PRG-MACHINE-MOTION": "G53 without straight motion or with incremental words";
     REFERENCE_AXIS = "PRG-REFERENCE-AXIS": "G28 without an axis";
     TOOL_MISSING = "PRG-TOOL-MISSING": "a tool change before any T word";

@@ -9,7 +9,7 @@ use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, MILL, code};
 
 pub(crate) use tables::function_words;
 
-use crate::{Axis, DialectName, Function, LanguageSettings, Plane};
+use crate::{Axis, DialectName, Function, LanguageSettings, PathControlMode, Plane};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +92,18 @@ pub(crate) enum Meaning {
     Arc {
         clockwise: bool,
     },
+    /// `G5`
+    CubicSpline,
+    /// `G5.1`
+    QuadraticSpline,
+    /// `G5.2`: opens a NURBS or adds to it.
+    Nurbs,
+    /// `G5.3`
+    NurbsEnd,
     Dwell,
+    /// `G9`
+    ExactStop,
+    PathControl(PathControlMode),
     Plane(Plane),
     Units {
         inch: bool,

@@ -4,6 +4,7 @@ mod arc;
 mod execute;
 mod motion;
 mod spindle;
+mod spline;
 #[cfg(test)]
 mod tests;
 
@@ -30,10 +31,12 @@ pub enum LineOutcome {
 /// Reads a program line by line.
 ///
 /// Within a block the order of execution is fixed, whatever the order of its words: units; feed mode and feed;
-/// spindle speed; tool; spindle; coolant; dwell; plane; work offset; distance mode; machining function; reference
-/// position; motion; program stop or end. This is the order of NIST's RS274/NGC (section 3.8) with one difference:
-/// units come first, because the numbers of a `G20` block are inches, its feed included. So `M5` and `M9` take
-/// effect before the motion of their block.
+/// spindle speed; tool; spindle; coolant; dwell; plane; path control; work offset; distance mode; machining function;
+/// reference position; motion; program stop or end. This is the order of NIST's RS274/NGC (section 3.8) with one
+/// difference: units come first, because the numbers of a `G20` block are inches, its feed included. So `M5` and `M9`
+/// take effect before the motion of their block.
+///
+/// A NURBS, from `G5.2` to `G5.3`, is one move, and the block that opens it says its feed and its path control.
 ///
 /// A block with an error sets its modal states and its end position but emits no operation, so that the blocks
 /// after it are judged on their own.
@@ -160,7 +163,7 @@ impl Interpreter {
                 if !self.block.is_empty() {
                     self.push_trailing(self.block.span(), findings);
                 }
-                return self.end(span, operations);
+                return self.end(span, operations, findings);
             }
             self.state.percent_seen = true;
         }
@@ -175,17 +178,32 @@ impl Interpreter {
             operations,
             findings,
             used: 0,
+            exact_stop: false,
         };
         let end = execution.run();
         if findings.count(Severity::Error) > errors_before {
             operations.truncate(operations_before);
+            self.break_nurbs();
         }
         if let Some(span) = end {
-            self.end(span, operations);
+            self.end(span, operations, findings);
         }
     }
 
-    fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>) {
+    /// After an error in a block: no curve comes of the NURBS it stands in.
+    fn break_nurbs(&mut self) {
+        if let Some(nurbs) = &mut self.state.nurbs {
+            nurbs.broken = true;
+        }
+    }
+
+    fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        if let Some(nurbs) = self.state.nurbs.take() {
+            findings.push_with(Severity::Error, || {
+                Finding::error(code::NURBS_UNFINISHED, nurbs.span, "the program ends before this NURBS is closed")
+                    .suggest("close it with G5.3")
+            });
+        }
         self.state.phase = Phase::Ended;
         operations.push(Operation { span, kind: OperationKind::End });
     }
@@ -200,7 +218,7 @@ impl Interpreter {
             Finding::warning(code::NO_END, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
         });
         self.state.skipping_line = false;
-        self.end(span, operations);
+        self.end(span, operations, findings);
     }
 
     #[cold]
@@ -210,6 +228,7 @@ impl Interpreter {
         if self.state.has_ended() {
             return self.report_trailing(start, line, findings);
         }
+        self.break_nurbs();
         let span = SourceSpan { line, column: 1, length: longest };
         findings.push_with(Severity::Error, || {
             Finding::error(code::LINE_TOO_LONG, span, format!("the line is longer than {longest} bytes and is skipped"))

@@ -26,5 +26,8 @@ pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
     OperationKind, PathControl, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry,
 };
-pub use settings::{DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, XWord};
+pub use settings::{
+    DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, MAX_PATH_TOLERANCE_MM,
+    PathControlMode, XWord,
+};
 pub use state::InterpreterState;

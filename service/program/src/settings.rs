@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Position;
+use crate::{PathControl, Position};
 
 /// Which table of codes a program is read with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -57,6 +57,22 @@ pub enum FeedMode {
     PerRevolution,
 }
 
+/// A mode of path control (modal group 13).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PathControlMode {
+    /// `G61`
+    #[default]
+    ExactPath,
+    /// `G61.1`
+    ExactStop,
+    /// `G64`, at program start with the default tolerance.
+    Continuous,
+}
+
+/// Largest tolerance of `G64`, mm. A path that may leave the programmed one by more is no longer that path.
+pub const MAX_PATH_TOLERANCE_MM: f64 = 10.0;
+
 /// Unit of the `P` word of `G4`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -90,6 +106,10 @@ pub struct LanguageSettings {
     pub x_word: XWord,
     /// Feed mode at program start.
     pub initial_feed_mode: FeedMode,
+    /// Path control at program start.
+    pub initial_path_control: PathControlMode,
+    /// Tolerance of a `G64` without `P`, mm, 0 to [`MAX_PATH_TOLERANCE_MM`].
+    pub default_path_tolerance_mm: f64,
     /// Inch (`G20`) at program start instead of mm.
     pub initial_inch: bool,
     /// Unit of `G4 P`.
@@ -117,6 +137,9 @@ impl Default for LanguageSettings {
             decimal_point: DecimalPointRule::Calculator,
             x_word: XWord::Diameter,
             initial_feed_mode: FeedMode::PerRevolution,
+            initial_path_control: PathControlMode::ExactPath,
+            // Below the tolerances of ordinary parts, and enough to carry most of the feed through a corner.
+            default_path_tolerance_mm: 0.01,
             initial_inch: false,
             dwell_p_unit: DwellUnit::Milliseconds,
             block_delete: false,
@@ -140,6 +163,18 @@ impl LanguageSettings {
             x_word: XWord::Radius,
             initial_feed_mode: FeedMode::PerMinute,
             ..Self::default()
+        }
+    }
+
+    /// A mode of path control, `G64` with the default tolerance.
+    pub(crate) const fn path_control(&self, mode: PathControlMode) -> PathControl {
+        match mode {
+            PathControlMode::ExactPath => PathControl::ExactPath,
+            PathControlMode::ExactStop => PathControl::ExactStop,
+            PathControlMode::Continuous => PathControl::Continuous {
+                tolerance_mm: self.default_path_tolerance_mm,
+                merge_tolerance_mm: self.default_path_tolerance_mm,
+            },
         }
     }
 }

@@ -3,11 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
-use crate::{Coolant, FeedMode, LanguageSettings, Plane, Position, Spindle, SpindleDirection, SpindleSpeed};
+use crate::{
+    Coolant, Feed, FeedMode, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle, SpindleDirection,
+    SpindleSpeed,
+};
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
 ///
-/// Small, and without the settings: an interpreter restored from it and the same settings goes on identically.
+/// Without the settings, and small but for the control points of a NURBS that is not closed yet: an interpreter restored from it and the same settings goes on identically.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InterpreterState {
     /// Lines read so far.
@@ -42,6 +45,30 @@ pub struct InterpreterState {
     pub(crate) coolant: Coolant,
     /// Index of the work offset, 0 for `G54`.
     pub(crate) work_offset: u8,
+    pub(crate) path_control: PathControl,
+    /// Where a `G5` that continues the one before has its first control point: from its start along the axes of the
+    /// plane, mm.
+    pub(crate) spline_exit: Option<[f64; 2]>,
+    /// The NURBS that is open, between `G5.2` and `G5.3`.
+    pub(crate) nurbs: Option<Box<Nurbs>>,
+}
+
+/// A NURBS whose control points are being read; the position stays at its start meanwhile.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Nurbs {
+    /// The block that opened it.
+    pub(crate) span: SourceSpan,
+    pub(crate) order: u8,
+    /// Along the axes of the plane, mm.
+    pub(crate) points: Vec<[f64; 2]>,
+    pub(crate) weights: Vec<f64>,
+    /// The last control point.
+    pub(crate) end: Position,
+    /// Feed of the block that opened it; `None` after a finding about it.
+    pub(crate) feed: Option<Feed>,
+    pub(crate) path_control: PathControl,
+    /// One of its blocks had an error, so that no curve comes of it.
+    pub(crate) broken: bool,
 }
 
 /// Where in the program the reader is.
@@ -63,6 +90,9 @@ pub(crate) enum Motion {
     Arc {
         clockwise: bool,
     },
+    Cubic,
+    Quadratic,
+    Nurbs,
     /// After a finding about the motion mode: axis words are followed silently until the next motion code.
     Unclear,
 }
@@ -109,6 +139,9 @@ impl InterpreterState {
             next_tool: None,
             coolant: Coolant::default(),
             work_offset: 0,
+            path_control: settings.path_control(settings.initial_path_control),
+            spline_exit: None,
+            nurbs: None,
         }
     }
 

@@ -48,13 +48,39 @@ fn travel_limits_must_be_finite_and_ordered() {
 }
 
 #[test]
-fn names_and_letters_belong_to_one_axis_each() {
+fn names_belong_to_one_axis_each() {
     assert_eq!(fields_after(|machine| machine.axes[1].name = "X".to_owned()), ["axes[1].name"]);
-    assert_eq!(fields_after(|machine| machine.axes[1].axis = Axis::X), ["axes[1].axis"]);
     for bad in ["", "X 1", "X,1", "Ä", "ABCDEFGHIJKLMNOPQ", "X\n"] {
         assert_eq!(fields_after(|machine| machine.axes[0].name = bad.to_owned()), ["axes[0].name"], "{bad:?}");
     }
     assert!(fields_after(|machine| machine.axes[0].name = "X_1".to_owned()).is_empty());
+}
+
+#[test]
+fn a_gantry_has_two_axes_for_one_letter() {
+    let mut machine = Machine::mill();
+    machine.axes[0].name = "X1".to_owned();
+    let mut twin = MachineAxis::new(Axis::X, 400.0, 8_000.0, 4e6);
+    (twin.name, twin.carried_by, twin.travel_max) = ("X2".to_owned(), CarriedBy::Workpiece, Some(50.0));
+    machine.axes.insert(1, twin);
+    assert!(machine.validate().is_empty());
+    assert_eq!((machine.axis_value(0, 10.0, 5.0), machine.axis_value(1, 10.0, 5.0)), (15.0, -15.0));
+    assert_eq!(machine.column_of(Axis::X), Some(0));
+    machine.axes[1].name = "X1".to_owned();
+    assert_eq!(fields(&machine), ["axes[1].name"]);
+}
+
+#[test]
+fn a_velocity_step_is_zero_or_a_small_velocity() {
+    for good in [0.0, 0.1, 1e3] {
+        assert!(fields_after(|machine| machine.axes[1].max_velocity_step_per_s = good).is_empty(), "{good}");
+    }
+    for bad in [-0.1, 1e3 + 1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(
+            fields_after(|machine| machine.axes[1].max_velocity_step_per_s = bad),
+            ["axes[1].max_velocity_step_per_s"]
+        );
+    }
 }
 
 #[test]
@@ -96,6 +122,7 @@ fn json_keeps_every_value_and_refuses_unknown_and_missing_fields() {
     let mut machine = Machine::lathe();
     machine.axes[1].travel_min = Some(-0.1);
     machine.axes[1].carried_by = CarriedBy::Workpiece;
+    machine.axes[1].max_velocity_step_per_s = 0.3;
     let json = serde_json::to_string(&machine).expect("a machine is plain data");
     assert_eq!(serde_json::from_str::<Machine>(&json).expect("its own output"), machine);
 
@@ -103,8 +130,9 @@ fn json_keeps_every_value_and_refuses_unknown_and_missing_fields() {
     let with = |axis_rest: &str, machine_rest: &str| {
         format!(r#"{{"kind":"lathe","axes":[{axis}{axis_rest}}}],"max_spindle_rev_per_min":1.0{machine_rest}}}"#)
     };
-    let machine: Machine = serde_json::from_str(&with("", "")).expect("travel and carrier have defaults");
+    let machine: Machine = serde_json::from_str(&with("", "")).expect("the rest has defaults");
     assert_eq!((machine.axes[0].travel_min, machine.axes[0].carried_by), (None, CarriedBy::Tool));
+    assert_eq!(machine.axes[0].max_velocity_step_per_s, 0.0);
     for bad in [
         with(r#","max_speed":1"#, ""),
         with("", r#","axis_count":1"#),

@@ -1,7 +1,7 @@
 //! The tables: codes, letters and function words of each dialect.
 
 use super::{Code, Dialect, FeedUnit, Group, Letter, Meaning};
-use crate::{Axis, Function, Plane, SpindleDirection};
+use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
     Code { tenths, group, meaning }
@@ -14,10 +14,12 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(20, Group::Motion, Meaning::Arc { clockwise: true }),
     code(30, Group::Motion, Meaning::Arc { clockwise: false }),
     code(40, Group::NonModal, Meaning::Dwell),
-    code(50, Group::Motion, Meaning::Unsupported("spline interpolation")),
-    code(51, Group::PathControl, Meaning::Unsupported("high-precision contour control")),
+    code(50, Group::Motion, Meaning::CubicSpline),
+    code(51, Group::Motion, Meaning::QuadraticSpline),
+    code(52, Group::Motion, Meaning::Nurbs),
+    code(53, Group::Motion, Meaning::NurbsEnd),
     code(80, Group::PathControl, Meaning::Unsupported("high-precision contour control")),
-    code(90, Group::NonModal, Meaning::Unsupported("exact stop of one block")),
+    code(90, Group::NonModal, Meaning::ExactStop),
     code(100, Group::NonModal, Meaning::Unsupported("data setting")),
     code(170, Group::Plane, Meaning::Plane(Plane::Xy)),
     code(180, Group::Plane, Meaning::Plane(Plane::Zx)),
@@ -46,8 +48,9 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(580, Group::WorkOffset, Meaning::WorkOffset(4)),
     code(590, Group::WorkOffset, Meaning::WorkOffset(5)),
     code(541, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
-    code(610, Group::PathControl, Meaning::Unsupported("exact stop mode")),
-    code(640, Group::PathControl, Meaning::Unsupported("continuous path mode")),
+    code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactPath)),
+    code(611, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
+    code(640, Group::PathControl, Meaning::PathControl(PathControlMode::Continuous)),
     code(650, Group::NonModal, Meaning::Unsupported("macro call")),
     code(660, Group::MacroCall, Meaning::Unsupported("modal macro call")),
     code(670, Group::MacroCall, Meaning::AlreadySo),
@@ -163,8 +166,6 @@ pub(super) static MILL: Dialect = Dialect {
         [(b'U', Letter::Axis(Axis::U)), (b'V', Letter::Axis(Axis::V)), (b'W', Letter::Axis(Axis::W))],
     ),
     g_codes: &[
-        code(52, Group::Motion, Meaning::Unsupported("spline interpolation")),
-        code(53, Group::Motion, Meaning::Unsupported("spline interpolation")),
         code(150, Group::PolarCoordinates, Meaning::AlreadySo),
         code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
         code(500, Group::Scaling, Meaning::AlreadySo),

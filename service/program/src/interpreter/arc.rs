@@ -152,7 +152,7 @@ impl Execution<'_> {
 }
 
 /// `I`, `J` or `K`.
-const fn centre_letter(axis: Axis) -> u8 {
+pub(super) const fn centre_letter(axis: Axis) -> u8 {
     match axis {
         Axis::X => b'I',
         Axis::Y => b'J',

@@ -6,7 +6,7 @@ use crate::dialect::{CodeTable, FeedUnit, Group, Meaning, function_words, letter
 use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, FunctionCommand, FunctionWord, LanguageSettings,
-    Operation, OperationKind, Severity, SourceSpan,
+    MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode, Severity, SourceSpan,
 };
 
 /// One inch in mm, by definition.
@@ -29,12 +29,17 @@ pub(super) struct Execution<'a> {
     pub(super) findings: &'a mut FindingLog,
     /// Letters whose words have been used.
     pub(super) used: u32,
+    /// `G9`: this block ends in an exact stop.
+    pub(super) exact_stop: bool,
 }
 
 impl Execution<'_> {
     /// Carries the block out; returns the place of the code that ends the program, if there is one.
     #[inline]
     pub(super) fn run(&mut self) -> Option<SourceSpan> {
+        if self.state.nurbs.is_some() {
+            self.check_open_nurbs();
+        }
         self.labels();
         let other_codes = self.block.has_codes_besides_motion();
         let mut function = None;
@@ -213,7 +218,7 @@ impl Execution<'_> {
     }
 
     /// The whole number of a word, or a finding.
-    fn whole(&mut self, word: &Word) -> Option<u32> {
+    pub(super) fn whole(&mut self, word: &Word) -> Option<u32> {
         let value = word.number.value();
         let whole = value as u32;
         if f64::from(whole) == value {
@@ -276,10 +281,20 @@ impl Execution<'_> {
         }
     }
 
-    /// Plane, work offset and distance mode.
+    /// Plane, path control, work offset and distance mode.
     fn modes(&mut self) {
-        if let Some((Meaning::Plane(plane), _)) = self.code(Group::Plane) {
+        if let Some((Meaning::Plane(plane), _)) = self.code(Group::Plane)
+            && plane != self.state.plane
+        {
             self.state.plane = plane;
+            self.state.spline_exit = None;
+        }
+        self.exact_stop = matches!(self.code(Group::NonModal), Some((Meaning::ExactStop, _)));
+        if let Some((Meaning::PathControl(mode), _)) = self.code(Group::PathControl) {
+            self.state.path_control = self.settings.path_control(mode);
+            if mode == PathControlMode::Continuous {
+                self.path_tolerances();
+            }
         }
         if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset)
             && index != self.state.work_offset
@@ -294,6 +309,71 @@ impl Execution<'_> {
         if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
             self.state.absolute = absolute;
         }
+    }
+
+    /// `P` and `Q` of `G64`, which without them has the default tolerance.
+    fn path_tolerances(&mut self) {
+        let Some((tolerance_word, merge_word)) = self.take(b'P').map(|word| (word, self.take(b'Q'))) else {
+            if let Some(word) = self.take(b'Q') {
+                self.tolerance_error(&word, |mut finding| {
+                    finding
+                        .message
+                        .push_str("the tolerance Q for merging lines is part of the tolerance P, which is missing");
+                    finding.suggest("add P, at least as large as Q")
+                });
+            }
+            return;
+        };
+        let Some(tolerance_mm) = self.path_tolerance(&tolerance_word) else {
+            return;
+        };
+        // As in LinuxCNC, lines are merged within P where there is no Q; Q0 merges none.
+        let Some(merge_tolerance_mm) = merge_word.map_or(Some(tolerance_mm), |word| self.path_tolerance(&word)) else {
+            return;
+        };
+        if let Some(word) = merge_word
+            && merge_tolerance_mm > tolerance_mm
+        {
+            let replacement = format!("Q{}", tolerance_word.number.value());
+            return self.tolerance_error(&word, |mut finding| {
+                finding.message = format!(
+                    "Q, {merge_tolerance_mm} mm, is part of the tolerance P and cannot exceed its {tolerance_mm} mm"
+                );
+                finding
+                    .with_value("merge_tolerance", merge_tolerance_mm, "mm")
+                    .with_value("tolerance", tolerance_mm, "mm")
+                    .suggest_value("use P at most", Some(replacement), "merge_tolerance", tolerance_mm, "mm")
+            });
+        }
+        self.state.path_control = PathControl::Continuous { tolerance_mm, merge_tolerance_mm };
+    }
+
+    /// A tolerance of `G64`, mm; `None` after a finding.
+    fn path_tolerance(&mut self, word: &Word) -> Option<f64> {
+        let tolerance_mm = self.scaled(word, true);
+        if (0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {
+            return Some(tolerance_mm);
+        }
+        self.tolerance_error(word, |mut finding| {
+            finding.message =
+                format!("the tolerance is {tolerance_mm} mm, but must lie between 0 and {MAX_PATH_TOLERANCE_MM} mm");
+            finding
+                .with_value("tolerance", tolerance_mm, "mm")
+                .with_value("max_tolerance", MAX_PATH_TOLERANCE_MM, "mm")
+                .suggest("write how far the path may leave the programmed one, such as P0.01")
+        });
+        None
+    }
+
+    #[cold]
+    fn tolerance_error(&mut self, word: &Word, fill: impl FnOnce(Finding) -> Finding) {
+        let span = self.block.word_span(word);
+        self.findings.push_with(Severity::Error, || fill(Finding::error(code::PATH_TOLERANCE, span, "")));
+    }
+
+    /// How the path runs through the end point of this block.
+    pub(super) const fn path_control(&self) -> PathControl {
+        if self.exact_stop { PathControl::ExactStop } else { self.state.path_control }
     }
 
     fn stop(&mut self) -> Option<SourceSpan> {

@@ -1,17 +1,30 @@
 //! Motion of one block: where it ends, and the move there.
 
 use super::execute::Execution;
+use super::spline::is_point;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{ArcGeometry, Axis, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity, XWord};
 
-/// The letters of an arc's centre and radius.
-const ARC_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K') | letter_bit(b'R');
+/// The letters of an arc's centre.
+const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
+
+/// Every letter of a curve beside its end.
+const CURVE_LETTERS: u32 = CENTRE_LETTERS | letter_bit(b'R') | letter_bit(b'P') | letter_bit(b'Q') | letter_bit(b'L');
+
+/// The letters, beside axes, that ask for motion.
+const fn curve_letters(motion: Motion) -> u32 {
+    match motion {
+        Motion::Arc { .. } => CENTRE_LETTERS | letter_bit(b'R'),
+        Motion::Cubic | Motion::Quadratic => CENTRE_LETTERS | letter_bit(b'P') | letter_bit(b'Q'),
+        _ => 0,
+    }
+}
 
 /// Which coordinates a block's axis words are written in.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Frame {
+pub(super) enum Frame {
     /// Work coordinates, absolute or incremental as the distance mode says.
     Work,
     /// `G53`
@@ -22,31 +35,42 @@ impl Execution<'_> {
     /// Motion by the modal motion code.
     #[inline]
     pub(super) fn motion(&mut self) {
+        let before = self.state.motion;
         if let Some(code) = self.block.code(Group::Motion) {
             self.state.motion = match self.table.code(code.place).meaning {
                 Meaning::Rapid => Motion::Rapid,
                 Meaning::Linear => Motion::Linear,
                 Meaning::Arc { clockwise } => Motion::Arc { clockwise },
+                Meaning::CubicSpline => Motion::Cubic,
+                Meaning::QuadraticSpline => Motion::Quadratic,
+                Meaning::Nurbs => Motion::Nurbs,
+                Meaning::NurbsEnd => return self.close_nurbs(before),
                 _ => Motion::Unclear,
             };
+            if self.state.motion != Motion::Cubic {
+                self.state.spline_exit = None;
+            }
         }
         let one_block = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
         let frame = match one_block {
             Some(Meaning::MachineCoordinates) => Frame::Machine,
+            _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
             Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference) => return,
             _ => Frame::Work,
         };
         let axes = self.block.letters & self.table.axis_letters & !self.used;
-        let arc_words = self.block.letters & ARC_LETTERS;
-        let is_arc = matches!(self.state.motion, Motion::Arc { .. });
+        let curve_words = self.block.letters & !self.used & curve_letters(self.state.motion);
         if frame == Frame::Machine && !self.block.unclear {
             if self.is_wrong_machine_motion(axes) {
-                self.used |= arc_words;
+                self.used |= CURVE_LETTERS;
+                if self.state.motion == Motion::Nurbs {
+                    self.state.motion = Motion::Unclear;
+                }
                 self.state.position = self.target(axes, frame);
                 return;
             }
-        } else if axes == 0 && (arc_words == 0 || !is_arc) {
+        } else if axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before)) {
             return;
         }
         let end = self.target(axes, frame);
@@ -70,6 +94,17 @@ impl Execution<'_> {
                     self.emit_move(MoveKind::Cutting, end, Some(arc), feed);
                 }
             }
+            Motion::Cubic | Motion::Quadratic => {
+                let cubic = self.state.motion == Motion::Cubic;
+                if let Some(spline) = self.spline(cubic, axes, &end)
+                    && let Some(feed) = self.cutting_feed(axes)
+                    && !is_point(&spline)
+                {
+                    let mut step = self.new_move(MoveKind::Cutting, end, feed);
+                    step.spline = Some(spline);
+                    self.emit(self.block.span(), OperationKind::Move(step));
+                }
+            }
             Motion::None => {
                 self.state.motion = Motion::Unclear;
                 let span = self.block.span();
@@ -78,7 +113,7 @@ impl Execution<'_> {
                         .suggest("add G0 or G1")
                 });
             }
-            Motion::Unclear => self.used |= arc_words,
+            Motion::Nurbs | Motion::Unclear => self.used |= CURVE_LETTERS,
         }
         self.state.position = end;
     }
@@ -95,6 +130,7 @@ impl Execution<'_> {
                     .suggest("name the axes with their intermediate point, such as U0 W0")
             });
         }
+        self.state.spline_exit = None;
         let over = self.target(axes, Frame::Work);
         self.emit_move(MoveKind::Rapid, over, None, Feed::PerMinute(0.0));
         self.state.position = over;
@@ -119,7 +155,9 @@ impl Execution<'_> {
         let message = match self.state.motion {
             _ if axes == 0 => "machine coordinates without axis words",
             _ if incremental => "machine coordinates are absolute and take no incremental words",
-            Motion::Arc { .. } => "machine coordinates go with G0 or G1 only",
+            Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic | Motion::Nurbs => {
+                "machine coordinates go with G0 or G1 only"
+            }
             _ => return false,
         };
         self.findings.push_with(Severity::Error, || Finding::error(code::MACHINE_MOTION, span, message));
@@ -128,7 +166,7 @@ impl Execution<'_> {
 
     /// The position after the axis words in the mask `axes`, which are used by this.
     #[inline]
-    fn target(&mut self, axes: u32, frame: Frame) -> Position {
+    pub(super) fn target(&mut self, axes: u32, frame: Frame) -> Position {
         let mut end = self.state.position;
         let mut named = 0u32;
         self.used |= axes;
@@ -164,7 +202,7 @@ impl Execution<'_> {
 
     /// The feed of a cutting move over these axis words; `None` after a finding, now or before.
     #[inline]
-    fn cutting_feed(&mut self, axes: u32) -> Option<Feed> {
+    pub(super) fn cutting_feed(&mut self, axes: u32) -> Option<Feed> {
         let feed = self.state.feed;
         if self.state.feed_unit == FeedUnit::InverseTime && self.block.word(b'F').is_none() {
             self.feed_missing("inverse time needs a feed in every cutting block");
@@ -224,21 +262,25 @@ impl Execution<'_> {
         if arc.is_none() && end == self.state.position {
             return;
         }
-        self.operations.push(crate::Operation {
-            span: self.block.span(),
-            kind: OperationKind::Move(Move {
-                kind,
-                start: self.state.position,
-                end,
-                work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
-                arc,
-                feed,
-                spindle: self.state.spindle(),
-                tool: self.state.tool,
-                spline: None,
-                path_control: crate::PathControl::default(),
-            }),
-        });
+        let step = Move { arc, ..self.new_move(kind, end, feed) };
+        self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
+    }
+
+    /// A straight move to `end` under the present modal states.
+    #[inline]
+    pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
+        Move {
+            kind,
+            start: self.state.position,
+            end,
+            work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
+            arc: None,
+            spline: None,
+            path_control: self.path_control(),
+            feed,
+            spindle: self.state.spindle(),
+            tool: self.state.tool,
+        }
     }
 }
 

@@ -4,6 +4,8 @@ mod arcs;
 mod framing;
 mod hostile;
 mod language;
+mod path_control;
+mod splines;
 
 use super::*;
 use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed};
@@ -36,6 +38,14 @@ fn render_operation(operation: &Operation) -> String {
             let ends = format!("{} -> {}", place(&step.start), place(&step.end));
             match (step.kind, step.arc) {
                 (MoveKind::Rapid, _) => format!("rapid {ends}"),
+                (MoveKind::Cutting, None) if step.spline.is_some() => {
+                    let spline = step.spline.as_deref().expect("it is there");
+                    let points = spline.points.iter().zip(&spline.weights).map(|([first, second], weight)| {
+                        let weight = if *weight == 1.0 { String::new() } else { format!("*{}", number(*weight)) };
+                        format!(" {},{}{weight}", number(*first), number(*second))
+                    });
+                    format!("spline {ends} order {}{} @{}", spline.order, points.collect::<String>(), feed(step.feed))
+                }
                 (MoveKind::Cutting, None) => format!("line {ends} @{}", feed(step.feed)),
                 (MoveKind::Cutting, Some(arc)) => {
                     let [first, second] = arc.center.map(number);

@@ -3,7 +3,8 @@
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
 use feedwave_program::{
-    Axis, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, Position, XWord,
+    Axis, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, PathControlMode,
+    Position, XWord,
 };
 
 use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
@@ -104,6 +105,7 @@ fn axis_from_proto(violations: &mut Violations, field: &str, axis: &proto::Machi
         travel_min: axis.travel_min,
         travel_max: axis.travel_max,
         carried_by,
+        max_velocity_step_per_s: axis.max_velocity_step_per_s,
     })
 }
 
@@ -128,6 +130,7 @@ fn language_from_proto(
     let x_word = enumeration(violations, "language.x_word", language.x_word);
     let feed_mode = enumeration(violations, "language.initial_feed_mode", language.initial_feed_mode);
     let dwell_unit = enumeration(violations, "language.dwell_p_unit", language.dwell_p_unit);
+    let path_control = enumeration(violations, "language.initial_path_control", language.initial_path_control);
     let mut work_offsets = usual.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
@@ -154,6 +157,13 @@ fn language_from_proto(
             proto::FeedMode::PerMinute => FeedMode::PerMinute,
             proto::FeedMode::PerRevolution => FeedMode::PerRevolution,
         },
+        initial_path_control: match path_control? {
+            proto::PathControl::Unspecified => usual.initial_path_control,
+            proto::PathControl::ExactPath => PathControlMode::ExactPath,
+            proto::PathControl::ExactStop => PathControlMode::ExactStop,
+            proto::PathControl::Continuous => PathControlMode::Continuous,
+        },
+        default_path_tolerance_mm: language.default_path_tolerance_mm.unwrap_or(usual.default_path_tolerance_mm),
         initial_inch: language.initial_inch,
         dwell_p_unit: match dwell_unit? {
             proto::DwellUnit::Unspecified => usual.dwell_p_unit,
@@ -231,6 +241,7 @@ fn axis_to_proto(axis: &MachineAxis) -> proto::MachineAxis {
         travel_min: axis.travel_min,
         travel_max: axis.travel_max,
         carried_by: carried_by.into(),
+        max_velocity_step_per_s: axis.max_velocity_step_per_s,
     }
 }
 
@@ -255,6 +266,11 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         DwellUnit::Milliseconds => proto::DwellUnit::Milliseconds,
         DwellUnit::Seconds => proto::DwellUnit::Seconds,
     };
+    let path_control = match language.initial_path_control {
+        PathControlMode::ExactPath => proto::PathControl::ExactPath,
+        PathControlMode::ExactStop => proto::PathControl::ExactStop,
+        PathControlMode::Continuous => proto::PathControl::Continuous,
+    };
     proto::LanguageSettings {
         dialect: dialect.into(),
         decimal_point: decimal_point.into(),
@@ -269,6 +285,8 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         initial_position: Some(position_to_proto(&language.initial_position)),
         arc_radius_tolerance_mm: Some(language.arc_radius_tolerance_mm),
         max_line_bytes: Some(language.max_line_bytes),
+        initial_path_control: path_control.into(),
+        default_path_tolerance_mm: Some(language.default_path_tolerance_mm),
     }
 }
 
@@ -298,7 +316,10 @@ mod tests {
         let mut lathe = MachineProfile::lathe();
         lathe.machine.axes[0].travel_max = Some(200.0);
         lathe.machine.axes[1].carried_by = CarriedBy::Workpiece;
+        lathe.machine.axes[1].max_velocity_step_per_s = 0.2;
         lathe.language.work_offsets[2][5] = 90.0;
+        lathe.language.initial_path_control = PathControlMode::Continuous;
+        lathe.language.default_path_tolerance_mm = 0.025;
         lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
         lathe.following.filter_length_s = Some(0.02);
         for profile in [lathe, MachineProfile::lathe(), MachineProfile::mill()] {
@@ -320,13 +341,17 @@ mod tests {
         let mut profile = profile_to_proto(&MachineProfile::mill());
         profile.machine.as_mut().unwrap().axes[1].max_jerk_per_s3 = -1.0;
         profile.machine.as_mut().unwrap().axes[2].name = String::new();
+        profile.machine.as_mut().unwrap().axes[0].max_velocity_step_per_s = -1.0;
         profile.language.as_mut().unwrap().work_offsets[3].b = f64::NAN;
+        profile.language.as_mut().unwrap().default_path_tolerance_mm = Some(11.0);
         profile.vibration.as_mut().unwrap().servo_substeps = Some(0);
         let found = from_proto(&profile).unwrap_err();
         let fields: Vec<_> = found.iter().map(|(field, _)| field.as_str()).collect();
         for field in [
+            "profile.machine.axes[0].max_velocity_step_per_s",
             "profile.machine.axes[1].max_jerk_per_s3",
             "profile.machine.axes[2].name",
+            "profile.language.default_path_tolerance_mm",
             "profile.language.work_offsets[3].b",
             "profile.vibration.servo_substeps",
         ] {

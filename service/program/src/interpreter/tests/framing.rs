@@ -94,13 +94,16 @@ fn interpret_in_pieces(
 /// Lines that set, use and upset every modal state.
 fn line() -> impl Strategy<Value = String> {
     let words = prop::sample::select(vec![
-        "G0", "G1", "G2", "G3", "G4", "G17", "G18", "G20", "G21", "G28", "G53", "G54", "G56", "G90", "G91", "G93",
-        "G94", "G95", "G96", "G97", "G50", "G71", "G200", "G201", "M0", "M3", "M4", "M5", "M6", "M8", "M9", "X10.",
-        "X-3", "Z20.5", "Y1", "U2", "W-1", "I5", "K-2", "R12.5", "F.2", "F0", "F100", "S1000", "S0", "T0101", "T2",
-        "P5", "A.03", "E1", "(note)", "(open", "#1", "/", "%", ";x", "N5", "O7", "\0", "\u{e9}", "X 1 2", "GG", "\r",
+        "G0", "G1", "G2", "G3", "G4", "G5", "G5.1", "G5.2", "G5.2", "G5.3", "G9", "G61", "G64", "G17", "G18", "G20",
+        "G21", "G28", "G53", "G54", "G56", "G90", "G91", "G93", "G94", "G95", "G96", "G97", "G50", "G71", "G200",
+        "G201", "M0", "M3", "M4", "M5", "M6", "M8", "M9", "X10.", "X-3", "Z20.5", "Y1", "U2", "W-1", "I5", "K-2",
+        "R12.5", "F.2", "F0", "F100", "S1000", "S0", "T0101", "T2", "P5", "P.1", "Q.05", "Q1", "L3", "J2", "A.03",
+        "E1", "(note)", "(open", "#1", "/", "%", ";x", "N5", "O7", "\0", "\u{e9}", "X 1 2", "GG", "\r",
     ]);
     let body = prop::collection::vec(words, 0..6).prop_map(|words| words.join(" "));
-    prop_oneof![40 => body, 1 => Just("M30".to_owned()), 1 => Just("X1 ".repeat(30)), 1 => Just("%".to_owned())]
+    // A NURBS is rarely hit upon.
+    let nurbs = prop::sample::select(vec!["G5.2 L3 F9", "X1 Y2 Z3 P2", "X3 Y5", "Y4 X7 P.5", "Z5 X1", "G5.3"]);
+    prop_oneof![40 => body, 20 => nurbs.prop_map(str::to_owned), 1 => Just("M30".to_owned()), 1 => Just("X1 ".repeat(30)), 1 => Just("%".to_owned())]
 }
 
 proptest! {

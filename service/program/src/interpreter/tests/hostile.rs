@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::{MAX_PATH_TOLERANCE_MM, PathControl, SplineGeometry};
 
 #[test]
 fn a_line_of_100_mb_streams_through_one_buffer() {
@@ -71,6 +72,22 @@ fn findings_are_bounded_and_counted() {
     assert_eq!(findings.dropped(), 100_000 - 1_000 + 1);
 }
 
+/// A spline keeps what its type promises: finite points from the start to the end of its move, positive weights.
+fn assert_sound(step: &Move, spline: &SplineGeometry) {
+    let (first, second) = spline.plane.axes();
+    let in_plane = |position: &Position| [position[first.index()], position[second.index()]];
+    assert_eq!(spline.points.first(), Some(&in_plane(&step.start)));
+    assert_eq!(spline.points.last(), Some(&in_plane(&step.end)));
+    assert!(spline.points.iter().flatten().all(|value| value.is_finite()), "{spline:?}");
+    assert!(spline.points.iter().any(|point| *point != spline.points[0]), "{spline:?}");
+    assert_eq!(spline.weights.len(), spline.points.len());
+    assert!(spline.weights.iter().all(|weight| *weight > 0.0 && weight.is_finite()), "{spline:?}");
+    assert!(spline.order >= 3 && usize::from(spline.order) <= spline.points.len(), "{spline:?}");
+    for axis in Axis::ALL.into_iter().filter(|axis| ![first, second].contains(axis)) {
+        assert_eq!(step.start[axis.index()], step.end[axis.index()], "{axis:?} is not of the plane");
+    }
+}
+
 /// Every coordinate that leaves the interpreter is a finite number.
 fn assert_finite(operations: &[Operation]) {
     for operation in operations {
@@ -78,6 +95,12 @@ fn assert_finite(operations: &[Operation]) {
             assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()), "{step:?}");
             if let Some(arc) = step.arc {
                 assert!(arc.center.iter().chain([&arc.sweep_rad]).all(|value| value.is_finite()), "{arc:?}");
+            }
+            if let Some(spline) = step.spline.as_deref() {
+                assert_sound(step, spline);
+            }
+            if let PathControl::Continuous { tolerance_mm, merge_tolerance_mm } = step.path_control {
+                assert!((0.0..=tolerance_mm).contains(&merge_tolerance_mm) && tolerance_mm <= MAX_PATH_TOLERANCE_MM);
             }
         }
     }
@@ -92,11 +115,79 @@ fn the_largest_numbers_stay_finite() {
     assert_finite(&operations);
 }
 
+fn spline_line() -> impl Strategy<Value = String> {
+    let words = prop::sample::select(vec![
+        "X1",
+        "X-2.5",
+        "Y1",
+        "Y2",
+        "Z3",
+        "I1",
+        "I0",
+        "J-1",
+        "K2",
+        "P1",
+        "P-1",
+        "Q0",
+        "Q2",
+        "L3",
+        "L4",
+        "L99",
+        "F5",
+        "X999999999",
+        "J999999999",
+        "P.5",
+        "G9",
+        "G61",
+        "G61.1",
+        "G64",
+        "G91",
+        "G90",
+        "G20",
+        "G18",
+        "G53",
+        "G4",
+        "G55",
+        "M5",
+        "A1",
+        "U1",
+        "E1",
+        "%",
+    ]);
+    let code = prop::sample::select(vec!["G5", "G5.1", "G5.2", "G5.3", "G1", "G64", ""]);
+    let whole = prop::sample::select(vec![
+        "G5 X1 Y1 I1 J0 P0 Q-1",
+        "G5 X2 Y5 P1 Q1",
+        "G5.1 X5 Y5 I1 J1",
+        "G5.2 L3",
+        "X1 Y2 P2",
+        "X3 Y1",
+        "X9 Y4",
+        "G5.3",
+        "Z1 X2",
+        "Z4 X1 P.5",
+        "G64 P.1 Q.05",
+    ]);
+    let some =
+        (code, prop::collection::vec(words, 0..5)).prop_map(|(code, words)| format!("{code} {}", words.join(" ")));
+    prop_oneof![2 => some, 3 => whole.prop_map(str::to_owned)]
+}
+
 proptest! {
     #[test]
     fn any_bytes(source in prop::collection::vec(any::<u8>(), 0..2_000)) {
         for settings in [lathe(), mill()] {
             render(&source, &settings);
+        }
+    }
+
+    /// Programs of nothing but path control and splines, sound and unsound.
+    #[test]
+    fn any_path_control_and_splines(lines in prop::collection::vec(spline_line(), 0..60), plane in 17..20u8) {
+        for settings in [lathe(), mill()] {
+            let source = format!("G{plane} G94 F100\n{}", lines.join("\n"));
+            render(&source, &settings);
+            assert_finite(&interpret(source.as_bytes(), settings).0);
         }
     }
 
