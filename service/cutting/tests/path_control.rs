@@ -1,0 +1,165 @@
+//! Path control from program text to setpoints: exact, with rounded corners, and with merged blocks.
+
+mod common;
+
+use common::{Setpoints, resume, run, snapshots, validate};
+use feedwave_cutting::{MachineProfile, PipelineConfig};
+use proptest::prelude::*;
+
+fn mill() -> PipelineConfig {
+    PipelineConfig::new(MachineProfile::mill())
+}
+
+const SQUARE: [[f64; 2]; 5] = [[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0], [0.0, 0.0]];
+
+fn square(control: &str) -> Setpoints {
+    let program = format!("G17 G21 G90 M3 S3000 F3000. {control}\nG1 X20.\nY20.\nX0.\nY0.\nM30\n");
+    run(&program, &mill())
+}
+
+/// Distance from setpoint `index` to the polyline through `corners`, mm.
+fn distance(setpoints: &Setpoints, index: usize, corners: &[[f64; 2]]) -> f64 {
+    let [x, y] = [setpoints.axes[0][index], setpoints.axes[1][index]];
+    let to = |pair: &[[f64; 2]]| {
+        let [dx, dy] = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
+        let along = ((x - pair[0][0]) * dx + (y - pair[0][1]) * dy) / (dx * dx + dy * dy);
+        let along = along.clamp(0.0, 1.0);
+        (x - pair[0][0] - along * dx).hypot(y - pair[0][1] - along * dy)
+    };
+    corners.windows(2).map(to).fold(f64::INFINITY, f64::min)
+}
+
+/// Lowest feed between the first and the last second-tenth of the program, mm/min.
+fn lowest_feed(setpoints: &Setpoints) -> f64 {
+    setpoints.feed[100..setpoints.len() - 100].iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_square_with_rounded_corners_runs_through_them_within_tolerance() {
+    for tolerance_mm in [0.01, 0.05, 0.2, 1.0] {
+        let rounded = square(&format!("G64 P{tolerance_mm}"));
+        let largest = (0..rounded.len()).map(|index| distance(&rounded, index, &SQUARE)).fold(0.0, f64::max);
+        assert!(largest <= tolerance_mm && largest > 0.5 * tolerance_mm, "{largest} mm off of {tolerance_mm}");
+        let slowest = lowest_feed(&rounded);
+        assert!(slowest > 300.0, "{slowest} mm/min at {tolerance_mm} mm");
+        let last = rounded.len() - 1;
+        assert_eq!([rounded.axes[0][last], rounded.axes[1][last]], [0.0, 0.0]);
+    }
+}
+
+#[test]
+fn exact_corners_are_met() {
+    for control in ["", "G61", "G61.1", "G64 P0"] {
+        let exact = square(control);
+        let largest = (0..exact.len()).map(|index| distance(&exact, index, &SQUARE)).fold(0.0, f64::max);
+        assert!(largest < 1e-9, "{largest} mm off under {control}");
+    }
+}
+
+#[test]
+fn tolerance_gains_time() {
+    let stopping = square("G61.1").len();
+    let rounded = ["P0.1", "P0.3", "P1"].map(|tolerance| square(&format!("G64 {tolerance}")).len());
+    assert!(rounded[0] < stopping && rounded.is_sorted_by(|a, b| a > b), "{rounded:?} against {stopping}");
+}
+
+#[test]
+fn a_polygon_close_to_a_circle_runs_like_the_circle() {
+    let polygon = |control: &str| {
+        let mut text = format!("G17 G21 G90 M3 S3000 F3000. {control}\nG0 X20.\nG1\n");
+        for degrees in 1..=360 {
+            let angle_rad = f64::from(degrees).to_radians();
+            text += &format!("X{:.4} Y{:.4}\n", 20.0 * angle_rad.cos(), 20.0 * angle_rad.sin());
+        }
+        run(&(text + "M30\n"), &mill())
+    };
+    let circle = run("G17 G21 G90 M3 S3000 F3000.\nG0 X20.\nG3 I-20.\nM30\n", &mill()).len();
+    let [stopping, rounded] = ["G61.1", "G64 P0.01 Q0"].map(|control| polygon(control).len());
+    assert!(stopping > circle + circle / 2, "{stopping} against {circle}");
+    assert!(rounded < circle + circle / 50, "{rounded} against {circle}");
+}
+
+#[test]
+fn stops_between_keep_the_programmed_point() {
+    for between in ["G4 P10", "G9", "M0", "M8", "S2000", "G0 Z1."] {
+        let (block, prefix) = if between == "G9" { (String::new(), "G9 ") } else { (format!("{between}\n"), "") };
+        let program = format!("G17 G21 G90 M3 S3000 F3000. G64 P0.5\n{prefix}G1 X20.\n{block}G1 Y20.\nM30\n");
+        let setpoints = run(&program, &mill());
+        let corner = |index: usize| (setpoints.axes[0][index] - 20.0).hypot(setpoints.axes[1][index]);
+        let nearest = (0..setpoints.len()).map(corner).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 0.03, "{between}: {nearest}");
+    }
+}
+
+#[test]
+fn short_blocks_of_a_line_run_like_the_line() {
+    let mut short = String::from("G17 G21 G90 M3 S3000 F6000. G64 P0.02 Q0.01\nG1\n");
+    for k in 1..=1_000 {
+        short += &format!("X{:.3} Y{:.3}\n", f64::from(k) * 0.05, if k % 2 == 0 { 0.002 } else { 0.0 });
+    }
+    short += "Y10.\nM30\n";
+    let setpoints = run(&short, &mill());
+    let line = run("G17 G21 G90 M3 S3000 F6000. G64 P0.02\nG1 X50.\nY10.\nM30\n", &mill());
+    assert!(setpoints.len().abs_diff(line.len()) <= 2, "{} and {}", setpoints.len(), line.len());
+    let report = validate(&short, &mill());
+    assert_eq!(report.summary.cutting_moves, 1_001);
+    assert!(report.is_accepted());
+}
+
+/// A program of lines and arcs, short and long, with changing path control.
+fn programs() -> impl Strategy<Value = String> {
+    let um = || prop_oneof![-15_000..15_000_i32, -200..200_i32];
+    let block = prop_oneof![
+        6 => (um(), um()).prop_map(|(x, y)| format!("G1 X{:.3} Y{:.3}\n", f64::from(x) / 1e3, f64::from(y) / 1e3)),
+        2 => (500..8_000_i32, any::<bool>()).prop_map(|(radius, clockwise)| {
+            let (code, radius) = (if clockwise { 2 } else { 3 }, f64::from(radius) / 1e3);
+            let side = if clockwise { -radius } else { radius };
+            format!("G{code} X{radius:.3} Y{side:.3} I0. J{side:.3}\n")
+        }),
+        1 => (0..300_i32, 0..=100_i32).prop_map(|(um, percent)| {
+            let tolerance = f64::from(um) / 1e3;
+            format!("G64 P{tolerance:.6} Q{:.6}\n", tolerance * f64::from(percent) / 100.0)
+        }),
+        1 => Just(String::from("G61\n")),
+        1 => (500..6_000_u32).prop_map(|feed| format!("F{feed}.\n")),
+    ];
+    prop::collection::vec(block, 1..25)
+        .prop_map(|blocks| format!("G17 G21 G91 M3 S3000 F3000. G64 P0.05\n{}M30\n", blocks.concat()))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn smoothed_programs_stay_within_the_limits_of_the_axes(program in programs()) {
+        let config = mill();
+        let setpoints = run(&program, &config);
+        let period_s = config.period_s();
+        for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
+            for (k, window) in column.windows(3).enumerate() {
+                let velocity = (window[1] - window[0]) / period_s;
+                let acceleration = (window[2] - 2.0 * window[1] + window[0]) / (period_s * period_s);
+                prop_assert!(velocity.abs() <= axis.max_velocity_per_s * (1.0 + 1e-6), "velocity {velocity} at {k}");
+                let rounding = 1e-13 / (period_s * period_s);
+                prop_assert!(
+                    acceleration.abs() <= axis.max_acceleration_per_s2 * (1.0 + 1e-6) + rounding,
+                    "acceleration {acceleration} of {} at {k}, line {}", axis.name, setpoints.line[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_smoothed_stream_resumes_bit_for_bit(program in programs(), choice in any::<prop::sample::Index>()) {
+        let config = mill();
+        let original = run(&program, &config);
+        let taken = snapshots(program.as_bytes(), &config);
+        let (index, offset, snapshot) = choice.get(&taken);
+        let (first, resumed) = resume(program.as_bytes(), &config, *offset, snapshot);
+        prop_assert_eq!(first, *index);
+        prop_assert_eq!(first as usize + resumed.len(), original.len());
+        for k in 0..resumed.len() {
+            prop_assert_eq!(original.bits(first as usize + k), resumed.bits(k), "setpoint {}", first as usize + k);
+        }
+    }
+}
