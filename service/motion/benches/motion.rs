@@ -5,11 +5,31 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_motion::{Element, PathLimits, Profile};
-use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, SourceSpan, Spindle};
+use feedwave_motion::{Element, Machine, PathLimits, PathMotion, Profile, limit_pieces};
+use feedwave_program::{
+    ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, SourceSpan, Spindle, SplineGeometry,
+};
 
 const SETPOINTS: usize = 4_096;
 const PERIOD_S: f64 = 1e-3;
+
+/// A `G5`: an S of two turns that rises.
+fn cubic() -> Move {
+    let points = vec![[0.0, 0.0], [0.0, 60.0], [40.0, -40.0], [40.0, 20.0]];
+    let geometry = SplineGeometry { plane: Plane::Xy, order: 4, points, weights: vec![1.0; 4] };
+    Move {
+        kind: MoveKind::Cutting,
+        start: [0.0; 9],
+        end: [40.0, 20.0, 10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        work_offset: [0.0; 9],
+        arc: None,
+        feed: Feed::PerMinute(1_000.0),
+        spindle: Spindle::STOPPED,
+        tool: 0,
+        spline: Some(Box::new(geometry)),
+        path_control: PathControl::default(),
+    }
+}
 
 fn element(radius_mm: Option<f64>) -> Element {
     let mut start = [0.0; 9];
@@ -65,10 +85,12 @@ fn filling(criterion: &mut Criterion) {
         bencher.iter(|| profile.fill(black_box(0), PERIOD_S, 0.0, black_box(&mut s), black_box(&mut v)));
     });
 
-    for (name, radius_mm) in
-        [("line, three axes", None), ("arc, three axes", Some(50.0)), ("arc of a huge radius, three axes", Some(1e6))]
-    {
-        let element = element(radius_mm);
+    for (name, element) in [
+        ("line, three axes", element(None)),
+        ("arc, three axes", element(Some(50.0))),
+        ("arc of a huge radius, three axes", element(Some(1e6))),
+        ("spline, three axes", Element::from_move(&cubic(), SourceSpan::default()).expect("it moves")),
+    ] {
         for (k, s) in s.iter_mut().enumerate() {
             *s = element.length * k as f64 / SETPOINTS as f64;
         }
@@ -83,5 +105,20 @@ fn filling(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, filling);
+/// What a spline costs before it moves, per block.
+fn preparing(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("preparing a spline");
+    let mv = cubic();
+    let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
+    let machine = Machine::mill();
+    group.bench_function("by arc length", |bencher| {
+        bencher.iter(|| Element::from_move(black_box(&mv), SourceSpan::default()));
+    });
+    group.bench_function("limits", |bencher| {
+        bencher.iter(|| limit_pieces(black_box(&element), &machine, PathMotion::ZERO));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, filling, preparing);
 criterion_main!(benches);

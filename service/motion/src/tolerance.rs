@@ -95,10 +95,10 @@ pub(crate) const SPLINE_STRAIGHT_MM: f64 = 1e-12;
 pub(crate) const SPLINE_BEND: f64 = 1e-6;
 /// Share of an axis' jerk that turning alone may use on a spline; see `limits::pieces`.
 pub(crate) const SPLINE_TURNING_JERK_SHARE: f64 = 0.25;
-/// Part of its time that half a stretch of a spline must gain by limits of its own for the stretch to be halved.
-pub(crate) const LIMIT_GAIN: f64 = 0.03;
+/// Part of its time that a place of a spline may lose to limits in common with the stretch around it.
+pub(crate) const LIMIT_GAIN: f64 = 0.06;
 /// Part of its time that a stretch of a spline may lose by limits in common with its neighbours.
-pub(crate) const LIMIT_SLOWDOWN: f64 = 0.07;
+pub(crate) const LIMIT_SLOWDOWN: f64 = 0.1;
 /// Most times that a polynomial piece of a spline is halved for its limits.
 pub(crate) const LIMIT_HALVINGS: u32 = 5;
 /// Most pieces with limits of their own of one element.

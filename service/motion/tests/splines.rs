@@ -125,7 +125,7 @@ impl Reference<'_> {
             // Just inside of the span, so that the speed is that of this span.
             let inside = |u: f64| f(u.clamp(a.floor(), (a.floor() + 1.0).next_down()));
             let middle = 0.5 * (a + b);
-            let [fa, fm, fb] = [a, middle, b].map(|u| inside(u));
+            let [fa, fm, fb] = [a, middle, b].map(&inside);
             let whole = (b - a) / 6.0 * (fa + 4.0 * fm + fb);
             length += settle(&inside, [a, fa], [middle, fm], [b, fb], whole, tolerance, 0);
             a = b;

@@ -16,9 +16,25 @@ fn mix(a: &Weighted, b: &Weighted, share: f64) -> Weighted {
     core::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
 }
 
-/// Row `k` of Pascal's triangle up to the highest degree.
+/// Pascal's triangle.
+const BINOMIALS: [[f64; MAX_SPLINE_DEGREE + 1]; MAX_SPLINE_DEGREE + 1] = {
+    let mut rows = [[0.0; MAX_SPLINE_DEGREE + 1]; MAX_SPLINE_DEGREE + 1];
+    let mut n = 0;
+    while n <= MAX_SPLINE_DEGREE {
+        rows[n][0] = 1.0;
+        let mut k = 1;
+        while k <= n {
+            rows[n][k] = rows[n - 1][k - 1] + rows[n - 1][k];
+            k += 1;
+        }
+        n += 1;
+    }
+    rows
+};
+
+/// Binomial coefficient n over k, for n up to the highest degree.
 pub(super) fn binomial(n: usize, k: usize) -> f64 {
-    (0..k).fold(1.0, |product, step| product * (n - step) as f64 / (step + 1) as f64)
+    BINOMIALS[n][k]
 }
 
 impl Bezier {

@@ -18,7 +18,7 @@ const MATCHED: usize = COEFFICIENTS / 2;
 /// Gauss-Legendre quadrature with 7 points: abscissas on 0 to 1 beside the middle, and weights.
 const MIDDLE_WEIGHT: f64 = 0.208_979_591_836_734_7;
 const GAUSS: [[f64; 2]; 3] = [
-    [0.202_922_575_688_698_58, 0.190_915_025_252_559_47],
+    [0.202_922_575_688_698_6, 0.190_915_025_252_559_47],
     [0.370_765_592_799_697_2, 0.139_852_695_744_638_34],
     [0.474_553_956_171_379_26, 0.064_742_483_084_434_85],
 ];

@@ -113,8 +113,8 @@ impl Piece {
 /// The first and the second half of a polynomial.
 fn halves(polynomial: &Bernstein) -> [Bernstein; 2] {
     let (mut left, mut right) = ([0.0; COEFFICIENTS], *polynomial);
-    for k in 0..COEFFICIENTS {
-        left[k] = right[0];
+    for (k, left) in left.iter_mut().enumerate() {
+        *left = right[0];
         for i in 0..COEFFICIENTS - 1 - k {
             right[i] = 0.5 * (right[i] + right[i + 1]);
         }
@@ -133,32 +133,56 @@ fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
     }
 }
 
-/// Stretch of a spline by its first three derivatives by arc length.
+/// Stretch of a spline by its tangent.
 #[derive(Clone, Copy)]
 pub(crate) struct Part {
     /// Arc length where it ends, mm.
     pub(crate) end: f64,
     length: f64,
-    /// By derivative and axis.
-    derivatives: [[Bernstein; 3]; 3],
+    /// Bernstein coefficients of the first derivative by arc length: X, Y, Z.
+    tangent: [Bernstein; 3],
 }
 
 impl Part {
     /// Its first and its second half.
     pub(crate) fn halves(&self) -> [Self; 2] {
-        let half = |index: usize| Self {
-            end: if index == 0 { self.end - 0.5 * self.length } else { self.end },
-            length: 0.5 * self.length,
-            derivatives: self.derivatives.map(|axes| axes.map(|polynomial| halves(&polynomial)[index])),
-        };
-        [half(0), half(1)]
+        let length = 0.5 * self.length;
+        let [x, y, z] = self.tangent.each_ref().map(halves);
+        [
+            Self { end: self.end - length, length, tangent: [x[0], y[0], z[0]] },
+            Self { end: self.end, length, tangent: [x[1], y[1], z[1]] },
+        ]
     }
 
-    /// Upper bounds of |first|, |second| and |third derivative| of X, Y and Z.
+    /// Upper bounds of |first|, |second| and |third derivative| of X, Y and Z: those of the Bernstein coefficients, which are
+    /// differences of those of the derivative before.
     pub(crate) fn bounds(&self) -> [[f64; 3]; 3] {
-        let largest =
-            |polynomial: Bernstein| polynomial.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-        self.derivatives.map(|axes| axes.map(largest))
+        self.measure(|polynomial| polynomial.iter().fold(0.0, |largest, value| value.abs().max(largest)))
+    }
+
+    /// The same just where it starts and where it ends.
+    pub(crate) fn ends(&self) -> [[[f64; 3]; 3]; 2] {
+        [
+            self.measure(|polynomial| polynomial[0].abs()),
+            self.measure(|polynomial| polynomial[polynomial.len() - 1].abs()),
+        ]
+    }
+
+    /// What `of` finds in the Bernstein coefficients, by derivative and axis.
+    fn measure(&self, of: impl Fn(&[f64]) -> f64) -> [[f64; 3]; 3] {
+        let mut found = [[0.0; 3]; 3];
+        for axis in 0..3 {
+            let mut polynomial = self.tangent[axis];
+            for (order, found) in found.iter_mut().enumerate() {
+                let count = COEFFICIENTS - order;
+                found[axis] = of(&polynomial[..count]);
+                let per_step = (count - 1) as f64 / self.length;
+                for k in 1..count {
+                    polynomial[k - 1] = (polynomial[k] - polynomial[k - 1]) * per_step;
+                }
+            }
+        }
+        found
     }
 }
 
@@ -387,12 +411,12 @@ impl Spline {
         largest
     }
 
-    /// The pieces by their derivatives.
+    /// The pieces by their tangents.
     pub(crate) fn parts(&self) -> impl Iterator<Item = Part> {
         self.pieces.iter().map(|piece| Part {
             end: piece.end(),
             length: piece.length,
-            derivatives: [1, 2, 3].map(|order| core::array::from_fn(|axis| piece.bernstein(axis, order))),
+            tangent: core::array::from_fn(|axis| piece.bernstein(axis, 1)),
         })
     }
 

@@ -15,7 +15,8 @@
 //! Of the rest the part of T₂/K in T₁ + T₂/K may go to 3·v·a·T₂, with K the largest T₂ of all axes; what
 //! the acceleration leaves goes to j·T₁.
 //!
-//! Where the limits change by more than a tenth in time (v by λ, a by λ², j by λ³) the element is divided.
+//! The element is divided where one set of limits would cost a part of it more than about a tenth of its time (v goes by
+//! λ, a by λ², j by λ³): polynomials are halved while that gains much, and neighbours joined while that costs little.
 
 use feedwave_program::{AXIS_COUNT, Position};
 use serde::{Deserialize, Serialize};
@@ -24,7 +25,8 @@ use smallvec::{SmallVec, smallvec};
 use super::{LimitExceeded, PathLimits, PathMotion, Quantity, path_limits, rest};
 use crate::element::Part;
 use crate::tolerance::{
-    CENTRIPETAL_SHARE, LIMIT_HALVINGS, LIMIT_SLOWDOWN, MAX_LIMIT_PIECES, SPLINE_TURNING_JERK_SHARE, TANGENTIAL_SHARE,
+    CENTRIPETAL_SHARE, LIMIT_GAIN, LIMIT_HALVINGS, LIMIT_SLOWDOWN, MAX_LIMIT_PIECES, SPLINE_TURNING_JERK_SHARE,
+    TANGENTIAL_SHARE,
 };
 use crate::{Curve, Element, Machine};
 
@@ -54,7 +56,7 @@ impl Bounds {
 struct Stretch {
     end: f64,
     bounds: Bounds,
-    limits: Result<PathLimits, LimitExceeded>,
+    limits: PathLimits,
 }
 
 /// Whether what holds for a union costs none of its parts more than the share `slowdown` of its time.
@@ -86,7 +88,7 @@ pub fn limit_pieces(
     let rule = Rule { machine, superposed, beside };
     let mut stretches = Vec::new();
     for part in spline.parts() {
-        rule.divide(&part, rule.judge(&part), 0, &mut stretches)?;
+        rule.divide(&part, 0, &mut stretches)?;
     }
     let mut slowdown = LIMIT_SLOWDOWN;
     loop {
@@ -110,38 +112,29 @@ struct Rule<'a> {
 }
 
 impl Rule<'_> {
-    fn judge(&self, part: &Part) -> Stretch {
+    fn bounds(&self, linear: [[f64; 3]; 3]) -> Bounds {
         let mut bounds = Bounds([self.beside, [0.0; AXIS_COUNT], [0.0; AXIS_COUNT]]);
-        for (all, linear) in bounds.0.iter_mut().zip(part.bounds()) {
+        for (all, linear) in bounds.0.iter_mut().zip(linear) {
             all[..3].copy_from_slice(&linear);
         }
-        Stretch { end: part.end, bounds, limits: self.limits(&bounds) }
+        bounds
     }
 
-    /// Appends the stretches of a part, divided until halves would gain too little.
-    fn divide(
-        &self,
-        part: &Part,
-        whole: Stretch,
-        depth: u32,
-        stretches: &mut Vec<Stretch>,
-    ) -> Result<(), LimitExceeded> {
+    /// Appends the stretches of a part, divided until its limits are nearly those of its ends and of its middle.
+    fn divide(&self, part: &Part, depth: u32, stretches: &mut Vec<Stretch>) -> Result<(), LimitExceeded> {
+        let bounds = self.bounds(part.bounds());
+        let limits = self.limits(&bounds);
         if depth < LIMIT_HALVINGS {
-            let halves = part.halves();
-            let judged = halves.each_ref().map(|half| self.judge(half));
-            let gains = |half: &Stretch| match (&whole.limits, &half.limits) {
-                (Ok(whole), Ok(half)) => !is_close(whole, half, LIMIT_SLOWDOWN),
+            let gains = |place: [[f64; 3]; 3]| match (&limits, self.limits(&self.bounds(place))) {
+                (Ok(whole), Ok(place)) => !is_close(whole, &place, LIMIT_GAIN),
                 _ => true,
             };
-            if judged.iter().any(gains) {
-                for (half, judged) in halves.iter().zip(judged) {
-                    self.divide(half, judged, depth + 1, stretches)?;
-                }
-                return Ok(());
+            let halves = part.halves();
+            if part.ends().into_iter().chain([halves[0].ends()[1]]).any(gains) {
+                return halves.iter().try_for_each(|half| self.divide(half, depth + 1, stretches));
             }
         }
-        whole.limits?;
-        stretches.push(whole);
+        stretches.push(Stretch { end: part.end, bounds, limits: limits? });
         Ok(())
     }
 
@@ -150,7 +143,7 @@ impl Rule<'_> {
         let mut pieces = LimitPieces::new();
         let mut open: Option<(Bounds, PathLimits)> = None;
         for stretch in stretches {
-            let own = stretch.limits?;
+            let own = stretch.limits;
             let (mut bounds, mut best, mut limits) = (stretch.bounds, own, own);
             if let Some((open_bounds, open_best)) = &open {
                 let union = open_bounds.union(&bounds);
@@ -181,9 +174,10 @@ impl Rule<'_> {
             let centripetal = axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * first[k]);
             let turning = SPLINE_TURNING_JERK_SHARE * axis.max_jerk_per_s3;
             // A division by zero is no limit at all.
-            let speed = (axis.max_velocity_per_s / first[k])
-                .min((centripetal / second[k]).sqrt())
-                .min(libm::cbrt(turning / third[k]));
+            let mut speed = (axis.max_velocity_per_s / first[k]).min((centripetal / second[k]).sqrt());
+            if speed * speed * speed * third[k] > turning {
+                speed = libm::cbrt(turning / third[k]);
+            }
             let left = rest(axis.axis, Quantity::Velocity, speed * first[k], first[k], superposed.velocity)?;
             limits.velocity = limits.velocity.min(left);
         }
