@@ -21,7 +21,8 @@ pub use chip::*;
 pub use following::{FollowingModel, FollowingReport};
 pub use path_vibration::*;
 pub use pipeline::{
-    DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, Pipeline, PipelineConfig, SnapshotError, Step, Tool,
+    DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, Pipeline, PipelineConfig,
+    SnapshotError, Step, Tool,
 };
 pub use profile::{MAX_AMPLITUDE_MM, MAX_SERVO_SUBSTEPS, MachineProfile};
 pub use report::{AxisSummary, ProgramSummary, ValidationReport};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::builder::{Analysis, Builder, BuilderState};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
-use crate::{Frame, GenerationMode, MachineProfile, SetpointBlock};
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, SetpointBlock};
 
 /// What a run of the pipeline is for; immutable while it runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct PipelineConfig {
     pub generation_mode: GenerationMode,
     /// Coordinates of the axis columns.
     pub frame: Frame,
+    /// Changes of the feed override, ascending by index. What they act on is planned at 100 % before the first.
+    pub overrides: Vec<OverrideChange>,
     /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
     pub tools: Vec<Tool>,
 }
@@ -35,6 +37,7 @@ impl PipelineConfig {
             interpolation_period_us: DEFAULT_PERIOD_US,
             generation_mode,
             frame: Frame::Machine,
+            overrides: Vec::new(),
             tools: Vec::new(),
         }
     }
@@ -56,13 +59,23 @@ pub const DEFAULT_PERIOD_US: u32 = 1_000;
 pub const MAX_SETPOINTS: u64 = 1 << 32;
 
 /// Elements the planner looks ahead.
-const LOOK_AHEAD_ELEMENTS: usize = 1_024;
+const LOOK_AHEAD_ELEMENTS: usize = 5_000;
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
 const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 3;
+const SNAPSHOT_VERSION: u8 = 4;
+
+/// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OverrideChange {
+    /// Index of the setpoint at whose instant it changes.
+    pub index: u64,
+    /// Ratio of the feed to the programmed one, 0 (feed hold) to 2.
+    pub ratio: f64,
+}
 
 /// What validation needs to know of a tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,8 +126,18 @@ pub struct Pipeline {
     planner: Planner<Barrier>,
     pub(crate) interpolator: Interpolator,
     pub(crate) findings: FindingLog,
+    overrides: OverrideState,
     /// Whether the block in hand was begun by an earlier call.
     block_begun: bool,
+}
+
+/// Progress through the changes of the feed override.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct OverrideState {
+    /// Number of changes taken up.
+    taken: usize,
+    /// The ratio that waits for the path to brake less.
+    pending: Option<f64>,
 }
 
 /// Everything that changes while a pipeline runs.
@@ -126,6 +149,7 @@ struct Snapshot {
     builder: BuilderState,
     planner: Planner<Barrier>,
     interpolator: interpolator::State,
+    overrides: OverrideState,
 }
 
 impl Pipeline {
@@ -164,9 +188,11 @@ impl Pipeline {
             planner: Planner::new(settings),
             interpolator,
             findings,
+            overrides: OverrideState::default(),
             block_begun: false,
             config,
         }
+        .at_next_override()
     }
 
     /// A pipeline that continues, bit for bit, where [`Pipeline::snapshot`] was taken with the same
@@ -189,7 +215,8 @@ impl Pipeline {
         );
         let builder = Builder::new(snapshot.builder, None);
         let fresh = Self::new(config);
-        Ok(Self { offset: snapshot.offset, interpreter, builder, planner: snapshot.planner, interpolator, ..fresh })
+        let Snapshot { offset, planner, overrides, .. } = snapshot;
+        Ok(Self { offset, interpreter, builder, planner, interpolator, overrides, ..fresh })
     }
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
@@ -203,6 +230,7 @@ impl Pipeline {
             builder: self.builder.state.clone(),
             planner: self.planner.clone(),
             interpolator: self.interpolator.state().clone(),
+            overrides: self.overrides,
         };
         // Serialising plain data into memory has no way to fail.
         postcard::to_stdvec(&snapshot).unwrap_or_default()
@@ -281,11 +309,15 @@ impl Pipeline {
                         self.check_held_items();
                     }
                     None => {
+                        if self.planner.is_held() && self.rest_in_feed_hold() {
+                            continue;
+                        }
                         if !self.read_line() {
                             return Step::NeedInput;
                         }
                     }
                 },
+                Fill::Paused => self.change_override(),
             }
             if self.findings.has_errors() {
                 return Step::Refused;
@@ -300,6 +332,41 @@ impl Pipeline {
             return Step::Refused;
         }
         Step::Block
+    }
+
+    /// Takes up the change of the feed override that is due.
+    fn change_override(&mut self) {
+        let next = self.interpolator.next_index();
+        while let Some(change) = self.config.overrides.get(self.overrides.taken).filter(|change| change.index <= next) {
+            self.overrides.pending = Some(change.ratio);
+            self.overrides.taken += 1;
+        }
+        let Some(ratio) = self.overrides.pending else { return self.interpolator.pause_at(self.next_override()) };
+        let again = self.interpolator.change_override(&mut self.planner, ratio);
+        if again.is_none() {
+            self.overrides.pending = None;
+        }
+        self.interpolator.pause_at(again.into_iter().chain(self.next_override()).min());
+    }
+
+    fn next_override(&self) -> Option<u64> {
+        self.config.overrides.get(self.overrides.taken).map(|change| change.index)
+    }
+
+    fn at_next_override(mut self) -> Self {
+        self.interpolator.pause_at(self.next_override());
+        self
+    }
+
+    /// Rests while no speed is commanded; `false` when the path ahead has to be known first.
+    fn rest_in_feed_hold(&mut self) -> bool {
+        self.interpolator.show_path(self.planner.waiting());
+        if self.interpolator.has_motion() {
+            return self.interpolator.knows_path();
+        }
+        let next = self.interpolator.next_index();
+        self.interpolator.hold_feed(self.next_override().unwrap_or(next + BLOCK_LENGTH as u64).max(next));
+        true
     }
 
     /// Bounds the memory that a vibration of large amplitude on very short blocks takes.

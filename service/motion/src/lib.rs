@@ -19,12 +19,12 @@ mod tolerance;
 pub use element::{Arc, Curve, Element, Spline};
 pub use feed::{Stretch, Stretches, stretches};
 pub use limits::{
-    LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces, missing_axis,
-    path_limits, travel_exceeded,
+    LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces,
+    missing_axis, path_limits, travel_exceeded,
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
-    MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
+    Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
 pub use profile::{Profile, ProfilePart};
 pub use smoothing::{Carried, PathSmoother, Smoothed};

@@ -24,7 +24,7 @@ use crate::junction::{Junction, JunctionRules};
 use crate::tolerance::LARGEST_RESERVE;
 use crate::{Machine, Stretch};
 
-pub use request::{MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
+pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Stop};
 
 /// Settings of a planner.
@@ -163,6 +163,15 @@ impl<B> Planner<B> {
     /// Takes the next planned item; `None` until more is pushed or the path is finished.
     pub fn pop(&mut self) -> Option<Planned<B>> {
         self.ready.pop_front()
+    }
+
+    /// What was pushed and is not planned, in order.
+    pub fn waiting(&self) -> impl Iterator<Item = Ahead<'_, B>> {
+        let held = self.held.iter().flatten().map(|item| match item {
+            PathItem::Motion(request) => Ahead::Motion(request),
+            PathItem::Barrier(barrier) => Ahead::Barrier(barrier),
+        });
+        self.chain.iter().map(|waiting| Ahead::Motion(&waiting.request)).chain(held)
     }
 
     /// Takes back everything that was pushed and not popped, in order.

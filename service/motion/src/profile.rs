@@ -396,6 +396,25 @@ impl ProfilePart {
         Self { profile, start: (start, start_s), end: (end, end_s) }
     }
 
+    /// The part with its profile broken off at local time `t_s`, see [`Profile::broken_off`]: what lies before is the
+    /// same to the bit.
+    #[must_use]
+    pub fn broken_off(&self, t_s: f64) -> Self {
+        self.on(self.profile.broken_off(self.start.1 + t_s.clamp(0.0, self.duration())), self.start.1)
+    }
+
+    /// This part once the one before it on the same profile was broken off.
+    #[must_use]
+    pub fn after(&self, before: &Self) -> Self {
+        self.on(before.profile, before.end.1)
+    }
+
+    /// The part on another profile, which it enters at `start_s`, as far as that goes.
+    fn on(&self, profile: Profile, start_s: f64) -> Self {
+        let end = self.end.0.min(profile.length);
+        Self { profile, start: (self.start.0, start_s), end: (end, profile.time_at(end).max(start_s)) }
+    }
+
     /// The profile it is a part of.
     #[must_use]
     pub const fn whole(&self) -> &Profile {

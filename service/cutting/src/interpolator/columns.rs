@@ -74,7 +74,8 @@ impl Interpolator {
     pub(super) fn emit(&mut self, block: &mut SetpointBlock, activity: Activity) {
         let start = block.len();
         let state = &self.state;
-        let count = usize::try_from(activity.last - state.next + 1).unwrap_or(usize::MAX).min(BLOCK_LENGTH - start);
+        let last = state.pause.map_or(activity.last, |pause| activity.last.min(pause.saturating_sub(1)));
+        let count = usize::try_from(last - state.next + 1).unwrap_or(usize::MAX).min(BLOCK_LENGTH - start);
         grow(block, start + count);
 
         let first = state.next - state.clock.period;
@@ -100,6 +101,11 @@ impl Interpolator {
                     }
                     self.emit_motion(block, start, item);
                 }
+            }
+            ActivityKind::FeedHold { s } => {
+                self.scratch.s[..count].fill(s);
+                self.scratch.speed[..count].fill(0.0);
+                self.emit_motion(block, start, state.track.current_index());
             }
             ActivityKind::VibratingHold => {
                 if let Some(item) = self.last_motion_index()

@@ -8,6 +8,7 @@
 
 mod clock;
 mod columns;
+mod feed_override;
 mod track;
 
 use feedwave_motion::{Machine, Planned, PlannedMotion, TANGENT_TOLERANCE_RAD};
@@ -32,6 +33,8 @@ pub(crate) enum Fill {
     SectionEnded,
     /// The program's last setpoint was delivered.
     Ended,
+    /// The setpoint of [`Interpolator::pause_at`] is next.
+    Paused,
 }
 
 /// Where the time of a program goes, s.
@@ -85,6 +88,10 @@ pub(crate) struct State {
     path_base_mm: f64,
     shares: TimeShares,
     finished_section: Option<SectionSamples>,
+    /// The stretch of the current motion that is waited for: the feed override has divided the motion there.
+    resume: Option<usize>,
+    /// Index before whose setpoint the feed override changes.
+    pause: Option<u64>,
     ended: bool,
 }
 
@@ -109,6 +116,8 @@ enum ActivityKind {
     VibratingHold,
     /// At rest.
     Hold { line: u32 },
+    /// At rest within the current motion, at arc length `s` mm: feed hold.
+    FeedHold { s: f64 },
 }
 
 /// What comes when the present activity has ended.
@@ -174,6 +183,8 @@ impl Interpolator {
             path_base_mm: 0.0,
             shares: TimeShares::default(),
             finished_section: None,
+            resume: None,
+            pause: None,
             ended: false,
         };
         Self::with_state(machine, period_s, mode, frame, state)
@@ -226,7 +237,10 @@ impl Interpolator {
     }
 
     pub(crate) fn push(&mut self, item: Planned<Barrier>) {
-        self.state.track.push(item);
+        match &item {
+            Planned::Motion(motion) if motion.goes_on() => self.state.track.extend_last(&motion.stretches),
+            _ => self.state.track.push(item),
+        }
     }
 
     /// Adds setpoints to `block` until it is full, items are missing, a section has ended or the program has.
@@ -236,7 +250,12 @@ impl Interpolator {
                 return Fill::Ended;
             }
             match self.state.activity {
-                Some(activity) if self.state.next <= activity.last => self.emit(block, activity),
+                Some(activity) if self.state.next <= activity.last => {
+                    if self.state.pause == Some(self.state.next) {
+                        return Fill::Paused;
+                    }
+                    self.emit(block, activity);
+                }
                 Some(activity) => {
                     self.complete(activity);
                     if self.state.finished_section.is_some() {
@@ -264,7 +283,9 @@ impl Interpolator {
                 let rapid = state.track.motion(state.track.current_index()).is_some_and(|m| m.element.rapid);
                 if rapid { &mut state.shares.rapid_s } else { &mut state.shares.cutting_s }
             }
-            ActivityKind::Hold { .. } | ActivityKind::VibratingHold => &mut state.shares.rest_s,
+            ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
+                &mut state.shares.rest_s
+            }
         };
         *share += activity.duration_s;
         match std::mem::replace(&mut state.after, After::Continue) {
@@ -293,6 +314,10 @@ impl Interpolator {
         let Some(motion) = state.track.motion(state.track.current_index()) else { return };
         if index + 1 < motion.stretches.len() {
             self.begin_stretch(index + 1);
+            return;
+        }
+        if motion.stretches.last().is_some_and(|last| last.stretch.end < motion.element.length) {
+            self.state.resume = Some(index + 1);
             return;
         }
         // The validator's criterion: the generator rests where a jump is reported and nowhere else.
@@ -324,7 +349,17 @@ impl Interpolator {
     /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
     fn begin(&mut self) -> bool {
         let Some(item) = self.state.track.current() else { return false };
+        if let (Some(index), Planned::Motion(motion)) = (self.state.resume, item) {
+            if index >= motion.stretches.len() {
+                return false;
+            }
+            self.state.resume = None;
+            self.begin_stretch(index);
+            return true;
+        }
         match item {
+            // Shown only.
+            Planned::Motion(motion) if motion.stretches.is_empty() => return false,
             Planned::Motion(_) => {
                 if let Some(section) = self.state.section
                     && !self.state.track.is_known_ahead(section.condition.amplitude_mm)
@@ -368,7 +403,7 @@ impl Interpolator {
         let radius_mm = self.state.rest.position[0];
         let spindle_rev_per_s = match kind {
             // The vibration's spindle speed is that of the stretch before.
-            ActivityKind::VibratingHold => {
+            ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
                 let last = self.last_motion().and_then(|motion| motion.stretches.last());
                 last.map_or(0.0, |stretch| signed(self.state.spindle, stretch.stretch.spindle_rev_per_s))
             }

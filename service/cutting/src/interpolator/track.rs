@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use feedwave_motion::{Planned, PlannedMotion};
+use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
 use feedwave_program::Spindle;
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +49,9 @@ pub(super) struct Track {
     known_mm: f64,
     /// Whether the last item is the section's end; nothing is pushed until the tool is there.
     end_is_known: bool,
+    /// Items at the end that are shown only, see [`Track::show_path`], and whether the section's end is.
+    shown: usize,
+    end_is_shown: bool,
 }
 
 /// An item of the track.
@@ -93,6 +96,54 @@ impl Track {
         let item = Item { start_mm: self.known_mm, planned };
         self.known_mm += item.length_mm();
         self.items.push_back(item);
+    }
+
+    /// Adds stretches to the last item, whose element goes on where a change of the feed override has divided it.
+    pub(super) fn extend_last(&mut self, stretches: &[PlannedStretch]) {
+        if let Some(Planned::Motion(motion)) = self.items.back_mut().map(|item| &mut item.planned) {
+            motion.stretches.extend_from_slice(stretches);
+        }
+    }
+
+    /// Changes the planned motion of an item; its element stays.
+    pub(super) fn motion_mut(&mut self, item: usize) -> Option<&mut PlannedMotion> {
+        match &mut self.items.get_mut(item)?.planned {
+            Planned::Motion(motion) => Some(motion),
+            Planned::Barrier(_) => None,
+        }
+    }
+
+    /// Takes back every item from this one on; those that were only shown have no stretches.
+    pub(super) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<Barrier>> {
+        let from = from.min(self.items.len());
+        let is_end = |item: &Item| matches!(item.planned, Planned::Barrier(Barrier::SectionEnd));
+        self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
+        self.end_is_shown = false;
+        self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
+        self.shown = 0;
+        self.items.drain(from..).map(|item| item.planned)
+    }
+
+    /// Adds what lies ahead of a feed hold without being planned, up to the end of the section or of what is known.
+    pub(super) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, Barrier>>) {
+        let mut shown = 0;
+        for item in path {
+            match item {
+                Ahead::Motion(request) if request.start == 0.0 => {
+                    shown += 1;
+                    if shown > self.shown {
+                        self.push(Planned::Motion(PlannedMotion::unplanned(request)));
+                        self.shown = shown;
+                    }
+                }
+                Ahead::Barrier(Barrier::SectionEnd) => {
+                    self.end_is_known = true;
+                    self.end_is_shown = true;
+                    return;
+                }
+                _ => {}
+            }
+        }
     }
 
     /// Number of items held.

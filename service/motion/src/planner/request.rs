@@ -30,9 +30,13 @@ impl MotionRequest {
         Self { element, start, stretches, rest_at_end: false, passes_corners: true, follows_override: true }
     }
 
-    /// Commanded speed of a stretch at this feed override, mm/s.
+    /// Commanded speed of a stretch at this feed override, mm/s. Feed hold stops rapids too, which have no feed.
     pub(crate) fn commanded(&self, stretch: &Stretch, feed_override: f64) -> f64 {
-        if self.follows_override { stretch.speed_mm_per_s * feed_override } else { stretch.speed_mm_per_s }
+        match feed_override {
+            _ if !self.follows_override => stretch.speed_mm_per_s,
+            0.0 => 0.0,
+            ratio => stretch.speed_mm_per_s * ratio,
+        }
     }
 }
 
@@ -65,12 +69,24 @@ impl PlannedMotion {
         Self { element, stretches, rest_at_end, passes_corners, follows_override }
     }
 
+    /// The element of a request, without any motion.
+    #[must_use]
+    pub fn unplanned(request: &MotionRequest) -> Self {
+        Self::new(request.clone(), SmallVec::new())
+    }
+
     /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
     #[must_use]
     pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
         let &Self { rest_at_end, passes_corners, follows_override, .. } = self;
         let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
         MotionRequest { element: self.element.clone(), start, stretches, rest_at_end, passes_corners, follows_override }
+    }
+
+    /// Whether it is the rest of an element that a change of the feed override has divided.
+    #[must_use]
+    pub fn goes_on(&self) -> bool {
+        self.stretches.first().is_some_and(|first| first.start > 0.0)
     }
 
     /// Whether the feed override and feed hold act on it.
@@ -98,6 +114,15 @@ pub enum PathItem<B> {
     Motion(MotionRequest),
     /// A barrier, at which the path rests.
     Barrier(B),
+}
+
+/// What waits to be planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ahead<'a, B> {
+    /// An element.
+    Motion(&'a MotionRequest),
+    /// A barrier, at which the path rests.
+    Barrier(&'a B),
 }
 
 impl<B> From<Planned<B>> for PathItem<B> {

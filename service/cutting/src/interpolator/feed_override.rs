@@ -1,0 +1,134 @@
+//! A change of the feed override while the path is run, and feed hold.
+//!
+//! What was handed out stays. From the instant of the change on, the acceleration under way is ended as soon as the jerk
+//! allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The path
+//! itself is the same all the time.
+
+use feedwave_motion::{Ahead, PathItem, Planned, Planner};
+
+use super::{Activity, ActivityKind, After, Barrier, Interpolator};
+
+/// A place this close to the end of a stretch is its end, mm: rounding of path lengths.
+const SAME_PLACE_MM: f64 = 1e-9;
+
+impl Interpolator {
+    /// Makes [`Interpolator::fill`] stop before the setpoint with this index.
+    pub(crate) fn pause_at(&mut self, index: Option<u64>) {
+        self.state.pause = index;
+    }
+
+    /// Changes the feed override at the instant of the next setpoint, where [`Interpolator::fill`] has paused. Where the
+    /// path brakes too hard to be planned anew, it is run as it is, and the answer is the index at which to try again.
+    pub(crate) fn change_override(&mut self, planner: &mut Planner<Barrier>, ratio: f64) -> Option<u64> {
+        let activity = self.state.activity?;
+        let before = (self.state.clone(), planner.clone());
+        let current = self.state.track.current_index();
+        let (path, speed) = match activity.kind {
+            ActivityKind::Stretch(index) => self.break_off(planner, activity, index)?,
+            // Nothing is under way: the current item has not been begun.
+            ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
+            ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
+                // A feed hold may stand at the start of an item that is not planned yet.
+                let is_begun = !matches!(activity.kind, ActivityKind::FeedHold { .. }) || self.state.resume.is_some();
+                (self.withdraw(planner, current + usize::from(is_begun)), 0.0)
+            }
+        };
+        if planner.restart(speed, ratio, path).is_err() {
+            (self.state, *planner) = before;
+            return Some(activity.last + 1);
+        }
+        None
+    }
+
+    /// Rests until the setpoint with the index `until`, because no speed is commanded.
+    pub(crate) fn hold_feed(&mut self, until: u64) {
+        let current = self.state.track.current_index();
+        let kind = match self.state.track.motion(current) {
+            Some(motion) => ActivityKind::FeedHold { s: motion.stretches.last().map_or(0.0, |last| last.stretch.end) },
+            None => ActivityKind::Hold { line: self.state.rest.line },
+        };
+        let duration_s = (until - self.state.clock.period) as f64 * self.settings.period_s - self.state.clock.lead_s;
+        self.hold(kind, duration_s.max(0.0), After::Continue);
+        if let Some(activity) = &mut self.state.activity {
+            activity.end.period = until;
+            activity.end.lead_s = 0.0;
+            activity.last = until;
+        }
+    }
+
+    /// Shows the path beyond a feed hold to the vibration, which may reach over it.
+    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, Barrier>>) {
+        self.state.track.show_path(path);
+    }
+
+    /// Whether there is a planned motion to go on with.
+    pub(crate) fn has_motion(&self) -> bool {
+        let motion = self.state.track.motion(self.state.track.current_index());
+        motion.is_some_and(|motion| self.state.resume.unwrap_or(0) < motion.stretches.len())
+    }
+
+    /// Whether the path is known as far as the vibration may reach from here.
+    pub(crate) fn knows_path(&self) -> bool {
+        self.state.section.is_none_or(|section| self.state.track.is_known_ahead(section.condition.amplitude_mm))
+    }
+
+    /// Ends the acceleration of the stretch under way; the path from there on, and the speed there.
+    fn break_off(
+        &mut self,
+        planner: &mut Planner<Barrier>,
+        activity: Activity,
+        index: usize,
+    ) -> Option<(Vec<PathItem<Barrier>>, f64)> {
+        let (clock, period_s) = (self.state.clock, self.settings.period_s);
+        let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
+        let track = &mut self.state.track;
+        let current = track.current_index();
+        let (mut item, mut stretch) = (current, index);
+        let mut part = track.motion(item)?.stretches.get(stretch)?.profile.broken_off(now_s);
+        // The run may go on over several elements before its acceleration has ended.
+        let end_mm = loop {
+            let motion = track.motion_mut(item)?;
+            let last = motion.stretches.len() - 1;
+            let planned = &mut motion.stretches[stretch];
+            let [_, wanted] = planned.profile.range();
+            let [_, reached] = part.range();
+            planned.profile = part;
+            if reached < wanted - SAME_PLACE_MM {
+                break planned.start + part.length();
+            }
+            if reached >= part.whole().length() - SAME_PLACE_MM {
+                break planned.stretch.end;
+            }
+            if stretch < last {
+                stretch += 1;
+            } else {
+                (item, stretch) = (item + 1, 0);
+                if track.motion(item).is_none() {
+                    track.push(planner.pop()?);
+                }
+            }
+            part = track.motion(item)?.stretches.get(stretch)?.profile.after(&part);
+        };
+        let motion = track.motion_mut(item)?;
+        let next = if end_mm < motion.stretches[stretch].stretch.end { stretch } else { stretch + 1 };
+        let rest_of_element = (next < motion.stretches.len()).then(|| motion.request_from(next, end_mm));
+        motion.stretches.truncate(stretch + 1);
+        motion.stretches[stretch].stretch.end = end_mm;
+
+        let duration_s = track.motion(current)?.stretches[index].profile.duration();
+        let end = clock.advanced(duration_s, period_s);
+        self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
+        let mut path: Vec<_> = rest_of_element.map(PathItem::Motion).into_iter().collect();
+        path.extend(self.withdraw(planner, item + 1));
+        Some((path, part.whole().end_velocity()))
+    }
+
+    /// Takes back everything from an item of the track on.
+    fn withdraw(&mut self, planner: &mut Planner<Barrier>, from: usize) -> Vec<PathItem<Barrier>> {
+        let is_planned =
+            |item: &Planned<Barrier>| !matches!(item, Planned::Motion(motion) if motion.stretches.is_empty());
+        let mut path: Vec<_> = self.state.track.withdraw(from).filter(is_planned).map(PathItem::from).collect();
+        path.extend(planner.withdraw());
+        path
+    }
+}

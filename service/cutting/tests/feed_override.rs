@@ -1,0 +1,168 @@
+//! Feed override and feed hold: when changes, where does not.
+
+mod common;
+
+use std::sync::Arc;
+
+use common::{Setpoints, run};
+use feedwave_cutting::{MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step};
+use proptest::prelude::*;
+
+/// Lines with corners, a tangent arc, short blocks, a change of feed, a dwell.
+const PART: &str = "G21 G90 G94 G17 G0 X0 Y0 Z5\nG1 Z0 F3000\nX30 F2400\nG3 X40 Y10 R10\nG1 Y30\nX10 Y30\n\
+X9.9\nX9.8\nX9.7\nX9.6\nX9.5\nX9.4\nG4 P50\nG1 X0 Y20 F1200\nY0\nM30\n";
+
+fn config(overrides: &[(u64, f64)]) -> PipelineConfig {
+    let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
+    PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::mill()) }
+}
+
+/// Third differences of every axis stay within the limits of the machine.
+fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) -> Result<(), TestCaseError> {
+    let h = config.period_s();
+    for (axis, column) in config.profile.machine.axes.iter().zip(&setpoints.axes) {
+        for (k, p) in column.windows(4).enumerate() {
+            let velocity = (p[3] - p[2]) / h;
+            let acceleration = (p[3] - 2.0 * p[2] + p[1]) / (h * h);
+            let jerk = (p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]) / (h * h * h);
+            // Positions round to 1e-14 mm.
+            let noise = 1e-12 / (h * h * h);
+            prop_assert!(velocity.abs() <= axis.max_velocity_per_s * (1.0 + 1e-6), "{velocity} at {k}");
+            prop_assert!(acceleration.abs() <= axis.max_acceleration_per_s2 * (1.0 + 1e-6), "{acceleration} at {k}");
+            prop_assert!(jerk.abs() <= axis.max_jerk_per_s3 * (1.0 + 1e-6) + noise, "{jerk} at {k} of {}", axis.name);
+        }
+    }
+    Ok(())
+}
+
+/// Positions over path length of a run, to look up by bisection.
+fn check_same_path(changed: &Setpoints, plain: &Setpoints) -> Result<(), TestCaseError> {
+    let last = |setpoints: &Setpoints| setpoints.bits(setpoints.len() - 1)[..4].to_vec();
+    prop_assert_eq!(last(changed), last(plain), "the end is the same to the bit");
+    for (k, pair) in changed.path.windows(2).enumerate() {
+        prop_assert!(pair[1] >= pair[0], "back from {} to {} at {k}", pair[0], pair[1]);
+    }
+    // Between two setpoints of the other run that lie on one line, the position follows the path length.
+    for k in 0..changed.len() {
+        let s = changed.path[k];
+        let after = plain.path.partition_point(|&other| other < s).clamp(1, plain.len() - 1);
+        let (s0, s1) = (plain.path[after - 1], plain.path[after]);
+        let share = if s1 > s0 { (s - s0) / (s1 - s0) } else { 0.0 };
+        let distance = (0..3).map(|axis| {
+            let column = &plain.axes[axis];
+            let between = column[after - 1] + share * (column[after] - column[after - 1]);
+            (changed.axes[axis][k] - between).powi(2)
+        });
+        // On the arc of 10 mm a chord of one period lies (0.04 mm)²/80 beside it, at a corner half a chord.
+        let distance = distance.sum::<f64>().sqrt();
+        prop_assert!(distance <= 0.5 * (s1 - s0) + 1e-9, "{distance} beside the path at {k}");
+    }
+    Ok(())
+}
+
+#[test]
+fn the_feed_follows_the_override_and_the_path_does_not() {
+    let plain = run(PART, &config(&[]));
+    for ratio in [0.1, 0.5, 1.5, 2.0] {
+        let changed_config = config(&[(300, ratio)]);
+        let changed = run(PART, &changed_config);
+        check_same_path(&changed, &plain).unwrap();
+        check_limits(&changed, &changed_config).unwrap();
+        // Not a bit of what was handed out changes.
+        assert!((0..=300).all(|k| changed.bits(k) == plain.bits(k)));
+        let top = changed.feed[500..].iter().copied().fold(0.0, f64::max);
+        assert!((top - 2_400.0 * ratio).abs() < 1e-6 || ratio > 1.0, "{top} at {ratio}");
+        assert!(top <= 2_400.0 * ratio + 1e-6, "{top} at {ratio}");
+        assert_eq!(changed.len() > plain.len(), ratio < 1.0);
+    }
+}
+
+#[test]
+fn feed_hold_stops_on_the_path_and_goes_on() {
+    let plain = run(PART, &config(&[]));
+    for start in [0, 100, 250, 300, 700, 1_000, 1_400] {
+        let held_config = config(&[(start, 0.0), (start + 400, 1.0)]);
+        let held = run(PART, &held_config);
+        check_same_path(&held, &plain).unwrap();
+        check_limits(&held, &held_config).unwrap();
+        // 40 mm/s are braked within 40/10 000 + 10 000/5e6 s; a braking under way may end first, and the dwell lasts.
+        let rest = &held.path[start as usize + 150..start as usize + 400];
+        assert!(rest.windows(2).all(|pair| pair[0] == pair[1]), "moves while held from {start} on");
+        assert!(held.len() > plain.len() + 200);
+    }
+}
+
+#[test]
+fn a_vibrating_section_stays_on_its_path_through_hold_and_override() {
+    let program = "G21 G97 S1000 M3\nG0 X6. Z10.\nG200 F41.667 A0.03\nG1 X10. Z20. F0.05\nG2 X14.02 Z23.51 R4.\nG201\nM30\n";
+    let lathe = |overrides: &[(u64, f64)]| {
+        let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
+        PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::lathe()) }
+    };
+    let plain = run(program, &lathe(&[]));
+    let changed = run(program, &lathe(&[(2_000, 0.5), (4_000, 0.0), (5_000, 1.2), (9_000, 0.0), (9_500, 1.0)]));
+    let end = |setpoints: &Setpoints| [0, 1].map(|axis| setpoints.axes[axis].last().unwrap().to_bits());
+    assert_eq!(end(&changed), end(&plain));
+    // While held, the tool vibrates on about the place where the feed rests.
+    assert!(changed.path[4_100..4_999].windows(2).all(|pair| pair[0] == pair[1]));
+    let about = &changed.vibration[4_100..4_999];
+    assert!(about.iter().any(|offset| *offset > 0.029) && about.iter().any(|offset| *offset < -0.029));
+    // In along-path mode the place is a function of path position and offset: on the line X = 3 + (Z − 10)/5.
+    for k in 0..changed.len() {
+        let (x, z) = (changed.axes[0][k], changed.axes[1][k]);
+        if changed.line[k] == 4 && (10.1..19.9).contains(&z) {
+            assert!((x - (3.0 + (z - 10.0) / 5.0)).abs() < 1e-9, "{x} {z} at {k}");
+        }
+    }
+}
+
+#[test]
+fn a_stream_with_overrides_resumes_bit_for_bit() {
+    let config = Arc::new(config(&[(200, 0.4), (500, 0.0), (900, 1.7), (2_100, 0.0), (2_200, 0.9)]));
+    let whole = run(PART, &config);
+    let mut pipeline = Pipeline::new(config.clone());
+    let mut block = pipeline.new_block();
+    pipeline.push(PART.as_bytes());
+    pipeline.finish_input();
+    let mut snapshots = Vec::new();
+    while pipeline.next_block(&mut block) == Step::Block {
+        snapshots.push((pipeline.snapshot(), pipeline.input_offset(), pipeline.next_index()));
+    }
+    assert!(snapshots.len() >= 2);
+    for (snapshot, offset, next) in snapshots {
+        let mut pipeline = Pipeline::restore(config.clone(), &snapshot).unwrap();
+        pipeline.push(&PART.as_bytes()[offset as usize..]);
+        pipeline.finish_input();
+        let mut index = next as usize;
+        while pipeline.next_block(&mut block) == Step::Block {
+            for k in 0..block.len() {
+                let found: Vec<u64> = block.axes.iter().map(|column| column[k].to_bits()).collect();
+                assert_eq!(found, whole.bits(index)[..3]);
+                index += 1;
+            }
+        }
+        assert_eq!(index, whole.len());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn any_sequence_of_overrides_keeps_path_and_limits(
+        steps in prop::collection::vec((1..400_u64, prop_oneof![2 => 0.0..2.0_f64, 1 => Just(0.0), 1 => Just(1.0)]), 1..12),
+        last in 0.2..2.0_f64,
+    ) {
+        let mut index = 0;
+        let mut overrides: Vec<(u64, f64)> = Vec::new();
+        for (step, ratio) in steps {
+            index += step;
+            overrides.push((index, ratio));
+        }
+        overrides.push((index + 100, last));
+        let config_changed = config(&overrides);
+        let changed = run(PART, &config_changed);
+        check_same_path(&changed, &run(PART, &config(&[])))?;
+        check_limits(&changed, &config_changed)?;
+    }
+}
