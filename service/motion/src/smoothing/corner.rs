@@ -15,10 +15,11 @@
 //! from 30° to 150° at the same deviation; with σ = sin²(θ/2) the fit
 //!
 //! ```text
-//! u₁ = 0.6 + 0.15·σ²          u₂ = 0.15 + 0.1·σ + 0.4·σ²
+//! u₁ = 0.6 + 0.15·σ²          u₂ = 0.2 + 0.45·σ²
 //! ```
 //!
-//! is within some percent of the least everywhere: the sharper the corner, the closer the points to it.
+//! is within some percent of the least everywhere: the sharper the corner, the closer the points to it. In the limit of
+//! a flat corner the points are spaced evenly, and the parameter is in proportion to the arc length.
 //!
 //! **Deviation between lines.** With the corner at the origin and the control points at −u·τ₀ and u·τ₁, u = d, u₁·d and
 //! u₂·d, a curve point is −A·τ₀ + D·τ₁, where D collects the weights of the last three points. Against the path point
@@ -78,7 +79,7 @@ impl Shape {
     /// The shape for a corner with the sine of half its deflection.
     fn of(half_sine: f64) -> Self {
         let square = half_sine * half_sine;
-        Self { second: 0.6 + 0.15 * square * square, third: 0.15 + (0.1 + 0.4 * square) * square }
+        Self { second: 0.6 + 0.15 * square * square, third: 0.2 + 0.45 * square * square }
     }
 
     /// Deviation between lines as a share of d·sin(θ/2).
