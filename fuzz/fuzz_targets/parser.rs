@@ -73,6 +73,11 @@ fuzz_target!(|input: &[u8]| {
             if let Some(arc) = step.arc {
                 assert!(arc.center.iter().chain([&arc.sweep_rad]).all(|value| value.is_finite()));
             }
+            if let Some(spline) = &step.spline {
+                assert!(spline.points.iter().flatten().chain(&spline.weights).all(|value| value.is_finite()));
+                assert!(spline.points.len() == spline.weights.len());
+                assert!(spline.order >= 3 && usize::from(spline.order) <= spline.points.len());
+            }
         }
     }
     for finding in findings.findings() {
