@@ -106,6 +106,28 @@ fn short_blocks_of_a_line_run_like_the_line() {
     assert!(report.is_accepted());
 }
 
+#[test]
+fn inverse_time_means_the_programmed_length() {
+    let square = |mode: &str, feed: &str| {
+        let sides = ["X20.", "Y20.", "X0.", "Y0."].map(|side| format!("G1 {side} {feed}\n")).concat();
+        run(&format!("G17 G21 G90 {mode} M3 S3000 G64 P1\n{sides}M30\n"), &mill())
+    };
+    // 20 mm in 1/150 of a minute.
+    assert!(square("G93", "F150.") == square("G94", "F3000."));
+}
+
+#[test]
+fn a_corner_counts_as_part_of_the_later_block() {
+    let setpoints = square("G64 P1");
+    let corner = (0..setpoints.len())
+        .find(|&index| {
+            setpoints.axes[0][index] < 20.0 && setpoints.axes[0][index] > 10.0 && setpoints.axes[1][index] > 0.0
+        })
+        .expect("the path leaves the first side before its end");
+    assert_eq!(setpoints.line[corner - 10], 2);
+    assert_eq!(setpoints.line[corner], 3);
+}
+
 /// A program of lines and arcs, short and long, with changing path control.
 fn programs() -> impl Strategy<Value = String> {
     let um = || prop_oneof![-15_000..15_000_i32, -200..200_i32];
