@@ -371,7 +371,7 @@ impl Plan {
         // Cruise a little lower than the peak, so that the cruise reaches an element's end.
         let exit = profile.end_velocity();
         if entry <= limits.velocity {
-            let before = inside().filter(|&index| self.nodes[index].offset <= from).last();
+            let before = inside().rfind(|&index| self.nodes[index].offset <= from);
             let after = inside().find(|&index| self.nodes[index].offset > from);
             let cruise_at = |index: usize| {
                 let s = self.nodes[index].offset;
