@@ -292,7 +292,10 @@ impl Builder {
         }
         // Where the vibration has to wait for a corner, the path rests there.
         let passes_corners = in_section.is_none();
-        planner.push_motion(MotionRequest { rest_at_end, passes_corners, ..MotionRequest::new(element, stretches) });
+        let mut request = MotionRequest::new(element, stretches);
+        request.rest_at_end = rest_at_end;
+        request.passes_corners = passes_corners;
+        planner.push_motion(request);
     }
 
     fn switch_vibration(

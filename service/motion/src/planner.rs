@@ -139,7 +139,9 @@ impl<B> Planner<B> {
         if let Some(held) = &mut self.held {
             return held.push_back(PathItem::Motion(request));
         }
-        self.chain.push_back(Waiting { request, entry: junction.unwrap_or(Junction::REST) });
+        let passed_reserve = if self.entry_speed > 0.0 { request.entry_reserve } else { 0.0 };
+        let entry = junction.unwrap_or(Junction { reserve: passed_reserve, ..Junction::REST });
+        self.chain.push_back(Waiting { request, entry });
         if self.chain.len() >= self.next_plan {
             self.release_window();
         }
@@ -200,7 +202,6 @@ impl<B> Planner<B> {
                 PathItem::Barrier(barrier) => self.push_barrier(barrier),
             }
         }
-        self.next_plan = self.settings.window;
         if self.finished {
             self.release_chain();
         } else if self.chain.len() >= self.settings.window {
@@ -211,7 +212,13 @@ impl<B> Planner<B> {
                 None => self.runs_before = self.scratch.run_lengths(0),
             }
         }
+        self.next_plan = self.settings.window.max(self.chain.len() + 1);
         if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
+    }
+
+    /// Whether a restart is under way, which looks at what is known as a whole.
+    const fn is_restarting(&self) -> bool {
+        self.next_plan == usize::MAX
     }
 
     /// Releases the chain, which ends here at rest.
@@ -219,7 +226,9 @@ impl<B> Planner<B> {
         if self.chain.is_empty() || self.is_held() {
             return;
         }
-        self.plan(Junction::REST.reserve);
+        if !self.plan(Junction::REST.reserve) {
+            return self.chain.clear();
+        }
         if let Some(stop) = self.scratch.stop {
             return self.release_until(stop);
         }
@@ -231,7 +240,9 @@ impl<B> Planner<B> {
     /// Releases about half of the chain, which goes on.
     fn release_window(&mut self) {
         // What the next junction will need is not known yet.
-        self.plan(LARGEST_RESERVE);
+        if !self.plan(LARGEST_RESERVE) {
+            return self.chain.clear();
+        }
         if let Some(stop) = self.scratch.stop {
             return self.release_until(stop);
         }
@@ -276,8 +287,9 @@ impl<B> Planner<B> {
         // Gathered as in the plan before, the part that was planned can be run as it was planned.
         plan.gather(&self.runs_before);
         let is_possible = plan.solve(self.entry_speed);
-        self.too_fast |= !is_possible;
-        is_possible
+        self.too_fast |= !is_possible && self.is_restarting();
+        debug_assert!(is_possible || self.is_restarting(), "what was planned can be run");
+        is_possible || !self.is_restarting()
     }
 
     /// Releases the planned chain up to where it stops because no speed is commanded.
@@ -292,6 +304,7 @@ impl<B> Planner<B> {
             let stop = (start + s).min(request.stretches[within].end);
             if stop > request.start {
                 let mut before = request.clone();
+                before.entry_reserve = entry.reserve;
                 before.stretches.truncate(within + 1);
                 before.stretches[within].end = stop;
                 let stretches = self.scratch.planned(&before, first, Some(s));
@@ -319,7 +332,8 @@ impl<B> Planner<B> {
     /// Releases the first `count` elements of the planned chain.
     fn release(&mut self, count: usize) {
         let mut node = 0;
-        for Waiting { request, .. } in self.chain.drain(..count) {
+        for Waiting { mut request, entry } in self.chain.drain(..count) {
+            request.entry_reserve = entry.reserve;
             let stretches = self.scratch.planned(&request, node, None);
             node += stretches.len();
             self.ready.push_back(Planned::Motion(PlannedMotion::new(request, stretches)));

@@ -28,9 +28,7 @@ impl Interpolator {
             // Nothing is under way: the current item has not been begun.
             ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
-                // A feed hold may stand at the start of an item that is not planned yet.
-                let is_begun = !matches!(activity.kind, ActivityKind::FeedHold { .. }) || self.state.resume.is_some();
-                (self.withdraw(planner, current + usize::from(is_begun)), 0.0)
+                (self.withdraw(planner, current + 1), 0.0)
             }
         };
         if planner.restart(speed, ratio, path).is_err() {

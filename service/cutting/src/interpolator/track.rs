@@ -74,6 +74,11 @@ pub(super) struct Location {
 }
 
 impl Item {
+    /// Whether it only shows where the path goes.
+    fn is_shown(&self) -> bool {
+        self.motion().is_some_and(|motion| motion.stretches.is_empty())
+    }
+
     fn motion(&self) -> Option<&PlannedMotion> {
         match &self.planned {
             Planned::Motion(motion) => Some(motion),
@@ -92,6 +97,15 @@ impl Track {
             Planned::Barrier(Barrier::SectionStart(_)) => self.known_mm = 0.0,
             Planned::Barrier(Barrier::SectionEnd) => self.end_is_known = true,
             _ => {}
+        }
+        if let Some(last) = self.items.back_mut()
+            && last.is_shown()
+            && matches!(planned, Planned::Motion(_))
+        {
+            // A feed hold stood at its start.
+            last.planned = planned;
+            self.shown = 0;
+            return;
         }
         let item = Item { start_mm: self.known_mm, planned };
         self.known_mm += item.length_mm();
@@ -120,7 +134,7 @@ impl Track {
         self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
         self.end_is_shown = false;
         self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
-        self.shown = 0;
+        self.shown = self.items.range(..from).rev().take_while(|item| item.is_shown()).count();
         self.items.drain(from..).map(|item| item.planned)
     }
 
@@ -132,7 +146,9 @@ impl Track {
                 Ahead::Motion(request) if request.start == 0.0 => {
                     shown += 1;
                     if shown > self.shown {
-                        self.push(Planned::Motion(PlannedMotion::unplanned(request)));
+                        let planned = Planned::Motion(PlannedMotion::unplanned(request));
+                        self.items.push_back(Item { start_mm: self.known_mm, planned });
+                        self.known_mm += request.element.length;
                         self.shown = shown;
                     }
                 }

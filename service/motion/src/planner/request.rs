@@ -14,6 +14,8 @@ pub struct MotionRequest {
     pub start: f64,
     /// Commanded speeds and limits along it; the first one starts at `start`.
     pub stretches: Stretches,
+    /// Share of acceleration and jerk to leave to the junction at the element's start, where that was passed already.
+    pub(super) entry_reserve: f64,
     /// Whether it rests at its end even where the next element is tangent (exact stop).
     pub rest_at_end: bool,
     /// Whether corners at its ends may be passed with the velocity step that the machine permits.
@@ -26,8 +28,15 @@ impl MotionRequest {
     /// The whole of an element, in exact path mode.
     #[must_use]
     pub const fn new(element: Element, stretches: Stretches) -> Self {
-        let start = 0.0;
-        Self { element, start, stretches, rest_at_end: false, passes_corners: true, follows_override: true }
+        Self {
+            element,
+            start: 0.0,
+            stretches,
+            entry_reserve: 0.0,
+            rest_at_end: false,
+            passes_corners: true,
+            follows_override: true,
+        }
     }
 
     /// Commanded speed of a stretch at this feed override, mm/s. Feed hold stops rapids too, which have no feed.
@@ -58,6 +67,7 @@ pub struct PlannedMotion {
     pub element: Element,
     /// Its stretches in order; at least one.
     pub stretches: SmallVec<[PlannedStretch; 1]>,
+    entry_reserve: f64,
     rest_at_end: bool,
     passes_corners: bool,
     follows_override: bool,
@@ -65,8 +75,8 @@ pub struct PlannedMotion {
 
 impl PlannedMotion {
     pub(super) fn new(request: MotionRequest, stretches: SmallVec<[PlannedStretch; 1]>) -> Self {
-        let MotionRequest { element, rest_at_end, passes_corners, follows_override, .. } = request;
-        Self { element, stretches, rest_at_end, passes_corners, follows_override }
+        let MotionRequest { element, entry_reserve, rest_at_end, passes_corners, follows_override, .. } = request;
+        Self { element, stretches, entry_reserve, rest_at_end, passes_corners, follows_override }
     }
 
     /// The element of a request, without any motion.
@@ -78,9 +88,10 @@ impl PlannedMotion {
     /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
     #[must_use]
     pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
-        let &Self { rest_at_end, passes_corners, follows_override, .. } = self;
+        let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, .. } = self;
         let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
-        MotionRequest { element: self.element.clone(), start, stretches, rest_at_end, passes_corners, follows_override }
+        let element = self.element.clone();
+        MotionRequest { element, start, stretches, entry_reserve, rest_at_end, passes_corners, follows_override }
     }
 
     /// Whether it is the rest of an element that a change of the feed override has divided.

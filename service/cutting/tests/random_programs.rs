@@ -1,0 +1,165 @@
+//! Programs of all kinds of blocks in random order: every axis within its limits, the end exact.
+
+mod common;
+
+use std::fmt::Write;
+
+use common::run;
+use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig};
+use proptest::prelude::*;
+
+#[derive(Clone, Debug)]
+enum Block {
+    /// Length, mm, and turn of direction before it, rad.
+    Line(f64, f64),
+    /// Many short lines that turn a little each.
+    Chords(u32, f64, f64),
+    /// Radius, sweep and rise.
+    Arc(f64, f64, f64),
+    /// Cubic spline: lengths of its two handles, distance and side step of its end.
+    Spline(f64, f64, f64, f64),
+    /// Back along the way.
+    Reversal(f64),
+    Control(&'static str),
+    Feed(f64),
+}
+
+fn blocks() -> impl Strategy<Value = Vec<Block>> {
+    let length = || (-3.0..1.5_f64).prop_map(|exponent| 10.0_f64.powf(exponent));
+    let sign = || prop_oneof![Just(-1.0), Just(1.0)];
+    let block = prop_oneof![
+        4 => (length(), -3.0..3.0_f64).prop_map(|(length, turn)| Block::Line(length, turn)),
+        2 => (length(), -2e-3..2e-3_f64).prop_map(|(length, turn)| Block::Line(length, turn)),
+        2 => (3..60_u32, -3.0..-0.5_f64, -0.1..0.1_f64)
+            .prop_map(|(count, exponent, turn)| Block::Chords(count, 10.0_f64.powf(exponent), turn)),
+        3 => (0.2..20.0_f64, 0.05..5.0_f64, sign(), prop_oneof![Just(0.0), -5.0..5.0_f64])
+            .prop_map(|(radius, sweep, side, rise)| Block::Arc(radius, side * sweep, rise)),
+        2 => (0.5..10.0_f64, 0.5..10.0_f64, 2.0..30.0_f64, -10.0..10.0_f64)
+            .prop_map(|(first, second, ahead, beside)| Block::Spline(first, second, ahead, beside)),
+        1 => length().prop_map(Block::Reversal),
+        2 => prop_oneof![
+            Just("G61"), Just("G61.1"), Just("G64 P0.01"), Just("G64 P0.1 Q0.02"), Just("G64 P0.002 Q0"), Just("G64"),
+        ].prop_map(Block::Control),
+        1 => (100.0..25_000.0_f64).prop_map(Block::Feed),
+    ];
+    prop::collection::vec(block, 1..25)
+}
+
+/// The program, and where it ends.
+fn program(blocks: &[Block], exact: bool) -> (String, [f64; 3]) {
+    let mut text = String::from("G21 G90 G94 G17\nG0 X0 Y0 Z0\nF3000\n");
+    let (mut at, mut heading) = ([0.0_f64; 3], 0.3_f64);
+    let round = |value: f64| (value * 1e6).round() / 1e6;
+    let mut line = |text: &mut String, at: &mut [f64; 3], length: f64, heading: f64| {
+        at[0] = round(at[0] + length * heading.cos());
+        at[1] = round(at[1] + length * heading.sin());
+        writeln!(text, "G1 X{:.6} Y{:.6}", at[0], at[1]).unwrap();
+    };
+    for block in blocks {
+        match *block {
+            Block::Line(length, turn) => {
+                heading += turn;
+                line(&mut text, &mut at, length, heading);
+            }
+            Block::Chords(count, length, turn) => {
+                for _ in 0..count {
+                    heading += turn;
+                    line(&mut text, &mut at, length, heading);
+                }
+            }
+            Block::Reversal(length) => {
+                heading += std::f64::consts::PI;
+                line(&mut text, &mut at, length, heading);
+            }
+            Block::Arc(radius, sweep, rise) => {
+                let side = sweep.signum();
+                let to_center = [-side * radius * heading.sin(), side * radius * heading.cos()];
+                let center = [at[0] + to_center[0], at[1] + to_center[1]];
+                heading += sweep;
+                at[0] = round(center[0] + side * radius * heading.sin());
+                at[1] = round(center[1] - side * radius * heading.cos());
+                at[2] = round(at[2] + rise);
+                let code = if sweep < 0.0 { 2 } else { 3 };
+                let [i, j] = to_center;
+                writeln!(text, "G{code} X{:.6} Y{:.6} Z{:.6} I{i:.6} J{j:.6}", at[0], at[1], at[2]).unwrap();
+            }
+            Block::Spline(first, second, ahead, beside) => {
+                let (sin, cos) = heading.sin_cos();
+                let [i, j] = [first * cos, first * sin];
+                at[0] = round(at[0] + ahead * cos - beside * sin);
+                at[1] = round(at[1] + ahead * sin + beside * cos);
+                heading += 0.4;
+                let [p, q] = [-second * heading.cos(), -second * heading.sin()];
+                writeln!(text, "G5 X{:.6} Y{:.6} I{i:.6} J{j:.6} P{p:.6} Q{q:.6}", at[0], at[1]).unwrap();
+            }
+            Block::Control(words) if !exact => writeln!(text, "{words}").unwrap(),
+            Block::Control(_) => {}
+            Block::Feed(feed) => writeln!(text, "F{feed:.1}").unwrap(),
+        }
+    }
+    text.push_str("M30\n");
+    (text, at)
+}
+
+fn check(blocks: &[Block], jerk: f64, period_us: u32, overrides: &[(u64, f64)]) -> Result<(), TestCaseError> {
+    let mut profile = MachineProfile::mill();
+    for (axis, scale) in profile.machine.axes.iter_mut().zip([1.0, 0.8, 0.6]) {
+        axis.max_jerk_per_s3 = jerk * scale;
+        axis.max_acceleration_per_s2 *= scale;
+    }
+    let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
+    let config = PipelineConfig { interpolation_period_us: period_us, overrides, ..PipelineConfig::new(profile) };
+    let (text, end) = program(blocks, false);
+    let setpoints = run(&text, &config);
+    let h = config.period_s();
+    for (column, axis) in config.profile.machine.axes.iter().enumerate() {
+        let p = &setpoints.axes[column];
+        prop_assert_eq!(p.last().copied().unwrap_or_default(), end[column], "the end is the programmed point");
+        let farthest = p.iter().fold(1.0_f64, |farthest, value| farthest.max(value.abs()));
+        // A position rounds to an ulp or two of itself, an arc's or spline's also by its angle or parameter.
+        let noise = 16.0 * f64::EPSILON * farthest + 2e-13;
+        for (k, p) in p.windows(4).enumerate() {
+            let velocity = (p[3] - p[2]) / h;
+            let acceleration = ((p[3] - p[2]) - (p[2] - p[1])) / (h * h);
+            let jerk = ((p[3] - p[2]) - 2.0 * (p[2] - p[1]) + (p[1] - p[0])) / (h * h * h);
+            let holds = |found: f64, limit: f64, order: i32| {
+                found.abs() <= limit * (1.0 + 1e-6) + 2.0_f64.powi(order) * noise / h.powi(order)
+            };
+            let place = || format!("{} at {k}, line {}\n{text}", axis.name, setpoints.line[k + 3]);
+            prop_assert!(holds(velocity, axis.max_velocity_per_s, 1), "velocity {velocity} of {}", place());
+            prop_assert!(
+                holds(acceleration, axis.max_acceleration_per_s2, 2),
+                "acceleration {acceleration} of {}",
+                place()
+            );
+            prop_assert!(holds(jerk, axis.max_jerk_per_s3, 3), "jerk {jerk} of {}", place());
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(150))]
+
+    #[test]
+    fn every_axis_keeps_its_limits(
+        blocks in blocks(), jerk_exponent in 4.7..7.0_f64, period_us in prop_oneof![Just(1_000_u32), Just(2_000), Just(500)],
+    ) {
+        check(&blocks, 10.0_f64.powf(jerk_exponent), period_us, &[])?;
+    }
+
+    #[test]
+    fn every_axis_keeps_its_limits_under_changes_of_the_override(
+        blocks in blocks(), jerk_exponent in 4.7..7.0_f64,
+        steps in prop::collection::vec((1..300_u64, prop_oneof![3 => 0.0..2.0_f64, 1 => Just(0.0)]), 1..8),
+    ) {
+        let mut index = 0;
+        let mut overrides = Vec::new();
+        for (step, ratio) in steps {
+            index += step;
+            overrides.push((index, ratio));
+        }
+        overrides.push((index + 50, 1.0));
+        check(&blocks, 10.0_f64.powf(jerk_exponent), 1_000, &overrides)?;
+    }
+}
