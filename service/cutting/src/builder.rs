@@ -195,7 +195,15 @@ impl Builder {
         findings: &mut FindingLog,
     ) {
         let machine = &config.profile.machine;
-        let Some(element) = Element::from_move(mv, span) else { return };
+        let Some(element) = Element::from_move(mv, span) else {
+            if mv.spline.is_some() {
+                let message =
+                    "the spline has a place without a direction, a cusp or a handle of length 0, or turns back";
+                let finding = Finding::error("PATH-SPLINE-CUSP", span, message);
+                findings.push(finding.suggest("move its control points apart, or divide it at the cusp"));
+            }
+            return;
+        };
         if let Some(axis) = missing_axis(&element, machine) {
             let letter = axis.letter();
             let finding = Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"));

@@ -50,7 +50,7 @@ fn program(blocks: &[Block], exact: bool) -> (String, [f64; 3]) {
     let mut text = String::from("G21 G90 G94 G17\nG0 X0 Y0 Z0\nF3000\n");
     let (mut at, mut heading) = ([0.0_f64; 3], 0.3_f64);
     let round = |value: f64| (value * 1e6).round() / 1e6;
-    let mut line = |text: &mut String, at: &mut [f64; 3], length: f64, heading: f64| {
+    let line = |text: &mut String, at: &mut [f64; 3], length: f64, heading: f64| {
         at[0] = round(at[0] + length * heading.cos());
         at[1] = round(at[1] + length * heading.sin());
         writeln!(text, "G1 X{:.6} Y{:.6}", at[0], at[1]).unwrap();

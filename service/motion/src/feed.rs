@@ -6,7 +6,9 @@ use feedwave_program::{Axis, Feed, Spindle, SpindleSpeed};
 use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
-use crate::tolerance::{MAX_STRETCHES, MAX_TURNS_PER_STRETCH, SAME_ANGLE_RAD, SURFACE_SPEED_STEP};
+use crate::tolerance::{
+    MAX_STRETCHES, MAX_TURNS_PER_STRETCH, PLACES_PER_SPLINE_PIECE, SAME_ANGLE_RAD, SURFACE_SPEED_STEP,
+};
 use crate::{Curve, Element, LimitPiece, Machine, PathLimits};
 
 /// Part of an element with one commanded speed and one set of limits; it starts where the one before ends.
@@ -166,12 +168,37 @@ fn next_turn(element: &Element, s: f64) -> f64 {
                 .fold(TAU, f64::min);
             s + ahead_rad / arc.sweep_rad.abs() * element.length
         }
+        Curve::Spline(spline) => next_turn_of_spline(element, spline.piece_count(), s),
         _ => {
             let (start, end) = (element.start[x], element.end[x]);
             start / (start - end) * element.length
         }
     };
     if turn > s { turn.min(element.length) } else { element.length }
+}
+
+/// [`next_turn`] of a spline: the first of evenly spaced places that X or its slope passes zero before, found exactly by
+/// bisection. There are several places to each of its `pieces`, on which X hardly bends.
+fn next_turn_of_spline(element: &Element, pieces: usize, s: f64) -> f64 {
+    let sign = |value: f64| if value == 0.0 { 0.0 } else { value.signum() };
+    let signs_at = |s: f64| {
+        let (mut position, mut tangent) = ([0.0], [0.0]);
+        element.fill_axis(Axis::X, &[s], &mut position);
+        element.fill_tangent(Axis::X, &[s], &mut tangent);
+        [sign(position[0]), sign(tangent[0])]
+    };
+    let step = element.length / (pieces * PLACES_PER_SPLINE_PIECE) as f64;
+    // What is zero at the start has turned there.
+    let start = signs_at(s + SAME_ANGLE_RAD * element.length);
+    let mut before = s;
+    while before < element.length {
+        let after = (before + step).min(element.length);
+        if signs_at(after) != start {
+            return narrow(before, after, &|s| signs_at(s) == start).max(before + SAME_ANGLE_RAD * element.length);
+        }
+        before = after;
+    }
+    element.length
 }
 
 /// The last place from `good` to `bad` that fits, to the resolution of the search.

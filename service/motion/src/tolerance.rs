@@ -103,3 +103,6 @@ pub(crate) const LIMIT_SLOWDOWN: f64 = 0.1;
 pub(crate) const LIMIT_HALVINGS: u32 = 5;
 /// Most pieces with limits of their own of one element.
 pub(crate) const MAX_LIMIT_PIECES: usize = 256;
+/// Places looked at on each polynomial piece of a spline to find where X turns: pieces are short enough to be nearly
+/// circular.
+pub(crate) const PLACES_PER_SPLINE_PIECE: usize = 8;

@@ -1,4 +1,6 @@
-use feedwave_program::{ArcGeometry, Move, MoveKind, PathControl, Plane, Position, SourceSpan, SpindleDirection};
+use feedwave_program::{
+    ArcGeometry, Move, MoveKind, PathControl, Plane, Position, SourceSpan, SpindleDirection, SplineGeometry,
+};
 use proptest::prelude::*;
 
 use super::commanded as stretches;
@@ -175,4 +177,20 @@ fn feeds_per_minute_and_inverse_time_do_not_follow_the_spindle() {
     assert_eq!(stretches(&helix, Feed::PerMinute(600.0), &constant(500.0), &machine)[0].speed_mm_per_s, 10.0);
     let inverse = stretches(&helix, Feed::InverseTime(30.0), &constant(500.0), &machine)[0].speed_mm_per_s;
     assert!((inverse - 5.0 * TAU / 2.0).abs() < 1e-12);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn surface_speed_on_splines_is_never_above_and_within_one_per_cent(
+        points in prop::array::uniform4(prop::array::uniform2(-30.0..30.0_f64)),
+        m_per_min in 20.0..400.0_f64, max_rev_per_min in prop_oneof![Just(1_000.0), Just(4_000.0)],
+    ) {
+        let [start, end] = [points[0], points[3]].map(|[z, x]| [x, 0.0, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let spline = SplineGeometry { plane: Plane::Zx, order: 4, points: points.to_vec(), weights: vec![1.0; 4] };
+        let Some(spline) = crate::Spline::from_geometry(&spline, &start, &end) else { return Ok(()) };
+        let element = Element::from_spline(start, end, spline, [0.0; 9], SourceSpan::default(), false);
+        check(&element.expect("it moves"), &surface(m_per_min, max_rev_per_min), 7)?;
+    }
 }
