@@ -58,14 +58,12 @@ pub const DEFAULT_PERIOD_US: u32 = 1_000;
 /// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
 pub const MAX_SETPOINTS: u64 = 1 << 32;
 
-/// Elements the planner looks ahead.
-const LOOK_AHEAD_ELEMENTS: usize = 5_000;
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
 const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 4;
+const SNAPSHOT_VERSION: u8 = 5;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -176,7 +174,8 @@ impl Pipeline {
             work_offset,
         );
         let findings = if analysis.is_some() { FindingLog::default() } else { FindingLog::with_limit(STREAM_FINDINGS) };
-        let settings = PlannerSettings::new(&config.profile.machine, LOOK_AHEAD_ELEMENTS, config.period_s());
+        let look_ahead = config.profile.look_ahead_blocks as usize;
+        let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
         Self {
             input: Vec::new(),
             consumed: 0,
@@ -345,6 +344,7 @@ impl Pipeline {
         let again = self.interpolator.change_override(&mut self.planner, ratio);
         if again.is_none() {
             self.overrides.pending = None;
+            self.interpolator.follow_override(ratio);
         }
         self.interpolator.pause_at(again.into_iter().chain(self.next_override()).min());
     }

@@ -20,6 +20,9 @@ pub struct MachineProfile {
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
+    /// Elements that the feed is planned ahead: [`MIN_LOOK_AHEAD_BLOCKS`] to [`MAX_LOOK_AHEAD_BLOCKS`].
+    #[serde(default = "default_look_ahead_blocks")]
+    pub look_ahead_blocks: u32,
 }
 
 impl MachineProfile {
@@ -31,6 +34,7 @@ impl MachineProfile {
             machine: Machine::lathe(),
             vibration: VibrationSettings::default(),
             following: FollowingModel::default(),
+            look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
     }
 
@@ -47,6 +51,11 @@ impl MachineProfile {
         problems.extend(prefixed("language", language_problems(&self.language)));
         problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
         problems.extend(prefixed("following", following_problems(&self.following)));
+        if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
+            let blocks = self.look_ahead_blocks;
+            let message = format!("must be {MIN_LOOK_AHEAD_BLOCKS} to {MAX_LOOK_AHEAD_BLOCKS}, is {blocks}");
+            problems.push(problem("look_ahead_blocks", message));
+        }
         problems
     }
 }
@@ -136,6 +145,16 @@ fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
 pub const MAX_AMPLITUDE_MM: f64 = 10.0;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
+/// Fewest elements looked ahead.
+pub const MIN_LOOK_AHEAD_BLOCKS: u32 = 4;
+/// Most elements looked ahead: bounds the memory of a plan, and the size of its snapshots.
+pub const MAX_LOOK_AHEAD_BLOCKS: u32 = 100_000;
+/// Elements looked ahead where the profile does not say.
+const DEFAULT_LOOK_AHEAD_BLOCKS: u32 = 5_000;
+
+const fn default_look_ahead_blocks() -> u32 {
+    DEFAULT_LOOK_AHEAD_BLOCKS
+}
 
 #[cfg(test)]
 mod tests {
@@ -154,6 +173,7 @@ mod tests {
         profile.vibration.servo_substeps = 0;
         profile.following.filter_length_s = Some(-1.0);
         profile.machine.max_spindle_rev_per_min = 0.0;
+        profile.look_ahead_blocks = 3;
         let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
         let expected = [
             "machine.max_spindle_rev_per_min",
@@ -165,6 +185,7 @@ mod tests {
             "vibration.max_amplitude_mm",
             "vibration.servo_substeps",
             "following.filter_length_s",
+            "look_ahead_blocks",
         ];
         assert_eq!(fields, expected);
     }

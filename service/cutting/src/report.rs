@@ -58,6 +58,8 @@ pub struct ProgramSummary {
     pub rapid_time_s: f64,
     /// Time at rest: dwells and waits for the vibration, s.
     pub rest_time_s: f64,
+    /// Which limit governs for how long; together [`ProgramSummary::duration_s`].
+    pub limit_times: LimitTimes,
     /// Path length, mm.
     pub path_length_mm: f64,
     /// Path length of cutting moves, mm.
@@ -68,6 +70,25 @@ pub struct ProgramSummary {
     pub axes: Vec<AxisSummary>,
     /// Smallest and largest spindle speed while cutting, rev/min.
     pub spindle_rev_per_min: Option<[f64; 2]>,
+}
+
+/// Which limit governs the motion for how long, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LimitTimes {
+    /// At the programmed feed, with the override.
+    pub feed_s: f64,
+    /// At the largest velocity of an axis, on straight lines.
+    pub axis_velocity_s: f64,
+    /// At the speed that the axes' limits leave on a curve: arc, spline or rounded corner.
+    pub curvature_s: f64,
+    /// At a constant speed below all of that, for the sake of corners and neighbouring blocks.
+    pub corners_s: f64,
+    /// Gaining or losing speed at the largest acceleration.
+    pub acceleration_s: f64,
+    /// Building up or ending an acceleration at the largest jerk.
+    pub jerk_s: f64,
+    /// At rest.
+    pub rest_s: f64,
 }
 
 /// One machine axis over the whole program, from the setpoints themselves.
@@ -84,4 +105,23 @@ pub struct AxisSummary {
     /// Largest acceleration by second difference, per s². Starts and ends of a vibration step the velocity by
     /// design and are included.
     pub peak_acceleration_per_s2: f64,
+    /// Largest jerk by third difference, per s³, with everything that the acceleration has.
+    pub peak_jerk_per_s3: f64,
+    /// Where the velocity is largest first; `None` for an axis that does not move.
+    pub peak_velocity_at: Option<PeakPlace>,
+    /// Where the acceleration is largest first.
+    pub peak_acceleration_at: Option<PeakPlace>,
+    /// Where the jerk is largest first.
+    pub peak_jerk_at: Option<PeakPlace>,
+}
+
+/// Where a peak is: the last of the setpoints that its difference is taken of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PeakPlace {
+    /// Index of the setpoint.
+    pub setpoint_index: u64,
+    /// Its time from the program's start, s.
+    pub time_s: f64,
+    /// Its source line; 0 before the first block.
+    pub line: u32,
 }

@@ -5,7 +5,10 @@ use std::sync::Arc;
 use feedwave_program::Severity;
 
 use crate::builder::Analysis;
-use crate::{AxisSummary, Frame, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step, ValidationReport};
+use crate::{
+    AxisSummary, Frame, LimitTimes, PeakPlace, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step,
+    ValidationReport,
+};
 
 /// Lines read per step once setpoints have stopped at an error.
 const LINES_PER_STEP: usize = 4_096;
@@ -25,11 +28,27 @@ pub struct Validation {
 /// Running extremes of one axis.
 #[derive(Clone, Debug)]
 struct AxisTrace {
-    summary: AxisSummary,
-    /// The last two positions, older first.
-    last: [f64; 2],
+    name: String,
+    min: f64,
+    max: f64,
+    /// Peaks of the first, second and third derivative.
+    peaks: [Peak; 3],
+    /// The last three positions, older first.
+    last: [f64; 3],
     seen: u64,
 }
+
+/// A running maximum, and where it was reached first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Peak {
+    value: f64,
+    /// Value at the place.
+    placed_value: f64,
+    place: Option<PeakPlace>,
+}
+
+/// A value that exceeds the peak by less than this share is the same but for rounding: the place stays the first one.
+const SAME_PEAK: f64 = 1e-6;
 
 impl Validation {
     /// A validation at the start of a program. Extents and peaks are in machine coordinates whatever the
@@ -41,13 +60,11 @@ impl Validation {
             Frame::Work => Arc::new(PipelineConfig { frame: Frame::Machine, ..(*config).clone() }),
         };
         let trace = |axis: &feedwave_motion::MachineAxis| AxisTrace {
-            summary: AxisSummary {
-                name: axis.name.clone(),
-                min: f64::INFINITY,
-                max: f64::NEG_INFINITY,
-                ..AxisSummary::default()
-            },
-            last: [0.0; 2],
+            name: axis.name.clone(),
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+            peaks: [Peak::default(); 3],
+            last: [0.0; 3],
             seen: 0,
         };
         let axes = config.profile.machine.axes.iter().map(trace).collect();
@@ -81,7 +98,7 @@ impl Validation {
                 self.setpoint_count += self.block.len() as u64;
                 let period_s = self.pipeline.config().period_s();
                 for (trace, column) in self.axes.iter_mut().zip(&self.block.axes) {
-                    trace.add(column, period_s);
+                    trace.add(column, &self.block.line, period_s);
                 }
                 Step::Block
             }
@@ -156,11 +173,12 @@ impl Validation {
             duration_s: if_accepted(pipeline.interpolator.elapsed_s()),
             cutting_time_s: if_accepted(shares.cutting_s),
             rapid_time_s: if_accepted(shares.rapid_s),
-            rest_time_s: if_accepted(shares.rest_s),
+            rest_time_s: if_accepted(shares.limits.rest_s),
+            limit_times: if refused { LimitTimes::default() } else { shares.limits },
             path_length_mm: analysis.path_length_mm,
             cutting_length_mm: analysis.cutting_length_mm,
             tools: analysis.tools.into_iter().collect(),
-            axes: if refused { Vec::new() } else { axes.into_iter().map(|trace| trace.summary).collect() },
+            axes: if refused { Vec::new() } else { axes.into_iter().map(AxisTrace::finish).collect() },
             spindle_rev_per_min: analysis.spindle_rev_per_min,
         };
         ValidationReport { findings: findings.into_sorted(), sections: analysis.sections, summary }
@@ -168,22 +186,50 @@ impl Validation {
 }
 
 impl AxisTrace {
-    fn add(&mut self, column: &[f64], period_s: f64) {
-        let summary = &mut self.summary;
-        for &position in column {
-            summary.min = summary.min.min(position);
-            summary.max = summary.max.max(position);
-            if self.seen >= 1 {
-                let velocity = (position - self.last[1]).abs() / period_s;
-                summary.peak_velocity_per_s = summary.peak_velocity_per_s.max(velocity);
+    fn add(&mut self, column: &[f64], lines: &[u32], period_s: f64) {
+        for (&position, &line) in column.iter().zip(lines) {
+            self.min = self.min.min(position);
+            self.max = self.max.max(position);
+            let [oldest, older, last] = self.last;
+            let differences =
+                [position - last, position - 2.0 * last + older, position - 3.0 * (last - older) - oldest];
+            let mut scale = 1.0;
+            for (order, (peak, difference)) in (1..).zip(self.peaks.iter_mut().zip(differences)) {
+                scale *= period_s;
+                if self.seen >= order {
+                    peak.reach(difference.abs() / scale, self.seen, line, period_s);
+                }
             }
-            if self.seen >= 2 {
-                let second_difference = position - 2.0 * self.last[1] + self.last[0];
-                let acceleration = second_difference.abs() / (period_s * period_s);
-                summary.peak_acceleration_per_s2 = summary.peak_acceleration_per_s2.max(acceleration);
-            }
-            self.last = [self.last[1], position];
+            self.last = [older, last, position];
             self.seen += 1;
+        }
+    }
+
+    fn finish(self) -> AxisSummary {
+        let [velocity, acceleration, jerk] = self.peaks;
+        AxisSummary {
+            name: self.name,
+            min: self.min,
+            max: self.max,
+            peak_velocity_per_s: velocity.value,
+            peak_acceleration_per_s2: acceleration.value,
+            peak_jerk_per_s3: jerk.value,
+            peak_velocity_at: velocity.place,
+            peak_acceleration_at: acceleration.place,
+            peak_jerk_at: jerk.place,
+        }
+    }
+}
+
+impl Peak {
+    fn reach(&mut self, value: f64, setpoint_index: u64, line: u32, period_s: f64) {
+        if value <= self.value {
+            return;
+        }
+        self.value = value;
+        if value > self.placed_value * (1.0 + SAME_PEAK) {
+            self.placed_value = value;
+            self.place = Some(PeakPlace { setpoint_index, time_s: setpoint_index as f64 * period_s, line });
         }
     }
 }

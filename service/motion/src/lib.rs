@@ -26,6 +26,6 @@ pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
     Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
-pub use profile::{Profile, ProfilePart};
+pub use profile::{PhaseTimes, Profile, ProfilePart};
 pub use smoothing::{Carried, PathSmoother, Smoothed};
 pub use tolerance::TANGENT_TOLERANCE_RAD;

@@ -202,7 +202,8 @@ impl Profile {
     }
 
     /// Speed between the two changes of speed, mm/s.
-    pub(crate) fn cruise_velocity(&self) -> f64 {
+    #[must_use]
+    pub fn cruise_velocity(&self) -> f64 {
         self.speeds[1]
     }
 
@@ -445,6 +446,28 @@ impl ProfilePart {
         self.end.1 - self.start.1
     }
 
+    /// How its time divides among the phases of the profile; together [`ProfilePart::duration`].
+    #[must_use]
+    pub fn phase_times(&self) -> PhaseTimes {
+        let Profile { rise, fall, cruise_s, .. } = self.profile;
+        let mut start_s = 0.0;
+        let mut within_part = |duration_s: f64| {
+            let end_s = start_s + duration_s;
+            let time_s = (end_s.min(self.end.1) - start_s.max(self.start.1)).max(0.0);
+            start_s = end_s;
+            time_s
+        };
+        let mut times = PhaseTimes::default();
+        times.jerk_s += within_part(rise.ramp_s);
+        times.acceleration_s += within_part(rise.hold_s);
+        times.jerk_s += within_part(rise.ramp_s);
+        times.cruise_s += within_part(cruise_s);
+        times.jerk_s += within_part(fall.ramp_s);
+        times.acceleration_s += within_part(fall.hold_s);
+        times.jerk_s += within_part(fall.ramp_s);
+        times
+    }
+
     /// Path position from its start, speed, acceleration and jerk at local time `t_s`; the ends beyond them.
     #[must_use]
     pub fn state(&self, t_s: f64) -> (f64, f64, f64, f64) {
@@ -462,6 +485,17 @@ impl ProfilePart {
     pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
         self.profile.fill_part(first, period_s, offset_s - self.start.1, self.range(), out_s, out_v);
     }
+}
+
+/// Times spent in the phases of a profile, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PhaseTimes {
+    /// While the acceleration changes.
+    pub jerk_s: f64,
+    /// At constant acceleration other than zero.
+    pub acceleration_s: f64,
+    /// At constant speed.
+    pub cruise_s: f64,
 }
 
 /// State at the start of a phase of constant jerk.

@@ -1,6 +1,7 @@
 //! Between the contract's messages and the types of the pipeline: once on entry, with every violation reported,
 //! and once on exit.
 
+mod feed_override;
 mod profile;
 mod report;
 mod tool;
@@ -8,6 +9,7 @@ mod tool;
 use feedwave_cutting::GenerationMode;
 use prost_types::Timestamp;
 
+pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{report_to_proto, summary_to_proto};
 pub use tool::{check_tool, tool_for_pipeline};

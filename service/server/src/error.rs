@@ -51,6 +51,15 @@ impl Violations {
         }));
     }
 
+    /// Takes over the first violations of a long list, and counts the rest.
+    pub fn extend_listed(&mut self, field: &str, inner: Self, most: usize) {
+        let not_listed = inner.0.len().saturating_sub(most);
+        self.0.extend(inner.0.into_iter().take(most));
+        if not_listed > 0 {
+            self.add(field, format!("{not_listed} more violations are not listed"));
+        }
+    }
+
     /// What was found.
     #[must_use]
     pub fn as_slice(&self) -> &[Violation] {

@@ -11,7 +11,7 @@ mod columns;
 mod feed_override;
 mod track;
 
-use feedwave_motion::{Machine, Planned, PlannedMotion, TANGENT_TOLERANCE_RAD};
+use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch, TANGENT_TOLERANCE_RAD};
 use feedwave_program::{Position, Spindle, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ use self::columns::{ColumnMap, Scratch};
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};
 use crate::path_vibration::direction_change;
-use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, LimitTimes, SetpointBlock, sin_turns};
 
 /// What a call to [`Interpolator::fill`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +42,32 @@ pub(crate) enum Fill {
 pub(crate) struct TimeShares {
     pub(crate) cutting_s: f64,
     pub(crate) rapid_s: f64,
-    pub(crate) rest_s: f64,
+    /// The same time, and that at rest, by what governs it.
+    pub(crate) limits: LimitTimes,
+}
+
+/// A cruise within this share of a speed is at that speed.
+const SAME_SPEED: f64 = 1e-9;
+
+impl TimeShares {
+    fn add_stretch(&mut self, motion: &PlannedMotion, index: usize, duration_s: f64, feed_override: f64) {
+        let element = &motion.element;
+        *(if element.rapid { &mut self.rapid_s } else { &mut self.cutting_s }) += duration_s;
+        let Some(PlannedStretch { stretch, profile, .. }) = motion.stretches.get(index) else { return };
+        let PhaseTimes { jerk_s, acceleration_s, cruise_s } = profile.phase_times();
+        self.limits.jerk_s += jerk_s;
+        self.limits.acceleration_s += acceleration_s;
+        let ratio = if motion.follows_override() { feed_override } else { 1.0 };
+        let reached = profile.whole().cruise_velocity() * (1.0 + SAME_SPEED);
+        let limits = &mut self.limits;
+        let governed_s = match element.curve {
+            _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
+            _ if reached < stretch.limits.velocity => &mut limits.corners_s,
+            Curve::Line => &mut limits.axis_velocity_s,
+            Curve::Arc(_) | Curve::Spline(_) => &mut limits.curvature_s,
+        };
+        *governed_s += cruise_s;
+    }
 }
 
 /// Samples of one vibrating section.
@@ -87,6 +112,8 @@ pub(crate) struct State {
     /// Path length up to the start of the current element, mm.
     path_base_mm: f64,
     shares: TimeShares,
+    /// Ratio of the feed override that the next activity is planned at.
+    feed_override: f64,
     finished_section: Option<SectionSamples>,
     /// The stretch of the current motion that is waited for: the feed override has divided the motion there.
     resume: Option<usize>,
@@ -106,6 +133,8 @@ struct Activity {
     /// Index of its last setpoint; none is left when it lies before the next index.
     last: u64,
     duration_s: f64,
+    /// Ratio of the feed override that it is planned at.
+    feed_override: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -174,6 +203,7 @@ impl Interpolator {
                 end: Clock::default(),
                 last: 0,
                 duration_s: 0.0,
+                feed_override: 1.0,
             }),
             after: After::Continue,
             section: None,
@@ -182,6 +212,7 @@ impl Interpolator {
             spindle_rev: 0.0,
             path_base_mm: 0.0,
             shares: TimeShares::default(),
+            feed_override: 1.0,
             finished_section: None,
             resume: None,
             pause: None,
@@ -215,6 +246,11 @@ impl Interpolator {
     /// Time of everything interpolated so far, s.
     pub(crate) fn elapsed_s(&self) -> f64 {
         self.state.clock.since_s(0, self.settings.period_s)
+    }
+
+    /// Says that what follows the present activity is planned at this feed override.
+    pub(crate) fn follow_override(&mut self, ratio: f64) {
+        self.state.feed_override = ratio;
     }
 
     pub(crate) fn shares(&self) -> TimeShares {
@@ -278,16 +314,16 @@ impl Interpolator {
         state.activity = None;
         state.spindle_rev += activity.spindle_rev_per_s * activity.duration_s;
         state.clock = activity.end;
-        let share = match activity.kind {
-            ActivityKind::Stretch(_) => {
-                let rapid = state.track.motion(state.track.current_index()).is_some_and(|m| m.element.rapid);
-                if rapid { &mut state.shares.rapid_s } else { &mut state.shares.cutting_s }
+        match activity.kind {
+            ActivityKind::Stretch(index) => {
+                if let Some(motion) = state.track.motion(state.track.current_index()) {
+                    state.shares.add_stretch(motion, index, activity.duration_s, activity.feed_override);
+                }
             }
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
-                &mut state.shares.rest_s
+                state.shares.limits.rest_s += activity.duration_s;
             }
-        };
-        *share += activity.duration_s;
+        }
         match std::mem::replace(&mut state.after, After::Continue) {
             After::Continue => {
                 if let ActivityKind::Stretch(index) = activity.kind {
@@ -448,7 +484,8 @@ impl Interpolator {
     fn activate(&mut self, kind: ActivityKind, duration_s: f64, spindle_rev_per_s: f64, after: After) {
         let end = self.state.clock.advanced(duration_s, self.settings.period_s);
         self.state.after = after;
-        self.state.activity = Some(Activity { kind, spindle_rev_per_s, end, last: end.period, duration_s });
+        let (last, feed_override) = (end.period, self.state.feed_override);
+        self.state.activity = Some(Activity { kind, spindle_rev_per_s, end, last, duration_s, feed_override });
     }
 
     /// Time until the vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.

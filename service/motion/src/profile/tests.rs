@@ -199,3 +199,38 @@ fn times_outside_give_the_ends() {
     profile.fill(1_000_000_000_000, 1e-3, 0.0, &mut s, &mut v);
     assert_eq!((s, v), ([20.0; 3], [60.0; 3]));
 }
+
+#[test]
+fn the_phases_of_a_part_take_its_time() {
+    // Ramps of 0.1 s, a hold of 0.1 s and a cruise of 0.5 s: 1 000 mm/s² at 10 000 mm/s³ up to 200 mm/s.
+    let profile = Profile::solve(160.0, 0.0, 0.0, limits(200.0, 1e3, 1e4)).expect("fits");
+    let PhaseTimes { jerk_s, acceleration_s, cruise_s } = ProfilePart::new(profile, 0.0, 160.0).phase_times();
+    assert_close(jerk_s, 0.4);
+    assert_close(acceleration_s, 0.2);
+    assert_close(cruise_s, 0.5);
+
+    // Of a part, what its own states show.
+    for (start, end) in [(0.0, 10.0), (1.0, 40.0), (25.0, 130.0), (35.0, 36.0), (140.0, 160.0)] {
+        let part = ProfilePart::new(profile, start, end);
+        let times = part.phase_times();
+        let steps = 100_000;
+        let mut counted = PhaseTimes::default();
+        for k in 0..steps {
+            let (_, _, acceleration, jerk) = part.state((f64::from(k) + 0.5) / f64::from(steps) * part.duration());
+            *match () {
+                () if jerk != 0.0 => &mut counted.jerk_s,
+                () if acceleration.abs() > 1e-6 => &mut counted.acceleration_s,
+                () => &mut counted.cruise_s,
+            } += part.duration() / f64::from(steps);
+        }
+        let pairs = [
+            (times.jerk_s, counted.jerk_s),
+            (times.acceleration_s, counted.acceleration_s),
+            (times.cruise_s, counted.cruise_s),
+        ];
+        for (time_s, counted_s) in pairs {
+            assert!((time_s - counted_s).abs() <= 8.0 * part.duration() / f64::from(steps), "{times:?} {counted:?}");
+        }
+        assert_close(times.jerk_s + times.acceleration_s + times.cruise_s, part.duration());
+    }
+}

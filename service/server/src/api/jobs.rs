@@ -246,6 +246,12 @@ impl Api {
             }
             None => violations.add("on", "machine or profile must be set"),
         }
+        let overrides = convert::overrides_from_proto(
+            &mut violations,
+            "overrides",
+            &request.overrides,
+            checked.interpolation_period_us,
+        );
         violations.finish()?;
         let profile = match (profile, machine_id) {
             (Some(profile), _) => profile,
@@ -258,6 +264,7 @@ impl Api {
         config.generation_mode =
             convert::generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode);
         config.tools = settings.tools.iter().map(convert::tool_for_pipeline).collect();
+        config.overrides = overrides;
         let report = self.engine.validate_program(config, request.inline_program).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
     }

@@ -8,7 +8,7 @@ use tonic::{Request, Response, Status, async_trait};
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::{Api, answer};
-use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
+use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto, overrides_from_proto};
 use crate::engine::{self, ColumnSet, MAX_CHUNK_SIZE, StreamPlan, StreamStart};
 use crate::error::{Error, Result, Violations};
 use crate::proto::setpoints_server::Setpoints;
@@ -74,7 +74,9 @@ fn check(request: &StreamSetpointsRequest, detail: &JobDetail) -> Result<Checked
     let mut violations = Violations::default();
     let fields = check_fields(&mut violations, request);
     let period_us = check_period_us(&mut violations, request.interpolation_period_us, own.interpolation_period_us);
+    let overrides = overrides_from_proto(&mut violations, "overrides", &request.overrides, period_us);
     let config = PipelineConfig {
+        overrides,
         interpolation_period_us: period_us,
         generation_mode: fields.generation_mode.unwrap_or(own.generation_mode),
         frame: fields.frame,
@@ -88,8 +90,9 @@ fn check(request: &StreamSetpointsRequest, detail: &JobDetail) -> Result<Checked
         ColumnSet::select(&mut violations, &request.columns, machine, servo_side && !expanded, fields.encoding);
     violations.finish()?;
 
-    let is_own_plan =
-        config.interpolation_period_us == own.interpolation_period_us && config.generation_mode == own.generation_mode;
+    let is_own_plan = config.interpolation_period_us == own.interpolation_period_us
+        && config.generation_mode == own.generation_mode
+        && config.overrides.is_empty();
     let setpoint_count = if is_own_plan {
         let summary = plan_summary(detail)?;
         // The first setpoint has no servo periods before it.
@@ -147,6 +150,7 @@ impl Api {
                 axis: axis.name.clone(),
                 velocity_share: reached.peak_velocity_per_s / axis.max_velocity_per_s,
                 acceleration_share: reached.peak_acceleration_per_s2 / axis.max_acceleration_per_s2,
+                jerk_share: reached.peak_jerk_per_s3 / axis.max_jerk_per_s3,
             })
         };
         let limit_use = axes.iter().filter_map(limit_use).collect();

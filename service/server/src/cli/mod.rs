@@ -9,6 +9,7 @@ mod demo;
 mod findings;
 mod local;
 mod machine;
+mod overrides;
 mod pictures;
 mod plan;
 mod report;

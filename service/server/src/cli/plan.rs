@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 
 use super::local::Progress;
 use super::machine::{MachineArgs, axis_columns};
+use super::overrides::OverrideArgs;
 use super::pictures::{self, FirstVibration};
 use super::source::Source;
 use super::terminal::{Style, Unit, count, progress, tell};
@@ -28,9 +29,11 @@ Examples:
       Setpoints every millisecond as text.
   feedwave plan shaft.nc --out shaft.parquet --plots pictures
       Compressed columns, and pictures (SVG and PNG): tool path, position over time with the
-      vibration, feed, chip thickness around the revolution.
+      vibration, feed, acceleration and jerk, chip thickness around the revolution.
   feedwave plan shaft.nc --out - --from-time 2.5 --count 1000 | head
       A part of it, on standard output.
+  feedwave plan shaft.nc --out shaft.csv --override 2:50 --override 3.5:0 --override 5:100
+      As with a hand on the feed override: half the feed from 2 s on, feed hold from 3.5 s to 5 s.
   feedwave plan shaft.nc --mode servo-side --out conditions.csv
       The command and the condition of the vibration for drives that generate it themselves.
   feedwave plan shaft.nc --mode servo-side --servo-substeps 8 --out drive.csv
@@ -50,6 +53,8 @@ pub struct Args {
     plots: Option<PathBuf>,
     #[command(flatten)]
     machine: MachineArgs,
+    #[command(flatten)]
+    overrides: OverrideArgs,
     /// Coordinates of the axes
     #[arg(long, value_enum, value_name = "FRAME", default_value_t = FrameArg::Machine)]
     frame: FrameArg,
@@ -99,7 +104,7 @@ pub(super) fn time(text: &str) -> Result<f64, String> {
 /// # Errors
 /// [`CliError`] when a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let config = args.machine.config(args.frame.into())?;
+    let config = args.overrides.apply(args.machine.config(args.frame.into())?)?;
     let substeps = substeps(&args, &config)?;
     let format = args.out.as_deref().map(|path| format_of(path, args.format)).transpose()?;
     let mut source = Source::open(&args.file)?;

@@ -7,7 +7,7 @@ use super::CliError;
 use super::findings;
 use super::source::Source;
 use super::terminal::{Style, count, counted, number};
-use crate::proto::{ProgramSummary, ValidationReport};
+use crate::proto::{LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 
 /// The whole report.
 pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style) -> Result<String, CliError> {
@@ -130,17 +130,20 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
             "time",
             format!(
                 "{}: cutting {}, rapid {}, at rest {}",
-                duration(summary.duration_s),
+                exact_duration(summary.duration_s),
                 duration(summary.cutting_time_s),
                 duration(summary.rapid_time_s),
                 duration(summary.rest_time_s)
             ),
         );
+        if let Some(times) = &summary.limit_times {
+            rows.row("governed by", governed_by(times, summary.duration_s));
+        }
         let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));
     }
     if !summary.axes.is_empty() {
-        let head = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²"];
+        let head = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²", "jerk, m/s³"];
         let mut table = vec![head.map(str::to_owned).to_vec()];
         table.extend(summary.axes.iter().map(|axis| {
             vec![
@@ -149,12 +152,49 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
                 number(axis.max, 7),
                 number(axis.peak_velocity_per_s * 60.0, 5),
                 number(axis.peak_acceleration_per_s2 / 1e3, 4),
+                number(axis.peak_jerk_per_s3 / 1e3, 4),
             ]
         }));
         rows.table(&table);
+        for axis in &summary.axes {
+            let places = [&axis.peak_velocity_at, &axis.peak_acceleration_at, &axis.peak_jerk_at];
+            let names = ["velocity", "acceleration", "jerk"];
+            let place = |(name, place): (&str, &Option<PeakPlace>)| {
+                let place = place.as_ref()?;
+                Some(format!("{name} at {:.6} s in line {}", place.time_s, place.line))
+            };
+            let places: Vec<_> = names.into_iter().zip(places).filter_map(place).collect();
+            if !places.is_empty() {
+                rows.row(&format!("peaks of {}", axis.name), places.join(", "));
+            }
+        }
     }
     rows.text.push('\n');
     rows.text
+}
+
+/// What limits the motion, the longest time first, as shares of the whole.
+fn governed_by(times: &LimitTimes, duration_s: f64) -> String {
+    let mut shares = [
+        ("programmed feed", times.feed_s),
+        ("axis velocity", times.axis_velocity_s),
+        ("curvature", times.curvature_s),
+        ("corners and neighbouring blocks", times.corners_s),
+        ("acceleration", times.acceleration_s),
+        ("jerk", times.jerk_s),
+        ("rest", times.rest_s),
+    ];
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    // A moment of rounding is not worth a word.
+    let shown = shares.iter().filter(|(_, time_s)| *time_s > 1e-6 * duration_s);
+    let shown = shown.map(|(name, time_s)| format!("{name} {} %", number(100.0 * time_s / duration_s, 3)));
+    shown.collect::<Vec<_>>().join(", ")
+}
+
+/// A time to the microsecond, with the hours and minutes of a long one.
+fn exact_duration(seconds: f64) -> String {
+    let exact = format!("{seconds:.6} s");
+    if seconds < 60.0 { exact } else { format!("{exact} ({})", duration(seconds)) }
 }
 
 fn duration(seconds: f64) -> String {

@@ -8,6 +8,7 @@ use tonic::Status;
 
 use super::CliError;
 use super::client::{Client, Decoder, MAX_RETRIES, ServerArgs, is_passing, pause};
+use super::overrides::OverrideArgs;
 use super::plan::{FrameArg, format_of, time, writer};
 use super::terminal::{Unit, count, progress, tell};
 use crate::output::{FileFormat, SetpointWriter};
@@ -25,13 +26,17 @@ Examples:
   feedwave stream \"$job\" --from-time 12.5 --count 1000
       One second of it, at a period of 1 ms.
   feedwave stream \"$job\" --encoding delta --out shaft.csv
-      A fraction of the bytes on the wire, rounded to the resolution of each column.")]
+      A fraction of the bytes on the wire, rounded to the resolution of each column.
+  feedwave stream \"$job\" --override 2:50 --override 3.5:0 --override 5:100 --out shaft.csv
+      As with a hand on the feed override: half the feed from 2 s on, feed hold from 3.5 s to 5 s.")]
 pub struct Args {
     /// The job, `jobs/{job}` or the part after the slash
     #[arg(value_name = "JOB")]
     job: String,
     #[command(flatten)]
     server: ServerArgs,
+    #[command(flatten)]
+    overrides: OverrideArgs,
     /// File to write, `.csv` or `.parquet`; `-` writes CSV to standard output
     #[arg(long, value_name = "FILE", default_value = "-")]
     out: PathBuf,
@@ -89,6 +94,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         }
         .into(),
         servo_output: if args.servo_expanded { ServoOutput::Expanded } else { ServoOutput::Conditions }.into(),
+        overrides: args.overrides.into_request(),
         ..StreamSetpointsRequest::default()
     };
     let failed = |error: std::io::Error| CliError::file(&args.out, &error);

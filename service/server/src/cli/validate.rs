@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use feedwave_cutting::{Frame, ValidationReport};
 
 use super::machine::MachineArgs;
+use super::overrides::OverrideArgs;
 use super::source::Source;
 use super::terminal::{Style, print};
 use super::{CliError, EXIT_REFUSED, local, report};
@@ -23,6 +24,8 @@ Examples:
   feedwave validate --machine-kind mill pocket.nc
   feedwave validate --profile lathe-3.toml --period-us 250 shaft.nc
       The machine's own limits, codes and diameter rule; setpoints every 0.25 ms.
+  feedwave validate --override 0:80 shaft.nc
+      Times and peaks at 80 % of the programmed feed.
   feedwave validate --format json shaft.nc | jq '.sections[].chip.broken'
       For scripts; docs/cli-json.md describes the object.
   cat shaft.nc | feedwave validate --deny-warnings - && echo clean"
@@ -33,6 +36,8 @@ pub struct Args {
     file: PathBuf,
     #[command(flatten)]
     machine: MachineArgs,
+    #[command(flatten)]
+    overrides: OverrideArgs,
     /// Form of the answer
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
@@ -55,7 +60,7 @@ pub(super) enum Format {
 /// # Errors
 /// [`CliError`] when the program or the profile cannot be read.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let config = args.machine.config(Frame::Machine)?;
+    let config = args.overrides.apply(args.machine.config(Frame::Machine)?)?;
     let mut source = Source::open(&args.file)?;
     let report = local::validate(&mut source, config, |_| {})?;
     match args.format {

@@ -62,6 +62,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
             filter_length_s: following.filter_length_s,
             position_loop_gain_per_s: following.position_loop_gain_per_s,
         },
+        look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
 
@@ -212,6 +213,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
             filter_length_s: profile.following.filter_length_s,
             position_loop_gain_per_s: profile.following.position_loop_gain_per_s,
         }),
+        look_ahead_blocks: Some(profile.look_ahead_blocks),
     }
 }
 
@@ -322,6 +324,7 @@ mod tests {
         lathe.language.default_path_tolerance_mm = 0.025;
         lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
         lathe.following.filter_length_s = Some(0.02);
+        lathe.look_ahead_blocks = 100;
         for profile in [lathe, MachineProfile::lathe(), MachineProfile::mill()] {
             assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
         }
@@ -345,6 +348,7 @@ mod tests {
         profile.language.as_mut().unwrap().work_offsets[3].b = f64::NAN;
         profile.language.as_mut().unwrap().default_path_tolerance_mm = Some(11.0);
         profile.vibration.as_mut().unwrap().servo_substeps = Some(0);
+        profile.look_ahead_blocks = Some(0);
         let found = from_proto(&profile).unwrap_err();
         let fields: Vec<_> = found.iter().map(|(field, _)| field.as_str()).collect();
         for field in [
@@ -354,6 +358,7 @@ mod tests {
             "profile.language.default_path_tolerance_mm",
             "profile.language.work_offsets[3].b",
             "profile.vibration.servo_substeps",
+            "profile.look_ahead_blocks",
         ] {
             assert!(fields.contains(&field), "{field} not in {fields:?}");
         }

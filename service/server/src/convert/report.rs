@@ -1,8 +1,8 @@
 //! Validation reports: from the pipeline to the contract.
 
 use feedwave_cutting::{
-    AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, Nearest, ProgramSummary,
-    SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
+    AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, LimitTimes, Nearest, PeakPlace,
+    ProgramSummary, SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
 };
 use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
 
@@ -45,7 +45,13 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         spindle_speed: summary
             .spindle_rev_per_min
             .map(|[min_rev_per_min, max_rev_per_min]| proto::SpindleSpeedRange { min_rev_per_min, max_rev_per_min }),
+        limit_times: Some(limit_times(&summary.limit_times)),
     }
+}
+
+const fn limit_times(times: &LimitTimes) -> proto::LimitTimes {
+    let LimitTimes { feed_s, axis_velocity_s, curvature_s, corners_s, acceleration_s, jerk_s, rest_s } = *times;
+    proto::LimitTimes { feed_s, axis_velocity_s, curvature_s, corners_s, acceleration_s, jerk_s, rest_s }
 }
 
 fn axis_summary(axis: &AxisSummary) -> proto::AxisSummary {
@@ -55,7 +61,16 @@ fn axis_summary(axis: &AxisSummary) -> proto::AxisSummary {
         max: axis.max,
         peak_velocity_per_s: axis.peak_velocity_per_s,
         peak_acceleration_per_s2: axis.peak_acceleration_per_s2,
+        peak_jerk_per_s3: axis.peak_jerk_per_s3,
+        peak_velocity_at: axis.peak_velocity_at.as_ref().map(peak_place),
+        peak_acceleration_at: axis.peak_acceleration_at.as_ref().map(peak_place),
+        peak_jerk_at: axis.peak_jerk_at.as_ref().map(peak_place),
     }
+}
+
+const fn peak_place(place: &PeakPlace) -> proto::PeakPlace {
+    let PeakPlace { setpoint_index, time_s, line } = *place;
+    proto::PeakPlace { setpoint_index, time_s, line }
 }
 
 fn finding(finding: &Finding) -> proto::Finding {

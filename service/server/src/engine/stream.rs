@@ -222,6 +222,10 @@ impl Engine {
 
     /// A pipeline at or before a setpoint, as near as a checkpoint allows.
     async fn pipeline_near(&self, detail: &JobDetail, config: Arc<PipelineConfig>, index: u64) -> Result<Pipeline> {
+        // Checkpoints are of the plan without overrides.
+        if !config.overrides.is_empty() {
+            return Ok(Pipeline::new(config));
+        }
         let set = checkpoint_set(detail.job.id, &config);
         let Some(checkpoint) = self.inner.store.nearest_checkpoint(&set, index).await? else {
             return Ok(Pipeline::new(config));
@@ -298,14 +302,14 @@ impl Run {
         Ok(End::CutOff)
     }
 
-    /// The program is valid as the job has it, but not with what this stream overrides.
+    /// The program is valid as the job has it, but not with what this stream asks for otherwise.
     fn refused(&self) -> Error {
         let findings = self.pipeline.findings().findings();
         let first = findings.iter().find(|finding| finding.severity == Severity::Error);
         let reason = first.map_or_else(String::new, |finding| {
             format!(": {} in line {}: {}", finding.code, finding.span.line, finding.message)
         });
-        let message = format!("the program is refused at this interpolation period and generation mode{reason}");
+        let message = format!("the program is refused with what the stream asks for{reason}");
         Error::Precondition { reason: "PROGRAM_REFUSED", subject: self.outlet.ends.job_name.clone(), message }
     }
 }
