@@ -8,6 +8,7 @@ mod hostile;
 mod jobs;
 mod lifecycle;
 mod memory;
+mod overrides;
 mod setpoints;
 mod status;
 mod streaming;

@@ -4,17 +4,19 @@ use feedwave_motion::{Carried, Element};
 use feedwave_program::{Feed, Move, Spindle};
 use serde::{Deserialize, Serialize};
 
-/// Feed and spindle of a block; of a rapid, too, where the feed means nothing.
+/// Feed and spindle of a block; of a rapid, too, where the feed means nothing. What path smoothing carries along.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Cut {
+pub struct Cut {
     /// Per minute or per revolution.
-    pub(crate) feed: Feed,
-    pub(crate) spindle: Spindle,
+    pub feed: Feed,
+    /// Spindle command.
+    pub spindle: Spindle,
 }
 
 impl Cut {
     /// Those of a block. Inverse time becomes the feed that it means on the programmed length: what is run may be shorter.
-    pub(crate) fn of(mv: &Move, element: &Element) -> Self {
+    #[must_use]
+    pub fn of(mv: &Move, element: &Element) -> Self {
         let feed = match mv.feed {
             Feed::InverseTime(per_min) => Feed::PerMinute(element.length * per_min),
             feed => feed,

@@ -18,6 +18,7 @@ mod setpoint;
 mod validation;
 
 pub use chip::*;
+pub use cut::Cut;
 pub use following::{FollowingModel, FollowingReport};
 pub use path_vibration::*;
 pub use pipeline::{

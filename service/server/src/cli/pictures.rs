@@ -4,25 +4,23 @@ use std::collections::HashSet;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-use feedwave_cutting::{CutCondition, PipelineConfig, SectionReport, SetpointBlock, ValidationReport};
-use feedwave_motion::MachineKind;
-use feedwave_program::{
-    ArcGeometry, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, OperationKind, Position,
-};
+use feedwave_cutting::{Cut, CutCondition, PipelineConfig, SectionReport, SetpointBlock, ValidationReport};
+use feedwave_motion::{Element, MachineKind, PathSmoother, Smoothed};
+use feedwave_program::{FindingLog, Function, Interpreter, LineOutcome, MoveKind, Operation, OperationKind, Position};
 
 use super::CliError;
 use super::machine::axis_columns;
 use super::source::Source;
 use super::terminal::number;
-use crate::plot::{Cut, PathTrace, Plots, Point, Stretch};
+use crate::plot::{self, PathTrace, Plots, Point, Stretch};
 
 /// Pictures of chips at most: sections of one program are mostly alike.
 const MAX_CHIP_PICTURES: usize = 8;
 /// Vibration periods in a close view.
 const PERIODS_SHOWN: f64 = 5.0;
-/// Arcs are drawn with chords of this angle, rad: half a thousandth of the radius off.
+/// Curves are drawn with chords of this angle where they bend most, rad: half a thousandth of the radius off.
 const CHORD_RAD: f64 = PI / 90.0;
-/// Chords of one arc at most.
+/// Chords of one curve at most.
 const MAX_CHORDS: f64 = 20_000.0;
 
 /// Finds the first stretch of time in which the tool vibrates, while the program is validated.
@@ -72,7 +70,10 @@ pub(super) fn prepare(
     let profile = &config.profile;
     let turning = profile.machine.kind == MachineKind::Lathe;
     let program = source.name.rsplit('/').next().unwrap_or_default().to_owned();
-    let mut plots = Plots::new(program, turning, &axis_columns(profile), period_s);
+    let mut plots = Plots::new(program, turning, &axis_columns(profile), config.period_s(), period_s);
+    for change in &config.overrides {
+        plots.add_override(change.index as f64 * config.period_s(), change.ratio);
+    }
     trace(source, config, plots.trace_mut())?;
     if let (Some(indices), Some(section)) = (&vibration.indices, report.sections.first()) {
         for (title, window) in windows(indices, section, config.period_s()) {
@@ -103,12 +104,15 @@ fn windows(indices: &Range<u64>, section: &SectionReport, period_s: f64) -> [(St
     ]
 }
 
-/// Draws the moves as the program has them, in work coordinates.
+/// Draws the path that is run, in work coordinates: the moves of the program, and the curves that `G64` puts in place
+/// of their corners.
 fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<(), CliError> {
     source.rewind()?;
     let mut interpreter = Interpreter::new(config.profile.language.clone());
     let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
-    let (mut unread, mut ended, mut vibrating) = (Vec::new(), false, false);
+    let (mut unread, mut ended) = (Vec::new(), false);
+    let mut smoother = PathSmoother::default();
+    let mut vibrating = false;
     loop {
         let mut consumed = 0;
         let outcome = loop {
@@ -116,17 +120,32 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                 LineOutcome::Consumed(bytes) => consumed += bytes,
                 outcome => break outcome,
             }
-            for operation in operations.drain(..) {
-                match operation.kind {
-                    OperationKind::Function(command) if command.function == Function::PathVibration => {
-                        vibrating = command.on;
+            for Operation { kind, span } in operations.drain(..) {
+                let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, vibrating, trace);
+                match &kind {
+                    OperationKind::Move(step) => {
+                        if step.kind == MoveKind::Rapid {
+                            smoother.flush(&mut draw);
+                        }
+                        let Some(element) = Element::from_move(step, span) else { continue };
+                        let cut = Cut::of(step, &element);
+                        for part in element.smooth_parts() {
+                            smoother.push(part, step.path_control, cut, &mut draw);
+                        }
                     }
-                    OperationKind::Move(step) => draw_move(&step, vibrating, trace),
-                    _ => {}
+                    other => {
+                        smoother.flush(&mut draw);
+                        if let OperationKind::Function(command) = other
+                            && command.function == Function::PathVibration
+                        {
+                            vibrating = command.on;
+                        }
+                    }
                 }
             }
         };
         if outcome == LineOutcome::Ended {
+            smoother.flush(&mut |smoothed| draw_element(&smoothed.element, vibrating, trace));
             return Ok(());
         }
         unread.drain(..consumed);
@@ -136,44 +155,21 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
     }
 }
 
-fn draw_move(step: &Move, vibrating: bool, trace: &mut PathTrace) {
-    let stretch = match step.kind {
-        MoveKind::Rapid => Stretch::Rapid,
-        MoveKind::Cutting if vibrating => Stretch::Vibrating,
-        MoveKind::Cutting => Stretch::Cutting,
+/// Draws an element: a line as such, a curve with chords.
+fn draw_element(element: &Element, vibrating: bool, trace: &mut PathTrace) {
+    let stretch = match (element.rapid, vibrating) {
+        (true, _) => Stretch::Rapid,
+        (false, true) => Stretch::Vibrating,
+        (false, false) => Stretch::Cutting,
     };
-    let Some(arc) = &step.arc else {
-        trace.line(stretch, point(&step.start), point(&step.end));
-        return;
-    };
-    let chords = (arc.sweep_rad.abs() / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32;
-    let mut from = point(&step.start);
+    let turn_rad = element.length * element.curvature();
+    let chords = (turn_rad / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32;
+    let mut from = point(&element.start);
     for chord in 1..=chords {
-        let to = if chord == chords {
-            point(&step.end)
-        } else {
-            point(&on_arc(step, arc, f64::from(chord) / f64::from(chords)))
-        };
+        let to = point(&element.position(element.length * (f64::from(chord) / f64::from(chords))));
         trace.line(stretch, from, to);
         from = to;
     }
-}
-
-/// The point of an arc or helix at a share of its sweep.
-fn on_arc(step: &Move, arc: &ArcGeometry, share: f64) -> Position {
-    let (first, second) = arc.plane.axes();
-    let normal = arc.plane.normal().index();
-    let from_center =
-        |position: &Position| (position[first.index()] - arc.center[0], position[second.index()] - arc.center[1]);
-    let (start, end) = (from_center(&step.start), from_center(&step.end));
-    let (start_radius, end_radius) = (start.0.hypot(start.1), end.0.hypot(end.1));
-    let radius = start_radius + (end_radius - start_radius) * share;
-    let angle = start.1.atan2(start.0) + arc.sweep_rad * share;
-    let mut position = step.start;
-    position[first.index()] = arc.center[0] + radius * angle.cos();
-    position[second.index()] = arc.center[1] + radius * angle.sin();
-    position[normal] += (step.end[normal] - step.start[normal]) * share;
-    position
 }
 
 fn point(position: &Position) -> Point {
@@ -181,7 +177,7 @@ fn point(position: &Position) -> Point {
 }
 
 /// The programmed cut and, where it does not break the chip, the suggested one.
-fn cuts(section: &SectionReport) -> Option<(String, Vec<Cut>)> {
+fn cuts(section: &SectionReport) -> Option<(String, Vec<plot::Cut>)> {
     let chip = section.chip.as_ref()?;
     let condition = chip.condition;
     let subtitle = format!(
@@ -205,7 +201,7 @@ fn cuts(section: &SectionReport) -> Option<(String, Vec<Cut>)> {
     Some((subtitle, cuts))
 }
 
-fn cut(which: &str, condition: CutCondition) -> Cut {
+fn cut(which: &str, condition: CutCondition) -> plot::Cut {
     let broken = condition.breaks_chip();
     let heading = format!(
         "{which}: {} Hz, amplitude {} mm",
@@ -221,5 +217,5 @@ fn cut(which: &str, condition: CutCondition) -> Cut {
     } else {
         format!("{per_rev}: the amplitude is {} % of what breaks the chip", number(margin * 100.0, 2))
     };
-    Cut { heading, verdict, broken, condition }
+    plot::Cut { heading, verdict, broken, condition }
 }

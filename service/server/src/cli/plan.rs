@@ -218,6 +218,7 @@ pub(super) fn draw(
     let bar = progress("drawing", Unit::Setpoints, report.summary.setpoint_count);
     local::generate(source, config.clone(), |block: &SetpointBlock| {
         bar.inc(block.len() as u64);
+        plots.push_commands(block);
         plots.push(expander.as_mut().map_or(block, |expander| expander.expand(block)));
         Ok(Progress::Continue)
     })?;

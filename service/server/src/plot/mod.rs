@@ -5,6 +5,7 @@
 mod canvas;
 mod chip;
 mod clip;
+mod dynamics;
 mod motion;
 mod series;
 mod theme;
@@ -21,6 +22,7 @@ use canvas::DrawResult;
 pub use canvas::PlotError;
 use chip::ChipPicture;
 pub use chip::Cut;
+use dynamics::{DynamicsPicture, PathDynamics};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
 use tool_path::ToolPathPicture;
 pub use trace::{PathTrace, Point, Stretch};
@@ -32,18 +34,27 @@ pub struct Plots {
     turning: bool,
     trace: PathTrace,
     curves: MotionCurves,
+    dynamics: PathDynamics,
     chips: Vec<ChipPicture>,
 }
 
 impl Plots {
-    /// Pictures of a program on a machine with these axes; `turning` draws the tool path like a lathe.
+    /// Pictures of a program on a machine with these axes; `turning` draws the tool path like a lathe. Commands come
+    /// every `command_period_s`, setpoints every `period_s`: the same, but where the drives refine the commands.
     #[must_use]
-    pub fn new(program: impl Into<String>, turning: bool, axes: &[AxisColumn], period_s: f64) -> Self {
+    pub fn new(
+        program: impl Into<String>,
+        turning: bool,
+        axes: &[AxisColumn],
+        command_period_s: f64,
+        period_s: f64,
+    ) -> Self {
         Self {
             program: program.into(),
             turning,
             trace: PathTrace::default(),
             curves: MotionCurves::new(axes, period_s),
+            dynamics: PathDynamics::new(command_period_s),
             chips: Vec::new(),
         }
     }
@@ -63,6 +74,16 @@ impl Plots {
         self.chips.push(ChipPicture { name: name.into(), subtitle: subtitle.into(), cuts });
     }
 
+    /// Marks a change of the feed override; changes come in the order of time.
+    pub fn add_override(&mut self, time_s: f64, ratio: f64) {
+        self.dynamics.add_override(time_s, ratio);
+    }
+
+    /// Takes in a block of commands; blocks come in order.
+    pub fn push_commands(&mut self, block: &SetpointBlock) {
+        self.dynamics.push(block);
+    }
+
     /// Takes in a block of setpoints; blocks come in order.
     pub fn push(&mut self, block: &SetpointBlock) {
         self.curves.push(block);
@@ -80,6 +101,7 @@ impl Plots {
         files.extend(canvas::write(&ToolPathPicture { program, trace, turning }, directory)?);
         files.extend(canvas::write(&PositionPicture { program, curves }, directory)?);
         files.extend(canvas::write(&FeedPicture { program, curves }, directory)?);
+        files.extend(canvas::write(&DynamicsPicture { program, dynamics: &self.dynamics, curves }, directory)?);
         for chip in &self.chips {
             files.extend(canvas::write(chip, directory)?);
         }

@@ -119,7 +119,13 @@ impl MotionCurves {
         self.position.points().last().map_or(0.0, |point| point.0)
     }
 
-    fn shade_vibrating<'a, DB: DrawingBackend + 'a>(
+    /// Whether the tool vibrates at any time.
+    pub(super) fn vibrates(&self) -> bool {
+        !self.vibrating_spans.is_empty()
+    }
+
+    /// Colours the times in which the tool vibrates.
+    pub(super) fn shade_vibrating<'a, DB: DrawingBackend + 'a>(
         &self,
         chart: &mut theme::Panel<'a, DB>,
         y: &Range<f64>,
@@ -146,7 +152,7 @@ impl Picture for PositionPicture<'_> {
         let curves = self.curves;
         let subtitle = format!("{} \u{b7} setpoints every {} ms", self.program, curves.period_s * 1e3);
         let body = theme::headline(area, scale, "Position over time", &subtitle)?;
-        let vibrates = !curves.vibrating_spans.is_empty();
+        let vibrates = curves.vibrates();
         let entries = [
             (Swatch::Line, theme::COMMAND, "commanded path position"),
             (Swatch::Line, theme::VIBRATION, "with vibration"),
@@ -237,7 +243,7 @@ impl FeedPicture<'_> {
     ) -> DrawResult<(), DB> {
         let curves = self.curves;
         let mut entries: Vec<_> = group.iter().map(|(_, color, name)| (Swatch::Line, *color, *name)).collect();
-        if !curves.vibrating_spans.is_empty() {
+        if curves.vibrates() {
             entries.push((Swatch::Fill, theme::VIBRATION, "vibrating"));
         }
         let area = theme::legend(area, scale, &entries)?;

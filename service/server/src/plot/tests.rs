@@ -41,11 +41,15 @@ fn condition(frequency_hz: f64) -> CutCondition {
 }
 
 fn plots() -> Plots {
-    let mut plots = Plots::new("test.nc", true, &axes(), 1e-3);
+    let mut plots = Plots::new("test.nc", true, &axes(), 1e-3, 1e-3);
     plots.trace_mut().line(Stretch::Rapid, [20.0, 0.0, 5.0], [10.0, 0.0, 2.0]);
     plots.trace_mut().line(Stretch::Vibrating, [10.0, 0.0, 2.0], [10.0, 0.0, -8.0]);
     plots.add_window("start of the vibration", 0.49..0.56);
+    plots.add_override(3.0, 0.4);
+    plots.add_override(4.0, 0.0);
+    plots.add_override(5.0, 1.0);
     for number in 0..10 {
+        plots.push_commands(&block(number * 1_000, 1_000));
         plots.push(&block(number * 1_000, 1_000));
     }
     let cut = |frequency_hz: f64| Cut {
@@ -72,6 +76,8 @@ fn every_picture_is_written_as_svg_and_png() {
             "position.png",
             "feed.svg",
             "feed.png",
+            "motion.svg",
+            "motion.png",
             "chip-1.svg",
             "chip-1.png"
         ]
@@ -99,6 +105,10 @@ fn a_picture_has_title_axes_with_units_and_legend() {
     for wanted in ["time, s", "path position, mm", "with vibration", "start of the vibration"] {
         assert!(text("position.svg").contains(wanted), "{wanted}");
     }
+    for wanted in ["feed, mm/min", "acceleration, m/s²", "jerk, m/s³", "time, s", "40 %", "hold", "override changes"]
+    {
+        assert!(text("motion.svg").contains(wanted), "{wanted}");
+    }
     for wanted in ["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"] {
         assert!(text("chip-1.svg").contains(wanted), "{wanted}");
     }
@@ -107,7 +117,7 @@ fn a_picture_has_title_axes_with_units_and_legend() {
 #[test]
 fn an_empty_program_still_draws() {
     let directory = tempfile::tempdir().unwrap();
-    assert_eq!(Plots::new("empty.nc", false, &axes(), 1e-3).write(directory.path()).unwrap().len(), 6);
+    assert_eq!(Plots::new("empty.nc", false, &axes(), 1e-3, 1e-3).write(directory.path()).unwrap().len(), 8);
 }
 
 #[test]
