@@ -48,6 +48,8 @@ pub(crate) struct TimeShares {
 
 /// A cruise within this share of a speed is at that speed.
 const SAME_SPEED: f64 = 1e-9;
+/// A cruise this short is what rounding leaves between two ramps, s.
+const ROUNDING_S: f64 = 1e-12;
 
 impl TimeShares {
     fn add_stretch(&mut self, motion: &PlannedMotion, index: usize, duration_s: f64, feed_override: f64) {
@@ -61,6 +63,7 @@ impl TimeShares {
         let reached = profile.whole().cruise_velocity() * (1.0 + SAME_SPEED);
         let limits = &mut self.limits;
         let governed_s = match element.curve {
+            _ if cruise_s <= ROUNDING_S => &mut limits.jerk_s,
             _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
             _ if reached < stretch.limits.velocity => &mut limits.corners_s,
             Curve::Line => &mut limits.axis_velocity_s,
