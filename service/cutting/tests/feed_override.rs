@@ -94,7 +94,8 @@ fn feed_hold_stops_on_the_path_and_goes_on() {
 
 #[test]
 fn a_vibrating_section_stays_on_its_path_through_hold_and_override() {
-    let program = "G21 G97 S1000 M3\nG0 X6. Z10.\nG200 F41.667 A0.03\nG1 X10. Z20. F0.05\nG2 X14.02 Z23.51 R4.\nG201\nM30\n";
+    let program =
+        "G21 G97 S1000 M3\nG0 X6. Z10.\nG200 F41.667 A0.03\nG1 X10. Z20. F0.05\nG2 X14.02 Z23.51 R4.\nG201\nM30\n";
     let lathe = |overrides: &[(u64, f64)]| {
         let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
         PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::lathe()) }
