@@ -73,16 +73,45 @@ fn interpolation(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Validation reads, plans, interpolates and judges every block.
-fn validation(criterion: &mut Criterion) {
-    let mut program = String::from("G21 G90 G17 F3000\n");
-    let blocks = 20_000_u32;
-    for index in 0..blocks {
-        let angle = f64::from(index) * 1e-3;
-        let (sin, cos) = angle.sin_cos();
+/// A circle of 100 mm in lines of 0.1 mm, over and over.
+fn short_blocks(count: u32, path_control: &str) -> String {
+    let mut program = format!("G21 G90 G17 {path_control} F3000\n");
+    for index in 0..count {
+        let (sin, cos) = (f64::from(index) * 1e-3).sin_cos();
         program += &format!("N{index} X{:.4} Y{:.4}\n", 100.0 * cos, 100.0 * sin);
     }
-    program = program.replacen("N0 ", "N0 G1 ", 1) + "M30\n";
+    program.replacen("N0 ", "N0 G1 ", 1) + "M30\n"
+}
+
+/// From the first byte of a program to its first block of setpoints: the look-ahead has to be filled first, however
+/// long the program is.
+fn first_block(criterion: &mut Criterion) {
+    let config = Arc::new(PipelineConfig::new(MachineProfile::mill()));
+    let mut group = criterion.benchmark_group("first block of setpoints");
+    for (count, path_control) in [(20_000, "G61"), (200_000, "G61"), (20_000, "G64 P0.01")] {
+        let program = short_blocks(count, path_control);
+        group.bench_function(format!("{count} blocks, {path_control}"), |bencher| {
+            bencher.iter(|| {
+                let mut pipeline = Pipeline::new(Arc::clone(&config));
+                let mut block = pipeline.new_block();
+                let mut pieces = program.as_bytes().chunks(1 << 16);
+                while pipeline.next_block(&mut block) == Step::NeedInput {
+                    match pieces.next() {
+                        Some(piece) => pipeline.push(piece),
+                        None => pipeline.finish_input(),
+                    }
+                }
+                black_box(block)
+            });
+        });
+    }
+    group.finish();
+}
+
+/// Validation reads, plans, interpolates and judges every block.
+fn validation(criterion: &mut Criterion) {
+    let blocks = 20_000;
+    let program = short_blocks(blocks, "G61");
     let config = Arc::new(PipelineConfig::new(MachineProfile::mill()));
     let mut group = criterion.benchmark_group("validation");
     group.throughput(Throughput::Elements(u64::from(blocks)));
@@ -99,5 +128,5 @@ fn validation(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, interpolation, validation);
+criterion_group!(benches, interpolation, first_block, validation);
 criterion_main!(benches);

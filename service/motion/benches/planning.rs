@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 use std::hint::black_box;
+use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_motion::{Element, Machine, MotionRequest, PathMotion, Planner, PlannerSettings, limit_pieces, stretches};
@@ -41,7 +42,7 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
 
 fn planning(criterion: &mut Criterion) {
     let machine = Machine::mill();
-    let settings = PlannerSettings::new(&machine, 1_024, 1e-3);
+    let settings = PlannerSettings::new(&machine, 5_000, 1e-3);
     let mut group = criterion.benchmark_group("planning");
     group.throughput(Throughput::Elements(u64::from(BLOCKS)));
     let smooth = requests(1e-4, &machine);
@@ -74,5 +75,35 @@ fn planning(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, planning);
+/// Longest that one block has kept the planner, which plans a whole window now and then: the mean says nothing about it.
+fn longest_push(criterion: &mut Criterion) {
+    let machine = Machine::mill();
+    for (window, turn_rad) in [(1_000, 1e-4), (5_000, 1e-4), (5_000, 0.0)] {
+        let settings = PlannerSettings::new(&machine, window, 1e-3);
+        let requests = requests(turn_rad, &machine);
+        let mut longest = Vec::new();
+        for _ in 0..20 {
+            let mut planner = Planner::<()>::new(settings.clone());
+            let push = |request: &MotionRequest| {
+                let request = request.clone();
+                let start = Instant::now();
+                planner.push_motion(request);
+                let passed = start.elapsed();
+                while let Some(planned) = planner.pop() {
+                    black_box(planned);
+                }
+                passed
+            };
+            longest.extend(requests.iter().map(push).max());
+        }
+        longest.sort();
+        let median = longest[longest.len() / 2];
+        println!(
+            "longest push of {BLOCKS} blocks, window {window}, turning {turn_rad} rad each: median of 20 runs {median:?}"
+        );
+    }
+    let _ = criterion;
+}
+
+criterion_group!(benches, planning, longest_push);
 criterion_main!(benches);
