@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use feedwave_motion::{
     Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed, Stretches,
-    limit_pieces, missing_axis, stretches, travel_exceeded,
+    limit_pieces, missing_axis, stretches, top_command, travel_exceeded,
 };
 use feedwave_program::{
     Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
@@ -272,7 +272,9 @@ impl Builder {
         }
         let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
         let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
-        let pieces = limit_pieces(&element, machine, superposed);
+        // Twice the commanded speed is the most that a feed override asks for.
+        let top_speed = 2.0 * top_command(&element, cut.feed, &cut.spindle, machine);
+        let pieces = limit_pieces(&element, machine, superposed, top_speed);
         let limits = match &pieces {
             Ok(pieces) => Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits))),
             Err(exceeded) => Err(*exceeded),

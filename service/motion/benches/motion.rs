@@ -115,7 +115,7 @@ fn preparing(criterion: &mut Criterion) {
         bencher.iter(|| Element::from_move(black_box(&mv), SourceSpan::default()));
     });
     group.bench_function("limits", |bencher| {
-        bencher.iter(|| limit_pieces(black_box(&element), &machine, PathMotion::ZERO));
+        bencher.iter(|| limit_pieces(black_box(&element), &machine, PathMotion::ZERO, f64::INFINITY));
     });
     group.finish();
 }

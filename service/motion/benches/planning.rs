@@ -33,7 +33,7 @@ fn requests(turn_rad: f64, machine: &Machine) -> Vec<MotionRequest> {
             path_control: PathControl::default(),
         };
         let element = Element::from_move(&mv, SourceSpan::default()).expect("it moves");
-        let limits = limit_pieces(&element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let limits = limit_pieces(&element, machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
         let stretches = stretches(&element, feed, &Spindle::STOPPED, machine, &limits);
         MotionRequest::new(element, stretches)
     };

@@ -67,6 +67,20 @@ pub fn stretches(
     divided
 }
 
+/// Fastest commanded speed along an element, mm/s; infinite for rapids. See [`stretches`].
+#[must_use]
+pub fn top_command(element: &Element, feed: Feed, spindle: &Spindle, machine: &Machine) -> f64 {
+    match feed {
+        _ if element.rapid => f64::INFINITY,
+        Feed::PerMinute(feed_mm_per_min) => feed_mm_per_min / 60.0,
+        Feed::InverseTime(per_min) => element.length * per_min / 60.0,
+        Feed::PerRevolution(feed_mm_per_rev) => {
+            let [least_radius_mm, _] = element.radius_range_mm();
+            feed_mm_per_rev * spindle.rev_per_s(least_radius_mm).min(machine.max_spindle_rev_per_min / 60.0)
+        }
+    }
+}
+
 /// Before the limits are known.
 const UNLIMITED: PathLimits = PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
 

@@ -27,6 +27,11 @@ use crate::{Machine, Stretch};
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Stop};
 
+/// Elements after which a path is planned for the first time, so that its first setpoints do not wait for the whole
+/// window: they come within milliseconds. In the first half of these, which is released, a path from rest has room to
+/// stop in the second half from whatever speed it has reached.
+const FIRST_PLAN: usize = 1_000;
+
 /// Settings of a planner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannerSettings {
@@ -94,7 +99,7 @@ impl<B> Planner<B> {
             entry_speed: 0.0,
             overspeed: 0.0,
             runs_before: Vec::new(),
-            next_plan: settings.window,
+            next_plan: settings.window.min(FIRST_PLAN),
             held: None,
             finished: false,
             too_fast: false,

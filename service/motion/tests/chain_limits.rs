@@ -107,7 +107,7 @@ fn plan(
 ) -> Vec<PlannedMotion> {
     let mut planner = Planner::<()>::new(PlannerSettings::new(machine, window, period_s));
     for element in elements {
-        let limits = limit_pieces(element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let limits = limit_pieces(element, machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
         let stretches = stretches(element, Feed::PerMinute(feed_mm_per_min), &Spindle::STOPPED, machine, &limits);
         planner.push_motion(MotionRequest::new(element.clone(), stretches));
     }

@@ -101,7 +101,7 @@ impl Path {
 
 fn requests(elements: &[Element], machine: &Machine, feed_mm_per_min: f64) -> Vec<MotionRequest> {
     let request = |element: &Element| {
-        let limits = limit_pieces(element, machine, PathMotion::ZERO).expect("nothing is superposed");
+        let limits = limit_pieces(element, machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
         let feed = Feed::PerMinute(feed_mm_per_min);
         MotionRequest::new(element.clone(), stretches(element, feed, &Spindle::STOPPED, machine, &limits))
     };

@@ -183,7 +183,8 @@ fn plan(elements: &[Option<Element>], machine: &Machine, feed: f64, window: usiz
         match element {
             None => planner.push_barrier(index as u32),
             Some(element) => {
-                let limits = limit_pieces(element, machine, PathMotion::ZERO).expect("nothing is superposed");
+                let limits =
+                    limit_pieces(element, machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
                 let stretches = stretches(element, Feed::PerMinute(feed), &Spindle::STOPPED, machine, &limits);
                 planner.push_motion(MotionRequest::new(element.clone(), stretches));
             }

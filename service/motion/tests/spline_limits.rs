@@ -84,7 +84,7 @@ proptest! {
             acceleration: superposed[1] * alone.acceleration,
             jerk: superposed[2] * alone.jerk,
         };
-        let Ok(pieces) = limit_pieces(&element, &machine, peaks) else { return Ok(()) };
+        let Ok(pieces) = limit_pieces(&element, &machine, peaks, f64::INFINITY) else { return Ok(()) };
         on_each(&element, &pieces, |index, step, [first, second, third]| {
             let limits = pieces[index].limits;
             prop_assert!(limits.velocity > 0.0 && limits.acceleration > 0.0 && limits.jerk > 0.0);
@@ -131,7 +131,7 @@ proptest! {
 
     #[test]
     fn pieces_cover_the_element_and_the_tightest_is_the_whole_elements(element in elements(5), machine in machines()) {
-        let pieces = limit_pieces(&element, &machine, PathMotion::ZERO).expect("nothing is superposed");
+        let pieces = limit_pieces(&element, &machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
         prop_assert!(!pieces.is_empty() && pieces.len() <= 256);
         prop_assert!(pieces.windows(2).all(|pair| pair[0].end < pair[1].end) && pieces[0].end > 0.0);
         prop_assert_eq!(pieces[pieces.len() - 1].end, element.length);
@@ -146,7 +146,7 @@ proptest! {
     #[test]
     fn pieces_are_about_as_fast_as_their_curvature_permits(element in elements(1)) {
         let machine = machine([(500.0, 1_000.0, 1e15); 3]);
-        let pieces = limit_pieces(&element, &machine, PathMotion::ZERO).expect("nothing is superposed");
+        let pieces = limit_pieces(&element, &machine, PathMotion::ZERO, f64::INFINITY).expect("nothing is superposed");
         // More are joined more coarsely.
         prop_assume!(pieces.len() < 100);
         let mut least_s_per_mm = vec![0.0_f64; pieces.len()];
@@ -172,7 +172,7 @@ fn a_circle_is_as_fast_as_an_arc() {
     let quarter = element(3, vec![[radius, 0.0], [radius, radius], [0.0, radius]], vec![1.0, FRAC_1_SQRT_2, 1.0], 0.0)
         .expect("regular");
     let machine = machine([(1e4, 1_000.0, 1e12); 3]);
-    let pieces = limit_pieces(&quarter, &machine, PathMotion::ZERO).expect("alone");
+    let pieces = limit_pieces(&quarter, &machine, PathMotion::ZERO, f64::INFINITY).expect("alone");
     // An arc takes √(0.8·A·R).
     let arc = (0.8 * 1_000.0 * radius).sqrt();
     for piece in &pieces {
@@ -187,7 +187,7 @@ fn only_the_sharp_turn_is_slow() {
     // A hairpin of two long legs.
     let hairpin = cubic([[0.0, 0.0], [100.0, 1.0], [100.0, -1.0], [0.0, 0.5]]);
     let machine = machine([(200.0, 1_000.0, 20_000.0); 3]);
-    let pieces = limit_pieces(&hairpin, &machine, PathMotion::ZERO).expect("alone");
+    let pieces = limit_pieces(&hairpin, &machine, PathMotion::ZERO, f64::INFINITY).expect("alone");
     let slowest = pieces.iter().map(|piece| piece.limits.velocity).fold(f64::INFINITY, f64::min);
     assert!(pieces[0].limits.velocity > 50.0 * slowest, "{} and {slowest}", pieces[0].limits.velocity);
     assert!(pieces[0].end > 0.3 * hairpin.length);
@@ -198,8 +198,8 @@ fn a_straight_spline_has_the_limits_of_a_line() {
     let straight = cubic([[0.0, 0.0], [3.0, 4.0], [27.0, 36.0], [30.0, 40.0]]);
     let line = Element { curve: Curve::Line, ..straight.clone() };
     let machine = machine([(200.0, 1_000.0, 20_000.0), (100.0, 3_000.0, 10_000.0), (1.0, 1.0, 1.0)]);
-    let [spline, line] =
-        [straight, line].map(|element| limit_pieces(&element, &machine, PathMotion::ZERO).expect("alone"));
+    let [spline, line] = [straight, line]
+        .map(|element| limit_pieces(&element, &machine, PathMotion::ZERO, f64::INFINITY).expect("alone"));
     assert_eq!(spline.len(), 1);
     for (found, wanted) in [
         (spline[0].limits.velocity, line[0].limits.velocity),
@@ -216,6 +216,6 @@ fn a_long_spline_has_a_bounded_number_of_pieces() {
     let count = points.len();
     let zigzag = element(4, points, vec![1.0; count], 0.0).expect("regular");
     let machine = machine([(1e4, 1_000.0, 20_000.0); 3]);
-    let pieces = limit_pieces(&zigzag, &machine, PathMotion::ZERO).expect("alone");
+    let pieces = limit_pieces(&zigzag, &machine, PathMotion::ZERO, f64::INFINITY).expect("alone");
     assert!(pieces.len() <= 256, "{}", pieces.len());
 }

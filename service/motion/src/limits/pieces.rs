@@ -70,7 +70,9 @@ fn is_close(union: &PathLimits, part: &PathLimits, slowdown: f64) -> bool {
 /// Largest feed motion along the pieces of an element when the peaks of `superposed` are added on top; [`path_limits`] is
 /// the tightest of them.
 ///
-/// The machine must have every axis that the element moves; see [`super::missing_axis`].
+/// The machine must have every axis that the element moves; see [`super::missing_axis`]. No piece is faster than
+/// `top_speed` mm/s: what nobody will command need not be found out, and what the turning of a spline does not take at
+/// that speed is left for acceleration and jerk.
 ///
 /// # Errors
 /// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed, anywhere.
@@ -78,6 +80,7 @@ pub fn limit_pieces(
     element: &Element,
     machine: &Machine,
     superposed: PathMotion,
+    top_speed: f64,
 ) -> Result<LimitPieces, LimitExceeded> {
     let Curve::Spline(spline) = &element.curve else {
         return Ok(smallvec![LimitPiece { end: element.length, limits: path_limits(element, machine, superposed)? }]);
@@ -85,7 +88,7 @@ pub fn limit_pieces(
     let beside: Position = core::array::from_fn(|axis| {
         if axis < 3 { 0.0 } else { (element.end[axis] - element.start[axis]).abs() / element.length }
     });
-    let rule = Rule { machine, superposed, beside };
+    let rule = Rule { machine, superposed, beside, top_speed };
     let mut stretches = Vec::new();
     for part in spline.parts() {
         rule.divide(&part, 0, &mut stretches)?;
@@ -109,6 +112,8 @@ struct Rule<'a> {
     superposed: PathMotion,
     /// Derivatives of the axes beside X, Y and Z.
     beside: Position,
+    /// Fastest that the path will be run, mm/s.
+    top_speed: f64,
 }
 
 impl Rule<'_> {
@@ -169,7 +174,7 @@ impl Rule<'_> {
     fn limits(&self, Bounds([first, second, third]): &Bounds) -> Result<PathLimits, LimitExceeded> {
         let superposed = self.superposed;
         let moved = || self.machine.axes.iter().map(|axis| (axis, axis.axis.index())).filter(|&(_, k)| first[k] > 0.0);
-        let mut limits = PathLimits::NONE;
+        let mut limits = PathLimits { velocity: self.top_speed, ..PathLimits::NONE };
         for (axis, k) in moved() {
             let centripetal = axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * first[k]);
             let turning = SPLINE_TURNING_JERK_SHARE * axis.max_jerk_per_s3;
