@@ -321,6 +321,80 @@ fn pictures_are_drawn_of_a_mill_program_too() {
 }
 
 #[test]
+fn splines_and_rounded_corners_are_drawn_as_they_are_run() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = directory.path().join("curves.nc");
+    let picture_of = |text: &str| {
+        std::fs::write(&program, text).unwrap();
+        let output = run(&[&"plan", &program, &"--machine-kind", &"mill", &"--plots", &directory.path()]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        std::fs::read_to_string(directory.path().join("tool-path.svg")).unwrap()
+    };
+    // Points of the longest line drawn: chords of curves, or the corners of straight moves.
+    let longest = |svg: &str| {
+        let lines = svg.split("points=\"").skip(1).filter_map(|rest| rest.split('"').next());
+        lines.map(|points| points.split_whitespace().count()).max().unwrap_or(0)
+    };
+    let head = "G21 G90 G94 G17 F2000\n";
+    assert!(longest(&picture_of(&format!("{head}G61 G1 X30\nY30\nM30\n"))) <= 3);
+    assert!(longest(&picture_of(&format!("{head}G64 P0.5 G1 X30\nY30\nM30\n"))) > 5);
+    assert!(longest(&picture_of(&format!("{head}G5 I10 J0 P0 Q-10 X30 Y30\nM30\n"))) > 20);
+}
+
+#[test]
+fn a_feed_override_changes_the_time_and_not_the_way() {
+    let directory = tempfile::tempdir().unwrap();
+    let rows = |name: &str, overrides: &[&str]| -> Vec<Vec<f64>> {
+        let out = directory.path().join(name);
+        let mut command = feedwave();
+        command.arg("plan").arg(fixture("spec-trap-cured.nc")).arg("--out").arg(&out);
+        let output = command.args(overrides.iter().flat_map(|change| ["--override", change])).output().unwrap();
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let text = std::fs::read_to_string(out).unwrap();
+        text.lines().skip(1).map(|row| row.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
+    };
+    let plain = rows("plain.csv", &[]);
+    let changed = rows("changed.csv", &["10:50", "20:0", "25:100"]);
+    assert!(plain[..=10_000] == changed[..=10_000]);
+    // Index and time differ at the end, the place does not.
+    assert_eq!(plain.last().unwrap()[2..5], changed.last().unwrap()[2..5]);
+    // 10 s at half the feed, which take 5 s of the program, and 5 s of feed hold: 10 s longer.
+    assert!(changed.len().abs_diff(plain.len() + 10_000) < 50, "{} and {}", plain.len(), changed.len());
+    let feed = |index: usize| changed[index][5];
+    assert_eq!((feed(15_000) / feed(9_000), feed(22_000)), (0.5, 0.0));
+    let summary = |overrides: &[&str]| -> Value {
+        let mut command = feedwave();
+        command.arg("validate").arg(fixture("spec-trap-cured.nc")).args(["--format", "json"]);
+        let output = command.args(overrides.iter().flat_map(|change| ["--override", change])).output().unwrap();
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()["summary"].clone()
+    };
+    let count = |summary: &Value| summary["setpoint_count"].as_u64().unwrap() as usize;
+    assert_eq!(count(&summary(&["10:50", "20:0", "25:100"])), changed.len());
+    let plain_summary = summary(&[]);
+    assert_eq!(count(&plain_summary), plain.len());
+    let times = plain_summary["limit_times"].as_object().unwrap();
+    let total: f64 = times.values().map(|time_s| time_s.as_f64().unwrap()).sum();
+    assert!((total - plain_summary["duration_s"].as_f64().unwrap()).abs() < 1e-9, "{times:?}");
+}
+
+#[test]
+fn overrides_that_make_no_sense_are_refused_as_they_were_typed() {
+    let program = fixture("spec-trap-cured.nc");
+    for (overrides, reason) in [
+        (&["10"][..], "with a colon between them"),
+        (&["10:250"], "the percentage \"250\" must be a number from 0"),
+        (&["10:50", "5:100"], "--override 5:100: must not lie before"),
+        (&["10:0"], "--override 10:0: must be above 0 in the last change"),
+    ] {
+        let mut command = feedwave();
+        command.arg("plan").arg(&program).args(["--out", "-"]);
+        let output = command.args(overrides.iter().flat_map(|change| ["--override", change])).output().unwrap();
+        assert_eq!((code(&output), stdout(&output)), (2, String::new()));
+        assert!(stderr(&output).contains(reason), "{}", stderr(&output));
+    }
+}
+
+#[test]
 fn the_demo_holds_what_it_claims_and_draws_it() {
     let directory = tempfile::tempdir().unwrap();
     let out = directory.path().join("demo");

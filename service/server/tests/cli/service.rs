@@ -159,3 +159,21 @@ fn pass_on(mut from: TcpStream, mut to: TcpStream, limit: Option<usize>) {
     }
     let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
 }
+
+#[test]
+fn a_stream_with_overrides_is_what_plan_writes_with_them() {
+    let service = Service::start();
+    let program = path("spec-trap-cured.nc");
+    let job = stdout(&service.run(&["submit", &program, "--wait"]));
+    let job = job.trim_end().rsplit_once('\n').map_or(job.trim_end(), |(_, job)| job);
+    let changes = ["--override", "2:50", "--override", "3.5:0", "--override", "5:100"];
+    let part = ["--from-index", "1990", "--count", "4000"];
+    let streamed = service.run(&[&["stream", job][..], &changes, &part].concat());
+    assert_eq!(code(&streamed), 0, "{}", stderr(&streamed));
+    let planned = feedwave().args(["plan", &program, "--out", "-"]).args(changes).args(part).output().unwrap();
+    assert!(!planned.stdout.is_empty() && streamed.stdout == planned.stdout);
+
+    let refused = service.run(&["stream", job, "--override", "3:0"]);
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("overrides[0].percent"), "{}", stderr(&refused));
+}
