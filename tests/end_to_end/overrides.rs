@@ -93,6 +93,28 @@ async fn a_resumed_stream_with_overrides_is_the_original_to_the_last_bit() {
 }
 
 #[tokio::test]
+async fn places_where_a_plain_stream_may_begin_are_not_those_of_one_with_overrides() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    // Long enough for the service to keep a place to begin from in its middle: after 2^17 setpoints.
+    let program = "G21 G98 G97 S1000 M3\nG0 X10. Z0.\nG1 Z30. F9.\nX14. Z33.\nM30\n";
+    let job = clients.submit(program).await.job.name;
+    let request = StreamSetpointsRequest {
+        job,
+        overrides: vec![at_time(10.0, 80.0), at_time(20.0, 100.0)],
+        columns: vec![ColumnKind::PathPosition.into()],
+        ..StreamSetpointsRequest::default()
+    };
+    let whole = read(&mut clients, request.clone()).await;
+    assert!(whole.len() > 200_000, "{}", whole.len());
+    let start = Some(Start::StartIndex(150_000));
+    let resumed = read(&mut clients, StreamSetpointsRequest { start, ..request.clone() }).await;
+    assert!(resumed.bits_from(150_000) == whole.bits_from(150_000));
+    let plain = StreamSetpointsRequest { start, overrides: Vec::new(), ..request };
+    assert!(read(&mut clients, plain).await.bits_from(150_000) != whole.bits_from(150_000));
+}
+
+#[tokio::test]
 async fn a_change_counts_interpolation_periods_in_every_mode_and_at_every_period() {
     let (_server, mut clients, request) = ready_job().await;
     let request = StreamSetpointsRequest {
