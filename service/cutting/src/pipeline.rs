@@ -95,7 +95,7 @@ pub enum Step {
     /// More program bytes are needed: [`Pipeline::push`] or [`Pipeline::finish_input`], then call again with the
     /// same block.
     NeedInput,
-    /// The block was filled; only the last one of a program may be short.
+    /// The block was filled; it may be short at the end of a program and where the feed override changes.
     Block,
     /// The program has ended; every setpoint was delivered.
     Finished,
@@ -316,7 +316,13 @@ impl Pipeline {
                         }
                     }
                 },
-                Fill::Paused => self.change_override(),
+                Fill::Paused => {
+                    self.change_override();
+                    // Planning anew takes its time: with many changes in a block, the caller could not stop between.
+                    if !block.is_empty() {
+                        break;
+                    }
+                }
             }
             if self.findings.has_errors() {
                 return Step::Refused;

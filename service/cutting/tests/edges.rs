@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use common::{run, validate};
 use feedwave_cutting::{
-    GenerationMode, MachineProfile, Pipeline, PipelineConfig, ServoCondition, ServoWave, Step, Validation,
-    fill_servo_positions,
+    GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig, ServoCondition, ServoWave, Step,
+    Validation, fill_servo_positions,
 };
 
 fn mill() -> PipelineConfig {
@@ -215,4 +215,21 @@ fn a_spline_with_a_cusp_is_refused_where_it_stands() {
     let report = validate("G21 G17 F600\nG0 X0 Y0\nG5.1 X0 Y0 I10 J0\nM30\n", &config);
     let finding = report.findings.iter().find(|finding| finding.code == "PATH-SPLINE-CUSP").expect("refused");
     assert_eq!((finding.span.line, finding.severity), (3, feedwave_program::Severity::Error));
+}
+
+#[test]
+fn a_block_ends_at_every_change_of_the_feed_override_so_that_the_caller_can_stop_there() {
+    let overrides = (0..50).map(|k| OverrideChange { index: 10 * k, ratio: 0.5 + 0.01 * k as f64 }).collect();
+    let config = PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::mill()) };
+    let mut pipeline = Pipeline::new(Arc::new(config));
+    let mut block = pipeline.new_block();
+    pipeline.push(b"G21 G90 G94 G1 X100. F3000.\nM30\n");
+    pipeline.finish_input();
+    let mut next = 0;
+    while pipeline.next_block(&mut block) == Step::Block {
+        assert!(!block.is_empty() && block.first_index == next);
+        next += block.len() as u64;
+        assert!(next > 490 || next % 10 == 0, "{next}");
+    }
+    assert!(next > 1_000, "{next}");
 }
