@@ -15,7 +15,7 @@ use super::super::report;
 use super::super::source::Source;
 use super::super::stream::{self, Event};
 use super::super::terminal::{count, counted, number};
-use super::Stage;
+use super::{Stage, milling};
 use crate::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
 use crate::convert::profile_to_proto;
 use crate::lifecycle::{RunningServer, Server};
@@ -24,8 +24,8 @@ use crate::proto::create_job_request::Source as ProgramSource;
 use crate::proto::machines_client::MachinesClient;
 use crate::proto::stream_setpoints_request::Start;
 use crate::proto::{
-    CreateJobRequest, CreateMachineRequest, Finding, Job, JobState, ListJobsRequest, Machine, StreamSetpointsRequest,
-    ValidationReport,
+    CreateJobRequest, CreateMachineRequest, FeedOverrideChange, Finding, Job, JobState, ListJobsRequest, Machine,
+    StreamSetpointsRequest, ValidationReport,
 };
 
 /// The program of the demo.
@@ -40,9 +40,9 @@ const MACHINE: &str = "demo-lathe";
 const TOOL_CHANGE_MM: (f64, f64) = (60.0, 80.0);
 
 /// A job that was validated.
-struct Checked {
-    job: Job,
-    report: ValidationReport,
+pub(super) struct Checked {
+    pub(super) job: Job,
+    pub(super) report: ValidationReport,
 }
 
 impl Checked {
@@ -89,7 +89,7 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     let channel = channel.connect().await.map_err(CliError::trouble)?;
     let mut client = Client::new(url, channel);
     let profile = profile();
-    make_machine(stage, &client, &profile).await?;
+    make_machine(stage, &client, MACHINE, "Lathe of the demo", &profile).await?;
     trap(stage, &mut client).await?;
     let trapped = turning(stage, &mut client).await?;
     let cured_program = cure(&trapped)?;
@@ -97,8 +97,9 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     let setpoints = stream_all(stage, &mut client, &cured, &profile, out).await?;
     resume(stage, &mut client, &cured, &setpoints).await?;
     compare_local(stage, &cured_program, &profile, &setpoints)?;
+    let milling = milling::all(stage, &mut client, out).await?;
     list(stage, &mut client).await?;
-    draw(stage, &cured_program, &profile, out)
+    draw(stage, &cured_program, &profile, milling, out)
 }
 
 /// A lathe whose tool changes well away from the work.
@@ -111,27 +112,32 @@ fn profile() -> MachineProfile {
     profile
 }
 
-async fn make_machine(stage: &Stage, client: &Client, profile: &MachineProfile) -> Result<(), CliError> {
-    let machine = Machine {
-        display_name: "Lathe of the demo".to_owned(),
-        profile: Some(profile_to_proto(profile)),
-        ..Machine::default()
-    };
-    let request = CreateMachineRequest { machine_id: MACHINE.to_owned(), machine: Some(machine) };
+pub(super) async fn make_machine(
+    stage: &Stage,
+    client: &Client,
+    id: &str,
+    name: &str,
+    profile: &MachineProfile,
+) -> Result<(), CliError> {
+    let machine =
+        Machine { display_name: name.to_owned(), profile: Some(profile_to_proto(profile)), ..Machine::default() };
+    let request = CreateMachineRequest { machine_id: id.to_owned(), machine: Some(machine) };
     let mut machines = MachinesClient::new(client.channel.clone());
     machines.create_machine(request).await.map_err(|status| client.failed(&status))?;
     let axis = &profile.machine.axes[0];
+    let axes: Vec<&str> = profile.machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    let axes = axes.join(", ");
     stage.say(&format!(
-        "It knows machines/{MACHINE}: X and Z, {} m/min, {} m/s², jerk {} m/s³",
+        "It knows machines/{id}: {axes}, {} m/min, {} m/s², jerk {} m/s³",
         number(axis.max_velocity_per_s * 0.06, 4),
         number(axis.max_acceleration_per_s2 / 1e3, 4),
         number(axis.max_jerk_per_s3 / 1e3, 4)
     ))
 }
 
-async fn submit(client: &mut Client, name: &str, program: &str) -> Result<Checked, CliError> {
+pub(super) async fn submit(client: &mut Client, machine: &str, name: &str, program: &str) -> Result<Checked, CliError> {
     let request = CreateJobRequest {
-        machine: crate::names::machine(MACHINE),
+        machine: crate::names::machine(machine),
         source: Some(ProgramSource::InlineProgram(program.as_bytes().to_vec().into())),
         display_name: name.to_owned(),
         ..CreateJobRequest::default()
@@ -147,7 +153,7 @@ async fn submit(client: &mut Client, name: &str, program: &str) -> Result<Checke
 async fn trap(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
     stage.step("A trap: the textbook example of chip breaking does not break the chip")?;
     stage.say("S1000 with G200 F50: the tool swings exactly three times per revolution, so every\nrevolution follows the one before, at any amplitude.")?;
-    let checked = submit(client, "spec-trap.nc", TRAP).await?;
+    let checked = submit(client, MACHINE, "spec-trap.nc", TRAP).await?;
     let chip = checked.report.sections.first().and_then(|section| section.chip.clone()).unwrap_or_default();
     stage.check(
         chip.vibrations_per_rev == 3.0,
@@ -169,7 +175,7 @@ async fn turning(stage: &mut Stage, client: &mut Client) -> Result<Checked, CliE
         counted(TURNING.lines().count() as u64, "line")
     ))?;
     stage.say("Facing at constant surface speed, roughing, a contour of lines and arcs finished\nwith vibration along the path, an undercut.")?;
-    let checked = submit(client, TURNING_NAME, TURNING).await?;
+    let checked = submit(client, MACHINE, TURNING_NAME, TURNING).await?;
     let mut source = Source::of_text(TURNING_NAME, TURNING)?;
     stage.say("")?;
     stage.say(&report::text(&checked.report, &mut source, stage.style)?)?;
@@ -208,7 +214,7 @@ async fn apply(stage: &mut Stage, client: &mut Client, program: &str) -> Result<
             stage.say(&format!("line {number}: {} → {}", stage.style.bad(before), stage.style.good(after)))?;
         }
     }
-    let checked = submit(client, "turning-demo-cured.nc", program).await?;
+    let checked = submit(client, MACHINE, "turning-demo-cured.nc", program).await?;
     let chip = checked.report.sections.first().and_then(|section| section.chip.clone()).unwrap_or_default();
     stage.check(checked.report.findings.is_empty(), "nothing is left to find")?;
     stage.check(
@@ -225,8 +231,15 @@ async fn apply(stage: &mut Stage, client: &mut Client, program: &str) -> Result<
     Ok(checked)
 }
 
-async fn read(client: &mut Client, job: &Job, from: u64) -> Result<(Vec<SetpointBlock>, u64), CliError> {
+/// The setpoints of a job from one on, and how many were announced.
+pub(super) async fn read(
+    client: &mut Client,
+    job: &Job,
+    from: u64,
+    overrides: Vec<FeedOverrideChange>,
+) -> Result<(Vec<SetpointBlock>, u64), CliError> {
     let request = StreamSetpointsRequest {
+        overrides,
         job: job.name.clone(),
         start: Some(Start::StartIndex(from)),
         ..StreamSetpointsRequest::default()
@@ -252,7 +265,7 @@ async fn stream_all(
     out: &Path,
 ) -> Result<Vec<SetpointBlock>, CliError> {
     stage.step("Setpoints stream out")?;
-    let (blocks, announced) = read(client, &cured.job, 0).await?;
+    let (blocks, announced) = read(client, &cured.job, 0, Vec::new()).await?;
     let received: u64 = blocks.iter().map(|block| block.len() as u64).sum();
     let summary = cured.report.summary.clone().unwrap_or_default();
     stage.check(
@@ -284,7 +297,7 @@ async fn stream_all(
 }
 
 /// The values of setpoint rows from `from` on, as bits.
-fn bits(blocks: &[SetpointBlock], from: u64) -> impl Iterator<Item = Vec<u64>> + '_ {
+pub(super) fn bits(blocks: &[SetpointBlock], from: u64) -> impl Iterator<Item = Vec<u64>> + '_ {
     blocks.iter().flat_map(move |block| {
         let first = from.saturating_sub(block.first_index).min(block.len() as u64) as usize;
         (first..block.len()).map(move |row| {
@@ -310,7 +323,7 @@ async fn resume(
     let total: u64 = setpoints.iter().map(|block| block.len() as u64).sum();
     // Anywhere but at the start of a block.
     let middle = (total / 2) | 1;
-    let (resumed, _) = read(client, &cured.job, middle).await?;
+    let (resumed, _) = read(client, &cured.job, middle, Vec::new()).await?;
     stage.check(
         !resumed.is_empty() && bits(&resumed, middle).eq(bits(setpoints, middle)),
         &format!("a stream taken up at setpoint {} equals the first one, bit for bit", count(middle)),
@@ -343,10 +356,16 @@ async fn list(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
         let (warnings, setpoints) = (count(summary.warnings), count(summary.setpoint_count));
         stage.say(&format!("{:<22} {state:<9} {warnings:>9} {setpoints:>10}  {}", job.display_name, job.name))?;
     }
-    stage.check(jobs.len() == 3, "three jobs are stored with their programs and reports")
+    stage.check(jobs.len() == 5, "five jobs are stored with their programs and reports")
 }
 
-fn draw(stage: &mut Stage, cured: &str, profile: &MachineProfile, out: &Path) -> Result<(), CliError> {
+fn draw(
+    stage: &mut Stage,
+    cured: &str,
+    profile: &MachineProfile,
+    milling: Vec<PathBuf>,
+    out: &Path,
+) -> Result<(), CliError> {
     stage.step("Pictures")?;
     let config = Arc::new(PipelineConfig::new(profile.clone()));
     let mut written: Vec<PathBuf> = vec![out.join("turning-demo-cured.csv")];
@@ -361,6 +380,7 @@ fn draw(stage: &mut Stage, cured: &str, profile: &MachineProfile, out: &Path) ->
         let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
         written.extend(plan::draw(&mut source, &config, &report, &vibration, &out.join(directory))?);
     }
+    written.extend(milling);
     for path in written.iter().filter(|path| path.extension().is_none_or(|extension| extension != "svg")) {
         stage.say(&path.display().to_string())?;
     }
