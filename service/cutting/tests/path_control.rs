@@ -185,3 +185,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn corners_are_passed_with_the_velocity_step_that_the_machine_permits() {
+    let mut config = mill();
+    for axis in &mut config.profile.machine.axes {
+        axis.max_velocity_step_per_s = 10.0;
+    }
+    let program = "G17 G21 G90 M3 S3000 F3000. G61\nG1 X20.\nY20.\nX0.\nY0.\nM30\n";
+    let passing = run(program, &config);
+    let resting = run(program, &mill());
+    assert!(passing.len() + 5 < resting.len(), "{} of {}", passing.len(), resting.len());
+    // At a right angle one axis stops and the other starts: both by the speed of the path, 10 mm/s = 600 mm/min.
+    assert!((lowest_feed(&passing) - 600.0).abs() < 60.0, "{}", lowest_feed(&passing));
+    let largest = (0..passing.len()).map(|index| distance(&passing, index, &SQUARE)).fold(0.0, f64::max);
+    assert!(largest < 1e-9, "{largest} mm off");
+    let period_s = config.period_s();
+    for column in &passing.axes[..2] {
+        let steps = column.windows(3).map(|p| ((p[2] - p[1]) - (p[1] - p[0])) / period_s);
+        let largest = steps.map(f64::abs).fold(0.0, f64::max);
+        // The step, and what the axis gains in a period beside it.
+        assert!(largest <= 10.0 + 2.0 * 10_000.0 * period_s, "{largest} mm/s within a period");
+    }
+    // The axis with the smallest step decides, and one without any makes the path rest.
+    config.profile.machine.axes[1].max_velocity_step_per_s = 0.0;
+    assert_eq!(run(program, &config), resting);
+}
