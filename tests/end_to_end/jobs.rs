@@ -252,3 +252,33 @@ async fn a_profile_with_several_faults_is_refused_with_all_of_them() {
         assert!(fields.iter().any(|violated| violated.ends_with(field)), "{field} is not in {fields:?}");
     }
 }
+
+#[tokio::test]
+async fn a_look_ahead_too_wide_for_checkpoints_only_makes_late_streams_begin_later() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let request = GetMachineRequest { name: "machines/mill".to_owned() };
+    let mut machine = clients.machines.get_machine(request).await.unwrap().into_inner().machine.unwrap();
+    machine.profile.as_mut().unwrap().look_ahead_blocks = Some(100_000);
+    let request = CreateMachineRequest { machine_id: "far-sighted".to_owned(), machine: Some(machine) };
+    let created = clients.machines.create_machine(request).await.unwrap().into_inner().machine.unwrap();
+    assert_eq!(created.profile.unwrap().look_ahead_blocks, Some(100_000));
+
+    // The first checkpoint is due after 2^17 setpoints, when the plan holds all of the short blocks.
+    let program = format!("G21 G91 G94 G4 P131050\nG1 F6000\n{}M30\n", "X.001\n".repeat(130_000));
+    let request = CreateJobRequest {
+        machine: created.name,
+        source: Some(Source::InlineProgram(program.into())),
+        ..CreateJobRequest::default()
+    };
+    let job = clients.jobs.create_job(request).await.unwrap().into_inner().job.unwrap();
+    let outcome = clients.validated(&job.name).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
+    let count = outcome.report.summary.unwrap().setpoint_count;
+    let start = Some(feedwave::proto::stream_setpoints_request::Start::StartIndex(131_500));
+    let request = StreamSetpointsRequest { job: job.name, start, ..StreamSetpointsRequest::default() };
+    let setpoints = stream(&mut clients, request).await.unwrap();
+    assert_eq!(setpoints.len() as u64, count - 131_500);
+    let end = setpoints.column("x_mm").last().copied().unwrap();
+    assert!((end - 130.0).abs() < 1e-6, "{end}");
+}
