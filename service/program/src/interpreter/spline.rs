@@ -121,7 +121,9 @@ impl Execution<'_> {
                 broken: false,
             }),
         };
-        nurbs.end = end;
+        if axes != 0 {
+            nurbs.end = end;
+        }
         if !self.block.unclear {
             if let Some(word) = order {
                 self.nurbs_order(&mut nurbs, &word);

@@ -243,3 +243,17 @@ fn an_open_nurbs_survives_a_restart() {
         assert_eq!(lines.join("\n"), whole);
     }
 }
+
+#[test]
+fn opening_an_open_nurbs_again_moves_nothing() {
+    let program = "G21 G17 F100\nG5.2 L3\nX1 Y1\nX2 Y1\nG5.2 L3\nG5.3\nM30";
+    let (operations, findings) = interpret(program.as_bytes(), mill());
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    let step = operations.iter().find_map(|operation| match &operation.kind {
+        OperationKind::Move(step) => Some(step),
+        _ => None,
+    });
+    let step = step.expect("the spline");
+    assert_eq!(step.end[..2], [2.0, 1.0]);
+    assert_eq!(step.spline.as_ref().map(|spline| spline.points.len()), Some(3));
+}
