@@ -244,6 +244,9 @@ impl<B> Planner<B> {
 
     /// Releases about half of the chain, which goes on.
     fn release_window(&mut self) {
+        if self.is_held() {
+            return;
+        }
         // What the next junction will need is not known yet.
         if !self.plan(LARGEST_RESERVE) {
             return self.chain.clear();

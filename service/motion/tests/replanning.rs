@@ -1,7 +1,8 @@
 //! The planner over its window's edge: short elements, fixed entry speeds, snapshots.
 
 use feedwave_motion::{
-    Element, Machine, MotionRequest, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings, ProfilePart, Stretch,
+    Element, Machine, MotionRequest, PathItem, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings,
+    ProfilePart, Stretch,
 };
 use feedwave_program::{Feed, Move, MoveKind, PathControl, SourceSpan, Spindle};
 use proptest::prelude::*;
@@ -226,4 +227,24 @@ fn barriers_come_out_in_order_and_make_the_path_rest() {
     let (first, last) = (Some([false, true]), Some([true, false]));
     assert_eq!(found, [first, last, None, None, first, last]);
     assert_eq!((&items[2], &items[3]), (&Planned::Barrier(1), &Planned::Barrier(2)));
+}
+
+#[test]
+fn feed_hold_keeps_what_follows_however_full_the_window_is() {
+    // More than a window before a barrier, and more behind it: the window is full when the hold has divided the path.
+    let requests = requests(&[(5.0, 40.0, 1_000.0, 1); 8]);
+    for speed in [0.0, 1.0] {
+        let mut planner = planner(4);
+        let motions = |from: usize, to: usize| requests[from..to].iter().cloned().map(PathItem::Motion);
+        let path: Vec<_> = motions(0, 6).chain([PathItem::Barrier(7)]).chain(motions(6, 8)).collect();
+        planner.restart(speed, 0.0, path.clone()).expect("there is room to stop");
+        assert!(planner.is_held());
+        let kept = planner.withdraw();
+        let is_barrier = |item: &PathItem<u32>| matches!(item, PathItem::Barrier(7));
+        assert_eq!(
+            kept.iter().position(is_barrier),
+            path.iter().position(is_barrier).map(|at| at + usize::from(speed > 0.0))
+        );
+        assert_eq!(kept[kept.len() - 2..], path[path.len() - 2..]);
+    }
 }
