@@ -1,0 +1,35 @@
+//! From sensor signals to feed and spindle decisions, as a pure state machine (specification page 04).
+//!
+//! Samples and events go in, in order; [`Decision`]s come out. Invariants: pure and deterministic to the bit, whatever the
+//! batch boundaries; memory is bounded by the configuration; no decision from bad data; every decision carries all its
+//! inputs and [`decide`] recomputes it from them; a restored [`Monitor`] continues exactly.
+//!
+//! The tool path never changes: a decision scales all feed axes by one factor, and the spindle speed by another.
+
+#![forbid(unsafe_code)]
+
+mod batch;
+mod channel;
+mod config;
+mod decision;
+mod lobes;
+mod monitor;
+mod points;
+mod rules;
+mod spectrum;
+
+pub use batch::{Batch, BatchError, Event, EventError, MAX_BATCH_SAMPLES, Pair, Receipt};
+pub use config::{
+    ContactSource, Grouping, IdleRunUp, Length, MonitoringConfig, Quality, Quantity, Sensors, SpectrumConfig,
+    SpikeFilter, ToolCheck, Violation,
+};
+pub use decision::{
+    Action, Bound, Decision, Evidence, HoldReason, Inputs, Outcome, Overrides, Properties, Reason, Removed, Span,
+    decide,
+};
+pub use lobes::{
+    LobeError, LobePoint, Lobes, MillingModel, Mode, Pocket, PocketRequest, TurningModel, limiting_width_mm,
+};
+pub use monitor::{Monitor, SnapshotError, State};
+pub use rules::{Bounds, Fallback, FeedRule, Property, Rules, SpindleRule, SpindleTable, TableRow};
+pub use spectrum::{LineOrigin, SpectralLine};

@@ -1,0 +1,320 @@
+//! Stability lobes of milling and turning, and the spindle table they fill (page 04, Decisions).
+
+mod pockets;
+
+pub use pockets::{Pocket, PocketRequest};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+use thiserror::Error;
+
+/// Most modes of one direction.
+const MAX_MODES: usize = 32;
+/// Chatter frequencies at which the limit is computed.
+const FREQUENCIES: usize = 4000;
+/// Most lobes.
+const MAX_LOBES: usize = 300;
+
+/// One mode of vibration of tool or workpiece.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Mode {
+    /// Natural frequency, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio ζ.
+    pub damping_ratio: f64,
+    /// Modal stiffness, N/mm.
+    pub stiffness_n_per_mm: f64,
+}
+
+/// Milling: transfer functions in X (feed direction) and Y, immersion, cutting coefficients.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MillingModel {
+    /// Modes in the feed direction; may be empty.
+    pub modes_x: Vec<Mode>,
+    /// Modes across; may be empty when the others are not.
+    pub modes_y: Vec<Mode>,
+    /// Cutting edges z.
+    pub edges: u32,
+    /// Entry angle, rad from Y+ in the direction of rotation, 0..π.
+    pub entry_rad: f64,
+    /// Exit angle, rad, above the entry angle, to π.
+    pub exit_rad: f64,
+    /// Tangential cutting coefficient K_t, N/mm².
+    pub tangential_n_per_mm2: f64,
+    /// Radial over tangential coefficient K_r.
+    pub radial_ratio: f64,
+}
+
+/// Turning: one direction normal to the cut surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TurningModel {
+    /// Modes normal to the cut surface.
+    pub modes: Vec<Mode>,
+    /// Specific cutting coefficient K_s, N/mm².
+    pub specific_n_per_mm2: f64,
+}
+
+/// Modal or cutting data from which no lobes follow.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum LobeError {
+    /// A value that is impossible.
+    #[error("{field}: {value} is not between {least} and {most}")]
+    Value {
+        /// Field.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// Smallest possible value.
+        least: f64,
+        /// Largest possible value.
+        most: f64,
+    },
+    /// The speeds asked for lie on lobes of too high an order.
+    #[error("{lowest_rpm} rev/min lies on lobe {lobe}, at most {limit} are computed: start at a higher speed")]
+    TooManyLobes {
+        /// Lowest speed asked for.
+        lowest_rpm: f64,
+        /// Its lobe.
+        lobe: u32,
+        /// Most lobes.
+        limit: u32,
+    },
+    /// No pocket of a band is deep enough.
+    #[error(
+        "between {above_rpm} and {up_to_rpm} rev/min at most {stable_mm} mm are stable with the margin of {margin}, \
+         {required_mm} mm are required: cut less deep or leave the band out"
+    )]
+    TooDeep {
+        /// Start of the band.
+        above_rpm: f64,
+        /// End of the band.
+        up_to_rpm: f64,
+        /// Stable depth or width of its best pocket, margin taken off.
+        stable_mm: f64,
+        /// Depth or width asked for.
+        required_mm: f64,
+        /// Margin.
+        margin: f64,
+    },
+}
+
+pub(crate) fn within(field: &'static str, value: f64, least: f64, most: f64) -> Result<(), LobeError> {
+    if value >= least && value <= most { Ok(()) } else { Err(LobeError::Value { field, value, least, most }) }
+}
+
+fn check_modes(field: &'static str, modes: &[Mode], least: usize) -> Result<(), LobeError> {
+    within(field, modes.len() as f64, least as f64, MAX_MODES as f64)?;
+    for mode in modes {
+        within("frequency_hz", mode.frequency_hz, 1.0, 1e5)?;
+        within("damping_ratio", mode.damping_ratio, 1e-5, 0.7)?;
+        within("stiffness_n_per_mm", mode.stiffness_n_per_mm, 1e-3, 1e12)?;
+    }
+    Ok(())
+}
+
+/// Complex number (real, imaginary).
+type Complex = (f64, f64);
+
+fn mul(a: Complex, b: Complex) -> Complex {
+    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
+}
+
+fn div(a: Complex, b: Complex) -> Complex {
+    let norm = b.0 * b.0 + b.1 * b.1;
+    ((a.0 * b.0 + a.1 * b.1) / norm, (a.1 * b.0 - a.0 * b.1) / norm)
+}
+
+fn sqrt(a: Complex) -> Complex {
+    let magnitude = libm::hypot(a.0, a.1);
+    let real = (0.5 * (magnitude + a.0)).max(0.0).sqrt();
+    let imaginary = (0.5 * (magnitude - a.0)).max(0.0).sqrt();
+    (real, if a.1 < 0.0 { -imaginary } else { imaginary })
+}
+
+/// Receptance G in mm/N at a frequency: Σ (1/k)/(1 − r² + 2iζr), r = f/f_n.
+fn receptance(modes: &[Mode], frequency_hz: f64) -> Complex {
+    modes.iter().fold((0.0, 0.0), |sum, mode| {
+        let ratio = frequency_hz / mode.frequency_hz;
+        let denominator = (1.0 - ratio * ratio, 2.0 * mode.damping_ratio * ratio);
+        let term = div((1.0 / mode.stiffness_n_per_mm, 0.0), denominator);
+        (sum.0 + term.0, sum.1 + term.1)
+    })
+}
+
+/// A point of the stability limit before it is spread over the lobes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LobePoint {
+    /// Chatter frequency ω_c/2π, Hz.
+    pub frequency_hz: f64,
+    /// Limiting depth a_lim (milling) or width b_lim (turning), mm.
+    pub limit_mm: f64,
+    /// Phase ε between two waves on the surface, rad, in 0..2π.
+    pub phase_rad: f64,
+}
+
+/// Stability limit over the chatter frequency, in branches that are continuous.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lobes {
+    branches: Vec<Vec<LobePoint>>,
+    edges: f64,
+    max_hz: f64,
+}
+
+impl MillingModel {
+    /// Directional coefficients α_xx, α_xy, α_yx, α_yy (Altintas and Budak 1995).
+    pub fn directional_coefficients(&self) -> [f64; 4] {
+        let k_r = self.radial_ratio;
+        let at = |angle: f64| {
+            let (sin, cos) = (libm::sin(2.0 * angle), libm::cos(2.0 * angle));
+            [
+                0.5 * (cos - 2.0 * k_r * angle + k_r * sin),
+                0.5 * (-sin - 2.0 * angle + k_r * cos),
+                0.5 * (-sin + 2.0 * angle + k_r * cos),
+                0.5 * (-cos - 2.0 * k_r * angle - k_r * sin),
+            ]
+        };
+        let (entry, exit) = (at(self.entry_rad), at(self.exit_rad));
+        std::array::from_fn(|index| exit[index] - entry[index])
+    }
+
+    /// Limits at a chatter frequency, one for each eigenvalue with a positive depth.
+    ///
+    /// a₀Λ² + a₁Λ + 1 = 0; a_lim = −(2π Re Λ/(z K_t))·(1 + κ²), κ = Im Λ/Re Λ; ε = π − 2 atan κ.
+    pub fn limits_at(&self, frequency_hz: f64) -> [Option<LobePoint>; 2] {
+        let [xx, xy, yx, yy] = self.directional_coefficients();
+        let (g_x, g_y) = (receptance(&self.modes_x, frequency_hz), receptance(&self.modes_y, frequency_hz));
+        let determinant = xx * yy - xy * yx;
+        let product = mul(g_x, g_y);
+        let a0 = (product.0 * determinant, product.1 * determinant);
+        let a1 = (xx * g_x.0 + yy * g_y.0, xx * g_x.1 + yy * g_y.1);
+        let square = mul(a1, a1);
+        let root = sqrt((square.0 - 4.0 * a0.0, square.1 - 4.0 * a0.1));
+        // Λ = 2/(−a₁ ∓ √(a₁² − 4a₀)): this form stays sound when a₀ vanishes, as with one flexible direction.
+        let scale = libm::hypot(a1.0, a1.1) + libm::hypot(root.0, root.1);
+        [1.0, -1.0].map(|sign| {
+            let denominator = (-a1.0 - sign * root.0, -a1.1 - sign * root.1);
+            if libm::hypot(denominator.0, denominator.1) <= 1e-12 * scale {
+                return None;
+            }
+            let (real, imaginary) = div((2.0, 0.0), denominator);
+            let kappa = imaginary / real;
+            let limit_mm = -TAU * real / (f64::from(self.edges) * self.tangential_n_per_mm2) * (1.0 + kappa * kappa);
+            (limit_mm > 0.0 && limit_mm.is_finite()).then(|| LobePoint {
+                frequency_hz,
+                limit_mm,
+                phase_rad: PI - 2.0 * libm::atan(kappa),
+            })
+        })
+    }
+
+    /// Limits over all chatter frequencies.
+    ///
+    /// # Errors
+    /// [`LobeError::Value`] for modal or cutting data that is impossible.
+    pub fn lobes(&self) -> Result<Lobes, LobeError> {
+        check_modes("modes_x", &self.modes_x, 0)?;
+        check_modes("modes_y", &self.modes_y, usize::from(self.modes_x.is_empty()))?;
+        within("edges", f64::from(self.edges), 1.0, 1000.0)?;
+        within("entry_rad", self.entry_rad, 0.0, PI)?;
+        within("exit_rad", self.exit_rad, self.entry_rad + 1e-6, PI)?;
+        within("tangential_n_per_mm2", self.tangential_n_per_mm2, 1.0, 1e6)?;
+        within("radial_ratio", self.radial_ratio, 0.0, 10.0)?;
+        let modes = self.modes_x.iter().chain(&self.modes_y);
+        Ok(Lobes::trace(modes, f64::from(self.edges), |frequency_hz| self.limits_at(frequency_hz)))
+    }
+}
+
+/// Limiting width of turning whatever the speed, mm: b_lim = −1/(2 K_s Re G_min).
+pub fn limiting_width_mm(specific_n_per_mm2: f64, least_real_mm_per_n: f64) -> f64 {
+    -1.0 / (2.0 * specific_n_per_mm2 * least_real_mm_per_n)
+}
+
+impl TurningModel {
+    /// Limit at a chatter frequency, where Re G < 0.
+    ///
+    /// 1 + K_s b (1 − e^(−iε)) G = 0 has b = −1/(2 K_s Re G) and ε = 3π + 2 atan2(Im G, Re G).
+    pub fn limit_at(&self, frequency_hz: f64) -> Option<LobePoint> {
+        let (real, imaginary) = receptance(&self.modes, frequency_hz);
+        (real < 0.0).then(|| LobePoint {
+            frequency_hz,
+            limit_mm: limiting_width_mm(self.specific_n_per_mm2, real),
+            phase_rad: 3.0 * PI + 2.0 * libm::atan2(imaginary, real),
+        })
+    }
+
+    /// Limits over all chatter frequencies.
+    ///
+    /// # Errors
+    /// [`LobeError::Value`] for modal or cutting data that is impossible.
+    pub fn lobes(&self) -> Result<Lobes, LobeError> {
+        check_modes("modes", &self.modes, 1)?;
+        within("specific_n_per_mm2", self.specific_n_per_mm2, 1.0, 1e6)?;
+        Ok(Lobes::trace(self.modes.iter(), 1.0, |frequency_hz| [self.limit_at(frequency_hz), None]))
+    }
+}
+
+impl Lobes {
+    /// Follows the limits over a geometric grid of frequencies around the modes, dense enough for narrow ones.
+    fn trace<'a>(
+        modes: impl Iterator<Item = &'a Mode> + Clone,
+        edges: f64,
+        limits_at: impl Fn(f64) -> [Option<LobePoint>; 2],
+    ) -> Self {
+        let lowest = modes.clone().map(|mode| mode.frequency_hz).fold(f64::MAX, f64::min) * 0.2;
+        let highest = modes.clone().map(|mode| mode.frequency_hz).fold(0.0, f64::max) * 5.0;
+        let ratio = libm::log(highest / lowest);
+        let mut grid: Vec<f64> =
+            (0..=FREQUENCIES).map(|index| lowest * libm::exp(ratio * index as f64 / FREQUENCIES as f64)).collect();
+        // Around each resonance the grid follows the half-power width.
+        for mode in modes {
+            let width = mode.frequency_hz * mode.damping_ratio;
+            grid.extend((-200..=200).map(|step| mode.frequency_hz + f64::from(step) * 0.05 * width));
+        }
+        grid.retain(|frequency| *frequency > 0.0);
+        grid.sort_by(f64::total_cmp);
+        let mut branches = Vec::new();
+        let mut open: [Vec<LobePoint>; 2] = Default::default();
+        for &frequency_hz in &grid {
+            let mut limits = limits_at(frequency_hz);
+            // The two roots may change places from one frequency to the next: the phase tells them apart.
+            let distance = |branch: &Vec<LobePoint>, point: Option<LobePoint>| match (branch.last(), point) {
+                (Some(last), Some(point)) => (last.phase_rad - point.phase_rad).abs(),
+                _ => 1.0,
+            };
+            let straight = distance(&open[0], limits[0]) + distance(&open[1], limits[1]);
+            let crossed = distance(&open[0], limits[1]) + distance(&open[1], limits[0]);
+            if crossed < straight {
+                limits.swap(0, 1);
+            }
+            for (branch, limit) in open.iter_mut().zip(limits) {
+                let breaks = limit.is_none_or(|point| {
+                    branch.last().is_some_and(|last| (last.phase_rad - point.phase_rad).abs() > PI)
+                });
+                if breaks {
+                    branches.push(std::mem::take(branch));
+                }
+                branch.extend(limit);
+            }
+        }
+        branches.extend(open);
+        branches.retain(|branch| branch.len() > 1);
+        Self { branches, edges, max_hz: highest }
+    }
+
+    /// The limit over the chatter frequency, branch by branch.
+    pub fn branches(&self) -> &[Vec<LobePoint>] {
+        &self.branches
+    }
+
+    /// Smallest limit of all speeds, mm: below it nothing chatters. `None` when nothing ever does.
+    pub fn least_limit_mm(&self) -> Option<f64> {
+        self.branches.iter().flatten().map(|point| point.limit_mm).reduce(f64::min)
+    }
+
+    /// Spindle speed in rev/min of a point on lobe k: S = 60·ω_c/(z·(ε + 2πk)).
+    pub fn speed_rpm(&self, point: &LobePoint, lobe: u32) -> f64 {
+        60.0 * TAU * point.frequency_hz / (self.edges * (point.phase_rad + TAU * f64::from(lobe)))
+    }
+}
+
+#[cfg(test)]
+mod tests;

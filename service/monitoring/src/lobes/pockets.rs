@@ -1,0 +1,133 @@
+//! The deepest stable speeds of bands, as a spindle table.
+
+use super::{LobeError, Lobes, MAX_LOBES, within};
+use crate::rules::{SpindleTable, TableRow};
+use serde::{Deserialize, Serialize};
+
+/// Speeds looked at in each band.
+const SPEEDS_PER_BAND: usize = 400;
+/// Most bands.
+const MAX_BANDS: u32 = 256;
+
+/// What the spindle table is to cover.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PocketRequest {
+    /// Lowest speed, rev/min.
+    pub lowest_rpm: f64,
+    /// Highest speed, rev/min.
+    pub highest_rpm: f64,
+    /// Bands of equal width.
+    pub bands: u32,
+    /// Fraction taken off every limit. The zeroth order errs by up to about 0.15 on the unsafe side at low radial immersion.
+    pub margin: f64,
+    /// How far the true speed may be off, as a fraction: a pocket counts with the smallest limit within it.
+    pub speed_tolerance: f64,
+    /// Depth or width that must be stable in every band, mm.
+    pub required_mm: Option<f64>,
+}
+
+/// Best speed of one band.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pocket {
+    /// Band and speed, as a row of the table.
+    pub row: TableRow,
+    /// Stable depth or width there in mm, margin taken off; `None` when no depth chatters.
+    pub stable_mm: Option<f64>,
+}
+
+impl Lobes {
+    /// Largest stable depth or width at a speed, mm; infinite where nothing chatters.
+    fn limits_mm(&self, speeds_rpm: &[f64]) -> Result<Vec<f64>, LobeError> {
+        let lowest_rpm = speeds_rpm[0];
+        // Beyond this lobe even the highest chatter frequency lies below the lowest speed.
+        let last = (60.0 * self.max_hz / (self.edges * lowest_rpm)).ceil();
+        if last > MAX_LOBES as f64 {
+            return Err(LobeError::TooManyLobes { lowest_rpm, lobe: last as u32, limit: MAX_LOBES as u32 });
+        }
+        let mut limits = vec![f64::INFINITY; speeds_rpm.len()];
+        for branch in &self.branches {
+            for lobe in 0..=last as u32 {
+                for pair in branch.windows(2) {
+                    let mut ends = [0, 1].map(|end| (self.speed_rpm(&pair[end], lobe), pair[end].limit_mm));
+                    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+                    let [(slow, slow_mm), (fast, fast_mm)] = ends;
+                    let first = speeds_rpm.partition_point(|&speed| speed < slow);
+                    for (speed, limit) in speeds_rpm[first..].iter().zip(&mut limits[first..]) {
+                        if *speed > fast {
+                            break;
+                        }
+                        let share = if fast > slow { (speed - slow) / (fast - slow) } else { 0.0 };
+                        *limit = limit.min(slow_mm + share * (fast_mm - slow_mm));
+                    }
+                }
+            }
+        }
+        Ok(limits)
+    }
+
+    /// Largest stable depth or width at one speed, mm; `None` where nothing chatters.
+    ///
+    /// # Errors
+    /// [`LobeError`] for a speed below what is computed.
+    pub fn limit_mm(&self, speed_rpm: f64) -> Result<Option<f64>, LobeError> {
+        within("speed_rpm", speed_rpm, 1.0, 1e6)?;
+        Ok(self.limits_mm(&[speed_rpm])?.first().copied().filter(|limit| limit.is_finite()))
+    }
+
+    /// Best pocket of each band.
+    ///
+    /// # Errors
+    /// [`LobeError`] for an impossible request, and when a required depth cannot be had.
+    pub fn pockets(&self, request: &PocketRequest) -> Result<Vec<Pocket>, LobeError> {
+        let PocketRequest { lowest_rpm, highest_rpm, bands, margin, speed_tolerance, required_mm } = *request;
+        within("lowest_rpm", lowest_rpm, 1.0, 1e6)?;
+        within("highest_rpm", highest_rpm, lowest_rpm * 1.001, 1e6)?;
+        within("bands", f64::from(bands), 1.0, f64::from(MAX_BANDS))?;
+        within("margin", margin, 0.0, 0.9)?;
+        within("speed_tolerance", speed_tolerance, 0.0, 0.2)?;
+        within("required_mm", required_mm.unwrap_or(0.0), 0.0, 1e4)?;
+        let count = bands as usize * SPEEDS_PER_BAND;
+        let step = (highest_rpm - lowest_rpm) / count as f64;
+        let speeds: Vec<f64> = (0..=count).map(|index| lowest_rpm + step * index as f64).collect();
+        let limits = self.limits_mm(&speeds)?;
+        let robust = |index: usize| {
+            let reach = speeds[index] * speed_tolerance;
+            let first = speeds.partition_point(|&speed| speed < speeds[index] - reach);
+            let end = speeds.partition_point(|&speed| speed <= speeds[index] + reach);
+            limits[first..end].iter().copied().fold(f64::INFINITY, f64::min)
+        };
+        let bounds = |band: usize| speeds[band * SPEEDS_PER_BAND];
+        (0..bands as usize)
+            .map(|band| {
+                let speeds_of_band = band * SPEEDS_PER_BAND + 1..=(band + 1) * SPEEDS_PER_BAND;
+                // Among equals the slowest: it is kept unless another is strictly deeper.
+                let (mut best, mut depth) = (*speeds_of_band.start(), f64::NEG_INFINITY);
+                for index in speeds_of_band {
+                    let limit = robust(index);
+                    if limit > depth {
+                        (best, depth) = (index, limit);
+                    }
+                }
+                let stable_mm = depth.is_finite().then_some(depth * (1.0 - margin));
+                let row = TableRow { above_rpm: bounds(band), up_to_rpm: bounds(band + 1), speed_rpm: speeds[best] };
+                match (stable_mm, required_mm) {
+                    (Some(stable_mm), Some(required_mm)) if stable_mm < required_mm => Err(LobeError::TooDeep {
+                        above_rpm: row.above_rpm,
+                        up_to_rpm: row.up_to_rpm,
+                        stable_mm,
+                        required_mm,
+                        margin,
+                    }),
+                    _ => Ok(Pocket { row, stable_mm }),
+                }
+            })
+            .collect()
+    }
+}
+
+impl SpindleTable {
+    /// The table of the pockets.
+    pub fn from_pockets(pockets: &[Pocket]) -> Self {
+        Self { rows: pockets.iter().map(|pocket| pocket.row).collect() }
+    }
+}

@@ -1,0 +1,501 @@
+//! State machine of one run: one tool on one machine (page 04, State machine of one run).
+
+mod contact;
+mod input;
+mod snapshot;
+mod window;
+
+use crate::batch::{Batch, BatchError, Event, EventError, Receipt};
+use crate::channel::Worth;
+use crate::config::{MonitoringConfig, Violation};
+use crate::decision::{Action, Decision, Evidence, HoldReason, Inputs, Overrides, Properties, Span, decide};
+use crate::spectrum::{self, Analyser, LineOrigin, SpectralLine};
+use contact::Contact;
+use input::{Channels, Sample};
+use serde::{Deserialize, Serialize};
+pub use snapshot::SnapshotError;
+use window::Window;
+
+/// Where the run stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum State {
+    /// Idle at the lowest spindle speed: X_i⁰, Y_i⁰ are collected.
+    Baseline,
+    /// Idle, the given step of the run-up, from 0.
+    IdleRunUp {
+        /// Step.
+        step: u32,
+    },
+    /// Ready; the tool has not touched the work yet.
+    WaitingForContact,
+    /// Waiting time after contact.
+    Settling,
+    /// Windows are collected while tool and work touch; every full one gives a decision.
+    Measuring,
+    /// Stopped by a decision; [`Event::Rebaseline`] starts over.
+    Stopped,
+}
+
+/// What a snapshot keeps besides the configuration.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Run {
+    state: State,
+    channels: Channels,
+    contact: Contact,
+    window: Window,
+    /// X_i⁰, Y_i⁰, and the tool they belong to.
+    baseline: Vec<[f64; 2]>,
+    baseline_tool: u32,
+    tool: u32,
+    /// Time since first contact, ns.
+    settled_ns: u64,
+    last_ns: Option<u64>,
+    clock_ns: Option<u64>,
+    /// The silence under way has brought its fallback.
+    silent: bool,
+    overrides: Overrides,
+    programmed_rpm: Option<f64>,
+    threading: bool,
+    newest_batch: Option<u64>,
+    samples: u64,
+    decisions: u64,
+}
+
+/// Turns samples and events into decisions.
+///
+/// Samples are judged one by one, so batch boundaries do not matter. Between decisions nothing is allocated.
+#[derive(Debug, Clone)]
+pub struct Monitor {
+    config: MonitoringConfig,
+    times: Times,
+    analyser: Option<Analyser>,
+    run: Run,
+}
+
+/// Times of the configuration in ns.
+#[derive(Debug, Clone, Copy)]
+struct Times {
+    period: u64,
+    max_gap: u64,
+    silence: u64,
+    stale: u64,
+    settling: u64,
+}
+
+impl Times {
+    fn new(config: &MonitoringConfig) -> Self {
+        let ns = |seconds: f64| (seconds * 1e9).round() as u64;
+        Self {
+            period: ns(1.0 / config.sample_rate_hz),
+            max_gap: ns(config.quality.max_gap_s),
+            silence: ns(config.quality.silence_s),
+            stale: ns(config.quality.stale_s),
+            settling: ns(config.settling_s),
+        }
+    }
+}
+
+impl Monitor {
+    /// A run at its beginning, with tool 0 in the spindle.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the configuration, one violation per field.
+    pub fn new(config: MonitoringConfig) -> Result<Self, Vec<Violation>> {
+        let violations = config.violations();
+        if !violations.is_empty() {
+            return Err(violations);
+        }
+        let mut window = Window::new(&config);
+        window.restart(config.baseline, &config);
+        let run = Run {
+            state: State::Baseline,
+            channels: Channels::default(),
+            contact: Contact::default(),
+            baseline: vec![[0.0; 2]; window.points.len()],
+            window,
+            baseline_tool: 0,
+            tool: 0,
+            settled_ns: 0,
+            last_ns: None,
+            clock_ns: None,
+            silent: false,
+            overrides: Overrides::FULL,
+            programmed_rpm: None,
+            threading: false,
+            newest_batch: None,
+            samples: 0,
+            decisions: 0,
+        };
+        Ok(Self::with_run(config, run))
+    }
+
+    fn with_run(config: MonitoringConfig, run: Run) -> Self {
+        let analyser = config.spectrum.map(|spectrum| Analyser::new(spectrum.samples));
+        Self { times: Times::new(&config), analyser, config, run }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &MonitoringConfig {
+        &self.config
+    }
+
+    /// Where the run stands.
+    pub fn state(&self) -> State {
+        self.run.state
+    }
+
+    /// Whether tool and work touch; measuring pauses while they do not.
+    pub fn in_contact(&self) -> bool {
+        self.run.contact.touching
+    }
+
+    /// Overrides in force as far as the monitor knows.
+    pub fn overrides(&self) -> Overrides {
+        self.run.overrides
+    }
+
+    /// X_i⁰, Y_i⁰ by angular point (one in time), once [`State::Baseline`] is left.
+    pub fn baseline(&self) -> &[[f64; 2]] {
+        &self.run.baseline
+    }
+
+    /// Number of the newest batch taken: a sender resumes with the one after.
+    pub fn newest_batch(&self) -> Option<u64> {
+        self.run.newest_batch
+    }
+
+    /// Takes a batch and hands every decision to `sink`, in order.
+    ///
+    /// # Errors
+    /// [`BatchError`] when the batch cannot be read; nothing of it is taken.
+    pub fn push(&mut self, batch: &Batch<'_>, sink: &mut dyn FnMut(Decision)) -> Result<Receipt, BatchError> {
+        batch.check()?;
+        let receipt = match self.run.newest_batch {
+            Some(newest) if batch.sequence <= newest => return Ok(Receipt::Dropped { newest }),
+            Some(newest) if batch.sequence > newest + 1 => {
+                self.run.window.invalidate(HoldReason::BatchGap);
+                self.run.window.interrupt();
+                self.run.channels.interrupt();
+                Receipt::AcceptedAfterGap { first: newest + 1, last: batch.sequence - 1 }
+            }
+            _ => Receipt::Accepted,
+        };
+        self.run.newest_batch = Some(batch.sequence);
+        let missing = input::lacks_column(batch, &self.config);
+        for index in 0..batch.time_ns.len() {
+            let sample = input::read(batch, index, missing, &self.config, &mut self.run.channels);
+            self.take(&sample, sink);
+        }
+        Ok(receipt)
+    }
+
+    /// Takes an event that happened after the last sample.
+    ///
+    /// # Errors
+    /// [`EventError`] when the event is impossible; nothing changes.
+    pub fn note(&mut self, event: Event, sink: &mut dyn FnMut(Decision)) -> Result<(), EventError> {
+        match event {
+            Event::ProgrammedSpindle { rpm } => {
+                if !(0.0..=1e6).contains(&rpm) {
+                    return Err(EventError::SpindleSpeed(rpm));
+                }
+                self.run.programmed_rpm = Some(rpm);
+            }
+            Event::Overrides { feed, spindle } => {
+                let rules = &self.config.rules;
+                for (which, value, bounds) in
+                    [("feed", feed, rules.feed_bounds), ("spindle", spindle, rules.spindle_bounds)]
+                {
+                    if !(bounds.lower..=bounds.upper).contains(&value) {
+                        return Err(EventError::Override { which, value, lower: bounds.lower, upper: bounds.upper });
+                    }
+                }
+                self.run.overrides = Overrides { feed, spindle };
+            }
+            Event::Threading(threading) => self.run.threading = threading,
+            Event::Tool(tool) => {
+                if tool != self.run.tool {
+                    self.run.tool = tool;
+                    // What was collected so far mixes two tools.
+                    self.run.window.invalidate(HoldReason::OtherTool);
+                }
+            }
+            Event::Rebaseline => {
+                self.run.contact = Contact::default();
+                self.enter(State::Baseline);
+            }
+            Event::Clock(now_ns) => {
+                self.run.clock_ns = Some(now_ns);
+                if self.run.last_ns.is_some_and(|last| now_ns.saturating_sub(last) > self.times.silence) {
+                    self.fall_silent(sink);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Time since the sample before, in ns, and whether the time stamp can be believed.
+    #[inline]
+    fn step_ns(&mut self, time_ns: u64, sink: &mut dyn FnMut(Decision)) -> u64 {
+        let last = self.run.last_ns.replace(time_ns);
+        let was_silent = std::mem::take(&mut self.run.silent);
+        if self.run.clock_ns.is_some_and(|clock| clock.saturating_sub(time_ns) > self.times.stale) {
+            self.run.window.invalidate(HoldReason::Stale);
+        }
+        let Some(last) = last else { return self.times.period };
+        let step = time_ns.saturating_sub(last);
+        if step > 0 && step <= self.times.max_gap {
+            return step;
+        }
+        if step == 0 {
+            self.run.window.invalidate(HoldReason::TimeOutOfOrder);
+        } else {
+            if step > self.times.silence && !was_silent {
+                // The silence ended before any clock told of it.
+                self.run.last_ns = Some(last);
+                self.fall_silent(sink);
+                self.run.silent = false;
+                self.run.last_ns = Some(time_ns);
+            }
+            self.run.window.invalidate(HoldReason::TimeGap);
+        }
+        self.run.window.interrupt();
+        self.run.channels.interrupt();
+        // A stamp that cannot be believed still moves the window on, so that every window ends.
+        self.times.period
+    }
+
+    /// Telemetry stopped: the fallback, once, if tool and work touch.
+    fn fall_silent(&mut self, sink: &mut dyn FnMut(Decision)) {
+        let cutting = self.run.contact.touching && matches!(self.run.state, State::Settling | State::Measuring);
+        if !cutting || self.run.silent {
+            return;
+        }
+        self.run.silent = true;
+        let time_ns = self.run.last_ns.map_or(0, |last| last.saturating_add(self.times.silence));
+        let span = std::mem::take(&mut self.run.window.span);
+        self.decide(time_ns, span, Evidence::Silence { tolerated_ns: self.times.silence }, sink);
+        if self.run.state != State::Stopped {
+            self.restart_window();
+            self.run.window.invalidate(HoldReason::TimeGap);
+        }
+    }
+
+    #[inline]
+    fn take(&mut self, sample: &Sample, sink: &mut dyn FnMut(Decision)) {
+        let step_ns = self.step_ns(sample.time_ns, sink);
+        let index = self.run.samples;
+        self.run.samples += 1;
+        let valid = sample.worth == Worth::Good && !sample.missing;
+        let point = if valid { self.run.window.points.index(sample.angle_rad) } else { 0 };
+        let working = matches!(self.run.state, State::WaitingForContact | State::Settling | State::Measuring);
+        if working {
+            let touched = self.run.contact.touching;
+            let deviation = valid.then(|| {
+                let [x, y] = self.run.baseline[point];
+                [sample.value[0] - x, sample.value[1] - y]
+            });
+            self.run.contact.update(self.config.contact, sample.contact, deviation);
+            if touched && !self.run.contact.touching {
+                self.run.window.interrupt();
+            }
+        }
+        match self.run.state {
+            State::Baseline => {}
+            State::IdleRunUp { step } => {
+                if !self.runs_at_step(step, sample.rpm) {
+                    self.run.window.interrupt();
+                    return;
+                }
+            }
+            State::WaitingForContact if self.run.contact.touching => {
+                self.enter(State::Settling);
+                return;
+            }
+            State::WaitingForContact | State::Stopped => return,
+            State::Settling => {
+                self.run.settled_ns += step_ns;
+                if self.run.settled_ns < self.times.settling {
+                    return;
+                }
+                self.enter(State::Measuring);
+                if !self.run.contact.touching {
+                    return;
+                }
+            }
+            State::Measuring if !self.run.contact.touching => return,
+            State::Measuring => {}
+        }
+        self.collect(sample, index, point, valid, step_ns);
+        if self.run.window.is_over() {
+            self.finish(sample.time_ns, sink);
+        }
+    }
+
+    /// Whether the spindle turns at the speed of a step of the run-up.
+    fn runs_at_step(&self, step: u32, measured_rpm: Option<f64>) -> bool {
+        let Some(idle) = &self.config.idle_run_up else { return false };
+        let programmed = self.run.programmed_rpm.map(|rpm| rpm * self.run.overrides.spindle);
+        let speed = idle.speeds_rpm[step as usize];
+        measured_rpm.or(programmed).is_some_and(|rpm| (rpm - speed).abs() <= idle.speed_tolerance * speed)
+    }
+
+    #[inline]
+    fn collect(&mut self, sample: &Sample, index: u64, point: usize, valid: bool, step_ns: u64) {
+        let window = &mut self.run.window;
+        window.count(sample.time_ns, index, step_ns);
+        // Half a period of jitter is none; more means that samples were dropped on the way.
+        if window.span.samples > 1 && step_ns > self.times.period + self.times.period / 2 {
+            let dropped = (step_ns + self.times.period / 2) / self.times.period - 1;
+            window.span.removed.dropped = window.span.removed.dropped.saturating_add(dropped.min(1 << 20) as u32);
+            if let Some(record) = &mut window.record {
+                record.repeat(dropped);
+            }
+        }
+        if let Some(rpm) = sample.rpm {
+            window.measured_speed(rpm);
+        }
+        if valid {
+            window.span.valid += 1;
+            window.points.add(point, sample.value, &self.run.baseline);
+            if let Some(record) = &mut window.record {
+                record.push(sample.value);
+            }
+            return;
+        }
+        if let Some(record) = &mut window.record {
+            record.repeat(1);
+        }
+        let removed = &mut window.span.removed;
+        if sample.missing {
+            removed.missing += 1;
+            window.invalidate(HoldReason::SensorMissing);
+            return;
+        }
+        match sample.worth {
+            Worth::Good => {}
+            Worth::NonFinite => removed.non_finite += 1,
+            Worth::OutOfRange => removed.out_of_range += 1,
+            Worth::Spike => removed.spikes += 1,
+            Worth::Stuck => {
+                removed.stuck += 1;
+                window.invalidate(HoldReason::StuckSensor);
+            }
+        }
+    }
+
+    /// A window is over: judges it, decides, and goes on.
+    fn finish(&mut self, time_ns: u64, sink: &mut dyn FnMut(Decision)) {
+        let span = self.run.window.span;
+        let other_tool = self.run.state != State::Baseline && self.run.tool != self.run.baseline_tool;
+        let unfit = if other_tool { Some(HoldReason::OtherTool) } else { self.run.window.unfit(&self.config) };
+        let evidence = unfit.map_or_else(|| self.evidence(), Evidence::Unfit);
+        let action = self.decide(time_ns, span, evidence, sink);
+        if action == Action::Stop {
+            return;
+        }
+        if unfit.is_some() {
+            self.restart_window();
+            return;
+        }
+        match self.run.state {
+            State::Baseline => {
+                self.run.window.points.write_means(&mut self.run.baseline);
+                self.run.baseline_tool = self.run.tool;
+                let run_up = self.config.idle_run_up.is_some();
+                self.enter(if run_up { State::IdleRunUp { step: 0 } } else { State::WaitingForContact });
+            }
+            State::IdleRunUp { step } => {
+                let steps = self.config.idle_run_up.as_ref().map_or(0, |idle| idle.speeds_rpm.len());
+                let last = step as usize + 1 >= steps;
+                self.enter(if last { State::WaitingForContact } else { State::IdleRunUp { step: step + 1 } });
+            }
+            _ => self.restart_window(),
+        }
+    }
+
+    /// What a sound window says.
+    fn evidence(&mut self) -> Evidence {
+        let summary = self.run.window.points.summary(&self.run.baseline);
+        match self.run.state {
+            State::Baseline => {
+                let check = self.config.tool_check;
+                Evidence::ToolCheck {
+                    least: summary.least,
+                    most: summary.most,
+                    max_ratio: check.max_ratio,
+                    max_run_out: check.max_run_out,
+                }
+            }
+            State::IdleRunUp { step } => {
+                let (speed_rpm, max_difference) = self
+                    .config
+                    .idle_run_up
+                    .as_ref()
+                    .map_or((0.0, 0.0), |idle| (idle.speeds_rpm[step as usize], idle.max_difference));
+                Evidence::IdleCheck { speed_rpm, difference: summary.max_difference, max_difference }
+            }
+            _ => Evidence::Process(Properties {
+                max_deviation: summary.max_deviation,
+                mean_angle: summary.mean_angle(),
+                line: self.line(),
+            }),
+        }
+    }
+
+    /// Dominant spectral line of the window.
+    fn line(&mut self) -> Option<SpectralLine> {
+        let current_rpm = self.current_rpm();
+        let (config, analyser) = (self.config.spectrum.as_ref()?, self.analyser.as_mut()?);
+        let record = self.run.window.record.as_ref()?;
+        let (frequency_hz, amplitude) = analyser.line(record, config, self.config.sample_rate_hz)?;
+        let origin: LineOrigin = spectrum::origin(frequency_hz, amplitude, current_rpm, config);
+        Some(SpectralLine { frequency_hz, amplitude, origin })
+    }
+
+    /// Spindle speed of the window, rev/min.
+    fn current_rpm(&self) -> Option<f64> {
+        let programmed = self.run.programmed_rpm.map(|rpm| rpm * self.run.overrides.spindle);
+        self.run.window.spindle_rpm().or(programmed)
+    }
+
+    /// Makes one record and carries it out.
+    fn decide(&mut self, time_ns: u64, span: Span, evidence: Evidence, sink: &mut dyn FnMut(Decision)) -> Action {
+        let inputs = Inputs {
+            evidence,
+            rules: self.config.rules.clone(),
+            before: self.run.overrides,
+            programmed_rpm: self.run.programmed_rpm,
+            current_rpm: self.current_rpm(),
+            threading: self.run.threading,
+        };
+        let outcome = decide(&inputs);
+        let number = self.run.decisions;
+        self.run.decisions += 1;
+        self.run.overrides = outcome.after;
+        if outcome.action == Action::Stop {
+            self.run.state = State::Stopped;
+        }
+        sink(Decision { number, time_ns, tool: self.run.tool, span, inputs, outcome });
+        outcome.action
+    }
+
+    fn enter(&mut self, state: State) {
+        self.run.state = state;
+        self.run.settled_ns = 0;
+        self.restart_window();
+    }
+
+    fn restart_window(&mut self) {
+        let length = match (self.run.state, &self.config.idle_run_up) {
+            (State::Baseline, _) => self.config.baseline,
+            (State::IdleRunUp { .. }, Some(idle)) => idle.length,
+            _ => self.config.window,
+        };
+        // In the baseline's own window nothing is subtracted.
+        if self.run.state == State::Baseline {
+            self.run.baseline.fill([0.0; 2]);
+        }
+        self.run.window.restart(length, &self.config);
+    }
+}

@@ -1,0 +1,79 @@
+//! The whole state as one value: a run resumes exactly where it was.
+
+use super::{Monitor, Run, State};
+use crate::config::MonitoringConfig;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Changes whenever the layout of a snapshot does.
+const VERSION: u32 = 1;
+
+#[derive(Serialize)]
+struct SnapshotRef<'a> {
+    version: u32,
+    config: &'a MonitoringConfig,
+    run: &'a Run,
+}
+
+#[derive(Deserialize)]
+struct Snapshot {
+    config: MonitoringConfig,
+    run: Run,
+}
+
+/// A snapshot that is not one of this version or is damaged.
+#[derive(Debug, Error)]
+pub enum SnapshotError {
+    /// Written by another version.
+    #[error("the snapshot has version {found}, this is version {expected}")]
+    Version {
+        /// Version of the snapshot.
+        found: u32,
+        /// Version this crate writes.
+        expected: u32,
+    },
+    /// Not decodable.
+    #[error("the snapshot cannot be decoded")]
+    Decode(#[from] postcard::Error),
+    /// Decodable, but its parts contradict each other.
+    #[error("the snapshot contradicts its configuration")]
+    Inconsistent,
+}
+
+impl Monitor {
+    /// Everything a continuation depends on, the configuration included.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Decode`] if the value cannot be encoded.
+    pub fn snapshot(&self) -> Result<Vec<u8>, SnapshotError> {
+        let snapshot = SnapshotRef { version: VERSION, config: &self.config, run: &self.run };
+        Ok(postcard::to_allocvec(&snapshot)?)
+    }
+
+    /// Continues from a snapshot.
+    ///
+    /// # Errors
+    /// [`SnapshotError`] when the bytes are not a whole and consistent snapshot of this version.
+    pub fn restore(bytes: &[u8]) -> Result<Self, SnapshotError> {
+        let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
+        if found != VERSION {
+            return Err(SnapshotError::Version { found, expected: VERSION });
+        }
+        let Snapshot { config, run } = postcard::from_bytes(rest)?;
+        let steps = config.idle_run_up.as_ref().map_or(0, |idle| idle.speeds_rpm.len());
+        let step_exists = !matches!(run.state, State::IdleRunUp { step } if step as usize >= steps);
+        let rules = &config.rules;
+        let bounded = [(run.overrides.feed, rules.feed_bounds), (run.overrides.spindle, rules.spindle_bounds)]
+            .iter()
+            .all(|(value, bounds)| (bounds.lower..=bounds.upper).contains(value));
+        if !config.violations().is_empty()
+            || !step_exists
+            || !bounded
+            || run.baseline.len() != config.points()
+            || !run.window.fits(&config)
+        {
+            return Err(SnapshotError::Inconsistent);
+        }
+        Ok(Self::with_run(config, run))
+    }
+}

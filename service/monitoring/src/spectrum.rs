@@ -1,0 +1,184 @@
+//! Dominant spectral line of a window and whether it is chatter (page 04, Decisions).
+
+mod fft;
+
+use crate::config::SpectrumConfig;
+use fft::{Complex, Fft};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// Where a spectral line comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LineOrigin {
+    /// The given harmonic of the edge-passing frequency z·n.
+    EdgePassing(u32),
+    /// The given harmonic of the spindle frequency n that is not one of z·n.
+    Spindle(u32),
+    /// No harmonic: chatter at the line's frequency.
+    Chatter,
+    /// Below the noise floor.
+    Noise,
+    /// The spindle speed is unknown, or its harmonics are closer together than the tolerance can tell apart.
+    Undetermined,
+}
+
+/// Dominant line of a window.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpectralLine {
+    /// Frequency in Hz, interpolated between bins.
+    pub frequency_hz: f64,
+    /// Amplitude (half of peak to peak) √(A_x² + A_y²), interpolated, in the unit of the deviation.
+    pub amplitude: f64,
+    /// Origin.
+    pub origin: LineOrigin,
+}
+
+impl SpectralLine {
+    /// Amplitude of the displacement in mm behind an amplitude of acceleration in mm/s²: A/(2πf)².
+    pub fn displacement_amplitude_mm(&self) -> f64 {
+        let omega = TAU * self.frequency_hz;
+        self.amplitude / (omega * omega)
+    }
+}
+
+/// Tells harmonics of the spindle from chatter.
+pub(crate) fn origin(
+    frequency_hz: f64,
+    amplitude: f64,
+    spindle_rpm: Option<f64>,
+    config: &SpectrumConfig,
+) -> LineOrigin {
+    if amplitude <= config.noise_floor {
+        return LineOrigin::Noise;
+    }
+    let Some(rotation_hz) = spindle_rpm.map(|rpm| rpm / 60.0).filter(|&hz| hz > 0.0) else {
+        return LineOrigin::Undetermined;
+    };
+    let tolerance_hz = config.harmonic_tolerance_hz;
+    if rotation_hz <= 2.0 * tolerance_hz {
+        return LineOrigin::Undetermined;
+    }
+    let order = (frequency_hz / rotation_hz).round();
+    if order < 1.0 || (frequency_hz - order * rotation_hz).abs() > tolerance_hz {
+        return LineOrigin::Chatter;
+    }
+    // At most half the sample rate over twice the tolerance: far below 2³² by the configuration's bounds.
+    let order = order.min(f64::from(u32::MAX)) as u32;
+    if order.is_multiple_of(config.edges) {
+        LineOrigin::EdgePassing(order / config.edges)
+    } else {
+        LineOrigin::Spindle(order)
+    }
+}
+
+/// The last samples of a window.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Record {
+    /// Ring of (x, y).
+    ring: Vec<[f64; 2]>,
+    next: usize,
+    filled: usize,
+}
+
+impl Record {
+    pub fn new(samples: u32) -> Self {
+        Self { ring: vec![[0.0; 2]; samples as usize], next: 0, filled: 0 }
+    }
+
+    #[inline]
+    pub fn push(&mut self, value: [f64; 2]) {
+        self.ring[self.next] = value;
+        self.next = (self.next + 1) & (self.ring.len() - 1);
+        self.filled = (self.filled + 1).min(self.ring.len());
+    }
+
+    /// Repeats the last value for samples that were removed or dropped, so that the grid stays even.
+    #[inline]
+    pub fn repeat(&mut self, times: u64) {
+        if self.filled == 0 {
+            return;
+        }
+        let last = self.ring[(self.next + self.ring.len() - 1) & (self.ring.len() - 1)];
+        for _ in 0..times.min(self.ring.len() as u64) {
+            self.push(last);
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.next = 0;
+        self.filled = 0;
+    }
+
+    pub fn fits(&self, config: &SpectrumConfig) -> bool {
+        self.ring.len() == config.samples as usize && self.next < self.ring.len() && self.filled <= self.ring.len()
+    }
+}
+
+/// Transform and its working memory; holds nothing that a later window depends on.
+#[derive(Debug, Clone)]
+pub(crate) struct Analyser {
+    fft: Fft,
+    window: Vec<f64>,
+    data: Vec<Complex>,
+    power: Vec<f64>,
+}
+
+impl Analyser {
+    pub fn new(samples: u32) -> Self {
+        let length = samples as usize;
+        let hann = |index: usize| 0.5 - 0.5 * libm::cos(TAU * index as f64 / length as f64);
+        Self {
+            fft: Fft::new(length),
+            window: (0..length).map(hann).collect(),
+            data: vec![[0.0; 2]; length],
+            power: vec![0.0; length / 2],
+        }
+    }
+
+    /// Frequency in Hz and amplitude of the dominant line; `None` while the record is not full or silent.
+    ///
+    /// X and Y are transformed at once as x + iy. With the Hann window the ratio r of the larger neighbour to the peak gives
+    /// the line's distance from the bin δ = (2r − 1)/(r + 1), and the peak is A·N/4·sinc(δ)/(1 − δ²) (Grandke 1983).
+    pub fn line(&mut self, record: &Record, config: &SpectrumConfig, sample_rate_hz: f64) -> Option<(f64, f64)> {
+        let length = record.ring.len();
+        if record.filled < length {
+            return None;
+        }
+        let samples = || record.ring[record.next..].iter().chain(&record.ring[..record.next]);
+        let count = length as f64;
+        let mut mean = [0.0; 2];
+        for value in samples() {
+            mean[0] += value[0];
+            mean[1] += value[1];
+        }
+        let mean = mean.map(|sum| sum / count);
+        for ((data, value), weight) in self.data.iter_mut().zip(samples()).zip(&self.window) {
+            *data = [(value[0] - mean[0]) * weight, (value[1] - mean[1]) * weight];
+        }
+        self.fft.transform(&mut self.data);
+        for bin in 1..length / 2 {
+            // |X|² + |Y|² of the two real signals.
+            let [[pr, pi], [nr, ni]] = [self.data[bin], self.data[length - bin]];
+            self.power[bin] = 0.5 * (pr * pr + pi * pi + nr * nr + ni * ni);
+        }
+        let bin_hz = sample_rate_hz / count;
+        // The two bins beside 0 hold what is left of the mean.
+        let first = ((config.min_frequency_hz / bin_hz).ceil() as usize).max(2);
+        let peak =
+            (first..length / 2 - 1).reduce(|best, bin| if self.power[bin] > self.power[best] { bin } else { best })?;
+        let magnitude = |bin: usize| self.power[bin].sqrt();
+        if self.power[peak] <= 0.0 {
+            return None;
+        }
+        let (side, sign) =
+            if self.power[peak + 1] >= self.power[peak - 1] { (peak + 1, 1.0) } else { (peak - 1, -1.0) };
+        let ratio = magnitude(side) / magnitude(peak);
+        let distance = ((2.0 * ratio - 1.0) / (ratio + 1.0)).clamp(0.0, 0.5);
+        let sinc = if distance == 0.0 { 1.0 } else { libm::sin(PI * distance) / (PI * distance) };
+        let amplitude = 4.0 / count * magnitude(peak) * (1.0 - distance * distance) / sinc;
+        Some(((peak as f64 + sign * distance) * bin_hz, amplitude))
+    }
+}
+
+#[cfg(test)]
+mod tests;
