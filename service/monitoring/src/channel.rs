@@ -42,11 +42,12 @@ impl Channel {
         if value < sensors.min || value > sensors.max {
             return Worth::OutOfRange;
         }
-        if let (Some(filter), Some(good)) = (quality.spikes, self.good) {
-            if (value - good).abs() > filter.max_step && self.spikes < filter.max_run {
-                self.spikes += 1;
-                return Worth::Spike;
-            }
+        if let (Some(filter), Some(good)) = (quality.spikes, self.good)
+            && (value - good).abs() > filter.max_step
+            && self.spikes < filter.max_run
+        {
+            self.spikes += 1;
+            return Worth::Spike;
         }
         self.spikes = 0;
         self.good = Some(value);

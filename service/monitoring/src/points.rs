@@ -73,10 +73,10 @@ impl Summary {
             self.direction[1] += dy / deviation;
             self.directions += 1;
         }
-        for axis in 0..2 {
-            self.least[axis] = self.least[axis].min(mean[axis]);
-            self.most[axis] = self.most[axis].max(mean[axis]);
-            self.sum[axis] += mean[axis];
+        for (axis, value) in mean.into_iter().enumerate() {
+            self.least[axis] = self.least[axis].min(value);
+            self.most[axis] = self.most[axis].max(value);
+            self.sum[axis] += value;
         }
     }
 

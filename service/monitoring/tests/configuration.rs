@@ -1,0 +1,117 @@
+//! Impossible configurations are refused with one problem per field.
+
+mod common;
+
+use common::config;
+use feedwave_monitoring::{
+    Bounds, ContactSource, Grouping, IdleRunUp, Length, Monitor, MonitoringConfig, Property, Quantity, Sensors,
+    SpectrumConfig, SpindleRule, SpindleTable, TableRow,
+};
+
+fn fields(change: impl FnOnce(&mut MonitoringConfig)) -> Vec<String> {
+    let mut config = config();
+    change(&mut config);
+    let violations = Monitor::new(config).expect_err("an impossible configuration was accepted");
+    violations.into_iter().map(|violation| violation.field).collect()
+}
+
+#[test]
+fn the_defaults_are_possible() {
+    assert_eq!(MonitoringConfig::default().violations(), []);
+    assert_eq!(config().violations(), []);
+}
+
+#[test]
+fn the_swapped_limits_of_the_source_are_refused_with_both_numbers() {
+    let mut config = config();
+    (config.rules.feed.lower, config.rules.feed.upper) = (0.01, 0.003);
+    let violations = config.violations();
+    assert_eq!(
+        violations.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        ["rules.feed.lower: the lower limit 0.01 is not below the upper limit 0.003"]
+    );
+}
+
+#[test]
+fn table_gaps_and_overlaps_name_their_row() {
+    let row = |above_rpm, up_to_rpm| TableRow { above_rpm, up_to_rpm, speed_rpm: 900.0 };
+    let table = |rows: Vec<TableRow>| {
+        fields(|config| config.rules.spindle = SpindleRule::Milling { limit: 0.02, table: SpindleTable { rows } })
+    };
+    assert_eq!(table(vec![row(0.0, 800.0), row(900.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rpm"]);
+    assert_eq!(table(vec![row(0.0, 800.0), row(700.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rpm"]);
+    assert_eq!(table(vec![row(800.0, 800.0)]), ["rules.spindle.table.rows[0].up_to_rpm"]);
+    assert_eq!(table(Vec::new()), ["rules.spindle.table"]);
+}
+
+#[test]
+fn impossible_windows() {
+    assert_eq!(fields(|config| config.window = Length::Seconds(0.1)), ["window"]);
+    assert_eq!(fields(|config| config.window = Length::Seconds(f64::NAN)), ["window"]);
+    assert_eq!(fields(|config| config.window = Length::Series(0)), ["window"]);
+    assert_eq!(
+        fields(|config| config.grouping = Grouping::Time { samples_per_point: 10 }),
+        ["baseline"],
+        "series need an angle"
+    );
+    assert_eq!(fields(|config| config.quality.stuck_samples = 251), ["quality.stuck_samples"]);
+}
+
+#[test]
+fn everything_wrong_is_said_at_once() {
+    let found = fields(|config| {
+        config.sample_rate_hz = f64::INFINITY;
+        config.settling_s = -1.0;
+        config.rules.feed.step = 0.0;
+        config.rules.feed_bounds = Bounds { lower: 1.2, upper: 1.1 };
+        config.rules.spindle =
+            SpindleRule::Turning { lower_rad: 1.0, upper_rad: -1.0, step: 2.0, min_concentration: 0.1 };
+        config.rules.property = Property::VibrationAmplitude;
+        config.contact = ContactSource::Detected { threshold: f64::NAN, on_samples: 0, off_samples: 1 };
+    });
+    for field in [
+        "sample_rate_hz",
+        "contact.threshold",
+        "contact.on_samples",
+        "settling_s",
+        "rules.property",
+        "rules.feed.step",
+        "rules.feed_bounds",
+        "rules.spindle.lower_rad",
+        "rules.spindle.step",
+    ] {
+        assert_eq!(found.iter().filter(|name| *name == field).count(), 1, "{field} in {found:?}");
+    }
+}
+
+#[test]
+fn sensors_that_do_not_fit_together() {
+    assert_eq!(fields(|config| config.tool = None), ["tool"]);
+    let acceleration = Sensors { quantity: Quantity::Acceleration, min: -1e6, max: 1e6 };
+    assert_eq!(fields(|config| config.tool = Some(acceleration)), ["tool_check.max_ratio"]);
+    assert_eq!(fields(|config| config.work = Some(acceleration)), ["work.quantity", "tool_check.max_ratio"]);
+    let strain = Sensors { quantity: Quantity::Strain { mm_per_strain: 0.0 }, min: 1.0, max: -1.0 };
+    assert_eq!(
+        fields(|config| config.tool = Some(strain)),
+        ["tool.min", "tool.quantity.mm_per_strain", "tool_check.max_ratio"]
+    );
+}
+
+#[test]
+fn run_ups_and_spectra() {
+    let idle =
+        |speeds_rpm| IdleRunUp { speeds_rpm, speed_tolerance: 0.02, length: Length::Series(3), max_difference: 0.001 };
+    assert_eq!(fields(|config| config.idle_run_up = Some(idle(vec![]))), ["idle_run_up.speeds_rpm"]);
+    assert_eq!(fields(|config| config.idle_run_up = Some(idle(vec![900.0, 600.0]))), ["idle_run_up.speeds_rpm"]);
+    let spectrum = SpectrumConfig {
+        samples: 2048,
+        min_frequency_hz: 600.0,
+        noise_floor: 0.0,
+        harmonic_tolerance_hz: 2.0,
+        edges: 0,
+    };
+    assert_eq!(
+        fields(|config| config.spectrum = Some(spectrum)),
+        ["spectrum.samples", "spectrum.min_frequency_hz", "spectrum.edges"]
+    );
+}
