@@ -15,6 +15,7 @@ mod pipeline;
 mod profile;
 mod report;
 mod setpoint;
+pub mod thread;
 mod validation;
 
 pub use chip::*;

@@ -1,0 +1,219 @@
+//! What there is to say about a thread before it is cut (thread vibration page, "Conditions to validate").
+
+use feedwave_program::{Finding, Severity};
+use serde::{Deserialize, Serialize};
+
+use super::chip::{Clearance, chip, least_ratio};
+use super::parameters::parameters;
+use super::{ChipLevel, GroovePlace, ThreadChip, ThreadJob, findings};
+
+/// Most passes of one thread; more are refused.
+pub const MAX_THREAD_PASSES: usize = 100;
+
+/// What machine, tool and setup allow a thread. A limit that is not stated is infinite; the report then says
+/// nothing about it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ThreadLimits {
+    /// Highest velocity of the lead axis, mm/s.
+    pub lead_velocity_mm_per_s: f64,
+    /// Highest acceleration of the lead axis, mm/s².
+    pub lead_acceleration_mm_per_s2: f64,
+    /// Highest jerk of the lead axis, mm/s³.
+    pub lead_jerk_mm_per_s3: f64,
+    /// Highest velocity of X on the radius, mm/s.
+    pub vibration_velocity_mm_per_s: f64,
+    /// Highest acceleration of X on the radius, mm/s².
+    pub vibration_acceleration_mm_per_s2: f64,
+    /// Highest jerk of X on the radius, mm/s³.
+    pub vibration_jerk_mm_per_s3: f64,
+    /// Way from the start position to the work, mm of travel.
+    pub approach_mm: f64,
+    /// Interpolation period, s; 0 where setpoints follow the spindle angle.
+    pub period_s: f64,
+    /// Largest thickness on the radius that the tool bears, mm.
+    pub thickness_mm: f64,
+    /// Largest thickness on the radius that the finishing pass may find, mm; `None` compares the crests with the
+    /// finishing infeed.
+    pub finishing_thickness_mm: Option<f64>,
+}
+
+impl Default for ThreadLimits {
+    fn default() -> Self {
+        let unlimited = f64::INFINITY;
+        Self {
+            lead_velocity_mm_per_s: unlimited,
+            lead_acceleration_mm_per_s2: unlimited,
+            lead_jerk_mm_per_s3: unlimited,
+            vibration_velocity_mm_per_s: unlimited,
+            vibration_acceleration_mm_per_s2: unlimited,
+            vibration_jerk_mm_per_s3: unlimited,
+            approach_mm: unlimited,
+            period_s: 0.0,
+            thickness_mm: unlimited,
+            finishing_thickness_mm: None,
+        }
+    }
+}
+
+/// One pass of a thread.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadPassReport {
+    /// Infeed, mm on the radius.
+    pub infeed_mm: f64,
+    /// Peak-to-peak vibration A, mm on the radius.
+    pub amplitude_mm: f64,
+    /// Where it lies in its groove, and its phase there.
+    pub place: GroovePlace,
+    /// D·Q: vibration phase at the moment the lead axis starts, degrees, without the phase shift.
+    pub phase_advance_deg: f64,
+    /// Phase to which start-up A moves X beforehand, degrees.
+    pub prepared_phase_deg: f64,
+    /// Retreat at that phase, mm on the radius.
+    pub prepared_retreat_mm: f64,
+    /// Spindle angle at which start-up B starts the vibration, degrees.
+    pub delay_deg: f64,
+    /// The chip, looking at the depth only.
+    pub depth: ThreadChip,
+    /// The chip, looking at the full section.
+    pub section: ThreadChip,
+}
+
+/// What the vibrating passes leave for the finishing pass at the worst phase, in the groove where it is most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CrestReport {
+    /// Crests above the depth of the last vibrating pass, depth only, mm on the radius.
+    pub crest_mm: f64,
+    /// The same with the full section.
+    pub section_crest_mm: f64,
+    /// Nominal infeed of the finishing pass, mm on the radius; 0 where there is none.
+    pub finishing_infeed_mm: f64,
+    /// What the finishing pass finds at most, depth only, mm on the radius; the crests where there is none.
+    pub finishing_thickness_mm: f64,
+    /// Crests that one more vibrating pass at the last depth with opposite phase and the same amplitude leaves, mm.
+    pub crest_with_another_pass_mm: f64,
+    /// Crests that the last vibrating pass leaves with the smallest amplitude that cuts its chip through at the level
+    /// of depth, mm.
+    pub crest_with_least_amplitude_mm: f64,
+    /// That amplitude, mm on the radius.
+    pub least_amplitude_mm: f64,
+    /// Last vibrating pass, from 0.
+    pub pass: usize,
+}
+
+/// What there is to say about a thread.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadReport {
+    /// Every pass; empty where the thread itself is impossible.
+    pub passes: Vec<ThreadPassReport>,
+    /// What is left for the finishing pass; `None` without a vibrating pass.
+    pub crests: Option<CrestReport>,
+    /// Smallest ratio of amplitude to infeed with which every vibrating pass breaks its chip, depth only, where all
+    /// amplitudes follow the ratio; `None` where none does.
+    pub least_ratio: Option<f64>,
+    /// The same with the full section.
+    pub least_section_ratio: Option<f64>,
+    /// Velocity of the lead axis, mm/s.
+    pub lead_velocity_mm_per_s: f64,
+    /// Vibration frequency, Hz.
+    pub frequency_hz: f64,
+    /// Findings in the order of the passes.
+    pub findings: Vec<Finding>,
+    /// Whether nothing forbids to cut the thread.
+    pub feasible: bool,
+}
+
+/// Judges a thread: what every pass does to the chip, what is left, and whether machine and tool can do it.
+///
+/// Bounded by [`MAX_THREAD_PASSES`].
+#[must_use]
+pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
+    let mut findings = Vec::new();
+    parameters(job, limits, &mut findings);
+    let mut report = ThreadReport {
+        passes: Vec::new(),
+        crests: None,
+        least_ratio: None,
+        least_section_ratio: None,
+        lead_velocity_mm_per_s: job.geometry.lead_mm * job.spindle_rev_per_min / 60.0,
+        frequency_hz: job.frequency_hz(),
+        findings: Vec::new(),
+        feasible: false,
+    };
+    if findings.is_empty() {
+        report.passes = (0..job.passes.len()).map(|index| pass_report(job, index)).collect();
+        report.crests = worst_crests(job);
+        report.least_ratio = common_ratio(job, ChipLevel::Depth);
+        report.least_section_ratio = common_ratio(job, ChipLevel::Section);
+        findings::thread(job, limits, &report, &mut findings);
+    }
+    report.feasible = findings.iter().all(|finding| finding.severity != Severity::Error);
+    report.findings = findings;
+    report
+}
+
+fn pass_report(job: &ThreadJob, index: usize) -> ThreadPassReport {
+    let pass = &job.passes[index];
+    let wave = job.wave(pass);
+    ThreadPassReport {
+        infeed_mm: job.infeed_mm(index),
+        amplitude_mm: pass.amplitude_mm,
+        place: job.place(index),
+        phase_advance_deg: job.phase_advance_deg(pass),
+        prepared_phase_deg: wave.prepared_phase_deg(),
+        prepared_retreat_mm: wave.at_phase_mm(wave.prepared_phase_deg()),
+        delay_deg: wave.delay_deg(),
+        depth: chip(job, index, ChipLevel::Depth),
+        section: chip(job, index, ChipLevel::Section),
+    }
+}
+
+fn common_ratio(job: &ThreadJob, level: ChipLevel) -> Option<f64> {
+    let follows = |index: &usize| job.passes[*index].vibrates() && job.infeed_mm(*index) > 0.0;
+    let mut passes = (0..job.passes.len()).filter(follows).peekable();
+    passes.peek()?;
+    passes.try_fold(0.0, |ratio: f64, index| Some(ratio.max(least_ratio(job, index, level)?)))
+}
+
+fn worst_crests(job: &ThreadJob) -> Option<CrestReport> {
+    // A thread of many starts has the same passes in each: what differs is how far each is.
+    let starts = 0..job.geometry.starts.min(MAX_THREAD_PASSES as u32);
+    starts
+        .filter_map(|start| crests(job, start))
+        .max_by(|a, b| a.finishing_thickness_mm.total_cmp(&b.finishing_thickness_mm))
+}
+
+/// Crests in one groove.
+fn crests(job: &ThreadJob, start: u32) -> Option<CrestReport> {
+    let pass = job.passes.iter().rposition(|pass| pass.start == start && pass.vibrates())?;
+    let last = job.passes[pass];
+    let still = super::ThreadPass { amplitude_mm: 0.0, ..last };
+    let finishing = job.passes[pass + 1..].iter().position(|after| after.start == start).map(|after| pass + 1 + after);
+    let crest_mm = left_for(job, pass + 1, still, ChipLevel::Depth);
+    let finishing_infeed_mm = finishing.map_or(0.0, |index| job.infeed_mm(index));
+    let finishing_thickness_mm =
+        finishing.map_or(crest_mm, |index| Clearance::of(job, index, ChipLevel::Depth).largest_thickness_mm());
+    let another = super::ThreadPass { phase_shift_deg: last.phase_shift_deg + 180.0, ..last };
+    let mut with_another = ThreadJob { passes: job.passes[..=pass].to_vec(), ..job.clone() };
+    with_another.passes.push(another);
+    let mut with_least = ThreadJob { passes: job.passes[..=pass].to_vec(), ..job.clone() };
+    let least_amplitude_mm = chip(job, pass, ChipLevel::Depth).least_amplitude_mm;
+    with_least.passes[pass].amplitude_mm = least_amplitude_mm;
+    Some(CrestReport {
+        crest_mm,
+        section_crest_mm: left_for(job, pass + 1, still, ChipLevel::Section),
+        finishing_infeed_mm,
+        finishing_thickness_mm,
+        crest_with_another_pass_mm: left_for(&with_another, pass + 2, still, ChipLevel::Depth),
+        crest_with_least_amplitude_mm: left_for(&with_least, pass + 1, still, ChipLevel::Depth),
+        least_amplitude_mm,
+        pass,
+    })
+}
+
+/// What a pass would find after the first `done` passes, mm on the radius.
+fn left_for(job: &ThreadJob, done: usize, pass: super::ThreadPass, level: ChipLevel) -> f64 {
+    let mut passes = job.passes[..done].to_vec();
+    passes.push(pass);
+    Clearance::of(&ThreadJob { passes, ..job.clone() }, done, level).largest_thickness_mm()
+}

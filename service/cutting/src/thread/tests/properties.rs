@@ -1,0 +1,144 @@
+//! What holds for every pass.
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn any_pass() -> impl Strategy<Value = ThreadPass> {
+    (0.0..2.0_f64, -5.0..5.0_f64, 0.0..360.0_f64, 0.0..3.0_f64, -720.0..720.0_f64).prop_map(
+        |(depth_mm, start_travel_mm, start_angle_deg, amplitude_mm, phase_shift_deg)| ThreadPass {
+            depth_mm,
+            start_travel_mm,
+            start_angle_deg,
+            amplitude_mm,
+            phase_shift_deg,
+            ..ThreadPass::default()
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn the_tool_is_never_deeper_than_programmed(
+        pass in any_pass(),
+        angle_deg in -720.0..20_000.0_f64,
+        vibrations_per_rev in 0.1..20.0_f64,
+        taper in -0.3..0.3_f64,
+        internal in any::<bool>(),
+        delayed in any::<bool>(),
+    ) {
+        let mut job = job(vec![pass]);
+        job.vibrations_per_rev = vibrations_per_rev;
+        job.geometry.taper = taper;
+        job.start_up = if delayed { StartUp::Delayed } else { StartUp::Preparatory };
+        if internal {
+            job.geometry.side = ThreadSide::Internal;
+        }
+        let tool = job.position(&pass, angle_deg);
+        prop_assert!((0.0..=pass.amplitude_mm).contains(&tool.retreat_mm));
+        let programmed_mm = job.geometry.radius_mm(pass.depth_mm, tool.travel_mm);
+        if internal {
+            prop_assert!(tool.radius_mm <= programmed_mm);
+        } else {
+            prop_assert!(tool.radius_mm >= programmed_mm);
+        }
+    }
+
+    #[test]
+    fn the_phase_belongs_to_the_spindle_angle_alone(
+        pass in any_pass(),
+        other_start in any_pass(),
+        angle_deg in 720.0..20_000.0_f64,
+        other_speed in 1.0..5_000.0_f64,
+    ) {
+        // Another start angle, start position, start-up and speed: the same retreat after the start.
+        let one = job(vec![pass]);
+        let mut two = ThreadJob { spindle_rev_per_min: other_speed, start_up: StartUp::Delayed, ..one.clone() };
+        two.run_up.angle_deg = 90.0;
+        let moved = ThreadPass {
+            start_angle_deg: other_start.start_angle_deg,
+            start_travel_mm: other_start.start_travel_mm,
+            ..pass
+        };
+        prop_assert_eq!(one.position(&pass, angle_deg).retreat_mm, two.position(&moved, angle_deg).retreat_mm);
+    }
+
+    #[test]
+    fn both_start_ups_agree_after_the_start(pass in any_pass(), after_deg in 0.0..5_000.0_f64) {
+        let prepared = job(vec![pass]);
+        let delayed = ThreadJob { start_up: StartUp::Delayed, ..prepared.clone() };
+        let wave = prepared.wave(&pass);
+        let start_deg = wave.start_deg(StartUp::Delayed);
+        prop_assert!((0.0..360.0 / prepared.vibrations_per_rev).contains(&start_deg));
+        let angle_deg = start_deg + after_deg;
+        prop_assert_eq!(prepared.position(&pass, angle_deg), delayed.position(&pass, angle_deg));
+        // And it starts from phase 0, without a step.
+        prop_assert!(wave.retreat_mm(StartUp::Delayed, start_deg + 1e-6) < 1e-6);
+        // The prepared position is where the vibration starts.
+        let before_mm = wave.retreat_mm(StartUp::Preparatory, -1.0);
+        prop_assert_eq!(before_mm, wave.retreat_mm(StartUp::Preparatory, 0.0));
+    }
+
+    #[test]
+    fn a_thread_played_by_a_wandering_spindle_is_the_same_thread(
+        pass in any_pass(),
+        speeds in prop::collection::vec(50.0..3_000.0_f64, 20),
+    ) {
+        // Angle instead of time is what the generator is asked for; X over Z is then independent of the speeds.
+        let job = job(vec![pass]);
+        let mut angle_deg = 0.0;
+        for speed in speeds {
+            angle_deg += 6.0 * speed * 0.01;
+            let tool = job.position(&pass, angle_deg);
+            let way_mm = tool.travel_mm - pass.start_travel_mm;
+            if way_mm > 0.0 && tool.travel_mm < job.geometry.length_mm() {
+                let by_lead_deg = pass.start_angle_deg + 360.0 * way_mm / job.geometry.lead_mm;
+                prop_assert!((by_lead_deg - angle_deg).abs() < 1e-6);
+                let phase_deg = 2.0 * by_lead_deg - pass.phase_shift_deg;
+                let expected_mm = 0.5 * pass.amplitude_mm * (1.0 - libm::cos(phase_deg.to_radians()));
+                prop_assert!((tool.retreat_mm - expected_mm).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn both_methods_cut_the_same_thread(
+        offset_mm in 0.0..1.2_f64,
+        shift_deg in 0.0..360.0_f64,
+        vibrations_per_rev in 0.5..6.0_f64,
+    ) {
+        let first = ThreadPass { depth_mm: 0.4, amplitude_mm: 0.6, ..ThreadPass::default() };
+        let second = ThreadPass { depth_mm: 0.7, amplitude_mm: 0.6, ..ThreadPass::default() };
+        let by_place = ThreadPass { start_travel_mm: offset_mm, phase_shift_deg: shift_deg, ..second };
+        let start_angle_deg = reduce_deg(-360.0 * offset_mm / 2.5);
+        let mut one = job(vec![first, by_place]);
+        one.vibrations_per_rev = vibrations_per_rev;
+        let turns = if start_angle_deg > 0.0 { 1.0 } else { 0.0 };
+        // The revolution in between is compensated where D is not whole.
+        let by_angle = ThreadPass {
+            start_angle_deg,
+            phase_shift_deg: reduce_deg(shift_deg + 360.0 * vibrations_per_rev * turns),
+            ..second
+        };
+        let two = ThreadJob { passes: vec![first, by_angle], ..one.clone() };
+        let (a, b) = (one.place(1), two.place(1));
+        prop_assert!((a.axial_offset_mm - b.axial_offset_mm).abs() < 1e-9);
+        let apart_deg = reduce_deg(a.phase_shift_deg - b.phase_shift_deg);
+        prop_assert!(apart_deg.min(360.0 - apart_deg) < 1e-6);
+        let angle_deg = 1_000.0;
+        let (x, y) = (one.position(&by_place, angle_deg), two.position(&by_angle, angle_deg + 360.0 * turns));
+        prop_assert!((x.travel_mm - y.travel_mm).abs() < 1e-9 && (x.radius_mm - y.radius_mm).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_run_up_is_smooth_and_then_exact(angle_deg in 0.0..720.0_f64, turned_deg in 0.0..2_000.0_f64) {
+        let run_up = RunUp { angle_deg };
+        let step = run_up.synchronous_deg(turned_deg + 0.5) - run_up.synchronous_deg(turned_deg);
+        prop_assert!((-1e-12..=0.5 + 1e-9).contains(&step));
+        if turned_deg >= angle_deg {
+            prop_assert!((turned_deg - run_up.synchronous_deg(turned_deg) - run_up.lag_deg()).abs() < 1e-9);
+        }
+        let back_deg = run_up.angle_deg_for(run_up.synchronous_deg(turned_deg));
+        prop_assert!((run_up.synchronous_deg(back_deg) - run_up.synchronous_deg(turned_deg)).abs() < 1e-6);
+    }
+}
