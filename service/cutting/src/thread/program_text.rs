@@ -24,7 +24,8 @@ impl Default for ThreadTextOptions {
 /// Program text of a thread, X and A as diameters, lengths in mm.
 ///
 /// `A` stands where the amplitude does not follow the ratio, `R` where the phase shift is not the default one; both
-/// always stand in a thread of several starts, whose passes a control may count in another way.
+/// always stand in a thread of several starts, whose passes a control may count in another way, and on a taper, where
+/// X differs between start positions at equal depth.
 #[must_use]
 pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> String {
     let geometry = &job.geometry;
@@ -50,7 +51,7 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
     }
     // A narrow bore has no room for all of the clearance.
     let clear = word('X', 2.0 * clear.max(0.0), 4);
-    let single = geometry.starts <= 1;
+    let plain = geometry.starts <= 1 && geometry.taper == 0.0;
     for (index, pass) in job.passes.iter().enumerate() {
         line(&["G0".to_owned(), clear.clone()]);
         line(&["G0".to_owned(), word('Z', geometry.z_mm(pass.start_travel_mm), 4)]);
@@ -63,11 +64,11 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
         words.push(word('F', geometry.lead_mm, 6));
         words.push(word('Q', pass.start_angle_deg, 3));
         let followed_mm = job.infeed_mm(index) * options.ratio;
-        if !single || !pass.vibrates() || (pass.amplitude_mm - followed_mm).abs() > 1e-6 {
+        if !plain || !pass.vibrates() || (pass.amplitude_mm - followed_mm).abs() > 1e-6 {
             words.push(word('A', 2.0 * pass.amplitude_mm, 4));
         }
         let shift = pass.phase_shift_deg - default_phase_shift_deg(index);
-        if pass.vibrates() && (!single || shift.abs() > 1e-6) {
+        if pass.vibrates() && (!plain || shift.abs() > 1e-6) {
             words.push(word('R', pass.phase_shift_deg, 3));
         }
         line(&words);

@@ -158,3 +158,17 @@ fn program_text_states_what_program_b_adds() {
         ]
     );
 }
+
+#[test]
+fn program_text_of_a_tapered_bore_says_both_ends_and_every_amplitude() {
+    let mut job = program_b();
+    job.geometry.side = ThreadSide::Internal;
+    job.geometry.taper = -1.0 / 32.0;
+    job.geometry.rotation = SpindleRotation::Reverse;
+    assert_eq!(job.geometry.hand(), Hand::Left);
+    let options = ThreadTextOptions { clearance_mm: 1.0, ..ThreadTextOptions::default() };
+    let text = thread_program_text(&job, &options);
+    // 40 mm of travel narrow the diameter by 2.5 mm.
+    assert!(text.starts_with("(THREAD WITH VIBRATION, D = 2)\nG97 S600 M4\n"), "{text}");
+    assert!(text.contains("G0 X5.5\nG0 Z100.0\nG0 X13.0\nG32 X10.5 Z60.0 F2.5 Q0.0 A3.6 R0.0\n"), "{text}");
+}
