@@ -233,3 +233,38 @@ fn a_block_ends_at_every_change_of_the_feed_override_so_that_the_caller_can_stop
     }
     assert!(next > 1_000, "{next}");
 }
+
+#[test]
+fn a_section_ends_exactly_however_far_the_end_is_from_its_start() {
+    // The offset at the end is an ulp above zero, and path lengths of 100 mm round to 1e-14 mm.
+    let program = "G17 G21 G91 M3 S3000 F2000.\n\
+        G200 F36. A0.004\n\
+        G1 X7.690 Y-3.480 Z-15.107\n\
+        F10184.\n\
+        G1 X1.\n\
+        G3 X6.809 Y6.809 I0. J6.809\n\
+        G1 X1.\n\
+        G2 X3.014 Y-3.014 I0. J-3.014\n\
+        G0 X0.000 Y5.009 Z6.254\n\
+        G1 X1.\n\
+        G3 X9.417 Y9.417 I0. J9.417\n\
+        G4 P141\n\
+        G1 X8.762 Y2.872 Z-18.923\n\
+        G1 X2.201 Y13.724 Z7.772\n\
+        G1 X-0.036 Y-0.045 Z0.006\n\
+        G1 X1.\n\
+        G2 X3.410 Y-3.410 I0. J-3.410\n\
+        G1 X-9.977 Y8.625 Z19.549\n\
+        G1 X0.031 Y0.005 Z0.020\n\
+        G201\n\
+        M30\n";
+    let setpoints = run(program, &mill());
+    let (operations, _) = feedwave_program::interpret(program.as_bytes(), mill().profile.language);
+    let moves = operations.iter().filter_map(|operation| match &operation.kind {
+        feedwave_program::OperationKind::Move(step) => Some(step.end),
+        _ => None,
+    });
+    let end = moves.last().expect("it moves");
+    let last: Vec<f64> = setpoints.axes.iter().map(|column| column[setpoints.len() - 1]).collect();
+    assert_eq!(last, end[..3]);
+}

@@ -95,9 +95,14 @@ impl Interpolator {
                     let speed = &mut self.scratch.speed[..count];
                     stretch.profile.fill(first, period_s, state.clock.lead_s, s, speed);
                     let profile_length = stretch.profile.length();
-                    for value in s {
+                    for value in s.iter_mut() {
                         // The end is the planned one, not a sum that may miss it by a bit.
                         *value = if *value >= profile_length { stretch.stretch.end } else { stretch.start + *value };
+                    }
+                    // So it is for a setpoint at the very instant of the end.
+                    let is_at_end = activity.end.lead_s == 0.0 && state.next + count as u64 > activity.end.period;
+                    if let Some(last) = s.last_mut().filter(|_| is_at_end) {
+                        *last = stretch.stretch.end;
                     }
                     self.emit_motion(block, start, item);
                 }

@@ -220,6 +220,14 @@ impl Track {
         if s >= 0.0 && s <= length_at(from) {
             return Location { item: from, s, beyond_mm: 0.0 };
         }
+        // Beside the section's ends a sum of path lengths would miss them by its rounding.
+        let end = length_at(from);
+        if s > end && self.start_mm(from) + end >= self.known_mm {
+            return Location { item: from, s: end, beyond_mm: s - end };
+        }
+        if s < 0.0 && self.start_mm(from) == 0.0 {
+            return Location { item: from, s: 0.0, beyond_mm: s };
+        }
         let place_mm = self.start_mm(from) + s;
         let reached = self.items.partition_point(|item| item.start_mm <= place_mm);
         let is_motion = |item: &usize| self.motion(*item).is_some();
