@@ -260,11 +260,11 @@ fn a_section_ends_exactly_however_far_the_end_is_from_its_start() {
         M30\n";
     let setpoints = run(program, &mill());
     let (operations, _) = feedwave_program::interpret(program.as_bytes(), mill().profile.language);
-    let moves = operations.iter().filter_map(|operation| match &operation.kind {
+    let mut moves = operations.iter().filter_map(|operation| match &operation.kind {
         feedwave_program::OperationKind::Move(step) => Some(step.end),
         _ => None,
     });
-    let end = moves.last().expect("it moves");
+    let end = moves.next_back().expect("it moves");
     let last: Vec<f64> = setpoints.axes.iter().map(|column| column[setpoints.len() - 1]).collect();
     assert_eq!(last, end[..3]);
 }
