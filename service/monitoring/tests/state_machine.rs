@@ -233,3 +233,18 @@ fn a_thread_holds_until_its_pass_ends() {
     assert_eq!(reasons, [Reason::ToolFit, Reason::Threading, Reason::FeedAboveLimit, Reason::FeedAboveLimit]);
     assert_eq!(decisions[1].outcome.after, Overrides::FULL);
 }
+
+#[test]
+fn angles_on_both_sides_of_half_a_turn_have_their_mean_there() {
+    let mut monitor = monitor(config());
+    let mut columns = cutting([-0.05, 0.0], 1);
+    // Half of the points are deflected to +170°, the others to −170°: the mean is 180°, not 0.
+    let sideways = 0.05 * libm::tan(10f64.to_radians());
+    for index in 400..columns.len() {
+        columns.y[index] += if columns.angle_rad[index].rem_euclid(TAU) < TAU / 2.0 { sideways } else { -sideways };
+    }
+    let decisions = run(&mut monitor, &columns);
+    let (angle, concentration) = properties(&decisions[1]).mean_angle.unwrap();
+    assert!((angle.abs() - TAU / 2.0).abs() < 1e-3, "{angle}");
+    assert!((concentration - libm::cos(10f64.to_radians())).abs() < 1e-3, "{concentration}");
+}
