@@ -9,6 +9,7 @@
 mod element;
 mod feed;
 mod junction;
+pub mod kinematics;
 mod limits;
 mod machine;
 mod planner;
