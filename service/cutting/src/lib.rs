@@ -16,6 +16,7 @@ mod profile;
 mod report;
 mod setpoint;
 pub mod thread;
+pub mod thinning;
 mod validation;
 
 pub use chip::*;

@@ -1,0 +1,306 @@
+//! The stage: blocks in, groups thinned, kept blocks out.
+
+use std::ops::RangeInclusive;
+
+use feedwave_motion::ProfileProblem;
+use feedwave_motion::kinematics::RotaryDirections;
+use feedwave_motion::kinematics::vector::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::bounds::{RUN, Tree};
+use super::report::{Largest, Reversals, RotaryReport, ThinningReport};
+use super::span::{Between, Group, Limits, angle_of, chord};
+
+/// Fewest blocks of a group: with two nothing lies between.
+pub const MIN_GROUP_BLOCKS: u32 = 3;
+/// Most blocks of a group: a hundred times the look-ahead of a fast control, and some 20 MB.
+pub const MAX_GROUP_BLOCKS: u32 = 100_000;
+/// Range of the angle tolerances, degrees: below, directions of six decimals are noise; above, they are no tolerances.
+const ANGLE_RANGE_DEG: RangeInclusive<f64> = 1e-4..=90.0;
+/// Range of the distance tolerance, mm: from a hundredth of a micrometre to roughing.
+const DISTANCE_RANGE_MM: RangeInclusive<f64> = 1e-5..=10.0;
+
+/// Tolerances and group size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ThinningSettings {
+    /// θ: a block may be dropped while its direction is closer to that of the last kept block, degrees.
+    pub angle_tolerance_deg: f64,
+    /// D: a block may be dropped while its tool centre point is closer to the segment that is left, mm.
+    pub distance_tolerance_mm: f64,
+    /// Blocks that are read ahead and thinned together.
+    pub group_blocks: u32,
+    /// Where given, a span also shrinks while a dropped block's direction is this far from the interpolated one, degrees.
+    #[serde(default)]
+    pub interpolated_direction_tolerance_deg: Option<f64>,
+}
+
+impl ThinningSettings {
+    /// Everything that makes the settings unusable, by field; empty when they are sound.
+    #[must_use]
+    pub fn validate(&self) -> Vec<ProfileProblem> {
+        let mut problems = Vec::new();
+        let mut check = |field: &str, value: f64, range: RangeInclusive<f64>, unit: &str| {
+            if !range.contains(&value) {
+                let message = format!("must be {} to {}{unit}, is {value}", range.start(), range.end());
+                problems.push(ProfileProblem { field: field.to_owned(), message });
+            }
+        };
+        check("angle_tolerance_deg", self.angle_tolerance_deg, ANGLE_RANGE_DEG, " degrees");
+        check("distance_tolerance_mm", self.distance_tolerance_mm, DISTANCE_RANGE_MM, " mm");
+        let blocks = f64::from(MIN_GROUP_BLOCKS)..=f64::from(MAX_GROUP_BLOCKS);
+        check("group_blocks", f64::from(self.group_blocks), blocks, " blocks");
+        if let Some(tolerance) = self.interpolated_direction_tolerance_deg {
+            check("interpolated_direction_tolerance_deg", tolerance, ANGLE_RANGE_DEG, " degrees");
+        }
+        problems
+    }
+}
+
+/// How the direction is interpolated between kept blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DirectionInterpolation {
+    /// Along the great circle, for programs that give vectors.
+    #[default]
+    GreatCircle,
+    /// By the angles of these rotary axes, for programs that give angles; blocks without angles go along the great circle.
+    Angles(RotaryDirections),
+}
+
+/// A pure cutting block: straight, with nothing but position, direction and feed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CutPoint {
+    /// Program line.
+    pub line: u32,
+    /// Tool centre point at the end of the block, work coordinates, mm.
+    pub tip_mm: Vec3,
+    /// Tool direction at the end of the block, a unit vector; in the coordinates of the [`RotaryDirections`] where
+    /// angles are interpolated.
+    pub direction: Vec3,
+    /// Values of the rotary axes at the end of the block, rad, where they are known.
+    pub rotary_rad: Option<[f64; 2]>,
+    /// The feed that this block programs itself, in the units of the program. A feed that holds for one block only
+    /// (inverse time) is no modal word: such blocks belong to [`Thinner::push_other`].
+    pub feed_word: Option<f64>,
+}
+
+impl CutPoint {
+    fn is_finite(&self) -> bool {
+        let rotary = self.rotary_rad.unwrap_or_default();
+        self.tip_mm.iter().chain(&self.direction).chain(&rotary).all(|value| value.is_finite())
+    }
+}
+
+/// A kept block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kept<T> {
+    /// The block; its feed word is the one that holds, its own or that of the last dropped block with one.
+    pub point: CutPoint,
+    /// What came with it.
+    pub payload: T,
+    /// Whether the feed word is a dropped block's.
+    pub inherited_feed: bool,
+    /// Blocks dropped between the kept one before and this one.
+    pub dropped: u32,
+    /// Program lines of the first and the last of them.
+    pub dropped_lines: Option<[u32; 2]>,
+}
+
+/// The stage. Its whole state is one serialisable value, like that of every machining function.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Thinner<T> {
+    settings: ThinningSettings,
+    interpolation: DirectionInterpolation,
+    points: Vec<CutPoint>,
+    payloads: Vec<T>,
+    figures: ThinningReport,
+    position: Largest,
+    /// Square of a chord.
+    direction: Largest,
+    rotary: Largest,
+    before: Reversals,
+    after: Reversals,
+    /// Bounds of the group under work; nothing of it outlives the group.
+    #[serde(skip)]
+    tree: Tree,
+    /// Questions asked about points and bounds, for the tests of the cost.
+    #[serde(skip)]
+    looks: u64,
+}
+
+impl<T> Thinner<T> {
+    /// A stage with nothing read yet.
+    ///
+    /// # Errors
+    ///
+    /// Everything that is wrong with the settings, by field.
+    pub fn new(settings: ThinningSettings, interpolation: DirectionInterpolation) -> Result<Self, Vec<ProfileProblem>> {
+        let problems = settings.validate();
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        Ok(Self {
+            settings,
+            interpolation,
+            points: Vec::new(),
+            payloads: Vec::new(),
+            figures: ThinningReport::default(),
+            position: Largest::default(),
+            direction: Largest::default(),
+            rotary: Largest::default(),
+            before: Reversals::default(),
+            after: Reversals::default(),
+            tree: Tree::default(),
+            looks: 0,
+        })
+    }
+
+    /// Reads a pure cutting block. When it fills its group, the kept blocks of the group go to `out` in order. A block with a
+    /// coordinate that is not a number is kept, and a group of its own.
+    pub fn push(&mut self, point: CutPoint, payload: T, out: &mut impl FnMut(Kept<T>)) {
+        let sound = point.is_finite();
+        if !sound {
+            self.flush(out);
+        }
+        self.figures.blocks_read += 1;
+        self.before.add(point.rotary_rad);
+        self.points.push(point);
+        self.payloads.push(payload);
+        if !sound || self.points.len() >= self.settings.group_blocks as usize {
+            self.flush(out);
+        }
+    }
+
+    /// Reads a block that does anything else, or more: the group before it is thinned, the block itself is the caller's to
+    /// keep, and the next block starts a group.
+    pub fn push_other(&mut self, out: &mut impl FnMut(Kept<T>)) {
+        self.flush(out);
+        self.figures.blocks_read += 1;
+        self.figures.other_blocks += 1;
+        self.before.interrupt();
+        self.after.interrupt();
+    }
+
+    /// Thins what has been read of the group: at the end of the mode or of the program.
+    pub fn flush(&mut self, out: &mut impl FnMut(Kept<T>)) {
+        if self.points.is_empty() {
+            return;
+        }
+        self.figures.groups += 1;
+        if self.points.len() > RUN {
+            self.tree.build(self.points.iter().map(|point| (point.tip_mm, point.direction)));
+        } else {
+            self.tree.build(std::iter::empty());
+        }
+        let mut payloads = std::mem::take(&mut self.payloads);
+        let mut rest = payloads.drain(..);
+        if let Some(payload) = rest.next() {
+            let point = self.points[0];
+            self.after.add(point.rotary_rad);
+            out(Kept { point, payload, inherited_feed: false, dropped: 0, dropped_lines: None });
+        }
+        let mut start = 0;
+        while start + 1 < self.points.len() {
+            let mut looks = 0;
+            let end = self.group().end_of_span(start, &mut looks);
+            self.looks += looks;
+            self.measure(start, end);
+            let dropped = end - start - 1;
+            if let Some(payload) = rest.by_ref().nth(dropped) {
+                out(self.keep(start, end, payload));
+            }
+            start = end;
+        }
+        drop(rest);
+        // The memory goes back for the next group.
+        self.payloads = payloads;
+        self.points.clear();
+    }
+
+    fn group(&self) -> Group<'_> {
+        let limits = Limits {
+            chord: chord(self.settings.angle_tolerance_deg.to_radians()),
+            distance_mm: self.settings.distance_tolerance_mm,
+            interpolated_chord: self.settings.interpolated_direction_tolerance_deg.map(|deg| chord(deg.to_radians())),
+        };
+        let directions = match &self.interpolation {
+            DirectionInterpolation::GreatCircle => None,
+            DirectionInterpolation::Angles(directions) => Some(directions),
+        };
+        Group { points: &self.points, tree: &self.tree, limits, directions }
+    }
+
+    /// The deviations of the blocks dropped between two kept ones.
+    fn measure(&mut self, start: usize, end: usize) {
+        if end == start + 1 {
+            return;
+        }
+        let (mut position, mut direction, mut rotary) = (self.position, self.direction, self.rotary);
+        let mut off_blocks = 0;
+        let group = self.group();
+        let segment = group.segment(start, end);
+        let (first, last) = (&self.points[start], &self.points[end]);
+        let between = Between::new(first, last, group.directions);
+        let tolerance_rad = self.settings.angle_tolerance_deg.to_radians();
+        for (index, point) in self.points.iter().enumerate().take(end).skip(start + 1) {
+            let share = group.share(&segment, (start, end), index);
+            position.add(segment.distance(point.tip_mm), point.line);
+            direction.add(between.apart(share, point.direction), point.line);
+            if let (Some(start), Some(end), Some(now)) = (first.rotary_rad, last.rotary_rad, point.rotary_rad) {
+                let off = |axis: usize| (now[axis] - start[axis] - (end[axis] - start[axis]) * share).abs();
+                let off = off(0).max(off(1));
+                rotary.add(off, point.line);
+                off_blocks += u64::from(off > tolerance_rad);
+            }
+        }
+        (self.position, self.direction, self.rotary) = (position, direction, rotary);
+        self.figures.rotary.off_blocks += off_blocks;
+    }
+
+    /// The kept block at the end of a span, with the modal words of those dropped before it.
+    fn keep(&mut self, start: usize, end: usize, payload: T) -> Kept<T> {
+        let mut point = self.points[end];
+        let dropped = &self.points[start + 1..end];
+        let mut feeds = dropped.iter().filter_map(|point| point.feed_word);
+        let last_feed = feeds.next_back();
+        let inherited_feed = point.feed_word.is_none() && last_feed.is_some();
+        self.figures.feeds_lost += feeds.count() as u64 + u64::from(last_feed.is_some() && !inherited_feed);
+        self.figures.feeds_inherited += u64::from(inherited_feed);
+        self.figures.blocks_dropped += dropped.len() as u64;
+        if inherited_feed {
+            point.feed_word = last_feed;
+        }
+        self.after.add(point.rotary_rad);
+        let dropped_lines = dropped.first().zip(dropped.last()).map(|(first, last)| [first.line, last.line]);
+        Kept { point, payload, inherited_feed, dropped: dropped.len() as u32, dropped_lines }
+    }
+
+    /// What has been done so far; blocks of a group that is not full yet are read, and neither kept nor dropped.
+    #[must_use]
+    pub fn report(&self) -> ThinningReport {
+        let (position_deviation_mm, position_deviation_line) = self.position.get();
+        let (square, direction_deviation_line) = self.direction.get();
+        let (rotary_rad, largest_deviation_line) = self.rotary.get();
+        ThinningReport {
+            position_deviation_mm,
+            position_deviation_line,
+            direction_deviation_deg: angle_of(libm::sqrt(square)).to_degrees(),
+            direction_deviation_line,
+            rotary: RotaryReport {
+                reversals_before: self.before.count(),
+                reversals_after: self.after.count(),
+                largest_deviation_deg: rotary_rad.to_degrees(),
+                largest_deviation_line,
+                ..self.figures.rotary
+            },
+            ..self.figures
+        }
+    }
+
+    /// Questions asked about points and runs of points so far: the cost of the searches, as a count.
+    #[must_use]
+    pub const fn looks(&self) -> u64 {
+        self.looks
+    }
+}
