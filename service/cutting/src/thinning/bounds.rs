@@ -1,6 +1,6 @@
 //! Bounds of runs of points, in a binary tree over a group: whether a search can leap over a run without looking into it.
 
-use feedwave_motion::kinematics::vector::{Vec3, add, add_scaled, dot, norm, scale, sub};
+use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
 
 /// Points of a run of the lowest level: with fewer the bounds cost more than they save.
 pub(super) const RUN: usize = 16;
@@ -49,22 +49,23 @@ pub(super) struct Bounds {
     pub last: Vec3,
     /// No position is further than this from the segment between them, mm.
     pub spread: f64,
-    /// No direction is further than `directions_radius` from here.
-    pub directions_center: Vec3,
-    pub directions_radius: f64,
+    /// Least and greatest components of the directions: unlike balls, boxes do not grow when flickering runs are joined.
+    least: Vec3,
+    greatest: Vec3,
 }
 
 impl Bounds {
     fn of_points(points: &[(Vec3, Vec3)]) -> Self {
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let chord = Segment::new(first, last);
-        let directions_center = scale(add(points[0].1, points[points.len() - 1].1), 0.5);
-        let (mut spread, mut directions_radius) = (0.0_f64, 0.0_f64);
+        let mut spread = 0.0_f64;
+        let (mut least, mut greatest) = (points[0].1, points[0].1);
         for &(position, direction) in points {
             spread = spread.max(chord.distance(position));
-            directions_radius = directions_radius.max(norm(sub(direction, directions_center)));
+            least = [0, 1, 2].map(|axis| direction[axis].min(least[axis]));
+            greatest = [0, 1, 2].map(|axis| direction[axis].max(greatest[axis]));
         }
-        Self { first, last, spread, directions_center, directions_radius }
+        Self { first, last, spread, least, greatest }
     }
 
     fn of_both(left: &Self, right: &Self) -> Self {
@@ -74,10 +75,14 @@ impl Bounds {
             .map(|half| chord.distance(half.first).max(chord.distance(half.last)) + half.spread)
             .into_iter()
             .fold(0.0, f64::max);
-        let apart = sub(right.directions_center, left.directions_center);
-        let directions_radius = norm(apart) / 2.0 + left.directions_radius.max(right.directions_radius);
-        let directions_center = add_scaled(left.directions_center, apart, 0.5);
-        Self { first: left.first, last: right.last, spread, directions_center, directions_radius }
+        let least = [0, 1, 2].map(|axis| left.least[axis].min(right.least[axis]));
+        let greatest = [0, 1, 2].map(|axis| left.greatest[axis].max(right.greatest[axis]));
+        Self { first: left.first, last: right.last, spread, least, greatest }
+    }
+
+    /// No direction of the run is further than this from another one: the distance to the furthest corner of the box.
+    pub(super) fn directions_from(&self, direction: Vec3) -> f64 {
+        norm([0, 1, 2].map(|axis| (direction[axis] - self.least[axis]).max(self.greatest[axis] - direction[axis])))
     }
 
     /// No position of the run is further than this from a segment, mm.

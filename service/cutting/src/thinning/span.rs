@@ -1,6 +1,6 @@
 //! One span of the flow chart: how far to reach from a kept point, and how far to shrink back.
 
-use feedwave_motion::kinematics::vector::{Vec3, dot, norm, sub};
+use feedwave_motion::kinematics::vector::{Vec3, dot, sub};
 use feedwave_motion::kinematics::{GreatCircle, RotaryDirections};
 
 use super::bounds::{BOUND_SLACK, Bounds, Segment, Tree};
@@ -106,9 +106,7 @@ impl Group<'_> {
         let from = self.points[start].direction;
         let limit = self.limits.chord;
         let square = limit * limit;
-        let passes = |run: &Bounds, _: usize, _: usize| {
-            norm(sub(run.directions_center, from)) + run.directions_radius < limit * BOUND_SLACK
-        };
+        let passes = |run: &Bounds, _: usize, _: usize| run.directions_from(from) < limit * BOUND_SLACK;
         let stops = |index: usize| apart(self.points[index].direction, from) >= square;
         let last = self.points.len() - 1;
         self.tree.first((start + 1, last), looks, passes, stops).unwrap_or(last)
@@ -136,7 +134,7 @@ impl Group<'_> {
                 _ => (self.share(&segment, (start, end), first), self.share(&segment, (start, end), first + size - 1)),
             };
             let middle = between.at((low + high) / 2.0).unwrap_or_default();
-            let off = norm(sub(middle, run.directions_center)) + run.directions_radius;
+            let off = run.directions_from(middle);
             near(run) && off + rate * (high - low) / 2.0 < chord * BOUND_SLACK
         };
         let stops = |index: usize| {
