@@ -15,8 +15,8 @@ mod pipeline;
 mod profile;
 mod report;
 mod setpoint;
-pub mod thread;
 pub mod thinning;
+pub mod thread;
 mod validation;
 
 pub use chip::*;

@@ -24,7 +24,13 @@ impl Interpolator {
         let before = (self.state.clone(), planner.clone());
         let current = self.state.track.current_index();
         let (path, speed) = match activity.kind {
-            ActivityKind::Stretch(index) => self.break_off(planner, activity, index)?,
+            ActivityKind::Stretch(index) => match self.break_off(planner, activity, index) {
+                Some(broken_off) => broken_off,
+                None => {
+                    (self.state, *planner) = before;
+                    return Some(activity.last + 1);
+                }
+            },
             // Nothing is under way: the current item has not been begun.
             ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
