@@ -27,6 +27,7 @@ async fn main() -> ExitCode {
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     println!("program            {:>10.1} MB", megabytes(used.program_bytes));
     println!("setpoints streamed {:>10.1} million", used.setpoints as f64 / 1e6);
+    println!("first setpoints    {:>10.1} ms after the request", used.first_setpoints.as_secs_f64() * 1e3);
     println!("time in all        {:>10.1} s", start.elapsed().as_secs_f64());
     println!("peak of the service's resident memory (VmHWM):");
     println!("  idle             {:>10.1} MB", megabytes(used.idle_bytes));

@@ -1,5 +1,7 @@
 //! How much memory the service takes for a program of any size: the whole way from upload to the last setpoint.
 
+use std::time::{Duration, Instant};
+
 use bytes::Bytes;
 use feedwave::proto::create_job_request::Source;
 use feedwave::proto::stream_setpoints_response::Message;
@@ -20,6 +22,8 @@ pub struct MemoryUse {
     pub program_bytes: u64,
     /// Setpoints streamed.
     pub setpoints: u64,
+    /// From the request of the stream to its first setpoints.
+    pub first_setpoints: Duration,
     /// Peak before any work.
     pub idle_bytes: u64,
     /// Peak after the upload.
@@ -85,14 +89,18 @@ pub async fn measure_memory(bytes: u64) -> MemoryUse {
     let validated_bytes = server.peak_resident_bytes();
 
     let request = StreamSetpointsRequest { job: job.name, ..StreamSetpointsRequest::default() };
+    let asked = Instant::now();
+    let mut first_setpoints = None;
     let mut messages = clients.setpoints.stream_setpoints(request).await.expect("the stream opens").into_inner();
     let mut setpoints = 0;
     while let Some(message) = messages.message().await.expect("the stream goes on") {
         if let Some(Message::Chunk(chunk)) = message.message {
             setpoints += u64::from(chunk.count);
+            first_setpoints.get_or_insert_with(|| asked.elapsed());
         }
     }
     assert_eq!(setpoints, outcome.report.summary.expect("a summary").setpoint_count);
     let streamed_bytes = server.peak_resident_bytes();
-    MemoryUse { program_bytes, setpoints, idle_bytes, uploaded_bytes, validated_bytes, streamed_bytes }
+    let first_setpoints = first_setpoints.unwrap_or_default();
+    MemoryUse { program_bytes, setpoints, first_setpoints, idle_bytes, uploaded_bytes, validated_bytes, streamed_bytes }
 }

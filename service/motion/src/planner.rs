@@ -21,16 +21,11 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use crate::junction::{Junction, JunctionRules};
-use crate::tolerance::LARGEST_RESERVE;
+use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE};
 use crate::{Machine, Stretch};
 
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Stop};
-
-/// Elements after which a path is planned for the first time, so that its first setpoints do not wait for the whole
-/// window: they come within milliseconds. In the first half of these, which is released, a path from rest has room to
-/// stop in the second half from whatever speed it has reached.
-const FIRST_PLAN: usize = 1_000;
 
 /// Settings of a planner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -106,3 +106,41 @@ pub(crate) const MAX_LIMIT_PIECES: usize = 256;
 /// Places looked at on each polynomial piece of a spline to find where X turns: pieces are short enough to be nearly
 /// circular.
 pub(crate) const PLACES_PER_SPLINE_PIECE: usize = 8;
+
+/// Most points left out of one line: bounds the work of a block and the state of a checkpoint.
+pub(crate) const MAX_MERGED_POINTS: usize = 512;
+
+/// Part of the tolerance `P` that merging may use: the rest is left to the corners.
+pub(crate) const MERGING_SHARE: f64 = 0.5;
+
+/// Part of an element that may be cut off at one of its ends: something is left between two rounded corners.
+pub(crate) const CORNER_SHARE: f64 = 0.45;
+
+/// Cosine of the largest deflection that is rounded, 170°: beyond it the path turns back, and the curve would be as
+/// tight as the corner.
+pub(crate) const LEAST_CORNER_COSINE: f64 = -0.984_807_753_012_208;
+
+/// Least length cut from an element, mm: shorter curves gain no time, and rounding would show in their curvature.
+pub(crate) const LEAST_CORNER_CUT_MM: f64 = 1e-4;
+
+/// Largest angle that an element turns in the length cut from it, rad, by its curvature at the corner: the curve is
+/// then close to the one between lines.
+pub(crate) const LARGEST_CORNER_TURN_RAD: f64 = 0.5;
+
+/// What of the tolerance is left unused, mm: positions on splines and on the elements are exact to 1e-9 mm.
+pub(crate) const UNUSED_TOLERANCE_MM: f64 = 2e-9;
+
+/// Part of the tolerance used where deviations are sampled: the largest lies between two samples, each at most
+/// 1/64 of the curve from it, where a deviation that changes over a tenth of the curve falls by less than 2 %.
+pub(crate) const USED_SAMPLED_TOLERANCE: f64 = 0.97;
+
+/// Samples of the deviation in each half of the curve.
+pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
+
+/// Most tries for the cut between curves.
+pub(crate) const MAX_CORNER_TRIES: usize = 12;
+
+/// Elements after which a path is planned for the first time, so that its first setpoints do not wait for the whole
+/// window: they come within milliseconds. In the first half of these, which is released, a path from rest has room to
+/// stop in the second half from whatever speed it has reached.
+pub(crate) const FIRST_PLAN: usize = 1_000;

@@ -215,8 +215,9 @@ fn with_high_jerk_plans_take_the_time_of_the_acceleration_limited_optimum() {
 
 #[test]
 fn where_curves_limit_the_speed_the_loss_is_what_their_shares_leave() {
-    // On a curve the centripetal acceleration may use a fixed share of the axes' and the speed changes another, see
-    // `limits`; the optimum trades one for the other at every place.
+    // On a curve the centripetal acceleration may use a fixed share of the axes' and the speed changes another, and both
+    // are those of the weakest axis in the plane, see `limits`; the optimum trades one for the other at every place and
+    // uses each axis where the curve asks for it.
     let machine = machine(1e9);
     let half = std::f64::consts::PI;
     let cases = [
@@ -279,6 +280,9 @@ fn fewest_steps(pieces: &Pieces) -> u32 {
     unreachable!("the loop ends")
 }
 
+// The slow case is a short fast stretch between two slow ones: runs meet without acceleration, so that the fast stretch
+// starts from none, where the optimum is already at full acceleration when it leaves the slow stretch. It costs two jerk
+// ramps (20 ms of a 40 ms path here) and matters less the longer the stretch is.
 #[test]
 fn short_paths_come_close_to_the_exhaustive_optimum() {
     // Lengths are multiples of 6: the lattice reaches them exactly.

@@ -248,3 +248,30 @@ fn feed_hold_keeps_what_follows_however_full_the_window_is() {
         assert_eq!(kept[kept.len() - 2..], path[path.len() - 2..]);
     }
 }
+
+#[test]
+fn what_does_not_follow_the_override_is_run_as_programmed_and_held_only_after_it() {
+    let mut all = requests(&[(40.0, 50.0, 1_000.0, 1); 3]);
+    all[1].follows_override = false;
+    let top_speeds = |ratio: f64| {
+        let mut planner = planner(100);
+        planner.restart(0.0, ratio, all.iter().cloned().map(PathItem::Motion).collect()).expect("from rest");
+        planner.finish();
+        let speeds: Vec<f64> = take(&mut planner)
+            .iter()
+            .map(|motion| {
+                motion.stretches.iter().map(|stretch| stretch.profile.whole().peak_velocity()).fold(0.0, f64::max)
+            })
+            .collect();
+        (speeds, planner.is_held())
+    };
+    assert_eq!(top_speeds(0.5), (vec![25.0, 50.0, 25.0], false));
+    assert_eq!(top_speeds(0.0), (vec![], true));
+    // Under way in what does not follow it, the path rests only where that ends.
+    let mut planner = planner(100);
+    planner.restart(50.0, 0.0, all[1..].iter().cloned().map(PathItem::Motion).collect()).expect("there is room");
+    let planned = take(&mut planner);
+    assert_eq!((planned.len(), planner.is_held()), (1, true));
+    let [entry, exit] = end_speeds(&planned[0].stretches[0].profile);
+    assert_eq!((entry, exit, planned[0].stretches[0].stretch.end), (50.0, 0.0, 40.0));
+}

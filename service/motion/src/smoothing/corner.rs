@@ -36,26 +36,11 @@
 use feedwave_program::Axis;
 
 use super::vector::{Vector, difference, dot, linear, norm, scaled, sum};
-use crate::tolerance::{SAME_POINT_MM, TANGENT_TOLERANCE_RAD};
+use crate::tolerance::{
+    CORNER_HALF_SAMPLES, LARGEST_CORNER_TURN_RAD, LEAST_CORNER_COSINE, LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES,
+    SAME_POINT_MM, TANGENT_TOLERANCE_RAD, UNUSED_TOLERANCE_MM, USED_SAMPLED_TOLERANCE,
+};
 use crate::{Curve, Element};
-
-/// Cosine of the largest deflection that is rounded, 170°: beyond it the path turns back, and the curve would be as
-/// tight as the corner.
-const LEAST_COSINE: f64 = -0.984_807_753_012_208;
-/// Least length cut from an element, mm: shorter curves gain no time, and rounding would show in their curvature.
-const LEAST_CUT_MM: f64 = 1e-4;
-/// Largest angle that an element turns in the length cut from it, rad, by its curvature at the corner: the curve is
-/// then close to the one between lines.
-const LARGEST_TURN_RAD: f64 = 0.5;
-/// What of the tolerance is left unused, mm: positions on splines and on the elements are exact to 1e-9 mm.
-const UNUSED_TOLERANCE_MM: f64 = 2e-9;
-/// Part of the tolerance used where deviations are sampled: the largest lies between two samples, each at most
-/// 1/64 of the curve from it, where a deviation that changes over a tenth of the curve falls by less than 2 %.
-const USED_SAMPLED_TOLERANCE: f64 = 0.97;
-/// Samples of the deviation in each half of the curve.
-const HALF_SAMPLES: usize = 16;
-/// Most tries for the cut between curves.
-const MAX_TRIES: usize = 12;
 
 /// Control points of a quintic Bézier curve, mm.
 pub(super) type ControlPoints = [Vector; 6];
@@ -107,10 +92,10 @@ impl Rounding {
     fn sampled_deviation(&self, points: &ControlPoints, before: &Element, after: &Element) -> f64 {
         let mut largest = 0.0_f64;
         for (element, points, is_before) in [(before, *points, true), (after, reversed(points), false)] {
-            let mut s = [0.0; HALF_SAMPLES];
-            let mut curve = [[0.0; 3]; HALF_SAMPLES];
+            let mut s = [0.0; CORNER_HALF_SAMPLES];
+            let mut curve = [[0.0; 3]; CORNER_HALF_SAMPLES];
             for (index, (s, curve)) in s.iter_mut().zip(&mut curve).enumerate() {
-                let weights = bernstein(0.5 * (index + 1) as f64 / HALF_SAMPLES as f64);
+                let weights = bernstein(0.5 * (index + 1) as f64 / CORNER_HALF_SAMPLES as f64);
                 // (A − D)/d: how far from the corner, from 1 at the cut to 0 in the middle of the curve.
                 let shares = [1.0, self.shape.second, self.shape.third];
                 let share: f64 = (0..3).map(|index| (weights[index] - weights[5 - index]) * shares[index]).sum();
@@ -119,9 +104,9 @@ impl Rounding {
                 *curve =
                     weights.iter().zip(&points).fold([0.0; 3], |at, (&weight, &point)| sum(at, scaled(point, weight)));
             }
-            let mut squares = [0.0; HALF_SAMPLES];
+            let mut squares = [0.0; CORNER_HALF_SAMPLES];
             for (index, axis) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
-                let mut path = [0.0; HALF_SAMPLES];
+                let mut path = [0.0; CORNER_HALF_SAMPLES];
                 element.fill_axis(axis, &s, &mut path);
                 for ((square, path), curve) in squares.iter_mut().zip(&path).zip(&curve) {
                     *square += (curve[index] - path) * (curve[index] - path);
@@ -145,24 +130,24 @@ pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, mos
     let kink = norm(difference(to.tangent, from.tangent));
     let cosine = dot(from.tangent, to.tangent);
     // Not negated, so that a direction that is no number is refused as well.
-    if !(kink > TANGENT_TOLERANCE_RAD && cosine >= LEAST_COSINE) {
+    if !(kink > TANGENT_TOLERANCE_RAD && cosine >= LEAST_CORNER_COSINE) {
         return None;
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
     let shape = Shape::of(0.5 * kink);
     let for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
-    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CUT_MM).then_some(Rounding { cut_mm, shape });
+    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape });
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
         return is_enough(for_lines.min(most_cut_mm));
     }
 
     let curvature = norm(from.curvature).max(norm(to.curvature));
-    let most_cut_mm = most_cut_mm.min(LARGEST_TURN_RAD / curvature);
+    let most_cut_mm = most_cut_mm.min(LARGEST_CORNER_TURN_RAD / curvature);
     let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;
     let mut good: Option<Rounding> = None;
     let mut bad = f64::INFINITY;
     let mut cut_mm = (for_lines * USED_SAMPLED_TOLERANCE).min(most_cut_mm);
-    for _ in 0..MAX_TRIES {
+    for _ in 0..MAX_CORNER_TRIES {
         let rounding = is_enough(cut_mm)?;
         let points = rounding.control_points(Joint::of(before, before.length - cut_mm), Joint::of(after, cut_mm));
         let deviation_mm =

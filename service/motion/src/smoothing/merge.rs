@@ -5,9 +5,6 @@ use feedwave_program::Position;
 use super::trim::distance;
 use super::vector::{Vector, difference, dot, linear, norm, scaled};
 
-/// Most points left out of one line: bounds the work of a block and the state of a checkpoint.
-pub(super) const MAX_POINTS: usize = 512;
-
 /// Largest distance of the points between from the line from `start` to `end`, mm; `None` where it is more than
 /// `tolerance_mm`, or where the points do not follow each other along the line.
 ///

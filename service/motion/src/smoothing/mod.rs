@@ -23,12 +23,8 @@ use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
 use self::vector::Vector;
+use crate::tolerance::{CORNER_SHARE, MAX_MERGED_POINTS, MERGING_SHARE};
 use crate::{Curve, Element, Spline};
-
-/// Part of the tolerance `P` that merging may use: the rest is left to the corners.
-const MERGING_SHARE: f64 = 0.5;
-/// Part of an element that may be cut off at one of its ends: something is left between two rounded corners.
-const CORNER_SHARE: f64 = 0.45;
 
 /// What belongs to an element besides its path, such as its feed. Lines are merged where it is equal.
 pub trait Carried: Clone + PartialEq {
@@ -114,7 +110,7 @@ impl<T: Carried> PathSmoother<T> {
             && next.carried == run.carried
             && next.element.work_offset == run.element.work_offset
             && next.element.start == run.element.end;
-        if !alike || self.between.len() >= merge::MAX_POINTS {
+        if !alike || self.between.len() >= MAX_MERGED_POINTS {
             return false;
         }
         self.between.push(vector::linear(&run.element.end));

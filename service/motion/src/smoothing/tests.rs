@@ -178,7 +178,7 @@ fn a_run_is_bounded() {
     let mut smoothed = Vec::new();
     for (element, control, cut) in blocks(polyline(&points), within(0.01, 0.01)) {
         smoother.push(element, control, cut, &mut |element| smoothed.push(element));
-        assert!(smoother.between.len() <= merge::MAX_POINTS);
+        assert!(smoother.between.len() <= MAX_MERGED_POINTS);
     }
     smoother.flush(&mut |element| smoothed.push(element));
     assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks).collect::<Vec<_>>(), [513, 513, 513, 461]);

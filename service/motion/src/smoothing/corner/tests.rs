@@ -45,7 +45,7 @@ fn right_angle_between_lines_is_rounded_by_the_closed_form() {
 
 #[test]
 fn least_cosine_is_that_of_170_degrees() {
-    assert!((LEAST_COSINE - 170.0_f64.to_radians().cos()).abs() < 1e-15);
+    assert!((LEAST_CORNER_COSINE - 170.0_f64.to_radians().cos()).abs() < 1e-15);
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn corners_that_cannot_be_rounded_stay() {
     assert_eq!(rounding(&before, &towards(171.0), 0.01, 4.5), None, "turns back");
     assert_eq!(rounding(&before, &towards(0.05), 0.01, 4.5), None, "tangent already");
     assert_eq!(rounding(&before, &towards(90.0), 0.0, 4.5), None, "no tolerance");
-    assert_eq!(rounding(&before, &towards(90.0), 0.01, 0.5 * LEAST_CUT_MM), None, "too short");
+    assert_eq!(rounding(&before, &towards(90.0), 0.01, 0.5 * LEAST_CORNER_CUT_MM), None, "too short");
     assert_eq!(rounding(&before, &line([0.0, 1e-6, 0.0], [0.0, 10.0, 0.0]), 0.01, 4.5), None, "a gap");
 }
 
@@ -87,7 +87,7 @@ proptest! {
         let most_cut_mm = share * before.length.min(after.length);
         let Some(rounding) = rounding(before, after, tolerance_mm, most_cut_mm) else { return Ok(()) };
         let cut_mm = rounding.cut_mm;
-        prop_assert!((LEAST_CUT_MM..=most_cut_mm).contains(&cut_mm));
+        prop_assert!((LEAST_CORNER_CUT_MM..=most_cut_mm).contains(&cut_mm));
         let [rest_before, rest_after] = [
             before.part(0.0, before.length - cut_mm).expect("a rest"),
             after.part(cut_mm, after.length).expect("a rest"),
@@ -125,7 +125,7 @@ proptest! {
         prop_assume!((0.2..2.5).contains(&deflection));
         let most_cut_mm = 0.45 * before.length.min(after.length);
         let found = rounding(before, after, tolerance_mm, most_cut_mm);
-        prop_assume!(tolerance_mm > LEAST_CUT_MM && most_cut_mm > 4.0 * LEAST_CUT_MM);
+        prop_assume!(tolerance_mm > LEAST_CORNER_CUT_MM && most_cut_mm > 4.0 * LEAST_CORNER_CUT_MM);
         let found = found.expect("a corner to round");
         let cut_mm = found.cut_mm;
         let turn = norm(from.curvature).max(norm(to.curvature)) * cut_mm;
