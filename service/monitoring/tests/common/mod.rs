@@ -1,5 +1,5 @@
 //! Synthetic telemetry: a spindle at a steady speed with a deflection that the test chooses.
-#![allow(dead_code)] // Each test binary uses a part of it.
+#![allow(dead_code, reason = "every test file uses its part")]
 
 use feedwave_monitoring::{
     Batch, Decision, Event, Grouping, Length, Monitor, MonitoringConfig, Pair, Quality, Rules, ToolCheck,
