@@ -131,6 +131,10 @@ impl Builder {
         }
         match &operation.kind {
             OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
+            OperationKind::Thread(_) => {
+                let message = "threading passes are not carried out yet";
+                findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
+            }
             OperationKind::Dwell(time) => {
                 self.close_section(planner);
                 let duration_s = match *time {
@@ -162,6 +166,10 @@ impl Builder {
             OperationKind::Function(command) => match command.function {
                 Function::PathVibration => {
                     self.switch_vibration(command, operation.span, config, planner, findings);
+                }
+                Function::ThreadVibration => {
+                    let message = "thread vibration is not carried out yet";
+                    findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
                 }
             },
             OperationKind::Stop { .. } => {

@@ -24,7 +24,7 @@ pub use interpreter::{Interpreter, LineOutcome, interpret};
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
-    OperationKind, PathControl, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry,
+    OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadMove,
 };
 pub use settings::{
     DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, MAX_PATH_TOLERANCE_MM,

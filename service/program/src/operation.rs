@@ -23,6 +23,8 @@ pub struct Operation {
 pub enum OperationKind {
     /// Axis motion.
     Move(Move),
+    /// A threading pass.
+    Thread(Box<ThreadMove>),
     /// Stand still (`G4`).
     Dwell(DwellTime),
     /// The spindle starts, stops, or its commanded speed changes.
@@ -80,6 +82,47 @@ pub struct Move {
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.
     pub tool: u32,
+}
+
+/// A threading pass (`G32`, `G33`, and every pass of a threading cycle): the lead axis follows the spindle angle.
+///
+/// Blocks that follow each other without anything between them are one thread of several parts: only the first
+/// waits for the spindle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadMove {
+    /// Where the block before ended, in the work coordinates of this block.
+    pub start: Position,
+    /// The programmed end point, in work coordinates.
+    pub end: Position,
+    /// Work offset: machine position = work position + offset, per axis.
+    pub work_offset: Position,
+    /// Travel per spindle revolution along whichever of X (radius) and Z travels further, mm.
+    pub lead_mm: f64,
+    /// Spindle angle from the thread-start reference point at which the lead axis starts (`Q`), degrees.
+    pub start_angle_deg: f64,
+    /// Which start of a multi-start thread the pass cuts, from 0, where a cycle says so.
+    pub thread_start: u32,
+    /// Peak-to-peak vibration on the radius (`A`), mm, where the pass has its own.
+    pub amplitude_mm: Option<f64>,
+    /// Phase shift of the vibration (`R`), degrees, where the pass has its own.
+    pub phase_shift_deg: Option<f64>,
+    /// How the tool leaves the thread before its end.
+    pub pull_out: Option<PullOut>,
+    /// Included angle of the tool, degrees, where a cycle names it.
+    pub included_angle_deg: Option<f64>,
+    /// Spindle state while this block runs.
+    pub spindle: Spindle,
+    /// Tool number while this block runs, 0 before the first `T`.
+    pub tool: u32,
+}
+
+/// How the tool leaves a thread before its end: a chamfer of a threading cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PullOut {
+    /// Travel along the lead axis before the end point within which the tool is pulled out, mm.
+    pub travel_mm: f64,
+    /// By how much it is pulled out at the end point, signed change of X, mm on the radius.
+    pub retreat_mm: f64,
 }
 
 /// A circular arc or helix; the start and end radii agree within the arc tolerance.
@@ -234,6 +277,8 @@ pub struct Coolant {
 pub enum Function {
     /// Vibration along the path: on with `F` (Hz) and `A` (mm).
     PathVibration,
+    /// Vibration of threading passes: on with the work diameter (`X`) and the ratio of amplitude to infeed (`Q`).
+    ThreadVibration,
 }
 
 /// A block that switches a machining function. The words are those of the function's table in the dialect,

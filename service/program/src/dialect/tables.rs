@@ -188,6 +188,8 @@ pub(super) static MILL: Dialect = Dialect {
 pub(crate) const fn function_words(function: Function, on: bool) -> &'static [(u8, bool)] {
     match (function, on) {
         (Function::PathVibration, true) => &[(b'F', false), (b'A', true)],
-        (Function::PathVibration, false) => &[],
+        // X is a radius here as everywhere.
+        (Function::ThreadVibration, true) => &[(b'X', true), (b'Q', false)],
+        (Function::PathVibration | Function::ThreadVibration, false) => &[],
     }
 }

@@ -13,6 +13,9 @@ use proto::ColumnKind as Kind;
 pub const MAX_CHUNK_SIZE: u32 = 1 << 17;
 /// Setpoints per chunk unless the client says otherwise, bounded by [`USUAL_CHUNK_BYTES`].
 const USUAL_CHUNK_SIZE: usize = 8_192;
+/// Setpoints in the first chunk, which is sent as soon as they are there, and by how much the next ones grow.
+const FIRST_CHUNK_SIZE: usize = 256;
+const CHUNK_GROWTH: usize = 4;
 /// Size of a chunk unless the client says otherwise, bytes as packed doubles: where a stream is fastest.
 const USUAL_CHUNK_BYTES: usize = 256 << 10;
 /// Largest chunk, bytes as packed doubles: well below the 4 MiB that clients accept unless told otherwise.
@@ -154,6 +157,8 @@ impl ColumnSource {
 pub(super) struct ChunkWriter<'a> {
     columns: &'a ColumnSet,
     chunk_size: usize,
+    /// Setpoints in the present chunk.
+    wanted: usize,
     chunk: proto::SetpointChunk,
     /// Steps of the last value of each column, for the next difference.
     last_steps: Vec<i64>,
@@ -161,7 +166,13 @@ pub(super) struct ChunkWriter<'a> {
 
 impl<'a> ChunkWriter<'a> {
     pub(super) fn new(columns: &'a ColumnSet, chunk_size: usize, first_index: u64) -> Self {
-        let mut writer = Self { columns, chunk_size, chunk: proto::SetpointChunk::default(), last_steps: Vec::new() };
+        let mut writer = Self {
+            columns,
+            chunk_size,
+            wanted: chunk_size.min(FIRST_CHUNK_SIZE),
+            chunk: proto::SetpointChunk::default(),
+            last_steps: Vec::new(),
+        };
         writer.begin(first_index);
         writer
     }
@@ -174,11 +185,11 @@ impl<'a> ChunkWriter<'a> {
         mut send: impl FnMut(proto::SetpointChunk) -> bool,
     ) -> bool {
         while !rows.is_empty() {
-            let room = self.chunk_size - self.chunk.count as usize;
+            let room = self.wanted - self.chunk.count as usize;
             let taken = rows.start..rows.end.min(rows.start + room);
             rows.start = taken.end;
             self.append(block, taken);
-            if self.chunk.count as usize == self.chunk_size && !send(self.take()) {
+            if self.chunk.count as usize == self.wanted && !send(self.take()) {
                 return false;
             }
         }
@@ -216,6 +227,7 @@ impl<'a> ChunkWriter<'a> {
     fn take(&mut self) -> proto::SetpointChunk {
         let next = self.chunk.first_index + u64::from(self.chunk.count);
         let full = std::mem::take(&mut self.chunk);
+        self.wanted = (CHUNK_GROWTH * self.wanted).min(self.chunk_size);
         self.begin(next);
         full
     }
@@ -223,8 +235,8 @@ impl<'a> ChunkWriter<'a> {
     fn begin(&mut self, first_index: u64) {
         let fixed_point = self.columns.encoding == proto::Encoding::FixedPointDelta;
         let column = || proto::Column {
-            values: Vec::with_capacity(if fixed_point { 0 } else { self.chunk_size }),
-            deltas: Vec::with_capacity(if fixed_point { self.chunk_size } else { 0 }),
+            values: Vec::with_capacity(if fixed_point { 0 } else { self.wanted }),
+            deltas: Vec::with_capacity(if fixed_point { self.wanted } else { 0 }),
         };
         self.chunk = proto::SetpointChunk {
             first_index,
