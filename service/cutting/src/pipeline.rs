@@ -282,18 +282,24 @@ impl Pipeline {
     /// Fills the next block of setpoints. `block` comes from [`Pipeline::new_block`] and may be used again and
     /// again.
     pub fn next_block(&mut self, block: &mut SetpointBlock) -> Step {
+        self.next_setpoints(block, BLOCK_LENGTH)
+    }
+
+    /// [`Pipeline::next_block`] with at most so many setpoints, for whoever waits for the first ones. `most` is 1 to
+    /// [`BLOCK_LENGTH`]; beyond, the nearest of the two holds.
+    pub fn next_setpoints(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
         if !self.block_begun {
             block.clear(self.interpolator.next_index());
             self.block_begun = true;
         }
-        let step = self.run(block);
+        let step = self.run(block, most.clamp(1, BLOCK_LENGTH));
         self.block_begun = step == Step::NeedInput;
         step
     }
 
-    fn run(&mut self, block: &mut SetpointBlock) -> Step {
+    fn run(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
         loop {
-            match self.interpolator.fill(block) {
+            match self.interpolator.fill(block, most) {
                 Fill::Full => break,
                 Fill::Ended => return if block.is_empty() { Step::Finished } else { Step::Block },
                 Fill::SectionEnded => {

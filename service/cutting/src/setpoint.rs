@@ -2,7 +2,7 @@
 
 use feedwave_motion::Machine;
 
-/// Periods in a full block. Blocks start at multiples of it, wherever a stream starts.
+/// Periods in a full block.
 pub const BLOCK_LENGTH: usize = 1_024;
 
 /// Which coordinates the axis columns are in.
@@ -34,7 +34,7 @@ pub struct ServoColumns {
 /// time `(first_index + i) · Δt`; setpoint 0 of a program is its start position at time 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SetpointBlock {
-    /// Index of the first setpoint; a multiple of [`BLOCK_LENGTH`].
+    /// Index of the first setpoint.
     pub first_index: u64,
     /// One column per machine axis in the order of the profile: mm (X a radius) or degrees.
     pub axes: Vec<Vec<f64>>,

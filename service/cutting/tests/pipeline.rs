@@ -91,7 +91,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn how_the_input_is_cut_makes_no_difference(blocks in programs(), piece in 1..200_usize) {
+    fn how_input_and_output_are_cut_makes_no_difference(blocks in programs(), piece in 1..200_usize) {
         let program = text(&blocks);
         let whole = run(&program, &mill());
         let pieces = run_in_pieces(program.as_bytes(), &mill(), piece);

@@ -70,12 +70,12 @@ impl Scratch {
 }
 
 impl Interpolator {
-    /// Adds the activity's next setpoints to the block.
-    pub(super) fn emit(&mut self, block: &mut SetpointBlock, activity: Activity) {
+    /// Adds the activity's next setpoints to the block, at most `most` of them.
+    pub(super) fn emit(&mut self, block: &mut SetpointBlock, activity: Activity, most: usize) {
         let start = block.len();
         let state = &self.state;
         let last = state.pause.map_or(activity.last, |pause| activity.last.min(pause.saturating_sub(1)));
-        let count = usize::try_from(last - state.next + 1).unwrap_or(usize::MAX).min(BLOCK_LENGTH - start);
+        let count = usize::try_from(last - state.next + 1).unwrap_or(usize::MAX).min(most);
         grow(block, start + count);
 
         let first = state.next - state.clock.period;

@@ -282,9 +282,10 @@ impl Interpolator {
         }
     }
 
-    /// Adds setpoints to `block` until it is full, items are missing, a section has ended or the program has.
-    pub(crate) fn fill(&mut self, block: &mut SetpointBlock) -> Fill {
-        while block.len() < BLOCK_LENGTH {
+    /// Adds setpoints to `block` until it has `most` (at most [`BLOCK_LENGTH`]), items are missing, a section has ended
+    /// or the program has.
+    pub(crate) fn fill(&mut self, block: &mut SetpointBlock, most: usize) -> Fill {
+        while block.len() < most {
             if self.state.ended {
                 return Fill::Ended;
             }
@@ -293,7 +294,7 @@ impl Interpolator {
                     if self.state.pause == Some(self.state.next) {
                         return Fill::Paused;
                     }
-                    self.emit(block, activity);
+                    self.emit(block, activity, most - block.len());
                 }
                 Some(activity) => {
                     self.complete(activity);

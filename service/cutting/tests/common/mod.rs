@@ -54,14 +54,14 @@ impl Setpoints {
     }
 }
 
-/// Feeds a program in pieces of `piece` bytes.
+/// Feeds a program in pieces of `piece` bytes, and asks for as many setpoints at a time.
 pub fn run_in_pieces(program: &[u8], config: &PipelineConfig, piece: usize) -> Setpoints {
     let mut pipeline = Pipeline::new(Arc::new(config.clone()));
     let mut block = pipeline.new_block();
     let mut setpoints = Setpoints::default();
     let mut pieces = program.chunks(piece.max(1));
     loop {
-        match pipeline.next_block(&mut block) {
+        match pipeline.next_setpoints(&mut block, piece) {
             Step::Block => setpoints.append(&block),
             Step::NeedInput => match pieces.next() {
                 Some(bytes) => pipeline.push(bytes),

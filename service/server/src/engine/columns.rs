@@ -13,8 +13,10 @@ use proto::ColumnKind as Kind;
 pub const MAX_CHUNK_SIZE: u32 = 1 << 17;
 /// Setpoints per chunk unless the client says otherwise, bounded by [`USUAL_CHUNK_BYTES`].
 const USUAL_CHUNK_SIZE: usize = 8_192;
-/// Setpoints in the first chunk, which is sent as soon as they are there, and by how much the next ones grow.
-const FIRST_CHUNK_SIZE: usize = 256;
+/// Setpoints in the first chunk, which is sent as soon as they are there. With a period of 20 ms they are more than a
+/// second of machining, while the next ones are generated.
+pub(super) const FIRST_CHUNK_SIZE: usize = 64;
+/// By how much the next chunks grow.
 const CHUNK_GROWTH: usize = 4;
 /// Size of a chunk unless the client says otherwise, bytes as packed doubles: where a stream is fastest.
 const USUAL_CHUNK_BYTES: usize = 256 << 10;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 
-use feedwave_cutting::{Pipeline, PipelineConfig, Step};
+use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
 use feedwave_program::Severity;
 use feedwave_store::{Checkpoints as _, JobDetail};
 use futures_util::Stream;
@@ -15,7 +15,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-use super::columns::{ChunkWriter, ColumnSet};
+use super::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
 use super::expand::Expander;
 use super::source::Source;
 use super::{Engine, JobGuard, checkpoint_set};
@@ -270,13 +270,16 @@ impl Run {
         let mut expander = plan.expand.map(|substeps| Expander::new(machine, substeps, plan.config.period_s()));
         // Number of setpoints in the stream's own index, known once the last one was generated.
         let mut end = 0;
+        // Nobody waits for a whole block before anything comes.
+        let mut most = FIRST_CHUNK_SIZE;
         while !self.outlet.ends.reached() {
-            match self.pipeline.next_block(&mut block) {
+            match self.pipeline.next_setpoints(&mut block, most) {
                 Step::NeedInput => match self.source.next()? {
                     Some(bytes) => self.pipeline.push(&bytes),
                     None => self.pipeline.finish_input(),
                 },
                 Step::Block => {
+                    most = BLOCK_LENGTH;
                     if block.first_index + block.len() as u64 <= self.first_block_index {
                         end = stream_index(block.first_index + block.len() as u64 - 1, plan.expand) + 1;
                         continue;
