@@ -20,7 +20,7 @@ use self::columns::{ColumnMap, Scratch};
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};
 use crate::path_vibration::direction_change;
-use crate::{BLOCK_LENGTH, Frame, GenerationMode, LimitTimes, SetpointBlock, sin_turns};
+use crate::{Frame, GenerationMode, LimitTimes, SetpointBlock, sin_turns};
 
 /// What a call to [`Interpolator::fill`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -282,7 +282,7 @@ impl Interpolator {
         }
     }
 
-    /// Adds setpoints to `block` until it has `most` (at most [`BLOCK_LENGTH`]), items are missing, a section has ended
+    /// Adds setpoints to `block` until it has `most`, items are missing, a section has ended
     /// or the program has.
     pub(crate) fn fill(&mut self, block: &mut SetpointBlock, most: usize) -> Fill {
         while block.len() < most {
