@@ -9,7 +9,8 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-const SERVICES: [&str; 4] = ["feedwave.v1.Jobs", "feedwave.v1.Machines", "feedwave.v1.Setpoints", "feedwave.v1.Tools"];
+const SERVICES: [&str; 5] =
+    ["feedwave.v1.Jobs", "feedwave.v1.Machines", "feedwave.v1.Setpoints", "feedwave.v1.Threads", "feedwave.v1.Tools"];
 
 #[tokio::test]
 async fn every_service_says_that_it_serves() {

@@ -167,7 +167,7 @@ def test_errors_carry_details(service):
 def test_the_service_describes_itself(channel):
     database = ProtoReflectionDescriptorDatabase(channel)
     services = set(database.get_services())
-    names = ["Jobs", "Machines", "Setpoints", "Tools"]
+    names = ["Jobs", "Machines", "Setpoints", "Threads", "Tools"]
     assert {f"feedwave.v1.{name}" for name in names} | {"grpc.health.v1.Health"} <= services
     described = DescriptorPool(database).FindServiceByName("feedwave.v1.Setpoints")
     assert "StreamSetpoints" in {method.name for method in described.methods}

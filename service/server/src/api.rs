@@ -8,6 +8,7 @@ mod machines;
 mod mask;
 mod programs;
 mod setpoints;
+mod threads;
 mod tools;
 
 use std::sync::Arc;

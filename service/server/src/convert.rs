@@ -4,6 +4,8 @@
 mod feed_override;
 mod profile;
 mod report;
+mod thread;
+mod thread_request;
 mod tool;
 
 use feedwave_cutting::GenerationMode;
@@ -11,7 +13,9 @@ use prost_types::Timestamp;
 
 pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
-pub use report::{report_to_proto, summary_to_proto};
+pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
+pub use thread::{thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
+pub use thread_request::thread_request_from_proto;
 pub use tool::{check_tool, tool_for_pipeline};
 
 use crate::error::Violations;

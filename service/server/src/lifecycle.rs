@@ -36,14 +36,21 @@ use crate::proto::DESCRIPTOR_SET;
 use crate::proto::jobs_server::JobsServer;
 use crate::proto::machines_server::MachinesServer;
 use crate::proto::setpoints_server::SetpointsServer;
+use crate::proto::threads_server::ThreadsServer;
 use crate::proto::tools_server::ToolsServer;
 
 /// Connections are asked for a sign of life after this time without one.
 const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
 
 /// Names of the services, for health.
-const SERVICES: [&str; 5] =
-    ["", JobsServer::<Api>::NAME, SetpointsServer::<Api>::NAME, MachinesServer::<Api>::NAME, ToolsServer::<Api>::NAME];
+const SERVICES: [&str; 6] = [
+    "",
+    JobsServer::<Api>::NAME,
+    SetpointsServer::<Api>::NAME,
+    ThreadsServer::<Api>::NAME,
+    MachinesServer::<Api>::NAME,
+    ToolsServer::<Api>::NAME,
+];
 
 /// Why a server could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -274,6 +281,7 @@ fn routes(api: &Api, config: &Config, health: &HealthReporter) -> Result<Routes,
             .send_compressed(CompressionEncoding::Gzip),
     )
     .add_service(SetpointsServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(ThreadsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(MachinesServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(ToolsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(tonic_health::pb::health_server::HealthServer::new(health))

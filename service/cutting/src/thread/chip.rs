@@ -107,15 +107,21 @@ impl Margin {
     }
 }
 
-/// The largest of several margins: how far the tool is out of all that earlier passes left, wherever it is.
+/// How far the tool of one pass is out of the uncut work and of all that earlier passes left, over the phase.
+///
+/// The largest of several sinusoids of the phase ψ = D·ϑ, ϑ the spindle angle of the groove's first pass.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Clearance {
+pub struct Clearance {
     margins: Vec<Margin>,
 }
 
 impl Clearance {
     /// Of pass `index` over the uncut work and all earlier passes of its groove.
-    pub(super) fn of(job: &ThreadJob, index: usize, level: ChipLevel) -> Self {
+    ///
+    /// # Panics
+    /// Where the thread has no such pass.
+    #[must_use]
+    pub fn of(job: &ThreadJob, index: usize, level: ChipLevel) -> Self {
         let (pass, place) = (&job.passes[index], job.place(index));
         let own = Margin::retreat(pass.amplitude_mm, place.phase_shift_deg);
         let still = Margin::retreat(0.0, 0.0);
@@ -135,6 +141,14 @@ impl Clearance {
             self.margins.retain(|known| !margin.covers(*known));
             self.margins.push(margin);
         }
+    }
+
+    /// Clearance at a phase ψ, degrees, mm on the radius: 0 and above in the air, below it the thickness is what is
+    /// missing.
+    #[must_use]
+    pub fn at_mm(&self, phase_deg: f64) -> f64 {
+        let (cosine, sine) = (cos_deg(phase_deg), cos_deg(phase_deg - 90.0));
+        self.margins.iter().map(|margin| margin.at(cosine, sine)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Arcs of air as start and end phase, apart and in order; one of a full turn where everything is air.
@@ -176,7 +190,8 @@ impl Clearance {
     /// The deepest that the tool is in the work at any phase, mm on the radius.
     ///
     /// The largest of sinusoids is smallest at the trough of one of them or where two of them are equal.
-    pub(super) fn largest_thickness_mm(&self) -> f64 {
+    #[must_use]
+    pub fn largest_thickness_mm(&self) -> f64 {
         let mut thickness_mm = 0.0_f64;
         let mut look = |phase: f64| {
             let (cosine, sine) = (libm::cos(phase), libm::sin(phase));

@@ -19,7 +19,7 @@ mod tests;
 mod wave;
 mod wording;
 
-pub use chip::{ChipLevel, ThreadChip};
+pub use chip::{ChipLevel, Clearance, ThreadChip};
 pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
 pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};

@@ -190,7 +190,7 @@ impl Api {
     }
 
     /// A stored machine's profile, and as the contract has it.
-    async fn machine_profile(&self, id: &str) -> Result<(MachineProfile, proto::MachineProfile)> {
+    pub(super) async fn machine_profile(&self, id: &str) -> Result<(MachineProfile, proto::MachineProfile)> {
         let record = self.store.machine(id).await?;
         let machine: proto::Machine = json::from_stored(record.body.get())?;
         let document = machine.profile.unwrap_or_default();

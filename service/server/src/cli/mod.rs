@@ -17,6 +17,7 @@ mod source;
 mod stream;
 mod submit;
 mod terminal;
+mod thread_plan;
 mod validate;
 
 use std::io;
@@ -45,6 +46,12 @@ pub enum Command {
     /// Writes one row per interpolation period: index, time, each axis, path position, feed, vibration offset, spindle
     /// angle, source line; the header says the units. A program with errors is refused, and no file appears.
     Plan(plan::Args),
+    /// Plan the passes of a thread so that its chip breaks, as a program
+    ///
+    /// Finds depths, amplitudes and phases with which the vibration of X breaks the chip in both models, depth only and
+    /// full section, within the limits of the machine and the tool, and leaves the finishing pass no more than it may find.
+    /// What cannot be cut so is refused with the numbers and what would help.
+    ThreadPlan(thread_plan::Args),
     /// Send a program to a running service and show what it found
     ///
     /// The job is stored durably before the service answers. Small programs travel with the request; larger ones are
@@ -73,6 +80,7 @@ impl Command {
         let result = match self {
             Self::Validate(args) => validate::run(args),
             Self::Plan(args) => plan::run(args),
+            Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
             Self::Demo(args) => demo::run(args).await,

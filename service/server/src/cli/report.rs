@@ -2,6 +2,9 @@
 //! this machine or from a service.
 
 mod section;
+mod thread;
+
+pub(super) use thread::text as thread_text;
 
 use super::CliError;
 use super::findings;

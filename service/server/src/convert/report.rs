@@ -13,7 +13,7 @@ use crate::proto;
 #[must_use]
 pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     proto::ValidationReport {
-        findings: report.findings.iter().map(finding).collect(),
+        findings: report.findings.iter().map(finding_to_proto).collect(),
         sections: report.sections.iter().map(section).collect(),
         summary: Some(summary_to_proto(&report.summary)),
     }
@@ -73,7 +73,9 @@ const fn peak_place(place: &PeakPlace) -> proto::PeakPlace {
     proto::PeakPlace { setpoint_index, time_s, line }
 }
 
-fn finding(finding: &Finding) -> proto::Finding {
+/// A finding as the contract has it.
+#[must_use]
+pub fn finding_to_proto(finding: &Finding) -> proto::Finding {
     let severity = match finding.severity {
         Severity::Info => proto::Severity::Info,
         Severity::Warning => proto::Severity::Warning,

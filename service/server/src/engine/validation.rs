@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use feedwave_cutting::thread::{ThreadPlan, ThreadRequest, plan_thread};
 use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationReport};
+use feedwave_program::Finding;
 
 use super::source::Source;
 use crate::error::Result;
@@ -57,6 +59,21 @@ pub(super) fn validate(
 }
 
 impl super::Engine {
+    /// Plans the passes of a thread: some milliseconds of arithmetic.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Internal`] where no thread can be had for it.
+    pub async fn plan_thread(&self, request: ThreadRequest) -> Result<Result<ThreadPlan, Vec<Finding>>> {
+        use crate::error::Error;
+
+        let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
+        let run = self.inner.tasks.spawn_blocking(move || {
+            let _held = place;
+            plan_thread(&request)
+        });
+        run.await.map_err(Error::internal)
+    }
+
     /// Validates a program without storing anything. Dropping the future ends the work.
     ///
     /// # Errors

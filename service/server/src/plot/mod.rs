@@ -9,6 +9,7 @@ mod dynamics;
 mod motion;
 mod series;
 mod theme;
+mod thread;
 mod tool_path;
 mod trace;
 
@@ -24,6 +25,7 @@ use chip::ChipPicture;
 pub use chip::Cut;
 use dynamics::{DynamicsPicture, PathDynamics};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
+pub use thread::{ThreadPictures, write_thread};
 use tool_path::ToolPathPicture;
 pub use trace::{PathTrace, Point, Stretch};
 

@@ -125,3 +125,80 @@ fn an_unwritable_directory_is_said_plainly() {
     let error = plots().write(Path::new("/dev/null/pictures")).unwrap_err();
     assert!(error.to_string().starts_with("cannot create /dev/null/pictures: "));
 }
+
+mod thread {
+    use feedwave_cutting::thread::{
+        DepthLaw, GrooveProfile, InfeedPattern, PassMethod, SpindleRotation, StartUp, ThreadGeometry, ThreadLimits,
+        ThreadPlan, ThreadRequest, ThreadSide, judge_thread, plan_thread,
+    };
+
+    use crate::plot::{ThreadPictures, write_thread};
+
+    fn plan(side: ThreadSide, starts: u32, first_depth_mm: f64) -> ThreadPlan {
+        let geometry = ThreadGeometry {
+            side,
+            work_diameter_mm: 20.0,
+            start_z_mm: 10.0,
+            end_z_mm: -20.0,
+            taper: 0.02,
+            lead_mm: 2.0 * f64::from(starts),
+            starts,
+            rotation: SpindleRotation::Forward,
+        };
+        let request = ThreadRequest {
+            geometry,
+            hand: None,
+            profile: GrooveProfile::pointed(60.0),
+            depth_mm: 1.2,
+            finishing_allowance_mm: 0.02,
+            first_depth_mm,
+            infeed: InfeedPattern::Flank,
+            law: DepthLaw::SquareRoot,
+            method: PassMethod::StartAngle,
+            start_up: StartUp::Preparatory,
+            vibrations_per_rev: 1.5,
+            spindle_rev_per_min: 200.0,
+            amplitude_margin: 1.1,
+            limits: ThreadLimits { finishing_thickness_mm: Some(0.1), ..ThreadLimits::default() },
+        };
+        plan_thread(&request).unwrap()
+    }
+
+    #[test]
+    fn a_thread_has_three_pictures_whatever_its_passes() {
+        for (side, starts, first_depth_mm) in [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)] {
+            let plan = plan(side, starts, first_depth_mm);
+            let directory = tempfile::tempdir().unwrap();
+            let pictures = ThreadPictures { name: "thread".to_owned(), job: &plan.job, report: &plan.report };
+            let files = write_thread(&pictures, directory.path()).unwrap();
+            let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
+            let pictures = ["unrolled", "position", "section"];
+            let expected: Vec<_> =
+                pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("thread-{name}.{end}"))).collect();
+            assert_eq!(names, expected);
+            let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+            for (name, wanted) in [
+                ("thread-unrolled.svg", ["spindle angle, degrees", "Z, mm", "in the air with the full section"]),
+                ("thread-position.svg", ["spindle angle, degrees", "X (radius), mm", "a ribbon holds the chip"]),
+                ("thread-section.svg", ["along Z from the tip", "finished groove", "most is left at"]),
+            ] {
+                for wanted in wanted {
+                    assert!(text(name).contains(wanted), "{name}: {wanted}");
+                }
+            }
+            if starts > 1 {
+                assert!(text("thread-section.svg").contains("first of 3 starts"));
+            }
+        }
+    }
+
+    #[test]
+    fn an_impossible_thread_has_none() {
+        let mut job = plan(ThreadSide::External, 1, 0.6).job;
+        job.geometry.lead_mm = f64::NAN;
+        let report = judge_thread(&job, &ThreadLimits::default());
+        let directory = tempfile::tempdir().unwrap();
+        let pictures = ThreadPictures { name: "thread".to_owned(), job: &job, report: &report };
+        assert!(write_thread(&pictures, directory.path()).unwrap().is_empty());
+    }
+}

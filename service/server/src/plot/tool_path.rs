@@ -173,7 +173,7 @@ fn extent(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// Widens one of the ranges so that a millimetre is as long to the right as upwards.
-fn same_scale(size_px: (u32, u32), scale: Scale, x: Range<f64>, y: Range<f64>) -> (Range<f64>, Range<f64>) {
+pub(super) fn same_scale(size_px: (u32, u32), scale: Scale, x: Range<f64>, y: Range<f64>) -> (Range<f64>, Range<f64>) {
     let room = |pixels: u32, taken: f64| (f64::from(pixels) - f64::from(scale.px(taken))).max(1.0);
     let width_px = room(size_px.0, theme::PANEL_LEFT + theme::PANEL_RIGHT);
     let height_px = room(size_px.1, theme::PANEL_TOP + theme::PANEL_BOTTOM);

@@ -9,6 +9,7 @@ use parquet::record::Field;
 use serde_json::Value;
 
 mod service;
+mod thread_plan;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name)

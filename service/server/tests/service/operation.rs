@@ -123,7 +123,14 @@ async fn metrics_count_calls_by_method_and_code() {
 #[tokio::test(flavor = "multi_thread")]
 async fn health_and_reflection_are_served() {
     let test = TestServer::start().await;
-    for service in ["", "feedwave.v1.Jobs", "feedwave.v1.Setpoints", "feedwave.v1.Machines", "feedwave.v1.Tools"] {
+    for service in [
+        "",
+        "feedwave.v1.Jobs",
+        "feedwave.v1.Setpoints",
+        "feedwave.v1.Threads",
+        "feedwave.v1.Machines",
+        "feedwave.v1.Tools",
+    ] {
         let request = HealthCheckRequest { service: service.to_owned() };
         let response = HealthClient::new(test.channel.clone()).check(request).await.unwrap().into_inner();
         assert_eq!(response.status(), ServingStatus::Serving, "{service}");

@@ -1,0 +1,259 @@
+//! Threads and what is said about them, both ways: a stored report gives back the thread that it was made of.
+
+use feedwave_cutting::thread::{
+    CrestReport, GrooveProfile, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadGeometry, ThreadJob, ThreadPass,
+    ThreadPassReport, ThreadPlan, ThreadReport, ThreadSide, ThreadTextOptions, thread_program_text,
+};
+use feedwave_program::{Finding, SourceSpan};
+
+use super::finding_to_proto;
+use crate::proto;
+
+/// What the pass planner answered, with its program text.
+#[must_use]
+pub fn thread_plan_to_proto(
+    plan: &Result<ThreadPlan, Vec<Finding>>,
+    options: &ThreadTextOptions,
+) -> proto::PlanThreadResponse {
+    match plan {
+        Ok(ThreadPlan { job, report }) => proto::PlanThreadResponse {
+            thread: Some(thread_to_proto(job)),
+            report: Some(thread_report_to_proto(job, report)),
+            program: thread_program_text(job, options),
+            findings: report.findings.iter().map(finding_to_proto).collect(),
+        },
+        Err(findings) => proto::PlanThreadResponse {
+            findings: findings.iter().map(finding_to_proto).collect(),
+            ..proto::PlanThreadResponse::default()
+        },
+    }
+}
+
+/// A thread as the contract has it.
+#[must_use]
+pub fn thread_to_proto(job: &ThreadJob) -> proto::Thread {
+    proto::Thread {
+        geometry: Some(geometry_to_proto(&job.geometry)),
+        profile: Some(proto::GrooveProfile {
+            included_angle_deg: job.profile.included_angle_deg,
+            root_flat_mm: job.profile.root_flat_mm,
+        }),
+        vibrations_per_rev: job.vibrations_per_rev,
+        start_up: start_up_to_proto(job.start_up).into(),
+        run_up_angle_deg: job.run_up.angle_deg,
+        spindle_rev_per_min: job.spindle_rev_per_min,
+        passes: job.passes.iter().map(pass_to_proto).collect(),
+    }
+}
+
+fn geometry_to_proto(geometry: &ThreadGeometry) -> proto::ThreadGeometry {
+    proto::ThreadGeometry {
+        side: match geometry.side {
+            ThreadSide::External => proto::ThreadSide::External,
+            ThreadSide::Internal => proto::ThreadSide::Internal,
+        }
+        .into(),
+        work_diameter_mm: geometry.work_diameter_mm,
+        start_z_mm: geometry.start_z_mm,
+        end_z_mm: geometry.end_z_mm,
+        taper: geometry.taper,
+        lead_mm: geometry.lead_mm,
+        starts: geometry.starts,
+        rotation: match geometry.rotation {
+            SpindleRotation::Forward => proto::SpindleRotation::Forward,
+            SpindleRotation::Reverse => proto::SpindleRotation::Reverse,
+        }
+        .into(),
+    }
+}
+
+const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
+    match start_up {
+        StartUp::Preparatory => proto::ThreadStartUp::Preparatory,
+        StartUp::Delayed => proto::ThreadStartUp::Delayed,
+    }
+}
+
+const fn pass_to_proto(pass: &ThreadPass) -> proto::ThreadPass {
+    proto::ThreadPass {
+        start: pass.start,
+        depth_mm: pass.depth_mm,
+        start_travel_mm: pass.start_travel_mm,
+        start_angle_deg: pass.start_angle_deg,
+        amplitude_mm: pass.amplitude_mm,
+        phase_shift_deg: pass.phase_shift_deg,
+        line: pass.span.line,
+    }
+}
+
+/// A thread as the pure functions have it: what [`thread_to_proto`] was given, but for columns in the program.
+#[must_use]
+pub fn thread_from_proto(thread: &proto::Thread) -> ThreadJob {
+    let geometry = thread.geometry.unwrap_or_default();
+    let profile = thread.profile.unwrap_or_default();
+    ThreadJob {
+        geometry: ThreadGeometry {
+            side: side_from_proto(geometry.side()),
+            work_diameter_mm: geometry.work_diameter_mm,
+            start_z_mm: geometry.start_z_mm,
+            end_z_mm: geometry.end_z_mm,
+            taper: geometry.taper,
+            lead_mm: geometry.lead_mm,
+            starts: geometry.starts,
+            rotation: match geometry.rotation() {
+                proto::SpindleRotation::Reverse => SpindleRotation::Reverse,
+                proto::SpindleRotation::Forward | proto::SpindleRotation::Unspecified => SpindleRotation::Forward,
+            },
+        },
+        profile: GrooveProfile { included_angle_deg: profile.included_angle_deg, root_flat_mm: profile.root_flat_mm },
+        vibrations_per_rev: thread.vibrations_per_rev,
+        start_up: start_up_from_proto(thread.start_up()),
+        run_up: RunUp { angle_deg: thread.run_up_angle_deg },
+        spindle_rev_per_min: thread.spindle_rev_per_min,
+        passes: thread.passes.iter().map(pass_from_proto).collect(),
+    }
+}
+
+/// Outside where the message leaves it open.
+pub(super) const fn side_from_proto(side: proto::ThreadSide) -> ThreadSide {
+    match side {
+        proto::ThreadSide::Internal => ThreadSide::Internal,
+        proto::ThreadSide::External | proto::ThreadSide::Unspecified => ThreadSide::External,
+    }
+}
+
+/// The preparatory movement where the message leaves it open.
+pub(super) const fn start_up_from_proto(start_up: proto::ThreadStartUp) -> StartUp {
+    match start_up {
+        proto::ThreadStartUp::Delayed => StartUp::Delayed,
+        proto::ThreadStartUp::Preparatory | proto::ThreadStartUp::Unspecified => StartUp::Preparatory,
+    }
+}
+
+fn pass_from_proto(pass: &proto::ThreadPass) -> ThreadPass {
+    ThreadPass {
+        start: pass.start,
+        depth_mm: pass.depth_mm,
+        start_travel_mm: pass.start_travel_mm,
+        start_angle_deg: pass.start_angle_deg,
+        amplitude_mm: pass.amplitude_mm,
+        phase_shift_deg: pass.phase_shift_deg,
+        span: SourceSpan { line: pass.line, ..SourceSpan::default() },
+    }
+}
+
+/// What there is to say about a thread as the contract has it, without its findings.
+#[must_use]
+pub fn thread_report_to_proto(job: &ThreadJob, report: &ThreadReport) -> proto::ThreadReport {
+    proto::ThreadReport {
+        passes: report.passes.iter().map(pass_report).collect(),
+        crests: report.crests.as_ref().map(crests),
+        least_ratio: report.least_ratio,
+        least_section_ratio: report.least_section_ratio,
+        lead_velocity_mm_per_s: report.lead_velocity_mm_per_s,
+        frequency_hz: report.frequency_hz,
+        run_up_travel_mm: job.run_up.travel_mm(job.geometry.lead_mm),
+        feasible: report.feasible,
+    }
+}
+
+fn pass_report(report: &ThreadPassReport) -> proto::ThreadPassReport {
+    proto::ThreadPassReport {
+        infeed_mm: report.infeed_mm,
+        amplitude_mm: report.amplitude_mm,
+        turns_later: report.place.turns_later,
+        axial_offset_mm: report.place.axial_offset_mm,
+        tip_depth_mm: report.place.tip_depth_mm,
+        work_phase_shift_deg: report.place.phase_shift_deg,
+        phase_advance_deg: report.phase_advance_deg,
+        prepared_phase_deg: report.prepared_phase_deg,
+        prepared_retreat_mm: report.prepared_retreat_mm,
+        delay_deg: report.delay_deg,
+        depth: Some(chip(&report.depth)),
+        section: Some(chip(&report.section)),
+    }
+}
+
+const fn chip(chip: &ThreadChip) -> proto::ThreadChip {
+    let ThreadChip { broken, air_share, breaks_per_rev, longest_chip_mm, largest_thickness_mm, least_amplitude_mm } =
+        *chip;
+    proto::ThreadChip { broken, air_share, breaks_per_rev, longest_chip_mm, largest_thickness_mm, least_amplitude_mm }
+}
+
+fn crests(crests: &CrestReport) -> proto::CrestReport {
+    proto::CrestReport {
+        crest_mm: crests.crest_mm,
+        section_crest_mm: crests.section_crest_mm,
+        finishing_infeed_mm: crests.finishing_infeed_mm,
+        finishing_thickness_mm: crests.finishing_thickness_mm,
+        crest_with_another_pass_mm: crests.crest_with_another_pass_mm,
+        crest_with_least_amplitude_mm: crests.crest_with_least_amplitude_mm,
+        least_amplitude_mm: crests.least_amplitude_mm,
+        // A thread has at most a hundred passes.
+        pass: u32::try_from(crests.pass).unwrap_or(u32::MAX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use feedwave_cutting::thread::{ThreadLimits, judge_thread};
+
+    use super::*;
+
+    fn job() -> ThreadJob {
+        let pass = |depth_mm, start_angle_deg, amplitude_mm, phase_shift_deg, line| ThreadPass {
+            start: 1,
+            depth_mm,
+            start_travel_mm: 0.25,
+            start_angle_deg,
+            amplitude_mm,
+            phase_shift_deg,
+            span: SourceSpan { line, ..SourceSpan::default() },
+        };
+        ThreadJob {
+            geometry: ThreadGeometry {
+                side: ThreadSide::Internal,
+                work_diameter_mm: 10.0,
+                start_z_mm: 100.0,
+                end_z_mm: 60.0,
+                taper: 0.03125,
+                lead_mm: 2.5,
+                starts: 2,
+                rotation: SpindleRotation::Reverse,
+            },
+            profile: GrooveProfile { included_angle_deg: 55.0, root_flat_mm: 0.1 },
+            vibrations_per_rev: 1.5,
+            start_up: StartUp::Delayed,
+            run_up: RunUp { angle_deg: 12.5 },
+            spindle_rev_per_min: 600.0,
+            passes: vec![pass(0.5, 0.0, 0.6, 0.0, 7), pass(0.7, 325.584, 0.3, 180.0, 11)],
+        }
+    }
+
+    #[test]
+    fn threads_survive_the_round_trip() {
+        assert_eq!(thread_from_proto(&thread_to_proto(&job())), job());
+        let plain = ThreadJob {
+            geometry: ThreadGeometry {
+                side: ThreadSide::External,
+                rotation: SpindleRotation::Forward,
+                ..job().geometry
+            },
+            start_up: StartUp::Preparatory,
+            ..job()
+        };
+        assert_eq!(thread_from_proto(&thread_to_proto(&plain)), plain);
+    }
+
+    #[test]
+    fn a_report_keeps_its_numbers() {
+        let report = judge_thread(&job(), &ThreadLimits::default());
+        let shown = thread_report_to_proto(&job(), &report);
+        assert_eq!(shown.passes.len(), 2);
+        assert_eq!(shown.run_up_travel_mm, job().run_up.travel_mm(2.5));
+        let (pass, own) = (&shown.passes[1], &report.passes[1]);
+        assert_eq!((pass.turns_later, pass.work_phase_shift_deg), (own.place.turns_later, own.place.phase_shift_deg));
+        assert_eq!(pass.section.unwrap().least_amplitude_mm, own.section.least_amplitude_mm);
+        assert_eq!(shown.crests.unwrap().crest_mm, report.crests.unwrap().crest_mm);
+    }
+}

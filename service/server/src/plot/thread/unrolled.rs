@@ -1,0 +1,139 @@
+//! The unrolled work: the spindle angle to the right, Z upwards, the paths of all passes as ribbons that are wide where
+//! the tool is deep and narrow where it retreats.
+
+use plotters::coord::Shift;
+use plotters::element::{EmptyElement, Polygon, Text};
+use plotters::prelude::{DrawingArea, DrawingBackend};
+use plotters::style::Color;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::super::DrawResult;
+use super::super::canvas::Picture;
+use super::super::theme::{self, AxisSpec, Scale, Swatch};
+use super::{Groove, stretches};
+
+/// Leads shown.
+const LEADS: f64 = 2.0;
+/// Degrees from one point to the next.
+const STEP_DEG: f64 = 1.0;
+/// Share of a pitch that the lanes of its passes fill.
+const LANES_SHARE: f64 = 0.86;
+/// Largest half width of a ribbon, and the smallest, as shares of a lane.
+const WIDE: f64 = 0.44;
+const NARROW: f64 = 0.05;
+/// Least share of a lead that a lane with a number in it takes.
+const LABELLED_SHARE: f64 = 0.06;
+
+/// The unrolled work.
+pub(super) struct UnrolledPicture<'a> {
+    pub(super) groove: &'a Groove<'a>,
+}
+
+impl Picture for UnrolledPicture<'_> {
+    fn name(&self) -> String {
+        format!("{}-unrolled", self.groove.name)
+    }
+
+    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+        let groove = self.groove;
+        let title = "Unrolled work: the paths of all passes";
+        let body = theme::headline(area, scale, title, &groove.subtitle())?;
+        let passes = groove.legend();
+        let mut entries: Vec<_> =
+            passes.iter().map(|(swatch, color, label)| (*swatch, *color, label.as_str())).collect();
+        entries.push((Swatch::Line, theme::GOOD, "in the air with the full section: the chip is cut through"));
+        let body = theme::legend(&body, scale, &entries)?;
+        let circumference_mm = std::f64::consts::PI * groove.job.geometry.work_diameter_mm;
+        let x = AxisSpec::new(
+            format!("spindle angle, degrees (360 degrees are {circumference_mm:.2} mm of the circumference)"),
+            0.0..360.0,
+        );
+        let lane_mm = self.lane_mm();
+        let lead_mm = groove.job.geometry.lead_mm;
+        let z = |travel_mm: f64| groove.job.geometry.z_mm(travel_mm);
+        let first_mm = self.first_travel_mm();
+        let edges = [z(first_mm - lane_mm), z(first_mm + LEADS * lead_mm + lane_mm)];
+        let y = AxisSpec::new("Z, mm", edges[0].min(edges[1])..edges[0].max(edges[1]));
+        let title = "a ribbon is wide where the tool is deep, narrow where it retreats; passes are drawn side by side in \
+                     their order, pass 1 in its place";
+        let mut chart = theme::panel(&body, scale, title, &x, &y)?;
+        for (place, &index) in groove.passes.iter().enumerate() {
+            self.draw_pass(&mut chart, scale, place, index)?;
+        }
+        Ok(())
+    }
+}
+
+impl UnrolledPicture<'_> {
+    /// Distance of the lanes of two passes, mm.
+    fn lane_mm(&self) -> f64 {
+        LANES_SHARE * self.groove.job.geometry.pitch_mm() / self.groove.passes.len() as f64
+    }
+
+    /// Travel at the left edge: where the lead axis is in step in every pass, at the same spindle angle.
+    fn first_travel_mm(&self) -> f64 {
+        let job = self.groove.job;
+        let first = &job.passes[self.groove.passes[0]];
+        let latest_deg = self.groove.passes.iter().map(|index| job.passes[*index].start_angle_deg).fold(0.0, f64::max);
+        let turns = ((latest_deg + job.run_up.angle_deg) / 360.0).ceil();
+        job.position(first, 360.0 * turns).travel_mm
+    }
+
+    /// One pass: a ribbon for each revolution.
+    fn draw_pass<'a, DB: DrawingBackend + 'a>(
+        &self,
+        chart: &mut theme::Panel<'a, DB>,
+        scale: Scale,
+        place: usize,
+        index: usize,
+    ) -> DrawResult<(), DB> {
+        let groove = self.groove;
+        let (lane_mm, lead_mm) = (self.lane_mm(), groove.job.geometry.lead_mm);
+        let [_, section] = groove.clearances(index);
+        let pass = groove.pass(index);
+        let shifted_mm = self.first_travel_mm() + lane_mm * place as f64;
+        let steps = (360.0 / STEP_DEG) as u32;
+        for turn in 0..=LEADS as u32 {
+            let angles = (0..=steps).map(|step| f64::from(step) * STEP_DEG);
+            let mut edges = [Vec::new(), Vec::new()];
+            let (mut air, mut halves) = (Vec::new(), Vec::new());
+            for angle_deg in angles {
+                let work_deg = 360.0 * f64::from(turn) + angle_deg;
+                let middle_mm = shifted_mm + lead_mm * (work_deg / 360.0 - 1.0);
+                let out = if pass.vibrates() { groove.retreat_mm(index, work_deg) / pass.amplitude_mm } else { 0.0 };
+                let half_mm = lane_mm * (WIDE + (NARROW - WIDE) * out);
+                halves.push(half_mm);
+                edges[0].push((angle_deg, groove.job.geometry.z_mm(middle_mm - half_mm)));
+                edges[1].push((angle_deg, groove.job.geometry.z_mm(middle_mm + half_mm)));
+                air.push(pass.vibrates() && section.at_mm(groove.phase_deg(work_deg)) >= 0.0);
+            }
+            // Where a ribbon leaves the panel it is cut at its edge.
+            let y = chart.plotting_area().get_y_range();
+            let visible: Vec<bool> =
+                edges[0].iter().zip(&edges[1]).map(|(a, b)| y.contains(&a.1) || y.contains(&b.1)).collect();
+            for point in edges.iter_mut().flatten() {
+                point.1 = point.1.clamp(y.start, y.end);
+            }
+            for (color, in_air) in [(groove.color(place), false), (theme::GOOD, true)] {
+                let shown = |step: usize| visible[step] && (air[step] == in_air || step > 0 && air[step - 1] == in_air);
+                let pairs = stretches(&edges[0], shown).into_iter().zip(stretches(&edges[1], shown));
+                for (low, high) in pairs {
+                    let outline: Vec<_> = low.into_iter().chain(high.into_iter().rev()).collect();
+                    let strength = if in_air { 0.9 } else { 0.6 };
+                    chart.draw_series([Polygon::new(outline, color.mix(strength).filled())])?;
+                }
+            }
+            if turn == 1 && lane_mm > LABELLED_SHARE * lead_mm {
+                // Where the ribbon is wide.
+                let wide = |step: &usize| halves[*step] > 0.97 * lane_mm * WIDE;
+                let step = (10..=steps as usize).find(wide).unwrap_or_default();
+                let (low, high) = (edges[0][step], edges[1][step]);
+                let label = (low.0, 0.5 * (low.1 + high.1));
+                let style = scale.text(13.0, theme::INK).pos(Pos::new(HPos::Left, VPos::Center));
+                let text = Text::new((index + 1).to_string(), (0, 0), style);
+                chart.draw_series([EmptyElement::at(label) + text])?;
+            }
+        }
+        Ok(())
+    }
+}

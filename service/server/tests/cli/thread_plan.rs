@@ -1,0 +1,91 @@
+//! `feedwave thread-plan` as people call it.
+
+use serde_json::Value;
+
+use super::{code, run, stderr, stdout};
+
+const M10: [&str; 14] = [
+    "thread-plan",
+    "--work-diameter=10",
+    "--pitch=1.5",
+    "--depth=0.92",
+    "--first-depth=0.35",
+    "--start-z=5",
+    "--end-z=-20",
+    "--approach=5",
+    "--spindle=300",
+    "--finishing-thickness=0.08",
+    "--infeed=flank",
+    "--included-angle=60",
+    "--vibrations-per-rev=2",
+    "--method=start-angle",
+];
+
+fn plan(more: &[&str]) -> std::process::Output {
+    let arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = M10
+        .iter()
+        .filter(|own| more.iter().all(|other| own.split('=').next() != other.split('=').next()))
+        .chain(more)
+        .map(|argument| argument as &dyn AsRef<std::ffi::OsStr>)
+        .collect();
+    run(&arguments)
+}
+
+#[test]
+fn the_program_is_the_result_and_the_passes_are_told_beside_it() {
+    let output = plan(&[]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let program = stdout(&output);
+    assert!(program.contains("G165 P3 X10.0 Q1.2") && program.trim_end().ends_with("G165 P0"), "{program}");
+    let passes = program.lines().filter(|line| line.starts_with("G32 ")).count();
+    let told = stderr(&output);
+    for wanted in [&*format!("Thread in {passes} passes"), "amplitude A, mm", "full section", "crests"] {
+        assert!(told.contains(wanted), "{wanted}: {told}");
+    }
+    assert!(!told.contains("unbroken"), "{told}");
+}
+
+#[test]
+fn files_pictures_and_json_have_the_same_plan() {
+    let directory = tempfile::tempdir().unwrap();
+    let (file, pictures) = (directory.path().join("m10.nc"), directory.path().join("pictures"));
+    let (out, plots) = (format!("--out={}", file.display()), format!("--plots={}", pictures.display()));
+    let output = plan(&[&out, &plots, "--format=json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let program = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(answer["program"], program.as_str());
+    let passes = answer["plan"]["job"]["passes"].as_array().unwrap();
+    let report = answer["plan"]["report"]["passes"].as_array().unwrap();
+    assert_eq!(passes.len(), report.len());
+    for (pass, report) in passes.iter().zip(report).filter(|(pass, _)| pass["amplitude_mm"].as_f64() > Some(0.0)) {
+        assert_eq!((&report["depth"]["broken"], &report["section"]["broken"]), (&true.into(), &true.into()), "{pass}");
+    }
+    assert_eq!(std::fs::read_dir(pictures).unwrap().count(), 6);
+}
+
+#[test]
+fn a_thread_that_cannot_be_cut_so_is_refused_with_a_cure() {
+    // Z comes into step over more than a hundredth of a millimetre.
+    let output = plan(&["--approach=0.001"]);
+    assert_eq!(code(&output), 1);
+    assert_eq!(stdout(&output), "", "no program");
+    assert!(stderr(&output).contains("THREAD-APPROACH-SHORT") && stderr(&output).contains("help: "), "{output:?}");
+    let output = plan(&["--hand=left", "--rotation=forward", "--format=json"]);
+    assert_eq!(code(&output), 1);
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["findings"][0]["code"], "THREAD-HAND");
+    assert_eq!(answer["plan"], Value::Null);
+}
+
+#[test]
+fn every_wrong_option_is_named() {
+    let output = plan(&["--work-diameter=-1", "--spindle=1e9", "--amplitude-margin=1", "--machine-kind=mill"]);
+    assert_eq!(code(&output), 2);
+    let told = stderr(&output);
+    for option in ["--work-diameter: ", "--spindle: ", "--amplitude-margin: ", "--machine-kind: must be a lathe"] {
+        assert!(told.contains(option), "{option}: {told}");
+    }
+    let output = plan(&["--lead=3"]);
+    assert_eq!(code(&output), 2, "pitch and lead at once");
+}
