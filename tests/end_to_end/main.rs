@@ -12,4 +12,5 @@ mod overrides;
 mod setpoints;
 mod status;
 mod streaming;
+mod threads;
 mod uploads;

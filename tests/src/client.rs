@@ -6,6 +6,7 @@ use bytes::Bytes;
 use feedwave::proto::jobs_client::JobsClient;
 use feedwave::proto::machines_client::MachinesClient;
 use feedwave::proto::setpoints_client::SetpointsClient;
+use feedwave::proto::threads_client::ThreadsClient;
 use feedwave::proto::tools_client::ToolsClient;
 use feedwave::proto::upload_program_request::Message;
 use feedwave::proto::{
@@ -25,6 +26,8 @@ pub struct Clients {
     pub jobs: JobsClient<Channel>,
     /// Setpoints.
     pub setpoints: SetpointsClient<Channel>,
+    /// Threads.
+    pub threads: ThreadsClient<Channel>,
     /// Machines.
     pub machines: MachinesClient<Channel>,
     /// Tools.
@@ -58,6 +61,7 @@ impl Clients {
         Self {
             jobs: JobsClient::new(channel.clone()),
             setpoints: SetpointsClient::new(channel.clone()),
+            threads: ThreadsClient::new(channel.clone()),
             machines: MachinesClient::new(channel.clone()),
             tools: ToolsClient::new(channel.clone()),
             channel,

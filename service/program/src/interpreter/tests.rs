@@ -54,6 +54,10 @@ fn render_operation(operation: &Operation) -> String {
                 }
             }
         }
+        OperationKind::Thread(pass) => {
+            let ends = format!("{} -> {}", place(&pass.start), place(&pass.end));
+            format!("thread {ends} @{}/rev from {}", number(pass.lead_mm), number(pass.start_angle_deg))
+        }
         OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
         OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),
         OperationKind::Spindle(spindle) => {
