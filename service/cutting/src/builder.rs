@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cut::Cut;
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
+use crate::thread::ThreadSectionReport;
 use crate::{
     PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
 };
@@ -60,6 +61,9 @@ pub(crate) struct Analysis {
     previous: Option<Element>,
     pub(crate) sections: Vec<SectionReport>,
     pub(crate) section_count: u64,
+    pub(crate) threads: Vec<ThreadSectionReport>,
+    pub(crate) thread_count: u64,
+    pub(crate) thread_passes: u64,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
     pub(crate) path_length_mm: f64,

@@ -18,6 +18,7 @@ mod setpoint;
 pub mod thinning;
 pub mod thread;
 mod validation;
+mod wording;
 
 pub use chip::*;
 pub use cut::Cut;

@@ -4,6 +4,7 @@ use feedwave_motion::{Machine, ProfileProblem};
 use feedwave_program::{LanguageSettings, MAX_PATH_TOLERANCE_MM};
 use serde::{Deserialize, Serialize};
 
+use crate::thread::ThreadVibrationSettings;
 use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
 
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
@@ -17,6 +18,9 @@ pub struct MachineProfile {
     /// Vibration along the path.
     #[serde(default)]
     pub vibration: VibrationSettings,
+    /// Threads and their vibration.
+    #[serde(default)]
+    pub thread_vibration: ThreadVibrationSettings,
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
@@ -33,6 +37,7 @@ impl MachineProfile {
             language: LanguageSettings::default(),
             machine: Machine::lathe(),
             vibration: VibrationSettings::default(),
+            thread_vibration: ThreadVibrationSettings::default(),
             following: FollowingModel::default(),
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
@@ -50,6 +55,7 @@ impl MachineProfile {
         let mut problems = prefixed("machine", self.machine.validate());
         problems.extend(prefixed("language", language_problems(&self.language)));
         problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
+        problems.extend(prefixed("thread_vibration", self.thread_vibration.problems()));
         problems.extend(prefixed("following", following_problems(&self.following)));
         if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
             let blocks = self.look_ahead_blocks;
@@ -171,6 +177,7 @@ mod tests {
         profile.language.work_offsets[2][1] = f64::NAN;
         profile.vibration.max_amplitude_mm = 11.0;
         profile.vibration.servo_substeps = 0;
+        profile.thread_vibration.vibrations_per_rev = f64::NAN;
         profile.following.filter_length_s = Some(-1.0);
         profile.machine.max_spindle_rev_per_min = 0.0;
         profile.look_ahead_blocks = 3;
@@ -184,6 +191,7 @@ mod tests {
             "language.path_vibration.off",
             "vibration.max_amplitude_mm",
             "vibration.servo_substeps",
+            "thread_vibration.vibrations_per_rev",
             "following.filter_length_s",
             "look_ahead_blocks",
         ];

@@ -4,8 +4,9 @@ use feedwave_program::Finding;
 use serde::{Deserialize, Serialize};
 
 use crate::SectionReport;
+use crate::thread::ThreadSectionReport;
 
-/// Findings, one report per vibrating section, and the summary of the plan. This is the JSON that
+/// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
 /// `feedwave validate --format json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidationReport {
@@ -13,6 +14,9 @@ pub struct ValidationReport {
     pub findings: Vec<Finding>,
     /// One report per vibrating section, in order; the first ones where there are very many.
     pub sections: Vec<SectionReport>,
+    /// One report per thread, in order; the first ones where there are very many.
+    #[serde(default)]
+    pub threads: Vec<ThreadSectionReport>,
     /// Counts, times and peaks of the whole program.
     pub summary: ProgramSummary,
 }
@@ -38,6 +42,12 @@ pub struct ProgramSummary {
     pub findings_not_listed: u64,
     /// Vibrating sections, listed or not.
     pub section_count: u64,
+    /// Threads, listed or not.
+    #[serde(default)]
+    pub thread_count: u64,
+    /// Threading passes.
+    #[serde(default)]
+    pub thread_passes: u64,
     /// Bytes of the program.
     pub bytes: u64,
     /// Lines read.

@@ -164,6 +164,8 @@ impl Validation {
             infos: findings.count(Severity::Info),
             findings_not_listed: findings.dropped(),
             section_count: analysis.section_count,
+            thread_count: analysis.thread_count,
+            thread_passes: analysis.thread_passes,
             bytes: pipeline.input_offset(),
             lines: u64::from(pipeline.interpreter_state().lines_read()),
             moves: analysis.moves,
@@ -181,7 +183,12 @@ impl Validation {
             axes: if refused { Vec::new() } else { axes.into_iter().map(AxisTrace::finish).collect() },
             spindle_rev_per_min: analysis.spindle_rev_per_min,
         };
-        ValidationReport { findings: findings.into_sorted(), sections: analysis.sections, summary }
+        ValidationReport {
+            findings: findings.into_sorted(),
+            sections: analysis.sections,
+            threads: analysis.threads,
+            summary,
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use feedwave_motion::{LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
 use super::{AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans};
+use crate::wording::{decimal, round_down, round_up, word};
 use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
 
 /// Samples per vibration period below which the wave counts as coarse (path vibration page, "Conditions to
@@ -445,27 +446,6 @@ fn demand(axis: &AxisLoadReport, quantity: Quantity) -> (f64, f64) {
     }
 }
 
-/// `value` with at most `places` decimals and no trailing zeros.
-fn decimal(value: f64, places: usize) -> String {
-    let text = format!("{value:.places$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-fn round_down(value: f64, places: usize) -> f64 {
-    let scale = scale(places);
-    // A value that is a decimal but for its rounding stays that decimal.
-    (value * scale * (1.0 + 4.0 * f64::EPSILON)).floor() / scale
-}
-
-fn round_up(value: f64, places: usize) -> f64 {
-    let scale = scale(places);
-    (value * scale * (1.0 - 4.0 * f64::EPSILON)).ceil() / scale
-}
-
-fn scale(places: usize) -> f64 {
-    (0..places).fold(1.0, |scale, _| scale * 10.0)
-}
-
 /// `F` word of a frequency, to 0.001 Hz.
 pub(super) fn frequency_word(frequency_hz: f64) -> String {
     format!("F{}", decimal(frequency_hz, 3))
@@ -474,8 +454,7 @@ pub(super) fn frequency_word(frequency_hz: f64) -> String {
 /// `A` word of an amplitude, to 0.1 µm (in an inch program to 10⁻⁹ inch, never above the amplitude); always with a
 /// decimal point, whatever a machine reads without one.
 pub(super) fn amplitude_word(amplitude_mm: f64, inch: bool) -> String {
-    let text = if inch { decimal(round_down(amplitude_mm / MM_PER_INCH, 9), 9) } else { decimal(amplitude_mm, 4) };
-    if text.contains('.') { format!("A{text}") } else { format!("A{text}.0") }
+    if inch { word('A', round_down(amplitude_mm / MM_PER_INCH, 9), 9) } else { word('A', amplitude_mm, 4) }
 }
 
 /// By definition.

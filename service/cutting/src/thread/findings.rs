@@ -6,8 +6,8 @@ use core::f64::consts::TAU;
 use feedwave_program::{Finding, SourceSpan};
 
 use super::report::{CrestReport, ThreadPassReport};
-use super::wording::{decimal, round_down, round_up};
 use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
+use crate::wording::{decimal, round_down, round_up};
 
 /// Samples per vibration below which the wave counts as coarse (path vibration page, "Conditions to validate").
 const FINE_SAMPLES: f64 = 8.0;
@@ -207,6 +207,22 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                     "mm",
                 )
                 .suggest("turn slower"),
+        );
+    }
+    let exact_mm = job.exact_length_mm(pass);
+    if exact_mm <= 0.0 {
+        let length_mm = job.geometry.length_mm() - pass.start_travel_mm;
+        let message = format!(
+            "pass {number} is {} mm long, but its lead is not exact for less than {} mm at both ends together",
+            decimal(length_mm, 3),
+            decimal(length_mm - exact_mm, 3)
+        );
+        findings.push(
+            Finding::error("THREAD-LENGTH-SHORT", pass.span, message)
+                .with_value("length", length_mm, "mm")
+                .with_value("wrong_length", length_mm - exact_mm, "mm")
+                .suggest("turn slower")
+                .suggest("start further before the work, or end further behind it"),
         );
     }
     let programmed_deg = reduce_deg(pass.phase_shift_deg);

@@ -4,6 +4,7 @@
 use feedwave_program::SourceSpan;
 use serde::{Deserialize, Serialize};
 
+use super::run_up::LeadWay;
 use super::{GrooveProfile, RetreatWave, RunUp, StartUp, ThreadGeometry};
 
 /// One threading pass.
@@ -44,7 +45,7 @@ pub struct ThreadJob {
     pub vibrations_per_rev: f64,
     /// How the vibration of every pass starts.
     pub start_up: StartUp,
-    /// How the lead axis starts.
+    /// How the lead axis starts; it comes to rest at the end in the same way backwards.
     pub run_up: RunUp,
     /// Spindle speed S, rev/min.
     pub spindle_rev_per_min: f64,
@@ -98,7 +99,7 @@ impl ThreadJob {
     /// vibration depends on the spindle angle only: not on start angle, start position or spindle speed.
     #[must_use]
     pub fn position(&self, pass: &ThreadPass, spindle_angle_deg: f64) -> ThreadPosition {
-        let turned_deg = self.run_up.synchronous_deg(spindle_angle_deg - pass.start_angle_deg);
+        let turned_deg = self.lead_way(pass).synchronous_deg(spindle_angle_deg - pass.start_angle_deg);
         let travel_mm = pass.start_travel_mm + self.geometry.lead_mm * (turned_deg / 360.0);
         // A pass that would start beyond the end stays where it starts.
         let travel_mm = travel_mm.min(self.geometry.length_mm().max(pass.start_travel_mm));
@@ -115,8 +116,20 @@ impl ThreadJob {
     /// Spindle angle at which the lead axis reaches the end of a pass, degrees.
     #[must_use]
     pub fn end_angle_deg(&self, pass: &ThreadPass) -> f64 {
+        pass.start_angle_deg + self.lead_way(pass).angle_deg()
+    }
+
+    fn lead_way(&self, pass: &ThreadPass) -> LeadWay {
         let way_mm = (self.geometry.length_mm() - pass.start_travel_mm).max(0.0);
-        pass.start_angle_deg + self.run_up.angle_deg_for(360.0 * way_mm / self.geometry.lead_mm)
+        LeadWay::new(self.run_up, 360.0 * way_mm / self.geometry.lead_mm)
+    }
+
+    /// Length of a pass on which the lead is exact: without the travel of run-up and run-down, mm; negative where they
+    /// do not fit.
+    #[must_use]
+    pub fn exact_length_mm(&self, pass: &ThreadPass) -> f64 {
+        let wrong_mm = 2.0 * self.run_up.travel_mm(self.geometry.lead_mm);
+        self.geometry.length_mm() - pass.start_travel_mm - wrong_mm
     }
 
     /// Infeed of a pass: the difference of its depth to the pass before it in the same groove, or to the

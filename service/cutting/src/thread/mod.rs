@@ -14,10 +14,10 @@ mod planner;
 mod program_text;
 mod report;
 mod run_up;
+mod settings;
 #[cfg(test)]
 mod tests;
 mod wave;
-mod wording;
 
 pub use chip::{ChipLevel, Clearance, ThreadChip};
 pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
@@ -25,6 +25,9 @@ pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};
 pub use planner::{PassMethod, ThreadPlan, ThreadRequest, plan_thread};
 pub use program_text::{ThreadTextOptions, thread_program_text};
-pub use report::{CrestReport, MAX_THREAD_PASSES, ThreadLimits, ThreadPassReport, ThreadReport, judge_thread};
+pub use report::{
+    CrestReport, MAX_THREAD_PASSES, ThreadLimits, ThreadPassReport, ThreadReport, ThreadSectionReport, judge_thread,
+};
 pub use run_up::RunUp;
+pub use settings::ThreadVibrationSettings;
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

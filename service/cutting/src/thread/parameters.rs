@@ -2,8 +2,8 @@
 
 use feedwave_program::{Finding, SourceSpan};
 
-use super::wording::decimal;
 use super::{MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
+use crate::wording::decimal;
 
 /// A quantity that is not what it must be.
 pub(super) fn refusal(

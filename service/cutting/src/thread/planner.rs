@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use super::chip::least_amplitude_mm;
 use super::parameters::refusal;
 use super::report::ThreadLimits;
-use super::wording::{decimal, round_down, round_to, round_up};
 use super::{
     ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadGeometry,
     ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
 };
+use crate::wording::{decimal, round_down, round_to, round_up};
 
 /// How passes with an axial offset, and the starts of a thread, are brought to their place (thread vibration page,
 /// "Phase").

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::wording::{decimal, word};
 use super::{SpindleRotation, ThreadJob, default_phase_shift_deg};
+use crate::wording::{decimal, word};
 
 /// What a program says besides its passes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,14 @@
 //! What there is to say about a thread before it is cut (thread vibration page, "Conditions to validate").
 
+use core::f64::consts::TAU;
+
 use feedwave_program::{Finding, Severity};
 use serde::{Deserialize, Serialize};
 
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
-use super::{ChipLevel, GroovePlace, ThreadChip, ThreadJob, findings};
+use super::{ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadJob, findings};
+use crate::sin_turns;
 
 /// Most passes of one thread; more are refused.
 pub const MAX_THREAD_PASSES: usize = 100;
@@ -73,6 +76,10 @@ pub struct ThreadPassReport {
     pub prepared_retreat_mm: f64,
     /// Spindle angle at which start-up B starts the vibration, degrees.
     pub delay_deg: f64,
+    /// Step of X' velocity where the vibration starts, mm/s on the radius: start-up A starts in the middle of the wave
+    /// where the phase shift is not a multiple of 180°.
+    #[serde(default)]
+    pub start_step_mm_per_s: f64,
     /// The chip, looking at the depth only.
     pub depth: ThreadChip,
     /// The chip, looking at the full section.
@@ -101,6 +108,26 @@ pub struct CrestReport {
     pub pass: usize,
 }
 
+/// A thread of a program: its passes and what there is to say about them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadSectionReport {
+    /// Line that switched the vibration on; `None` for a thread without vibration.
+    pub on_line: Option<u32>,
+    /// First line with a pass.
+    pub first_line: u32,
+    /// Last line with a pass.
+    pub last_line: u32,
+    /// Ratio of amplitude to infeed, where the vibration is on.
+    pub ratio: Option<f64>,
+    /// Whether the work's diameter is assumed: no word states it without vibration. The first infeed is then taken to be
+    /// the largest of the later ones.
+    pub work_diameter_assumed: bool,
+    /// The thread as it is cut.
+    pub job: ThreadJob,
+    /// What there is to say about it.
+    pub report: ThreadReport,
+}
+
 /// What there is to say about a thread.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadReport {
@@ -117,6 +144,12 @@ pub struct ThreadReport {
     pub lead_velocity_mm_per_s: f64,
     /// Vibration frequency, Hz.
     pub frequency_hz: f64,
+    /// Travel of the lead axis at either end over which its lead is not exact, mm.
+    #[serde(default)]
+    pub run_up_mm: f64,
+    /// Length of thread with exact lead, mm, in the pass where it is shortest.
+    #[serde(default)]
+    pub exact_length_mm: f64,
     /// Findings in the order of the passes.
     pub findings: Vec<Finding>,
     /// Whether nothing forbids to cut the thread.
@@ -137,10 +170,14 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         least_section_ratio: None,
         lead_velocity_mm_per_s: job.geometry.lead_mm * job.spindle_rev_per_min / 60.0,
         frequency_hz: job.frequency_hz(),
+        run_up_mm: job.run_up.travel_mm(job.geometry.lead_mm),
+        exact_length_mm: 0.0,
         findings: Vec::new(),
         feasible: false,
     };
     if findings.is_empty() {
+        let lengths_mm = job.passes.iter().map(|pass| job.exact_length_mm(pass));
+        report.exact_length_mm = lengths_mm.fold(f64::INFINITY, f64::min).max(0.0);
         report.passes = (0..job.passes.len()).map(|index| pass_report(job, index)).collect();
         report.crests = worst_crests(job);
         report.least_ratio = common_ratio(job, ChipLevel::Depth);
@@ -163,6 +200,13 @@ fn pass_report(job: &ThreadJob, index: usize) -> ThreadPassReport {
         prepared_phase_deg: wave.prepared_phase_deg(),
         prepared_retreat_mm: wave.at_phase_mm(wave.prepared_phase_deg()),
         delay_deg: wave.delay_deg(),
+        start_step_mm_per_s: match job.start_up {
+            StartUp::Preparatory => {
+                let peak_mm_per_s = 0.5 * pass.amplitude_mm * TAU * job.frequency_hz();
+                peak_mm_per_s * sin_turns(wave.prepared_phase_deg() / 360.0).abs()
+            }
+            StartUp::Delayed => 0.0,
+        },
         depth: chip(job, index, ChipLevel::Depth),
         section: chip(job, index, ChipLevel::Section),
     }

@@ -1,13 +1,14 @@
-//! How the lead axis comes from rest into step with the spindle (thread vibration page, "Other required behaviour":
-//! acceleration of the lead axis at the start takes an approach length).
+//! How the lead axis comes from rest into step with the spindle, and back to rest at the end (thread vibration page,
+//! "Other required behaviour": acceleration of the lead axis at the start takes an approach length).
 //!
 //! The run-up is a function of the spindle angle, not of time: the axis then lags behind the ideal line by half the
 //! run-up angle in every pass, whatever the spindle speed, so that all passes stay in one groove. Its velocity
-//! rises as 3s² − 2s³ over the share s of the run-up: no step in velocity or acceleration.
+//! rises as 3s² − 2s³ over the share s of the run-up: no step in velocity or acceleration. The run-down is the same
+//! backwards.
 
 use serde::{Deserialize, Serialize};
 
-/// Run-up of the lead axis.
+/// Run-up of the lead axis, and its run-down seen from the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunUp {
     /// Spindle angle over which the axis accelerates, degrees; 0 starts with full speed.
@@ -55,23 +56,33 @@ impl RunUp {
     pub fn travel_mm(self, lead_mm: f64) -> f64 {
         lead_mm * self.lag_deg() / 360.0
     }
+}
 
-    /// Inverse of [`Self::synchronous_deg`] for positive angles, degrees.
-    #[must_use]
-    pub(super) fn angle_deg_for(self, synchronous_deg: f64) -> f64 {
-        if synchronous_deg >= self.lag_deg() {
-            return synchronous_deg + self.lag_deg();
+/// The way of the lead axis through one pass, as angles of a spindle in exact ratio: run-up, exact lead, run-down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LeadWay {
+    run_up: RunUp,
+    way_deg: f64,
+}
+
+impl LeadWay {
+    /// A way of `way_deg`; where it is too short for run-up and run-down, both are shortened to fill it.
+    pub(super) fn new(run_up: RunUp, way_deg: f64) -> Self {
+        Self { run_up: RunUp { angle_deg: run_up.angle_deg.min(way_deg) }, way_deg }
+    }
+
+    /// Angle through which the spindle turns meanwhile, degrees.
+    pub(super) fn angle_deg(&self) -> f64 {
+        self.way_deg + self.run_up.angle_deg
+    }
+
+    /// [`RunUp::synchronous_deg`] of the whole way; it rests at 0 before and at its end after it.
+    pub(super) fn synchronous_deg(&self, turned_deg: f64) -> f64 {
+        let left_deg = self.angle_deg() - turned_deg;
+        if left_deg >= self.run_up.angle_deg {
+            self.run_up.synchronous_deg(turned_deg)
+        } else {
+            self.way_deg - self.run_up.synchronous_deg(left_deg)
         }
-        // Within the run-up: bisection of a monotone function, to the last bit that matters.
-        let (mut low, mut high) = (0.0, self.angle_deg);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if self.synchronous_deg(middle) < synchronous_deg {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        high
     }
 }

@@ -1,5 +1,6 @@
 //! Machine profiles, both ways.
 
+use feedwave_cutting::thread::ThreadVibrationSettings;
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
 use feedwave_program::{
@@ -58,6 +59,8 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
         language: language?,
         machine: machine?,
         vibration: vibration?,
+        // The contract says nothing of them yet.
+        thread_vibration: ThreadVibrationSettings::default(),
         following: FollowingModel {
             filter_length_s: following.filter_length_s,
             position_loop_gain_per_s: following.position_loop_gain_per_s,

@@ -138,7 +138,29 @@ proptest! {
         if turned_deg >= angle_deg {
             prop_assert!((turned_deg - run_up.synchronous_deg(turned_deg) - run_up.lag_deg()).abs() < 1e-9);
         }
-        let back_deg = run_up.angle_deg_for(run_up.synchronous_deg(turned_deg));
-        prop_assert!((run_up.synchronous_deg(back_deg) - run_up.synchronous_deg(turned_deg)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_pass_ends_at_rest_on_its_end_whatever_its_length(
+        run_up_deg in 0.0..720.0_f64,
+        length_mm in 0.01..40.0_f64,
+        before_deg in 0.0..400.0_f64,
+    ) {
+        let mut job = job(vec![pass(8.0, 0.0, 0.0)]);
+        job.geometry.end_z_mm = 100.0 - length_mm;
+        job.run_up.angle_deg = run_up_deg;
+        let pass = job.passes[0];
+        let end_deg = job.end_angle_deg(&pass);
+        let at = |angle_deg: f64| job.position(&pass, angle_deg).travel_mm;
+        prop_assert!((at(end_deg) - length_mm).abs() < 1e-9);
+        prop_assert_eq!(at(end_deg + 1.0), at(end_deg + 500.0));
+        // Backwards from the end it is a run-up, and the middle has the exact lead.
+        let angle_deg = end_deg - before_deg;
+        let step_mm = at(angle_deg + 0.5) - at(angle_deg);
+        prop_assert!((-1e-12..=2.5 * 0.5 / 360.0 + 1e-9).contains(&step_mm));
+        let is_exact = angle_deg > run_up_deg && before_deg > run_up_deg + 0.5;
+        if is_exact && job.exact_length_mm(&pass) > 0.0 {
+            prop_assert!((step_mm - 2.5 * 0.5 / 360.0).abs() < 1e-9);
+        }
     }
 }

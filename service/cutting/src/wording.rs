@@ -1,25 +1,25 @@
-//! Numbers and words of the thread functions as text.
+//! Numbers and words of findings and programs as text.
 
 /// `value` with at most `places` decimals and no trailing zeros.
-pub(super) fn decimal(value: f64, places: usize) -> String {
+pub(crate) fn decimal(value: f64, places: usize) -> String {
     let text = format!("{value:.places$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// `value` rounded up to `places` decimals; a decimal but for its rounding stays that decimal.
-pub(super) fn round_up(value: f64, places: usize) -> f64 {
+pub(crate) fn round_up(value: f64, places: usize) -> f64 {
     let scale = scale(places);
     (value * scale * (1.0 - 4.0 * f64::EPSILON)).ceil() / scale
 }
 
 /// `value` rounded down to `places` decimals; a decimal but for its rounding stays that decimal.
-pub(super) fn round_down(value: f64, places: usize) -> f64 {
+pub(crate) fn round_down(value: f64, places: usize) -> f64 {
     let scale = scale(places);
     (value * scale * (1.0 + 4.0 * f64::EPSILON)).floor() / scale
 }
 
 /// `value` rounded to `places` decimals.
-pub(super) fn round_to(value: f64, places: usize) -> f64 {
+pub(crate) fn round_to(value: f64, places: usize) -> f64 {
     let scale = scale(places);
     (value * scale).round() / scale
 }
@@ -29,7 +29,7 @@ fn scale(places: usize) -> f64 {
 }
 
 /// A word with at most `places` decimals, always with a decimal point, whatever a machine reads without one.
-pub(super) fn word(letter: char, value: f64, places: usize) -> String {
+pub(crate) fn word(letter: char, value: f64, places: usize) -> String {
     let text = decimal(value, places);
     // No machine wants a negative zero.
     let text = if text == "-0" { "0" } else { &text };
