@@ -159,6 +159,12 @@ pub enum Error {
         /// The job.
         job: String,
     },
+    /// Another connection goes on with the run.
+    #[error("{run} was taken up by another connection")]
+    TakenUp {
+        /// The run.
+        run: String,
+    },
     /// The client's messages ended with this instead of their end.
     #[error("{message}")]
     Transport {
@@ -199,7 +205,7 @@ impl Error {
             Self::Invalid(_) => Code::InvalidArgument,
             Self::NotFound { .. } => Code::NotFound,
             Self::AlreadyExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
-            Self::EtagMismatch { .. } | Self::JobCancelled { .. } => Code::Aborted,
+            Self::EtagMismatch { .. } | Self::JobCancelled { .. } | Self::TakenUp { .. } => Code::Aborted,
             Self::Precondition { .. } => Code::FailedPrecondition,
             Self::OutOfRange { .. } => Code::OutOfRange,
             Self::Overloaded { .. } => Code::ResourceExhausted,
@@ -225,6 +231,7 @@ impl Error {
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::Transport { .. } => "REQUEST_BROKEN_OFF",
             Self::JobCancelled { .. } => "JOB_CANCELLED",
+            Self::TakenUp { .. } => "RUN_TAKEN_UP",
             Self::StoreUnavailable(_) => "STORE_UNAVAILABLE",
             Self::Internal(_) => "INTERNAL",
         }
@@ -257,6 +264,7 @@ impl Error {
             | Self::DeadlineExceeded
             | Self::Transport { .. }
             | Self::JobCancelled { .. }
+            | Self::TakenUp { .. }
             | Self::Internal(_) => {}
         }
         details
@@ -268,6 +276,7 @@ impl Error {
             Self::OutOfRange { metadata, .. } => pairs(metadata.iter().cloned()),
             Self::Overloaded { limit, .. } => pairs([("limit", limit.to_string())]),
             Self::JobCancelled { job } => pairs([("job", job.clone())]),
+            Self::TakenUp { run } => pairs([("run", run.clone())]),
             Self::RequestIdReused { request_id, .. } => pairs([("request_id", request_id.clone())]),
             _ => HashMap::new(),
         }
@@ -341,6 +350,12 @@ impl From<StoreError> for Error {
                 let message = format!("{subject} is {actual}");
                 Self::Precondition { reason: "JOB_STATE", subject, message }
             }
+            StoreError::RunEnded { run_id, state } => {
+                let subject = format!("runs/{run_id}");
+                let message = format!("{subject} is {state} and takes nothing more");
+                Self::Precondition { reason: "RUN_ENDED", subject, message }
+            }
+            StoreError::Detached { run_id } => Self::TakenUp { run: format!("runs/{run_id}") },
             StoreError::Unavailable { .. } => Self::StoreUnavailable(Arc::new(error)),
             other => {
                 let source = std::error::Error::source(&other).map(|source| format!(": {source}")).unwrap_or_default();
@@ -361,6 +376,8 @@ fn name_of(kind: feedwave_store::Kind, id: &str) -> String {
         Kind::Checkpoint => return format!("jobs/{id}/checkpoints"),
         Kind::Machine => "machines",
         Kind::Tool => "tools",
+        Kind::Run => "runs",
+        Kind::Monitoring => return format!("jobs/{id}/monitoring"),
     };
     format!("{collection}/{id}")
 }

@@ -9,6 +9,7 @@ use uuid::Uuid;
 
 use crate::jobs::JobState;
 use crate::programs::ProgramId;
+use crate::runs::RunState;
 
 /// Shorthand for results of the store.
 pub type Result<T, E = StoreError> = std::result::Result<T, E>;
@@ -30,6 +31,10 @@ pub enum Kind {
     Machine,
     /// A tool.
     Tool,
+    /// A run.
+    Run,
+    /// How the telemetry of a job is judged.
+    Monitoring,
 }
 
 impl fmt::Display for Kind {
@@ -42,6 +47,8 @@ impl fmt::Display for Kind {
             Kind::Checkpoint => "checkpoint",
             Kind::Machine => "machine",
             Kind::Tool => "tool",
+            Kind::Run => "run",
+            Kind::Monitoring => "monitoring configuration",
         })
     }
 }
@@ -154,6 +161,20 @@ pub enum StoreError {
         actual: JobState,
         /// The states from which the change is allowed.
         expected: Vec<JobState>,
+    },
+    /// The run has ended and takes nothing more.
+    #[error("run {run_id} is {state} and takes nothing more")]
+    RunEnded {
+        /// The run.
+        run_id: Uuid,
+        /// Where it stands.
+        state: RunState,
+    },
+    /// Somebody else took the run up.
+    #[error("run {run_id} was taken up by another connection")]
+    Detached {
+        /// The run.
+        run_id: Uuid,
     },
     /// The database did not do its part: disk full, locked by another program, closed, out of time.
     /// Repeating the operation later may succeed. A write refused this way is not acknowledged; if

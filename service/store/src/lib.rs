@@ -1,10 +1,10 @@
-//! What the service keeps: programs, jobs with their reports and checkpoints, machine profiles and
-//! tools.
+//! What the service keeps: programs, jobs with their reports and checkpoints, runs of jobs with their
+//! decisions, machine profiles and tools.
 //!
 //! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
 //! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
 //! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
-//! [`Checkpoints`], [`Machines`], [`Tools`]) says what a database must do; [`Store`] does it with
+//! [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) says what a database must do; [`Store`] does it with
 //! SQLite.
 //!
 //! Guarantees that hold for every method:
@@ -22,6 +22,7 @@ mod jobs;
 mod machines;
 mod page;
 mod programs;
+mod runs;
 mod settings;
 mod sqlite;
 mod tools;
@@ -36,6 +37,10 @@ pub use machines::{MachineRecord, Machines};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+};
+pub use runs::{
+    AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit, RunKind,
+    RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use sqlite::Store;

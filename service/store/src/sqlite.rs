@@ -7,6 +7,7 @@ mod fault;
 mod jobs;
 mod open;
 mod programs;
+mod runs;
 #[cfg(test)]
 mod tests;
 mod uploads;
@@ -39,6 +40,7 @@ struct Inner {
     readers: SqlitePool,
     reads: AtomicU64,
     newest_event: watch::Receiver<i64>,
+    newest_decision: watch::Receiver<i64>,
 }
 
 impl Store {
@@ -52,8 +54,16 @@ impl Store {
     pub async fn open(path: impl AsRef<Path>, settings: StoreSettings) -> Result<Self> {
         let path = path.as_ref().to_path_buf();
         let opened = open::open(&path, &settings).await?;
-        let (writer, newest_event) = Writer::start(opened.writer, opened.options, opened.newest_event, &settings);
-        let inner = Inner { path, settings, writer, readers: opened.readers, reads: AtomicU64::new(0), newest_event };
+        let (writer, announced) = Writer::start(opened.writer, opened.options, opened.newest, &settings);
+        let inner = Inner {
+            path,
+            settings,
+            writer,
+            readers: opened.readers,
+            reads: AtomicU64::new(0),
+            newest_event: announced.event,
+            newest_decision: announced.decision,
+        };
         let store = Self { inner: Arc::new(inner) };
         store.remove_orphans().await?;
         Ok(store)

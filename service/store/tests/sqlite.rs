@@ -57,6 +57,14 @@ suite::suite! { super::SqliteFile:
         sets_are_replaced_and_deleted_whole,
         bounds_are_kept,
     }
+    runs {
+        a_run_goes_on_where_its_last_commit_left_it,
+        only_the_newest_attachment_writes,
+        an_ended_run_takes_nothing_more,
+        decisions_are_followed_without_gaps,
+        runs_need_their_job_and_go_with_it,
+        runs_page_newest_first,
+    }
     documents {
         machines_are_created_updated_deleted_by_etag,
         of_racing_updates_one_wins,

@@ -7,6 +7,7 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
+use super::writer::Newest;
 use crate::error::{Result, StoreError};
 use crate::settings::StoreSettings;
 
@@ -23,7 +24,7 @@ pub(super) struct Opened {
     pub(super) writer: SqliteConnection,
     pub(super) options: SqliteConnectOptions,
     pub(super) readers: SqlitePool,
-    pub(super) newest_event: i64,
+    pub(super) newest: Newest,
 }
 
 pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened> {
@@ -55,10 +56,10 @@ pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened
         sqlx::query("PRAGMA application_id = 0x66776462").execute(&mut writer).await?;
     }
     MIGRATOR.run_direct(None, &mut writer, false).await.map_err(migration_fault)?;
-    let newest_event =
-        sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM sqlite_sequence WHERE name = 'job_events'")
-            .fetch_one(&mut writer)
-            .await?;
+    let newest = Newest {
+        event: newest_row(&mut writer, "job_events").await?,
+        decision: newest_row(&mut writer, "decisions").await?,
+    };
 
     let readers = SqlitePoolOptions::new()
         .max_connections(settings.readers.max(1))
@@ -68,7 +69,13 @@ pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened
         .test_before_acquire(false)
         .connect_with(options.clone().create_if_missing(false).pragma("query_only", "ON"))
         .await?;
-    Ok(Opened { writer, options, readers, newest_event })
+    Ok(Opened { writer, options, readers, newest })
+}
+
+/// Position of the newest row that a log ever had.
+async fn newest_row(connection: &mut SqliteConnection, table: &str) -> Result<i64> {
+    let newest = sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM sqlite_sequence WHERE name = ?");
+    Ok(newest.bind(table).fetch_one(connection).await?)
 }
 
 /// Looks at the file before anything in it is changed. True if it is new.

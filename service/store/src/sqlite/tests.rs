@@ -90,6 +90,14 @@ async fn lists_are_read_by_index() {
              WHERE j.machine_id = 'm' ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
             "jobs_by_machine",
         ),
+        (
+            "EXPLAIN QUERY PLAN SELECT * FROM decisions WHERE sequence > 7 AND run_id = 'r' ORDER BY sequence LIMIT 5",
+            "decisions_by_run",
+        ),
+        (
+            "EXPLAIN QUERY PLAN SELECT * FROM decisions WHERE sequence > 7 AND job_id = 'j' ORDER BY sequence LIMIT 5",
+            "decisions_by_job",
+        ),
     ] {
         let plan = sqlx::query(sql).fetch_all(&mut *reader).await.unwrap();
         let plan: Vec<String> = plan.iter().map(|row| row.get("detail")).collect();

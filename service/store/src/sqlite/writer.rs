@@ -26,7 +26,40 @@ pub(super) struct Transaction {
     /// The connection, inside a transaction.
     pub(super) connection: SqliteConnection,
     latest_us: i64,
-    newest_event: i64,
+    newest: Newest,
+}
+
+/// Positions of the newest rows of the logs that are followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Newest {
+    pub(super) event: i64,
+    pub(super) decision: i64,
+}
+
+/// Follows the newest durable rows.
+pub(super) struct Announced {
+    pub(super) event: watch::Receiver<i64>,
+    pub(super) decision: watch::Receiver<i64>,
+}
+
+/// Tells of the newest durable rows.
+struct Announcer {
+    event: watch::Sender<i64>,
+    decision: watch::Sender<i64>,
+}
+
+impl Announcer {
+    fn newest(&self) -> Newest {
+        Newest { event: *self.event.borrow(), decision: *self.decision.borrow() }
+    }
+
+    fn announce(&self, newest: Newest) {
+        let tell = |sender: &watch::Sender<i64>, newest: i64| {
+            sender.send_if_modified(|announced| std::mem::replace(announced, newest) != newest);
+        };
+        tell(&self.event, newest.event);
+        tell(&self.decision, newest.decision);
+    }
 }
 
 impl Transaction {
@@ -40,7 +73,12 @@ impl Transaction {
 
     /// Tells that an event was written, to be announced once it is durable.
     pub(super) fn event_written(&mut self, sequence: i64) {
-        self.newest_event = self.newest_event.max(sequence);
+        self.newest.event = self.newest.event.max(sequence);
+    }
+
+    /// As [`Transaction::event_written`], of a decision.
+    pub(super) fn decision_written(&mut self, sequence: i64) {
+        self.newest.decision = self.newest.decision.max(sequence);
     }
 }
 
@@ -63,21 +101,22 @@ struct Counters {
 
 impl Writer {
     /// Starts the task that writes through `connection`, and opens further connections with
-    /// `options` should this one fail. The second value follows the newest durable event.
+    /// `options` should this one fail. The second value follows the newest durable rows.
     pub(super) fn start(
         connection: SqliteConnection,
         options: SqliteConnectOptions,
-        newest_event: i64,
+        newest: Newest,
         settings: &StoreSettings,
-    ) -> (Self, watch::Receiver<i64>) {
+    ) -> (Self, Announced) {
         let (queue, receiver) = mpsc::channel(settings.write_queue.max(1));
-        let (announce, announced) = watch::channel(newest_event);
+        let (event_sender, event) = watch::channel(newest.event);
+        let (decision_sender, decision) = watch::channel(newest.decision);
         let counters = Arc::new(Counters::default());
         let task = Task {
-            transaction: Some(Transaction { connection, latest_us: 0, newest_event }),
+            transaction: Some(Transaction { connection, latest_us: 0, newest }),
             options,
             latest_us: 0,
-            announce,
+            announcer: Announcer { event: event_sender, decision: decision_sender },
             observer: settings.observer.clone(),
             counters: counters.clone(),
         };
@@ -92,7 +131,7 @@ impl Writer {
             payload_units,
             counters,
         };
-        (writer, announced)
+        (writer, Announced { event, decision })
     }
 
     pub(super) async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
@@ -194,7 +233,7 @@ struct Task {
     transaction: Option<Transaction>,
     options: SqliteConnectOptions,
     latest_us: i64,
-    announce: watch::Sender<i64>,
+    announcer: Announcer,
     observer: Arc<dyn Observer>,
     counters: Arc<Counters>,
 }
@@ -218,12 +257,12 @@ impl Task {
         let Counters { queued, commits, committed, failed } = &*self.counters;
         queued.fetch_sub(batch.len() as u64, Ordering::Relaxed);
         let fault = match outcome {
-            Ok((succeeded, newest_event)) => {
+            Ok((succeeded, newest)) => {
                 commits.fetch_add(1, Ordering::Relaxed);
                 committed.fetch_add(succeeded as u64, Ordering::Relaxed);
                 failed.fetch_add((batch.len() - succeeded) as u64, Ordering::Relaxed);
                 self.observer.write_committed(succeeded, begun.elapsed());
-                self.announce.send_if_modified(|announced| std::mem::replace(announced, newest_event) != newest_event);
+                self.announcer.announce(newest);
                 None
             }
             Err(fault) => {
@@ -237,15 +276,15 @@ impl Task {
         }
     }
 
-    /// Does a batch of writes in one transaction. Returns how many succeeded and the newest event.
-    async fn commit(&mut self, batch: &mut [Box<dyn Operation>]) -> Result<(usize, i64)> {
+    /// Does a batch of writes in one transaction. Returns how many succeeded and the newest rows.
+    async fn commit(&mut self, batch: &mut [Box<dyn Operation>]) -> Result<(usize, Newest)> {
         // Taken out, so that on every early end the connection closes and rolls back.
         let mut transaction = match self.transaction.take() {
             Some(transaction) => transaction,
             None => Transaction {
                 connection: self.options.connect().await?,
                 latest_us: self.latest_us,
-                newest_event: *self.announce.borrow(),
+                newest: self.announcer.newest(),
             },
         };
         // Each statement is a hop to the connection's thread, so what can go together does.
@@ -253,11 +292,11 @@ impl Task {
         let last = batch.len() - 1;
         let mut succeeded = 0;
         for (index, operation) in batch.iter_mut().enumerate() {
-            let newest_event = transaction.newest_event;
+            let newest = transaction.newest;
             if operation.run(&mut transaction).await {
                 succeeded += 1;
             } else {
-                transaction.newest_event = newest_event;
+                transaction.newest = newest;
                 sqlx::query("ROLLBACK TO operation").execute(&mut transaction.connection).await?;
             }
             self.latest_us = transaction.latest_us;
@@ -265,8 +304,8 @@ impl Task {
                 if index < last { "RELEASE operation; SAVEPOINT operation" } else { "RELEASE operation; COMMIT" };
             sqlx::query(next).execute(&mut transaction.connection).await?;
         }
-        let newest_event = transaction.newest_event;
+        let newest = transaction.newest;
         self.transaction = Some(transaction);
-        Ok((succeeded, newest_event))
+        Ok((succeeded, newest))
     }
 }

@@ -5,16 +5,20 @@ pub(crate) mod checkpoints;
 pub(crate) mod documents;
 pub(crate) mod jobs;
 pub(crate) mod programs;
+pub(crate) mod runs;
 pub(crate) mod uploads;
 
 use feedwave_store::{
-    Checkpoints, Fingerprint, Jobs, Json, Machines, NewJob, ProgramId, Programs, RawValue, StoreSettings, Tools,
+    Checkpoints, Fingerprint, Jobs, Json, Machines, NewJob, ProgramId, Programs, RawValue, Runs, StoreSettings, Tools,
 };
 
 /// A store with everything a database must provide.
-pub(crate) trait Full: Programs + Jobs + Checkpoints + Machines + Tools + Clone + Send + Sync + 'static {}
+pub(crate) trait Full:
+    Programs + Jobs + Checkpoints + Runs + Machines + Tools + Clone + Send + Sync + 'static
+{
+}
 
-impl<S> Full for S where S: Programs + Jobs + Checkpoints + Machines + Tools + Clone + Send + Sync + 'static {}
+impl<S> Full for S where S: Programs + Jobs + Checkpoints + Runs + Machines + Tools + Clone + Send + Sync + 'static {}
 
 /// A place that keeps what is stored between two openings.
 pub(crate) trait Backend {

@@ -1,0 +1,291 @@
+//! Runs: the telemetry of a job as far as it is durable, the decisions made from it, and what a live run did.
+
+use std::fmt;
+use std::str::FromStr;
+
+use bytes::Bytes;
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use crate::Json;
+use crate::error::Result;
+use crate::page::{Page, PageRequest};
+
+/// What a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RunKind {
+    /// Telemetry of a machine that has its setpoints from elsewhere.
+    Telemetry,
+    /// Setpoints are handed out, and decisions act on them.
+    Live,
+}
+
+/// Where a run stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RunState {
+    /// It may go on.
+    Open,
+    /// It came to its end.
+    Finished,
+    /// A decision stopped it.
+    Stopped,
+    /// The client gave it up.
+    Aborted,
+}
+
+/// The text names nothing of the kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("not a known name")]
+pub struct UnknownName;
+
+macro_rules! names {
+    ($type:ident { $($variant:ident = $name:literal),* $(,)? }) => {
+        impl $type {
+            /// Name in the database.
+            pub const fn as_str(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                }
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = UnknownName;
+
+            fn from_str(text: &str) -> Result<Self, UnknownName> {
+                match text {
+                    $($name => Ok(Self::$variant),)*
+                    _ => Err(UnknownName),
+                }
+            }
+        }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+    };
+}
+
+names!(RunKind { Telemetry = "telemetry", Live = "live" });
+names!(RunState { Open = "open", Finished = "finished", Stopped = "stopped", Aborted = "aborted" });
+
+/// A run to be created.
+#[derive(Debug, Clone)]
+pub struct NewRun {
+    /// The job.
+    pub job_id: Uuid,
+    /// What it is.
+    pub kind: RunKind,
+    /// What the client asked for.
+    pub settings: Json,
+    /// State of the monitor at the beginning.
+    pub monitor: Bytes,
+}
+
+/// A run as lists show it.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Identifier (UUID version 7).
+    pub id: Uuid,
+    /// The job.
+    pub job_id: Uuid,
+    /// What it is.
+    pub kind: RunKind,
+    /// Where it stands.
+    pub state: RunState,
+    /// Why; may be empty.
+    pub state_detail: String,
+    /// When it was created, microseconds since the Unix epoch.
+    pub created_us: i64,
+    /// When it last changed, microseconds since the Unix epoch.
+    pub updated_us: i64,
+    /// Number of the newest telemetry batch that is durable.
+    pub newest_batch: Option<u64>,
+    /// Setpoints of a live run.
+    pub setpoints: RunSetpoints,
+    /// What the client asked for.
+    pub settings: Json,
+}
+
+/// How far the setpoints of a live run have come.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RunSetpoints {
+    /// Setpoints from the first one on that the client has acknowledged.
+    pub received: u64,
+    /// Setpoints from the first one on that were handed out.
+    pub sent: u64,
+    /// SHA-256 of the latter.
+    pub digest: Option<[u8; 32]>,
+}
+
+/// A run that was taken up, with everything to go on with.
+#[derive(Debug, Clone)]
+pub struct AttachedRun {
+    /// The run.
+    pub run: Run,
+    /// Proof of being the newest to take it up; every commit shows it.
+    pub attachment: u64,
+    /// State of the monitor after [`Run::newest_batch`].
+    pub monitor: Bytes,
+    /// Changes of the feed override so far, in order.
+    pub overrides: Vec<RunOverride>,
+}
+
+/// A decision to be kept.
+#[derive(Debug, Clone)]
+pub struct NewDecision {
+    /// Counts up from 0 in a run.
+    pub number: u64,
+    /// What is to be done, for people who look into the database.
+    pub action: &'static str,
+    /// The decision with all its inputs.
+    pub body: Bytes,
+}
+
+/// A kept decision.
+#[derive(Debug, Clone)]
+pub struct DecisionRecord {
+    /// Position in the log of all runs; grows by time, never used twice.
+    pub sequence: i64,
+    /// The run.
+    pub run_id: Uuid,
+    /// The run's job.
+    pub job_id: Uuid,
+    /// Counts up from 0 in a run.
+    pub number: u64,
+    /// When it was stored, microseconds since the Unix epoch.
+    pub at_us: i64,
+    /// The decision with all its inputs.
+    pub body: Bytes,
+}
+
+/// Telemetry batches that never came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TelemetryGap {
+    /// First missing number.
+    pub first: u64,
+    /// Last missing number.
+    pub last: u64,
+}
+
+/// A change of the feed override of a live run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunOverride {
+    /// Counts up from 0 in a run.
+    pub number: u64,
+    /// Setpoint from which it acts.
+    pub setpoint_index: u64,
+    /// Ratio of the feed to the programmed one.
+    pub ratio: f64,
+    /// What brought it: a decision, an operator.
+    pub cause: String,
+}
+
+/// What happened in a run since the last commit; all of it becomes durable at once.
+#[derive(Debug, Clone, Default)]
+pub struct RunCommit {
+    /// Newest batch and the monitor's state after it; `None` leaves both.
+    pub telemetry: Option<(Option<u64>, Bytes)>,
+    /// Decisions made, in order.
+    pub decisions: Vec<NewDecision>,
+    /// Batches found missing.
+    pub gaps: Vec<TelemetryGap>,
+    /// Changes of the feed override.
+    pub overrides: Vec<RunOverride>,
+    /// Setpoints so far; `None` leaves them.
+    pub setpoints: Option<RunSetpoints>,
+    /// End of the run with its reason.
+    pub end: Option<(RunState, String)>,
+}
+
+/// Which decisions a list shows. The default shows all.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct DecisionFilter {
+    /// Only this run's.
+    pub run_id: Option<Uuid>,
+    /// Only those of this job's runs.
+    pub job_id: Option<Uuid>,
+}
+
+/// Most decisions that [`Runs::decisions_after`] returns at a time, and most gaps that are listed of a run.
+pub const MAX_DECISIONS: u32 = 500;
+
+/// Keeps runs.
+pub trait Runs {
+    /// Keeps how the telemetry of a job is judged, in place of what was kept before.
+    ///
+    /// # Errors
+    /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
+    fn put_monitoring(&self, job_id: Uuid, config: Json) -> impl Future<Output = Result<()>> + Send;
+
+    /// How the telemetry of a job is judged.
+    ///
+    /// # Errors
+    /// `NotFound` if the job does not exist or nothing was kept, `Unavailable`.
+    fn monitoring(&self, job_id: Uuid) -> impl Future<Output = Result<Json>> + Send;
+
+    /// Creates a run and takes it up.
+    ///
+    /// # Errors
+    /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
+    fn create_run(&self, run: NewRun) -> impl Future<Output = Result<AttachedRun>> + Send;
+
+    /// Takes an open run up; whoever had it before can write no more.
+    ///
+    /// # Errors
+    /// `NotFound`, `RunEnded` if it is not open any more, `Unavailable`.
+    fn attach_run(&self, id: Uuid) -> impl Future<Output = Result<AttachedRun>> + Send;
+
+    /// Makes durable what happened in a run; the stored decisions in order.
+    ///
+    /// # Errors
+    /// `NotFound` if the run was deleted, `Detached` if somebody else took it up, `RunEnded`, `TooLarge`, `Unavailable`.
+    fn commit_run(
+        &self,
+        id: Uuid,
+        attachment: u64,
+        commit: RunCommit,
+    ) -> impl Future<Output = Result<Vec<DecisionRecord>>> + Send;
+
+    /// A run.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    fn run(&self, id: Uuid) -> impl Future<Output = Result<Run>> + Send;
+
+    /// Runs by creation time, newest first, of one job or of all.
+    ///
+    /// # Errors
+    /// `InvalidPageToken`, `Unavailable`.
+    fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> impl Future<Output = Result<Page<Run>>> + Send;
+
+    /// Changes of the feed override of a run, in order.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn run_overrides(&self, id: Uuid) -> impl Future<Output = Result<Vec<RunOverride>>> + Send;
+
+    /// Missing batches of a run, by number, at most [`MAX_DECISIONS`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn telemetry_gaps(&self, id: Uuid) -> impl Future<Output = Result<Vec<TelemetryGap>>> + Send;
+
+    /// Decisions after position `sequence` (0 for all), oldest first, at most `limit` and never more than
+    /// [`MAX_DECISIONS`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn decisions_after(
+        &self,
+        sequence: i64,
+        filter: &DecisionFilter,
+        limit: u32,
+    ) -> impl Future<Output = Result<Vec<DecisionRecord>>> + Send;
+
+    /// Follows the position of the newest decision: changes once decisions are durable, so that
+    /// [`Runs::decisions_after`] finds them.
+    fn watch_decisions(&self) -> watch::Receiver<i64>;
+}

@@ -1,0 +1,424 @@
+//! Runs and their decisions in SQLite.
+
+use bytes::Bytes;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::Store;
+use super::compress::{compress, decompress, offload};
+use super::fault::{is_reference, json, parsed, signed, to_json, unsigned};
+use super::writer::Transaction;
+use crate::Json;
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::page::{Page, PageRequest, Scope};
+use crate::runs::{
+    AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit, RunOverride,
+    RunSetpoints, RunState, Runs, TelemetryGap,
+};
+
+/// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
+const MAX_ROWS: u64 = 4096;
+/// Longest reason of an end and cause of a change, bytes.
+const MAX_TEXT_BYTES: u64 = 4096;
+
+fn missing(id: Uuid) -> StoreError {
+    StoreError::not_found(Kind::Run, id)
+}
+
+fn run(row: &SqliteRow) -> Result<Run> {
+    let digest = match row.try_get::<Option<Vec<u8>>, _>("setpoints_digest")? {
+        Some(digest) => {
+            let digest = digest.try_into().map_err(|_| StoreError::corrupt("a digest has not 32 bytes"))?;
+            Some(digest)
+        }
+        None => None,
+    };
+    let newest_batch = match row.try_get::<Option<i64>, _>("newest_batch")? {
+        Some(_) => Some(unsigned(row, "newest_batch")?),
+        None => None,
+    };
+    Ok(Run {
+        id: parsed(row, "id")?,
+        job_id: parsed(row, "job_id")?,
+        kind: parsed(row, "kind")?,
+        state: parsed(row, "state")?,
+        state_detail: row.try_get("state_detail")?,
+        created_us: row.try_get("created_us")?,
+        updated_us: row.try_get("updated_us")?,
+        newest_batch,
+        setpoints: RunSetpoints {
+            received: unsigned(row, "setpoints_received")?,
+            sent: unsigned(row, "setpoints_sent")?,
+            digest,
+        },
+        settings: json(row, "settings")?,
+    })
+}
+
+/// Everything of a run but the state of its monitor.
+macro_rules! run_query {
+    ($rest:literal) => {
+        concat!(
+            "SELECT id, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
+                setpoints_sent, setpoints_digest, settings FROM runs ",
+            $rest
+        )
+    };
+}
+
+async fn find_run(connection: &mut SqliteConnection, id: Uuid) -> Result<Run> {
+    let row = sqlx::query(run_query!("WHERE id = ?")).bind(id.to_string()).fetch_optional(connection).await?;
+    run(&row.ok_or_else(|| missing(id))?)
+}
+
+async fn find_overrides(connection: &mut SqliteConnection, id: Uuid) -> Result<Vec<RunOverride>> {
+    let rows = sqlx::query("SELECT * FROM run_overrides WHERE run_id = ? ORDER BY number")
+        .bind(id.to_string())
+        .fetch_all(connection)
+        .await?;
+    let change = |row: &SqliteRow| {
+        Ok(RunOverride {
+            number: unsigned(row, "number")?,
+            setpoint_index: unsigned(row, "setpoint_index")?,
+            ratio: row.try_get("ratio")?,
+            cause: row.try_get("cause")?,
+        })
+    };
+    rows.iter().map(change).collect()
+}
+
+/// Takes a run up: what is left to do with a run that exists.
+async fn take_up(tx: &mut Transaction, id: Uuid) -> Result<(Run, u64, SqliteRow)> {
+    let now_us = tx.now_us();
+    let row = sqlx::query(
+        "UPDATE runs SET attachment = attachment + 1, updated_us = ? WHERE id = ? AND state = 'open'
+         RETURNING attachment, monitor_bytes, monitor",
+    )
+    .bind(now_us)
+    .bind(id.to_string())
+    .fetch_optional(&mut tx.connection)
+    .await?;
+    let run = find_run(&mut tx.connection, id).await?;
+    match row {
+        Some(row) => Ok((run, unsigned(&row, "attachment")?, row)),
+        None => Err(StoreError::RunEnded { run_id: id, state: run.state }),
+    }
+}
+
+/// Why a commit found no run to write to.
+async fn refusal(connection: &mut SqliteConnection, id: Uuid) -> Result<StoreError> {
+    let run = find_run(connection, id).await?;
+    Ok(match run.state {
+        RunState::Open => StoreError::Detached { run_id: id },
+        state => StoreError::RunEnded { run_id: id, state },
+    })
+}
+
+/// A commit with its numbers and the monitor's state as the database keeps them.
+struct Packed {
+    newest_batch: Option<i64>,
+    monitor: Option<(i64, Vec<u8>)>,
+    setpoints: Option<[i64; 2]>,
+    digest: Option<Vec<u8>>,
+    decisions: Vec<(i64, NewDecision)>,
+    gaps: Vec<[i64; 2]>,
+    overrides: Vec<([i64; 2], RunOverride)>,
+    end: Option<(RunState, String)>,
+}
+
+impl Packed {
+    async fn of(commit: RunCommit) -> Result<Self> {
+        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
+        let (newest_batch, monitor) = match telemetry {
+            Some((newest, monitor)) => {
+                let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
+                (newest, Some(pack(monitor).await?))
+            }
+            None => (None, None),
+        };
+        let number = |decision: NewDecision| Ok((signed("decision number", decision.number)?, decision));
+        let gap = |gap: TelemetryGap| Ok([signed("batch number", gap.first)?, signed("batch number", gap.last)?]);
+        let change = |change: RunOverride| {
+            let numbers = [signed("change number", change.number)?, signed("setpoint index", change.setpoint_index)?];
+            Ok((numbers, change))
+        };
+        let count = |setpoints: RunSetpoints| {
+            Ok::<_, StoreError>([
+                signed("setpoint index", setpoints.received)?,
+                signed("setpoint index", setpoints.sent)?,
+            ])
+        };
+        Ok(Self {
+            newest_batch,
+            monitor,
+            setpoints: setpoints.map(count).transpose()?,
+            digest: setpoints.and_then(|setpoints| setpoints.digest).map(Vec::from),
+            decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
+            gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
+            overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
+            end,
+        })
+    }
+
+    fn bytes(&self) -> usize {
+        let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
+        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
+    }
+}
+
+async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
+    let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
+    Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
+}
+
+impl Runs for Store {
+    async fn put_monitoring(&self, job_id: Uuid, config: Json) -> Result<()> {
+        let what = "monitoring configuration size in bytes";
+        check_size(what, config.get().len(), self.settings().max_document_bytes)?;
+        self.write(config.get().len(), move |tx| {
+            Box::pin(async move {
+                let now_us = tx.now_us();
+                let written =
+                    sqlx::query("INSERT OR REPLACE INTO monitoring (job_id, updated_us, config) VALUES (?, ?, ?)")
+                        .bind(job_id.to_string())
+                        .bind(now_us)
+                        .bind(config.get())
+                        .execute(&mut tx.connection)
+                        .await;
+                match written {
+                    Err(error) if is_reference(&error) => Err(StoreError::not_found(Kind::Job, job_id)),
+                    written => Ok(written.map(drop)?),
+                }
+            })
+        })
+        .await
+    }
+
+    async fn monitoring(&self, job_id: Uuid) -> Result<Json> {
+        let mut reader = self.reader().await?;
+        let row =
+            sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = ?")
+                .bind(job_id.to_string())
+                .fetch_optional(&mut *reader)
+                .await?
+                .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
+        let config: Option<String> = row.try_get("config")?;
+        to_json(config.ok_or_else(|| StoreError::not_found(Kind::Monitoring, job_id))?, "config")
+    }
+
+    async fn create_run(&self, new: NewRun) -> Result<AttachedRun> {
+        check_size("run settings size in bytes", new.settings.get().len(), self.settings().max_document_bytes)?;
+        check_size("monitor size in bytes", new.monitor.len(), self.settings().max_snapshot_bytes)?;
+        let NewRun { job_id, kind, settings, monitor } = new;
+        let (monitor_bytes, packed) = pack(monitor.clone()).await?;
+        let payload = packed.len() + settings.get().len();
+        self.write(payload, move |tx| {
+            Box::pin(async move {
+                let id = Uuid::now_v7();
+                let now_us = tx.now_us();
+                let inserted = sqlx::query(
+                    "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
+                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor)
+                     VALUES (?, ?, ?, 'open', '', ?, ?, 1, 0, 0, ?, ?, ?)",
+                )
+                .bind(id.to_string())
+                .bind(job_id.to_string())
+                .bind(kind.as_str())
+                .bind(now_us)
+                .bind(now_us)
+                .bind(settings.get())
+                .bind(monitor_bytes)
+                .bind(packed)
+                .execute(&mut tx.connection)
+                .await;
+                if let Err(error) = inserted {
+                    let unknown = is_reference(&error);
+                    return Err(if unknown { StoreError::not_found(Kind::Job, job_id) } else { error.into() });
+                }
+                let run = find_run(&mut tx.connection, id).await?;
+                Ok(AttachedRun { run, attachment: 1, monitor, overrides: Vec::new() })
+            })
+        })
+        .await
+    }
+
+    async fn attach_run(&self, id: Uuid) -> Result<AttachedRun> {
+        let (run, attachment, row, overrides) = self
+            .write(0, move |tx| {
+                Box::pin(async move {
+                    let (run, attachment, row) = take_up(tx, id).await?;
+                    let overrides = find_overrides(&mut tx.connection, id).await?;
+                    Ok((run, attachment, row, overrides))
+                })
+            })
+            .await?;
+        let size = unsigned(&row, "monitor_bytes")?;
+        let packed: Vec<u8> = row.try_get("monitor")?;
+        let monitor = offload(packed.len(), move || decompress(&packed, size)).await?;
+        Ok(AttachedRun { run, attachment, monitor, overrides })
+    }
+
+    async fn commit_run(&self, id: Uuid, attachment: u64, commit: RunCommit) -> Result<Vec<DecisionRecord>> {
+        if let Some((_, monitor)) = &commit.telemetry {
+            check_size("monitor size in bytes", monitor.len(), self.settings().max_snapshot_bytes)?;
+        }
+        for decision in &commit.decisions {
+            check_size("decision size in bytes", decision.body.len(), self.settings().max_document_bytes)?;
+        }
+        check_size("telemetry gaps", commit.gaps.len(), MAX_ROWS)?;
+        check_size("changes of the feed override", commit.overrides.len(), MAX_ROWS)?;
+        let texts = commit.overrides.iter().map(|change| &change.cause).chain(commit.end.iter().map(|end| &end.1));
+        for text in texts {
+            check_size("reason size in bytes", text.len(), MAX_TEXT_BYTES)?;
+        }
+        let attachment = signed("attachment", attachment)?;
+        let packed = Packed::of(commit).await?;
+        self.write(packed.bytes(), move |tx| Box::pin(write(tx, id, attachment, packed))).await
+    }
+
+    async fn run(&self, id: Uuid) -> Result<Run> {
+        find_run(&mut *self.reader().await?, id).await
+    }
+
+    async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
+        let scope = Scope::of([b"runs".as_slice(), job_id.as_ref().map_or(&[], |id| id.as_bytes().as_slice())]);
+        let size = page.bounded_size();
+        let mut sql = QueryBuilder::<Sqlite>::new(run_query!("WHERE TRUE"));
+        if let Some(job_id) = job_id {
+            sql.push(" AND job_id = ").push_bind(job_id.to_string());
+        }
+        if let Some(position) = scope.position(&page.token)? {
+            let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
+            let time = i64::from_be_bytes(time.try_into().map_err(|_| StoreError::InvalidPageToken)?);
+            let id = Uuid::from_slice(id).map_err(|_| StoreError::InvalidPageToken)?;
+            sql.push(" AND (created_us, id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
+        }
+        sql.push(" ORDER BY created_us DESC, id DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let runs = rows.iter().map(run).collect::<Result<Vec<_>>>()?;
+        Ok(Page::cut(runs, size, |last| {
+            scope.token(&[last.created_us.to_be_bytes().as_slice(), last.id.as_bytes()].concat())
+        }))
+    }
+
+    async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
+        find_overrides(&mut *self.reader().await?, id).await
+    }
+
+    async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>> {
+        let rows = sqlx::query("SELECT * FROM telemetry_gaps WHERE run_id = ? ORDER BY first_batch LIMIT ?")
+            .bind(id.to_string())
+            .bind(MAX_DECISIONS)
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        let gap = |row: &SqliteRow| {
+            Ok(TelemetryGap { first: unsigned(row, "first_batch")?, last: unsigned(row, "last_batch")? })
+        };
+        rows.iter().map(gap).collect()
+    }
+
+    async fn decisions_after(&self, sequence: i64, filter: &DecisionFilter, limit: u32) -> Result<Vec<DecisionRecord>> {
+        let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM decisions WHERE sequence > ");
+        sql.push_bind(sequence);
+        if let Some(id) = filter.run_id {
+            sql.push(" AND run_id = ").push_bind(id.to_string());
+        }
+        if let Some(id) = filter.job_id {
+            sql.push(" AND job_id = ").push_bind(id.to_string());
+        }
+        sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_DECISIONS));
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let decision = |row: &SqliteRow| {
+            Ok(DecisionRecord {
+                sequence: row.try_get("sequence")?,
+                run_id: parsed(row, "run_id")?,
+                job_id: parsed(row, "job_id")?,
+                number: unsigned(row, "number")?,
+                at_us: row.try_get("at_us")?,
+                body: row.try_get::<Vec<u8>, _>("body")?.into(),
+            })
+        };
+        rows.iter().map(decision).collect()
+    }
+
+    fn watch_decisions(&self) -> watch::Receiver<i64> {
+        self.inner.newest_decision.clone()
+    }
+}
+
+async fn write(tx: &mut Transaction, id: Uuid, attachment: i64, packed: Packed) -> Result<Vec<DecisionRecord>> {
+    let at_us = tx.now_us();
+    let run_id = id.to_string();
+    let (monitor_bytes, monitor) = packed.monitor.unzip();
+    let [received, sent] = packed.setpoints.map_or([None; 2], |counts| counts.map(Some));
+    let (state, detail) = packed.end.unzip();
+    // One statement for all that changes in the run: each is a hop to the connection's thread.
+    let row = sqlx::query(
+        "UPDATE runs SET updated_us = ?, newest_batch = COALESCE(?, newest_batch),
+            monitor_bytes = COALESCE(?, monitor_bytes), monitor = COALESCE(?, monitor),
+            setpoints_received = COALESCE(?, setpoints_received), setpoints_sent = COALESCE(?, setpoints_sent),
+            setpoints_digest = COALESCE(?, setpoints_digest), state = COALESCE(?, state),
+            state_detail = COALESCE(?, state_detail)
+         WHERE id = ? AND attachment = ? AND state = 'open' RETURNING job_id",
+    )
+    .bind(at_us)
+    .bind(packed.newest_batch)
+    .bind(monitor_bytes)
+    .bind(monitor)
+    .bind(received)
+    .bind(sent)
+    .bind(packed.digest)
+    .bind(state.map(RunState::as_str))
+    .bind(detail)
+    .bind(&run_id)
+    .bind(attachment)
+    .fetch_optional(&mut tx.connection)
+    .await?;
+    let Some(row) = row else { return Err(refusal(&mut tx.connection, id).await?) };
+    let job_id: Uuid = parsed(&row, "job_id")?;
+
+    if !packed.gaps.is_empty() {
+        let mut sql =
+            QueryBuilder::<Sqlite>::new("INSERT INTO telemetry_gaps (run_id, first_batch, last_batch, at_us) ");
+        sql.push_values(packed.gaps, |mut row, [first, last]| {
+            row.push_bind(run_id.clone()).push_bind(first).push_bind(last).push_bind(at_us);
+        });
+        sql.build().persistent(false).execute(&mut tx.connection).await?;
+    }
+    if !packed.overrides.is_empty() {
+        let mut sql =
+            QueryBuilder::<Sqlite>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause) ");
+        sql.push_values(packed.overrides, |mut row, ([number, index], change)| {
+            row.push_bind(run_id.clone()).push_bind(number).push_bind(index).push_bind(change.ratio);
+            row.push_bind(change.cause);
+        });
+        sql.build().persistent(false).execute(&mut tx.connection).await?;
+    }
+    let mut records = Vec::with_capacity(packed.decisions.len());
+    for (number, decision) in packed.decisions {
+        let sequence = sqlx::query(
+            "INSERT INTO decisions (run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?)",
+        )
+        .bind(&run_id)
+        .bind(job_id.to_string())
+        .bind(number)
+        .bind(at_us)
+        .bind(decision.action)
+        .bind(decision.body.as_ref())
+        .execute(&mut tx.connection)
+        .await?
+        .last_insert_rowid();
+        tx.decision_written(sequence);
+        records.push(DecisionRecord {
+            sequence,
+            run_id: id,
+            job_id,
+            number: decision.number,
+            at_us,
+            body: decision.body,
+        });
+    }
+    Ok(records)
+}

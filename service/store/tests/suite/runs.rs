@@ -1,0 +1,168 @@
+//! Runs and their decisions.
+
+use feedwave_store::{
+    AttachedRun, DecisionFilter, Jobs, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride,
+    RunSetpoints, RunState, Runs, StoreError, TelemetryGap,
+};
+use uuid::Uuid;
+
+use super::{Backend, json, new_job, open, with_program};
+
+fn new_run(job_id: Uuid) -> NewRun {
+    NewRun { job_id, kind: RunKind::Live, settings: json(r#"{"tool":7}"#), monitor: vec![1; 9_000].into() }
+}
+
+async fn with_run<B: Backend>(backend: &B) -> (B::Store, AttachedRun) {
+    let (store, program) = with_program(backend).await;
+    let job_id = store.create_job(new_job("r", program)).await.unwrap().id;
+    let run = store.create_run(new_run(job_id)).await.unwrap();
+    (store, run)
+}
+
+fn decision(number: u64) -> NewDecision {
+    NewDecision { number, action: "change", body: number.to_le_bytes().to_vec().into() }
+}
+
+fn decisions(numbers: std::ops::Range<u64>) -> RunCommit {
+    RunCommit { decisions: numbers.map(decision).collect(), ..RunCommit::default() }
+}
+
+pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Backend) {
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+    assert_eq!((run.state, run.newest_batch, run.setpoints), (RunState::Open, None, RunSetpoints::default()));
+    let setpoints = RunSetpoints { received: 900, sent: 1_024, digest: Some([7; 32]) };
+    let change = |number, setpoint_index, ratio| RunOverride {
+        number,
+        setpoint_index,
+        ratio,
+        cause: format!("decision {number}"),
+    };
+    let gap = TelemetryGap { first: 4, last: 9 };
+    let commit = RunCommit {
+        telemetry: Some((Some(3), vec![2; 50_000].into())),
+        overrides: vec![change(0, 100, 0.95), change(1, 200, 0.95 * 0.95)],
+        setpoints: Some(setpoints),
+        gaps: vec![gap],
+        ..decisions(0..2)
+    };
+    let stored = store.commit_run(run.id, attachment, commit).await.unwrap();
+    assert_eq!(stored.iter().map(|decision| decision.number).collect::<Vec<_>>(), [0, 1]);
+    // What a commit leaves out stays.
+    store.commit_run(run.id, attachment, decisions(2..3)).await.unwrap();
+    drop(store);
+
+    let store = open(&backend).await;
+    let again = store.attach_run(run.id).await.unwrap();
+    assert_eq!((again.run.newest_batch, again.run.setpoints), (Some(3), setpoints));
+    assert_eq!(again.monitor, vec![2; 50_000]);
+    assert_eq!(again.overrides, [change(0, 100, 0.95), change(1, 200, 0.95 * 0.95)]);
+    assert_eq!(again.run.settings.get(), r#"{"tool":7}"#);
+    assert_eq!(store.telemetry_gaps(run.id).await.unwrap(), [gap]);
+    let filter = DecisionFilter { run_id: Some(run.id), job_id: None };
+    let kept = store.decisions_after(0, &filter, 10).await.unwrap();
+    for (number, kept) in (0..3_u64).zip(&kept) {
+        assert_eq!((kept.number, kept.body.as_ref()), (number, number.to_le_bytes().as_slice()));
+    }
+    assert_eq!(kept.len(), 3);
+    // The same decision twice is a fault of the caller and changes nothing.
+    let twice = store.commit_run(run.id, again.attachment, decisions(2..4)).await;
+    assert!(matches!(twice, Err(StoreError::Unavailable { .. })), "{twice:?}");
+    assert_eq!(store.decisions_after(0, &filter, 10).await.unwrap().len(), 3);
+}
+
+pub(crate) async fn only_the_newest_attachment_writes(backend: impl Backend) {
+    let (store, first) = with_run(&backend).await;
+    let id = first.run.id;
+    let second = store.attach_run(id).await.unwrap();
+    let third = store.attach_run(id).await.unwrap();
+    for old in [first.attachment, second.attachment] {
+        let refused = store.commit_run(id, old, decisions(0..1)).await;
+        assert!(matches!(refused, Err(StoreError::Detached { run_id }) if run_id == id), "{refused:?}");
+    }
+    store.commit_run(id, third.attachment, decisions(0..1)).await.unwrap();
+    assert_eq!(store.decisions_after(0, &DecisionFilter::default(), 10).await.unwrap().len(), 1);
+}
+
+pub(crate) async fn an_ended_run_takes_nothing_more(backend: impl Backend) {
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+    let end = RunCommit { end: Some((RunState::Stopped, "replace the tool".into())), ..decisions(0..1) };
+    store.commit_run(run.id, attachment, end).await.unwrap();
+    let ended = store.run(run.id).await.unwrap();
+    assert_eq!((ended.state, ended.state_detail.as_str()), (RunState::Stopped, "replace the tool"));
+    let refused = store.commit_run(run.id, attachment, decisions(1..2)).await.err();
+    assert!(matches!(refused, Some(StoreError::RunEnded { state: RunState::Stopped, .. })), "{refused:?}");
+    let refused = store.attach_run(run.id).await.err();
+    assert!(matches!(refused, Some(StoreError::RunEnded { .. })), "{refused:?}");
+}
+
+pub(crate) async fn decisions_are_followed_without_gaps(backend: impl Backend) {
+    let (store, first) = with_run(&backend).await;
+    let second = store.create_run(new_run(first.run.job_id)).await.unwrap();
+    let mut newest = store.watch_decisions();
+    let mut seen = Vec::new();
+    for number in 0..20 {
+        let run = if number % 3 == 0 { &second } else { &first };
+        let both = tokio::join!(
+            store.commit_run(run.run.id, run.attachment, decisions(10 * number..10 * number + 2)),
+            newest.wait_for(|newest| *newest > seen.last().copied().unwrap_or(0)),
+        );
+        both.0.unwrap();
+        both.1.unwrap();
+        let after = seen.last().copied().unwrap_or(0);
+        let new = store.decisions_after(after, &DecisionFilter::default(), 500).await.unwrap();
+        seen.extend(new.iter().map(|decision| decision.sequence));
+    }
+    assert_eq!(seen, (1..=40).collect::<Vec<i64>>());
+    let of_job = DecisionFilter { job_id: Some(first.run.job_id), run_id: None };
+    assert_eq!(store.decisions_after(10, &of_job, 7).await.unwrap().len(), 7);
+    let of_run = DecisionFilter { run_id: Some(second.run.id), job_id: None };
+    assert_eq!(store.decisions_after(0, &of_run, 500).await.unwrap().len(), 14);
+    drop(store);
+    assert_eq!(*open(&backend).await.watch_decisions().borrow(), 40, "the position survives");
+}
+
+pub(crate) async fn runs_need_their_job_and_go_with_it(backend: impl Backend) {
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+    let other = Uuid::now_v7();
+    let refused = store.create_run(new_run(other)).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Job, .. })), "{refused:?}");
+    let refused = store.put_monitoring(other, json("{}")).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Job, .. })), "{refused:?}");
+    let refused = store.monitoring(other).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Job, .. })), "{refused:?}");
+    let refused = store.monitoring(run.job_id).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Monitoring, .. })), "{refused:?}");
+    for config in [r#"{"a":1}"#, r#"{"a":2}"#] {
+        store.put_monitoring(run.job_id, json(config)).await.unwrap();
+        assert_eq!(store.monitoring(run.job_id).await.unwrap().get(), config);
+    }
+    store.commit_run(run.id, attachment, decisions(0..3)).await.unwrap();
+    store.delete_job(run.job_id, None).await.unwrap();
+    let refused = store.commit_run(run.id, attachment, decisions(3..4)).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Run, .. })), "{refused:?}");
+    assert!(store.decisions_after(0, &DecisionFilter::default(), 10).await.unwrap().is_empty());
+}
+
+pub(crate) async fn runs_page_newest_first(backend: impl Backend) {
+    let (store, first) = with_run(&backend).await;
+    let job_id = first.run.job_id;
+    let mut created = vec![first.run.id];
+    for _ in 0..6 {
+        created.push(store.create_run(new_run(job_id)).await.unwrap().run.id);
+    }
+    let mut listed = Vec::new();
+    let mut page = PageRequest { size: 3, token: String::new() };
+    loop {
+        let runs = store.list_runs(Some(job_id), &page).await.unwrap();
+        listed.extend(runs.items.iter().map(|run| run.id));
+        match runs.next_token {
+            Some(token) => page.token = token,
+            None => break,
+        }
+    }
+    created.reverse();
+    assert_eq!(listed, created);
+    let foreign = store.list_runs(None, &page).await.err();
+    assert!(matches!(foreign, Some(StoreError::InvalidPageToken)), "{foreign:?}");
+    assert_eq!(store.list_runs(None, &PageRequest::default()).await.unwrap().items.len(), 7);
+}
