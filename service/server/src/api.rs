@@ -1,6 +1,7 @@
 //! The gRPC services. Each method is an ordinary function on [`Api`] over the contract's messages; the HTTP port
 //! uses the same ones.
 
+mod decisions;
 mod events;
 mod guarded;
 mod jobs;
@@ -8,6 +9,7 @@ mod machines;
 mod mask;
 mod programs;
 mod setpoints;
+mod telemetry;
 mod threads;
 mod tools;
 

@@ -110,6 +110,8 @@ pub struct Limits {
     pub concurrent_requests: usize,
     /// Setpoint streams open at once.
     pub concurrent_streams: usize,
+    /// Runs under way at once, live ones and those of telemetry only.
+    pub concurrent_runs: usize,
     /// Streams that one connection may have open at once.
     pub streams_per_connection: u32,
     /// Programs validated at once.
@@ -126,6 +128,7 @@ impl Default for Limits {
             message_bytes: 4 << 20,
             concurrent_requests: 1_024,
             concurrent_streams: 64,
+            concurrent_runs: 64,
             streams_per_connection: 128,
             validation_workers: std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
             drain_s: 10,
@@ -279,6 +282,7 @@ impl Config {
         range("limits.upload_bytes", limits.upload_bytes, 1, 1 << 40);
         range("limits.concurrent_requests", limits.concurrent_requests as u64, 1, 1_000_000);
         range("limits.concurrent_streams", limits.concurrent_streams as u64, 1, 10_000);
+        range("limits.concurrent_runs", limits.concurrent_runs as u64, 1, 10_000);
         range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
         range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
         range("limits.drain_s", limits.drain_s, 0, 3_600);

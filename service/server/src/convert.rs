@@ -1,7 +1,9 @@
 //! Between the contract's messages and the types of the pipeline: once on entry, with every violation reported,
 //! and once on exit.
 
+mod decision;
 mod feed_override;
+mod monitoring;
 mod profile;
 mod report;
 mod thread;
@@ -11,7 +13,9 @@ mod tool;
 use feedwave_cutting::GenerationMode;
 use prost_types::Timestamp;
 
+pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
 pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
+pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
 pub use thread::{thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};

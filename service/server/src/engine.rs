@@ -5,8 +5,10 @@
 mod active;
 mod columns;
 mod expand;
+mod session;
 mod source;
 mod stream;
+mod telemetry;
 mod validation;
 mod worker;
 
@@ -22,8 +24,12 @@ use uuid::Uuid;
 pub use active::{ActiveJobs, JobGuard};
 pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
 pub use expand::Expander;
+pub(crate) use session::name_decision;
+pub use session::{MAX_BATCH_EVENTS, MAX_BATCH_SAMPLES};
 pub(crate) use stream::beyond_end;
 pub use stream::{Generator, StreamPlan, StreamStart};
+pub use telemetry::Ingestion;
+pub(crate) use telemetry::Intake;
 
 use crate::config::Limits;
 use crate::convert;
@@ -45,6 +51,7 @@ struct Inner {
     /// Work that cancelling or deleting a job has to end.
     active: ActiveJobs,
     stream_places: Arc<Semaphore>,
+    run_places: Arc<Semaphore>,
     /// Places for validations on request; the background workers have their own.
     validation_places: Arc<Semaphore>,
     wake: Notify,
@@ -65,6 +72,7 @@ impl Engine {
     pub fn new(store: Store, metrics: Arc<Metrics>, limits: Limits, draining: CancellationToken) -> Self {
         let inner = Inner {
             stream_places: Arc::new(Semaphore::new(limits.concurrent_streams)),
+            run_places: Arc::new(Semaphore::new(limits.concurrent_runs)),
             validation_places: Arc::new(Semaphore::new(limits.validation_workers)),
             store,
             metrics,
@@ -103,6 +111,11 @@ impl Engine {
     #[must_use]
     pub fn draining(&self) -> &CancellationToken {
         &self.inner.draining
+    }
+
+    /// Does something that the end of the service waits for.
+    pub fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) {
+        self.inner.tasks.spawn(work);
     }
 
     /// Waits until nothing works any more; call once [`Engine::draining`] is cancelled.

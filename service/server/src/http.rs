@@ -19,7 +19,8 @@ use crate::api::Api;
 use crate::error::{Error, Result, Violations};
 use crate::observability::{REVISION, VERSION};
 use crate::proto::{
-    GetJobRequest, GetReportRequest, JobStateCount, ListJobEventsRequest, ListJobsRequest, ServerState,
+    GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
+    ListRunsRequest, ServerState,
 };
 use crate::{api, json};
 use query::Query;
@@ -41,6 +42,8 @@ pub fn router(state: HttpState) -> Router {
         .route("/v1/jobs/{id}", get(get_job))
         .route("/v1/jobs/{id}/report", get(get_report))
         .route("/v1/events", get(list_events))
+        .route("/v1/runs", get(list_runs))
+        .route("/v1/decisions", get(list_decisions))
         .route("/v1/state", get(get_state))
         .route("/metrics", get(get_metrics))
         .route("/healthz", get(async || "ok\n"))
@@ -121,6 +124,29 @@ async fn list_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, he
     };
     query.finish()?;
     Ok(message(&headers, &state.api.list_job_events(request).await?))
+}
+
+async fn list_runs(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListRunsRequest {
+        job: query.text("job"),
+        page_size: query.number("page_size"),
+        page_token: query.text("page_token"),
+    };
+    query.finish()?;
+    Ok(message(&headers, &state.api.list_runs(request).await?))
+}
+
+async fn list_decisions(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListDecisionsRequest {
+        after: query.number("after"),
+        page_size: query.number("page_size"),
+        job: query.text("job"),
+        run: query.text("run"),
+    };
+    query.finish()?;
+    Ok(message(&headers, &state.api.list_decisions(request).await?))
 }
 
 async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer {

@@ -36,6 +36,7 @@ use crate::proto::DESCRIPTOR_SET;
 use crate::proto::jobs_server::JobsServer;
 use crate::proto::machines_server::MachinesServer;
 use crate::proto::setpoints_server::SetpointsServer;
+use crate::proto::telemetry_server::TelemetryServer;
 use crate::proto::threads_server::ThreadsServer;
 use crate::proto::tools_server::ToolsServer;
 
@@ -43,11 +44,12 @@ use crate::proto::tools_server::ToolsServer;
 const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
 
 /// Names of the services, for health.
-const SERVICES: [&str; 6] = [
+const SERVICES: [&str; 7] = [
     "",
     JobsServer::<Api>::NAME,
     SetpointsServer::<Api>::NAME,
     ThreadsServer::<Api>::NAME,
+    TelemetryServer::<Api>::NAME,
     MachinesServer::<Api>::NAME,
     ToolsServer::<Api>::NAME,
 ];
@@ -282,6 +284,7 @@ fn routes(api: &Api, config: &Config, health: &HealthReporter) -> Result<Routes,
     )
     .add_service(SetpointsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(ThreadsServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(TelemetryServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(MachinesServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(ToolsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(tonic_health::pb::health_server::HealthServer::new(health))

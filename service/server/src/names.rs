@@ -1,4 +1,4 @@
-//! Resource names: `jobs/{uuid}`, `machines/{id}`, `tools/{id}`, `programs/{sha256}`.
+//! Resource names: `jobs/{uuid}`, `runs/{uuid}`, `machines/{id}`, `tools/{id}`, `programs/{sha256}`.
 
 use feedwave_store::ProgramId;
 use uuid::Uuid;
@@ -43,6 +43,16 @@ fn strip<'a>(name: &'a str, prefix: &str, expected: &'static str) -> Result<&'a 
 pub fn parse_job(name: &str) -> Result<Uuid, NameError> {
     const FORM: &str = "jobs/{uuid}";
     let id = strip(name, "jobs/", FORM)?;
+    Uuid::try_parse(id).map_err(|_| NameError::Form { expected: FORM, given: quoted(name) })
+}
+
+/// The identifier in `runs/{uuid}`.
+///
+/// # Errors
+/// [`NameError`] when it is not one.
+pub fn parse_run(name: &str) -> Result<Uuid, NameError> {
+    const FORM: &str = "runs/{uuid}";
+    let id = strip(name, "runs/", FORM)?;
     Uuid::try_parse(id).map_err(|_| NameError::Form { expected: FORM, given: quoted(name) })
 }
 
@@ -91,6 +101,12 @@ pub fn job(id: Uuid) -> String {
     format!("jobs/{id}")
 }
 
+/// `runs/{uuid}`
+#[must_use]
+pub fn run(id: Uuid) -> String {
+    format!("runs/{id}")
+}
+
 /// `programs/{sha256}`
 #[must_use]
 pub fn program(id: ProgramId) -> String {
@@ -117,6 +133,7 @@ mod tests {
     fn names_survive_the_round_trip() {
         let id = Uuid::from_u128(0x0190_0000_0000_7000_8000_0000_0000_0001);
         assert_eq!(parse_job(&job(id)), Ok(id));
+        assert_eq!(parse_run(&run(id)), Ok(id));
         let program_id = ProgramId::of(b"M30");
         assert_eq!(parse_program(&program(program_id)), Ok(program_id));
         assert_eq!(parse_machine(&machine("lathe-2")), Ok("lathe-2"));

@@ -22,6 +22,15 @@ pub struct Metrics {
     pub active_streams: IntGauge,
     /// Setpoints sent.
     pub setpoints: IntCounter,
+    /// Runs under way.
+    pub active_runs: IntGauge,
+    /// Telemetry samples taken in.
+    pub telemetry_samples: IntCounter,
+    /// Decisions made durable, by action.
+    pub decisions: IntCounterVec,
+    /// Time from the arrival of the batch that causes a decision until the decision is durable and handed to the
+    /// connection, s.
+    pub decision_seconds: Histogram,
     /// Bytes of response messages sent, by method.
     pub sent_bytes: IntCounterVec,
     /// Jobs waiting for validation.
@@ -94,6 +103,11 @@ impl Metrics {
             active_requests: registrar.gauge("feedwave_grpc_active_requests", "gRPC calls under way."),
             active_streams: registrar.gauge("feedwave_active_streams", "Setpoint streams open."),
             setpoints: registrar.counter("feedwave_setpoints_total", "Setpoints sent."),
+            active_runs: registrar.gauge("feedwave_active_runs", "Runs under way."),
+            telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
+            decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),
+            decision_seconds: registrar
+                .seconds("feedwave_decision_seconds", "Time from a batch to its decision, durable and sent."),
             sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),
             validation_queue: registrar.gauge("feedwave_validation_queue", "Jobs waiting for validation."),
             active_validations: registrar.gauge("feedwave_active_validations", "Validations running."),

@@ -5,4 +5,5 @@ mod jobs;
 mod operation;
 mod setpoints;
 mod support;
+mod telemetry;
 mod uploads;

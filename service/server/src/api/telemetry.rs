@@ -1,0 +1,270 @@
+//! `feedwave.v1.Telemetry`.
+
+use feedwave_monitoring::{Monitor, MonitoringConfig};
+use feedwave_store::{AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunKind, Runs as _};
+use futures_util::{StreamExt as _, stream};
+use tonic::{Request, Response, Status, Streaming, async_trait};
+use uuid::Uuid;
+
+use super::guarded::{Guarded, deadline};
+use super::jobs::{ResponseStream, job_id};
+use super::{Api, answer, page_request};
+use crate::convert::{
+    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
+};
+use crate::engine::Intake;
+use crate::error::{Error, Result, Violations};
+use crate::proto::ingest_request::Message as RequestMessage;
+use crate::proto::ingest_response::Message;
+use crate::proto::ingest_start::Target;
+use crate::proto::telemetry_server::Telemetry;
+use crate::proto::{
+    BatchGap, GetMonitoringRequest, GetMonitoringResponse, GetRunRequest, GetRunResponse, IngestRequest,
+    IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest, ListDecisionsResponse, ListRunsRequest,
+    ListRunsResponse, Run, SetMonitoringRequest, SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
+};
+use crate::{json, names, proto};
+
+fn run_to_proto(run: &RunRecord) -> Run {
+    Run {
+        name: names::run(run.id),
+        job: names::job(run.job_id),
+        kind: match run.kind {
+            RunKind::Telemetry => proto::RunKind::Telemetry,
+            RunKind::Live => proto::RunKind::Live,
+        }
+        .into(),
+        state: match run.state {
+            feedwave_store::RunState::Open => proto::RunState::Open,
+            feedwave_store::RunState::Finished => proto::RunState::Finished,
+            feedwave_store::RunState::Stopped => proto::RunState::Stopped,
+            feedwave_store::RunState::Aborted => proto::RunState::Aborted,
+        }
+        .into(),
+        state_message: run.state_detail.clone(),
+        create_time: Some(timestamp(run.created_us)),
+        update_time: Some(timestamp(run.updated_us)),
+        durable_batch: run.newest_batch,
+        ..Run::default()
+    }
+}
+
+/// How the telemetry of a stored run is judged.
+fn stored_config(text: &str) -> Result<MonitoringConfig> {
+    let mut violations = Violations::default();
+    monitoring_from_proto(&mut violations, "config", &json::from_stored(text)?)
+        .ok_or_else(|| Error::internal(format!("a stored configuration is refused: {:?}", violations.as_slice())))
+}
+
+impl Api {
+    /// Sets how the telemetry of a job is judged.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn set_monitoring(&self, request: SetMonitoringRequest) -> Result<SetMonitoringResponse> {
+        let mut violations = Violations::default();
+        let job = violations.check("job", names::parse_job(&request.job));
+        let config = match &request.config {
+            Some(config) => monitoring_from_proto(&mut violations, "config", config),
+            None => {
+                violations.add("config", "must be set");
+                None
+            }
+        };
+        violations.finish()?;
+        let (Some(job), Some(config)) = (job, config) else {
+            return Err(Error::internal("a request was neither accepted nor refused"));
+        };
+        let config = monitoring_to_proto(&config);
+        self.store.put_monitoring(job, json::to_stored(&config)?).await?;
+        Ok(SetMonitoringResponse { config: Some(config) })
+    }
+
+    /// Reads how the telemetry of a job is judged.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_monitoring(&self, request: GetMonitoringRequest) -> Result<GetMonitoringResponse> {
+        let config = self.store.monitoring(job_id("job", &request.job)?).await?;
+        Ok(GetMonitoringResponse { config: Some(json::from_stored(config.get())?) })
+    }
+
+    /// Reads a run.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_run(&self, request: GetRunRequest) -> Result<GetRunResponse> {
+        let id = names::parse_run(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
+        let record = self.store.run(id).await?;
+        let gaps = self.store.telemetry_gaps(id).await?;
+        let gaps = gaps.iter().map(|gap| BatchGap { first: gap.first, last: gap.last }).collect();
+        let monitoring = Some(json::from_stored(record.settings.get())?);
+        Ok(GetRunResponse { run: Some(Run { gaps, monitoring, ..run_to_proto(&record) }) })
+    }
+
+    /// Lists runs.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_runs(&self, request: ListRunsRequest) -> Result<ListRunsResponse> {
+        let mut violations = Violations::default();
+        let page = page_request(&mut violations, request.page_size, request.page_token);
+        let job = job_filter(&mut violations, &request.job);
+        violations.finish()?;
+        let page = self.store.list_runs(job, &page).await?;
+        Ok(ListRunsResponse {
+            runs: page.items.iter().map(run_to_proto).collect(),
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
+    }
+
+    async fn start_ingestion(
+        &self,
+        request: Request<Streaming<IngestRequest>>,
+    ) -> Result<ResponseStream<IngestResponse>> {
+        let deadline = deadline(request.metadata());
+        let mut messages = request.into_inner();
+        let start = first_message(&mut messages).await?;
+        let target = start.target.as_ref().ok_or_else(|| Error::invalid("start.target", "job or run must be set"))?;
+        let job = match target {
+            Target::Job(name) => job_id("start.job", name)?,
+            Target::Run(name) => {
+                let id = names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))?;
+                let run = self.store.run(id).await?;
+                if run.kind != RunKind::Telemetry {
+                    let message = format!("{name} is a live run, take it up as one");
+                    return Err(Error::Precondition { reason: "RUN_IS_LIVE", subject: name.clone(), message });
+                }
+                run.job_id
+            }
+        };
+        // Registered before the run is taken up, so that a cancellation in between is not missed.
+        let guard = self.engine.enter(job);
+        let cancelled = guard.token().clone();
+        let attached = self.attach(target, job).await?;
+        let (intake, ingestion) = self.engine.ingest(&attached, start.clock_ns, guard)?;
+        tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
+        let started = started(&attached)?;
+        self.engine.spawn(take_in(messages, intake));
+        let started = stream::once(std::future::ready(Ok(started)));
+        let guarded = Guarded::new(started.chain(ingestion), deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
+        Ok(Box::pin(guarded))
+    }
+
+    /// The run that a client begins or takes up.
+    async fn attach(&self, target: &Target, job: Uuid) -> Result<AttachedRun> {
+        if let Target::Run(name) = target {
+            let id = names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))?;
+            return Ok(self.store.attach_run(id).await?);
+        }
+        let state = self.store.job(job).await?.state;
+        if state != feedwave_store::JobState::Ready {
+            let subject = names::job(job);
+            let message = format!("{subject} is {state}, only a ready job can be run");
+            return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
+        }
+        let settings = self.store.monitoring(job).await?;
+        let monitor = Monitor::new(stored_config(settings.get())?)
+            .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
+        let monitor = monitor.snapshot().map_err(Error::internal)?.into();
+        Ok(self.store.create_run(NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor }).await?)
+    }
+}
+
+fn job_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {
+    if job.is_empty() { None } else { violations.check("job", names::parse_job(job)) }
+}
+
+/// The client's first message.
+async fn first_message(messages: &mut Streaming<IngestRequest>) -> Result<IngestStart> {
+    match messages.message().await {
+        Ok(Some(IngestRequest { message: Some(RequestMessage::Start(start)) })) => Ok(start),
+        Ok(_) => Err(Error::invalid("message", "the first message must be the start")),
+        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+    }
+}
+
+fn started(attached: &AttachedRun) -> Result<IngestResponse> {
+    let monitor = Monitor::restore(&attached.monitor).map_err(Error::internal)?;
+    let started = IngestStarted {
+        run: names::run(attached.run.id),
+        durable_batch: attached.run.newest_batch,
+        overrides: Some(overrides_to_proto(monitor.overrides())),
+        state: monitor_state_to_proto(monitor.state()).into(),
+    };
+    Ok(IngestResponse { message: Some(Message::Started(started)) })
+}
+
+/// Passes batches on until the client ends the run or goes away.
+async fn take_in(mut messages: Streaming<IngestRequest>, intake: Intake) {
+    loop {
+        let message = tokio::select! {
+            message = messages.message() => message,
+            () = intake.left() => return,
+        };
+        let wanted = match message {
+            Ok(Some(IngestRequest { message: Some(RequestMessage::Batch(batch)) })) => intake.batch(batch).await,
+            Ok(Some(IngestRequest { message: Some(RequestMessage::End(_)) })) => return intake.end().await,
+            Ok(Some(_)) => {
+                let error = Error::invalid("message", "after the start it must be a batch or the end");
+                return intake.refuse(error).await;
+            }
+            Ok(None) | Err(_) => return,
+        };
+        if !wanted {
+            return;
+        }
+    }
+}
+
+#[async_trait]
+impl Telemetry for Api {
+    async fn set_monitoring(
+        &self,
+        request: Request<SetMonitoringRequest>,
+    ) -> Result<Response<SetMonitoringResponse>, Status> {
+        answer(request, async |request| self.set_monitoring(request).await).await
+    }
+
+    async fn get_monitoring(
+        &self,
+        request: Request<GetMonitoringRequest>,
+    ) -> Result<Response<GetMonitoringResponse>, Status> {
+        answer(request, async |request| self.get_monitoring(request).await).await
+    }
+
+    type IngestStream = ResponseStream<IngestResponse>;
+
+    async fn ingest(&self, request: Request<Streaming<IngestRequest>>) -> Result<Response<Self::IngestStream>, Status> {
+        Ok(Response::new(self.start_ingestion(request).await?))
+    }
+
+    async fn get_run(&self, request: Request<GetRunRequest>) -> Result<Response<GetRunResponse>, Status> {
+        answer(request, async |request| self.get_run(request).await).await
+    }
+
+    async fn list_runs(&self, request: Request<ListRunsRequest>) -> Result<Response<ListRunsResponse>, Status> {
+        answer(request, async |request| self.list_runs(request).await).await
+    }
+
+    async fn list_decisions(
+        &self,
+        request: Request<ListDecisionsRequest>,
+    ) -> Result<Response<ListDecisionsResponse>, Status> {
+        answer(request, async |request| self.list_decisions(request).await).await
+    }
+
+    type WatchDecisionsStream = ResponseStream<WatchDecisionsResponse>;
+
+    async fn watch_decisions(
+        &self,
+        request: Request<WatchDecisionsRequest>,
+    ) -> Result<Response<Self::WatchDecisionsStream>, Status> {
+        let deadline = deadline(request.metadata());
+        let decisions = Box::pin(self.watch_decisions(&request.into_inner())?);
+        let guarded = Guarded::new(decisions, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
+    }
+}

@@ -1,0 +1,281 @@
+//! The monitor of a run with everything of it that is not durable yet. Whoever drives a session takes batches in, then
+//! commits; what a commit returns may be told to the client.
+//!
+//! Invariant: a decision, the batches it was made from and the monitor's state after them become durable in one
+//! transaction, so that a run that is taken up after a kill makes every decision once.
+
+use std::time::{Duration, Instant};
+
+use feedwave_monitoring::{Batch, BatchError, Decision, Event, Monitor, Pair, Receipt, SnapshotError, State};
+use feedwave_store::{AttachedRun, NewDecision, RunCommit, Runs as _, Store, TelemetryGap};
+use prost::Message as _;
+use uuid::Uuid;
+
+use crate::convert::{action_name, decision_to_proto, state_to_proto, timestamp};
+use crate::error::{Error, Result};
+use crate::observability::metrics::Metrics;
+use crate::{names, proto};
+use proto::machine_event::Event as ProtoEvent;
+
+/// Most samples of a batch.
+pub const MAX_BATCH_SAMPLES: usize = 100_000;
+/// Most events of a batch.
+pub const MAX_BATCH_EVENTS: usize = 64;
+/// Batches become durable this often where no decision is waiting.
+const COMMIT_INTERVAL: Duration = Duration::from_millis(100);
+/// A large state becomes durable less often, so that it is written at this rate at most, bytes/s.
+const STATE_BYTES_PER_S: usize = 4 << 20;
+/// How much faster than the sensors' clock ours may run before telemetry seems to fall behind: drift of cheap clocks.
+const MAX_DRIFT: f64 = 2e-4;
+
+/// The clock of the sensors, as the arrival of their time stamps shows it.
+#[derive(Clone, Copy, Debug)]
+struct SensorClock {
+    /// Time of the sensors at `since`, ns: the latest that any batch has shown, less the drift since then.
+    at_ns: u64,
+    since: Instant,
+}
+
+impl SensorClock {
+    fn now_ns(&self, now: Instant) -> u64 {
+        let elapsed_ns = now.saturating_duration_since(self.since).as_nanos() as f64 * (1.0 - MAX_DRIFT);
+        self.at_ns.saturating_add(elapsed_ns as u64)
+    }
+}
+
+/// See the module.
+pub(super) struct Session {
+    store: Store,
+    run: Uuid,
+    attachment: u64,
+    monitor: Monitor,
+    clock: Option<SensorClock>,
+    /// When the newest samples came, and the last time stamp among them, ns.
+    last_arrival: Option<(Instant, u64)>,
+    /// The silence since then has been told to the monitor.
+    silence_told: bool,
+    fresh: Fresh,
+    next_commit: Instant,
+}
+
+/// What is not durable yet.
+#[derive(Default)]
+struct Fresh {
+    /// Whether the monitor has changed.
+    changed: bool,
+    decisions: Vec<Decision>,
+    gaps: Vec<TelemetryGap>,
+    duplicates: u32,
+}
+
+/// What became durable.
+#[derive(Debug, Default)]
+pub(super) struct Durable {
+    /// Decisions, in order, as the client hears of them.
+    pub(super) decisions: Vec<proto::Decision>,
+    /// What is acknowledged; `None` before the first batch.
+    pub(super) ack: Option<proto::TelemetryAck>,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session").field("run", &self.run).field("state", &self.monitor.state()).finish_non_exhaustive()
+    }
+}
+
+impl Session {
+    /// Goes on with a run; `clock_ns` is the time of the sensors' clock now, where the client knows it.
+    pub(super) fn new(store: Store, attached: &AttachedRun, clock_ns: Option<u64>) -> Result<Self> {
+        let unreadable = |error: SnapshotError| {
+            Error::internal(format!("the state of run {} cannot be read: {error}", attached.run.id))
+        };
+        let now = Instant::now();
+        Ok(Self {
+            store,
+            run: attached.run.id,
+            attachment: attached.attachment,
+            monitor: Monitor::restore(&attached.monitor).map_err(unreadable)?,
+            clock: clock_ns.map(|at_ns| SensorClock { at_ns, since: now }),
+            last_arrival: None,
+            silence_told: false,
+            fresh: Fresh::default(),
+            next_commit: now,
+        })
+    }
+
+    /// Takes a batch in.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when it cannot be read. The session is of no use then: part of the batch may have been taken.
+    pub(super) fn take(&mut self, batch: &proto::TelemetryBatch, now: Instant, live: bool) -> Result<()> {
+        check_size(batch)?;
+        if self.monitor.newest_batch().is_some_and(|newest| batch.sequence <= newest) {
+            self.fresh.duplicates = self.fresh.duplicates.saturating_add(1);
+            return Ok(());
+        }
+        self.fresh.changed = true;
+        let decisions = &mut self.fresh.decisions;
+        for (index, event) in batch.events.iter().enumerate() {
+            let event = event_from_proto(index, event, live)?;
+            let noted = self.monitor.note(event, &mut |decision| decisions.push(decision));
+            noted.map_err(|error| Error::invalid(format!("batch.events[{index}]"), error.to_string()))?;
+        }
+        if let Some(&last_ns) = batch.time_ns.last() {
+            if let Some(clock) = &self.clock {
+                // Shows the monitor telemetry that is late.
+                let clock_ns = clock.now_ns(now);
+                let noted = self.monitor.note(Event::Clock(clock_ns), &mut |decision| decisions.push(decision));
+                noted.map_err(Error::internal)?;
+            }
+            if self.clock.is_none_or(|clock| clock.now_ns(now) < last_ns) {
+                self.clock = Some(SensorClock { at_ns: last_ns, since: now });
+            }
+            self.last_arrival = Some((now, last_ns));
+            self.silence_told = false;
+        }
+        let receipt = self.monitor.push(&columns(batch), &mut |decision| decisions.push(decision));
+        match receipt.map_err(|error| batch_error(&error))? {
+            Receipt::AcceptedAfterGap { first, last } => self.fresh.gaps.push(TelemetryGap { first, last }),
+            Receipt::Accepted | Receipt::Dropped { .. } => {}
+        }
+        Ok(())
+    }
+
+    /// When silence has to be told to the monitor; `None` while silence is nothing to worry about.
+    pub(super) fn silence_at(&self) -> Option<Instant> {
+        let watches = self.monitor.in_contact() && matches!(self.monitor.state(), State::Settling | State::Measuring);
+        let arrival = self.last_arrival.filter(|_| watches && !self.silence_told);
+        arrival.map(|(arrival, _)| arrival + self.silence())
+    }
+
+    /// What the monitor does not tolerate any more.
+    fn silence(&self) -> Duration {
+        Duration::from_secs_f64(self.monitor.config().quality.silence_s) + Duration::from_millis(1)
+    }
+
+    /// Tells the monitor that nothing has come for the time that is tolerated.
+    pub(super) fn fall_silent(&mut self) -> Result<()> {
+        self.silence_told = true;
+        let last_ns = self.last_arrival.map_or(0, |(_, last_ns)| last_ns);
+        self.note(Event::Clock(last_ns.saturating_add(self.silence().as_nanos() as u64)))
+    }
+
+    /// Tells the monitor of something that the service itself did or found.
+    pub(super) fn note(&mut self, event: Event) -> Result<()> {
+        self.fresh.changed = true;
+        let decisions = &mut self.fresh.decisions;
+        self.monitor.note(event, &mut |decision| decisions.push(decision)).map_err(Error::internal)
+    }
+
+    /// Decisions that wait for their commit.
+    pub(super) fn waiting_decisions(&self) -> &[Decision] {
+        &self.fresh.decisions
+    }
+
+    /// When the session wants to be committed; `None` when everything is durable.
+    pub(super) fn commit_at(&self) -> Option<Instant> {
+        if !self.fresh.decisions.is_empty() {
+            return Some(Instant::now());
+        }
+        (self.fresh.changed || self.fresh.duplicates > 0).then_some(self.next_commit)
+    }
+
+    /// Makes everything durable, together with what else happened in the run.
+    ///
+    /// # Errors
+    /// Those of the store; [`Error::TakenUp`] when another connection goes on with the run.
+    pub(super) async fn commit(&mut self, metrics: &Metrics, besides: RunCommit) -> Result<Durable> {
+        let fresh = std::mem::take(&mut self.fresh);
+        let state = self.monitor.snapshot().map_err(Error::internal)?;
+        let interval = Duration::from_secs_f64(state.len() as f64 / STATE_BYTES_PER_S as f64);
+        let mut decisions: Vec<proto::Decision> = fresh.decisions.iter().map(decision_to_proto).collect();
+        let new = |(decision, message): (&Decision, &proto::Decision)| NewDecision {
+            number: decision.number,
+            action: action_name(decision.outcome.action),
+            body: message.encode_to_vec().into(),
+        };
+        let commit = RunCommit {
+            telemetry: fresh.changed.then(|| (self.monitor.newest_batch(), state.into())),
+            decisions: fresh.decisions.iter().zip(&decisions).map(new).collect(),
+            gaps: fresh.gaps.clone(),
+            ..besides
+        };
+        let records = self.store.commit_run(self.run, self.attachment, commit).await?;
+        self.next_commit = Instant::now() + COMMIT_INTERVAL.max(interval);
+        for ((message, decision), record) in decisions.iter_mut().zip(&fresh.decisions).zip(records) {
+            name_decision(message, &record);
+            metrics.decisions.with_label_values(&[action_name(decision.outcome.action)]).inc();
+        }
+        let ack = self.monitor.newest_batch().map(|durable_batch| proto::TelemetryAck {
+            durable_batch,
+            gaps: fresh.gaps.iter().map(|gap| proto::BatchGap { first: gap.first, last: gap.last }).collect(),
+            duplicates: fresh.duplicates,
+            state: state_to_proto(self.monitor.state()).into(),
+        });
+        Ok(Durable { decisions, ack })
+    }
+}
+
+/// Gives a decision its place in the log.
+pub(crate) fn name_decision(decision: &mut proto::Decision, record: &feedwave_store::DecisionRecord) {
+    decision.sequence = record.sequence.unsigned_abs();
+    decision.run = names::run(record.run_id);
+    decision.job = names::job(record.job_id);
+    decision.time = Some(timestamp(record.at_us));
+}
+
+fn check_size(batch: &proto::TelemetryBatch) -> Result<()> {
+    for (field, size, limit) in [
+        ("batch.time_ns", batch.time_ns.len(), MAX_BATCH_SAMPLES),
+        ("batch.events", batch.events.len(), MAX_BATCH_EVENTS),
+    ] {
+        if size > limit {
+            return Err(Error::invalid(field, format!("has {size} entries, more than the {limit} allowed")));
+        }
+    }
+    Ok(())
+}
+
+/// The columns of a batch, as they came.
+fn columns(batch: &proto::TelemetryBatch) -> Batch<'_> {
+    fn pair(pair: &Option<proto::ChannelPair>) -> Option<Pair<'_>> {
+        pair.as_ref().map(|pair| Pair { x: &pair.x, y: &pair.y })
+    }
+    fn column<T>(values: &[T]) -> Option<&[T]> {
+        Some(values).filter(|values| !values.is_empty())
+    }
+    Batch {
+        sequence: batch.sequence,
+        time_ns: &batch.time_ns,
+        tool: pair(&batch.tool),
+        work: pair(&batch.work),
+        commanded: pair(&batch.commanded),
+        spindle_angle_rad: column(&batch.spindle_angle_rad),
+        spindle_rpm: column(&batch.spindle_rpm),
+        contact: column(&batch.contact),
+    }
+}
+
+fn batch_error(error: &BatchError) -> Error {
+    let field = match error {
+        BatchError::ColumnLength { column, .. } => format!("batch.{column}"),
+        BatchError::TooLarge { .. } => "batch.time_ns".to_owned(),
+    };
+    Error::invalid(field, error.to_string())
+}
+
+fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Result<Event> {
+    let invalid = |part: &str, why: &str| Err(Error::invalid(format!("batch.events[{index}].{part}"), why));
+    match event.event {
+        None => invalid("event", "must be set"),
+        Some(ProtoEvent::Overrides(_)) if live => invalid("overrides", "a live run sets the overrides itself"),
+        Some(ProtoEvent::Rebaseline(false)) => invalid("rebaseline", "must be true"),
+        Some(ProtoEvent::Rebaseline(true)) => Ok(Event::Rebaseline),
+        Some(ProtoEvent::ProgrammedRpm(rpm)) => Ok(Event::ProgrammedSpindle { rpm }),
+        Some(ProtoEvent::Overrides(overrides)) => {
+            Ok(Event::Overrides { feed: overrides.feed, spindle: overrides.spindle })
+        }
+        Some(ProtoEvent::Threading(threading)) => Ok(Event::Threading(threading)),
+        Some(ProtoEvent::Tool(tool)) => Ok(Event::Tool(tool)),
+    }
+}

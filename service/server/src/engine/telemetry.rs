@@ -1,0 +1,277 @@
+//! Ingestion of telemetry: a thread for each run takes batches as they come, makes what follows from them durable in
+//! groups, and then tells the client. While one group is being written the next one gathers.
+
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Instant;
+
+use feedwave_store::{AttachedRun, RunCommit, RunState};
+use futures_util::Stream;
+use tokio::runtime::Handle;
+use tokio::sync::mpsc;
+use tokio_util::sync::{CancellationToken, DropGuard};
+
+use super::session::Session;
+use super::{Engine, JobGuard};
+use crate::error::{Error, Result};
+use crate::names;
+use crate::observability::metrics::{GaugeGuard, Metrics};
+use crate::proto;
+use proto::ingest_response::Message;
+
+/// Batches that wait for the thread; a sender that is faster than it waits then.
+const BATCHES_IN_FLIGHT: usize = 8;
+/// Batches that become durable together at most.
+const BATCHES_PER_GROUP: usize = 64;
+/// Messages that wait for the connection. A client that leaves more unread is not listening to decisions.
+const MESSAGES_IN_FLIGHT: usize = 1024;
+
+/// What the connection brings.
+#[derive(Debug)]
+enum Input {
+    /// A batch, and when it came.
+    Batch(Box<proto::TelemetryBatch>, Instant),
+    /// The client has said everything: the run is finished.
+    End,
+    /// The client said something that it must not.
+    Refused(Error),
+}
+
+/// Where batches go in.
+#[derive(Debug)]
+pub(crate) struct Intake {
+    sender: mpsc::Sender<Input>,
+    left: CancellationToken,
+}
+
+impl Intake {
+    /// Takes a batch in, waiting for those before it; `false` when nobody wants it any more.
+    pub(crate) async fn batch(&self, batch: proto::TelemetryBatch) -> bool {
+        self.sender.send(Input::Batch(Box::new(batch), Instant::now())).await.is_ok()
+    }
+
+    /// Ends the run.
+    pub(crate) async fn end(self) {
+        // Whoever does not listen any more has ended already.
+        let _ = self.sender.send(Input::End).await;
+    }
+
+    /// Ends the stream, not the run, with an error.
+    pub(crate) async fn refuse(self, error: Error) {
+        let _ = self.sender.send(Input::Refused(error)).await;
+    }
+
+    /// Waits until nobody reads what the run says.
+    pub(crate) async fn left(&self) {
+        self.left.cancelled().await;
+    }
+}
+
+/// A run that takes telemetry in: its messages, then at most one error.
+#[derive(Debug)]
+pub struct Ingestion {
+    messages: mpsc::Receiver<proto::IngestResponse>,
+    /// Why the thread ended, where it is not the client's own end.
+    error: Arc<Mutex<Option<Error>>>,
+    _left: DropGuard,
+}
+
+impl Stream for Ingestion {
+    type Item = Result<proto::IngestResponse>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        let polled = self.messages.poll_recv(cx);
+        polled.map(|message| match message {
+            Some(message) => Some(Ok(message)),
+            None => self.error.lock().unwrap_or_else(PoisonError::into_inner).take().map(Err),
+        })
+    }
+}
+
+/// What ends the work on a run from outside. That the client left is no reason: its telemetry is silent then.
+#[derive(Clone, Debug)]
+pub(super) struct RunEnds {
+    /// The job was cancelled or deleted.
+    pub(super) job: CancellationToken,
+    pub(super) job_name: String,
+    /// The service is ending.
+    pub(super) draining: CancellationToken,
+}
+
+impl RunEnds {
+    /// Waits until the work has to end.
+    pub(super) async fn reached(&self) -> Error {
+        tokio::select! {
+            () = self.job.cancelled() => Error::JobCancelled { job: self.job_name.clone() },
+            () = self.draining.cancelled() => Error::Draining,
+        }
+    }
+}
+
+impl Engine {
+    /// Takes in the telemetry of a run that `guard` registers work on its job for. An intake that is dropped
+    /// without its end leaves the run open.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many runs are under way.
+    pub(crate) fn ingest(
+        &self,
+        attached: &AttachedRun,
+        clock_ns: Option<u64>,
+        guard: JobGuard,
+    ) -> Result<(Intake, Ingestion)> {
+        let inner = &self.inner;
+        let session = Session::new(inner.store.clone(), attached, clock_ns)?;
+        let limit = inner.limits.concurrent_runs as u64;
+        let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
+        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
+        let ends = RunEnds {
+            job: guard.token().clone(),
+            job_name: names::job(attached.run.job_id),
+            draining: inner.draining.clone(),
+        };
+        let left = CancellationToken::new();
+        let (sender, input) = mpsc::channel(BATCHES_IN_FLIGHT);
+        let (outlet, messages) = mpsc::channel(MESSAGES_IN_FLIGHT);
+        let error = Arc::new(Mutex::new(None));
+        let told = error.clone();
+        let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
+        let mut worker = Worker { session, input, open: true, outlet, ends, runtime, metrics };
+        let active = GaugeGuard::new(&inner.metrics.active_runs);
+        inner.tasks.spawn_blocking(move || {
+            let _held = (place, active, guard);
+            if let Err(error) = worker.run() {
+                *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            }
+        });
+        let intake = Intake { sender, left: left.clone() };
+        Ok((intake, Ingestion { messages, error, _left: left.drop_guard() }))
+    }
+}
+
+/// Everything that the thread works with.
+struct Worker {
+    session: Session,
+    input: mpsc::Receiver<Input>,
+    /// Whether more may come.
+    open: bool,
+    outlet: mpsc::Sender<proto::IngestResponse>,
+    ends: RunEnds,
+    runtime: Handle,
+    metrics: Arc<Metrics>,
+}
+
+/// Why a waiting thread goes on.
+enum Wake {
+    /// Something came; `None`: the connection broke.
+    Input(Option<Input>),
+    Silence,
+    Commit,
+    Ended(Error),
+}
+
+impl Worker {
+    fn run(&mut self) -> Result<()> {
+        loop {
+            let mut finished = false;
+            let mut cause = None;
+            let mut ended = None;
+            match self.wait() {
+                Wake::Input(Some(first)) => (finished, cause) = self.gather(first)?,
+                Wake::Input(None) => self.open = false,
+                Wake::Silence => self.session.fall_silent()?,
+                Wake::Commit => {}
+                Wake::Ended(error) => ended = Some(error),
+            }
+            // Silence counts on after the client has gone: its fallback is part of the log.
+            let last = ended.is_some() || finished || (!self.open && self.session.silence_at().is_none());
+            let commit_at = self.session.commit_at();
+            if finished || commit_at.is_some_and(|at| last || at <= Instant::now()) {
+                self.commit(finished, cause)?;
+            }
+            if last {
+                return ended.map_or(Ok(()), Err);
+            }
+        }
+    }
+
+    fn wait(&mut self) -> Wake {
+        if let Ok(input) = self.input.try_recv() {
+            return Wake::Input(Some(input));
+        }
+        let at = |instant: Option<Instant>| async move {
+            match instant {
+                Some(instant) => tokio::time::sleep_until(instant.into()).await,
+                None => std::future::pending().await,
+            }
+        };
+        let (silence, commit) = (at(self.session.silence_at()), at(self.session.commit_at()));
+        let (input, ends, open) = (&mut self.input, &self.ends, self.open);
+        self.runtime.block_on(async {
+            tokio::select! {
+                biased;
+                error = ends.reached() => Wake::Ended(error),
+                input = input.recv(), if open => Wake::Input(input),
+                () = silence => Wake::Silence,
+                () = commit => Wake::Commit,
+            }
+        })
+    }
+
+    /// Takes in what is there, up to a batch that causes a decision; whether it was the end, and when that batch came.
+    fn gather(&mut self, first: Input) -> Result<(bool, Option<Instant>)> {
+        let mut cause = None;
+        let mut next = Some(first);
+        for taken in 1.. {
+            match next {
+                Some(Input::Batch(batch, arrival)) => {
+                    self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
+                    self.session.take(&batch, arrival, false)?;
+                    if !self.session.waiting_decisions().is_empty() {
+                        // Nothing that came later is waited for.
+                        cause = Some(arrival);
+                        break;
+                    }
+                }
+                Some(Input::End) => return Ok((true, cause)),
+                Some(Input::Refused(error)) => return Err(error),
+                None => break,
+            }
+            if taken == BATCHES_PER_GROUP {
+                break;
+            }
+            next = self.input.try_recv().ok();
+        }
+        Ok((false, cause))
+    }
+
+    /// Makes everything durable and tells the client.
+    fn commit(&mut self, finished: bool, cause: Option<Instant>) -> Result<()> {
+        let end = finished.then(|| (RunState::Finished, String::new()));
+        let besides = RunCommit { end, ..RunCommit::default() };
+        let durable = self.runtime.block_on(self.session.commit(&self.metrics, besides))?;
+        let decided = !durable.decisions.is_empty();
+        let decisions = durable.decisions.into_iter().map(Message::Decision);
+        for message in decisions.chain(durable.ack.map(Message::Ack)) {
+            let message = proto::IngestResponse { message: Some(message) };
+            match self.outlet.try_send(message) {
+                // A client that has gone hears of it when it takes the run up.
+                Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => {}
+                Err(mpsc::error::TrySendError::Full(_)) => {
+                    let message =
+                        format!("{MESSAGES_IN_FLIGHT} messages were left unread; read decisions as they come");
+                    return Err(Error::Precondition {
+                        reason: "MESSAGES_UNREAD",
+                        subject: self.ends.job_name.clone(),
+                        message,
+                    });
+                }
+            }
+        }
+        if let Some(cause) = cause.filter(|_| decided) {
+            self.metrics.decision_seconds.observe(cause.elapsed().as_secs_f64());
+        }
+        Ok(())
+    }
+}
