@@ -328,6 +328,7 @@ pub(super) mod tests {
         proto::MonitoringConfig {
             tool: Some(proto::Sensors { quantity: 1, max: 10.0, ..Default::default() }),
             work: Some(proto::Sensors { quantity: 2, mm_per_strain: 400.0, min: -1.0, max: 1.0 }),
+            tool_check: Some(proto::ToolCheck { max_ratio: None, max_run_out: Some(0.05) }),
             idle_run_up: Some(proto::IdleRunUp { speeds_rpm: vec![1_000.0, 2_000.0], ..Default::default() }),
             contact: Some(proto::ContactDetection { threshold: 0.002, ..Default::default() }),
             window: Some(proto::WindowLength { length: Some(length) }),
