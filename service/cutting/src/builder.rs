@@ -139,6 +139,10 @@ impl Builder {
                 let message = "threading passes are not carried out yet";
                 findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
             }
+            OperationKind::Guided(_) => {
+                let message = "tool centre point control is not carried out yet";
+                findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
+            }
             OperationKind::Dwell(time) => {
                 self.close_section(planner);
                 let duration_s = match *time {
@@ -171,6 +175,7 @@ impl Builder {
                 Function::PathVibration => {
                     self.switch_vibration(command, operation.span, config, planner, findings);
                 }
+                Function::Thinning => {}
                 Function::ThreadVibration => {
                     let message = "thread vibration is not carried out yet";
                     findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));

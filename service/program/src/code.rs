@@ -57,6 +57,12 @@ finding_codes! {
     NURBS_NOT_OPEN = "PRG-NURBS-NOT-OPEN": "G5.3 without G5.2";
     MACHINE_MOTION = "PRG-MACHINE-MOTION": "G53 without straight motion or with incremental words";
     REFERENCE_AXIS = "PRG-REFERENCE-AXIS": "G28 without an axis";
+    TOOL_CONTROL_LENGTH = "PRG-TOOL-CONTROL-LENGTH": "tool centre point control without the number of a tool length";
+    TOOL_CONTROL_NESTED = "PRG-TOOL-CONTROL-NESTED": "tool centre point control is switched on while it is on";
+    TOOL_CONTROL_OFF = "PRG-TOOL-CONTROL-OFF": "thinning without tool centre point control";
+    TOOL_CONTROL_BLOCK = "PRG-TOOL-CONTROL-BLOCK": "something that tool centre point control does not permit";
+    TOOL_CONTROL_HELD = "PRG-TOOL-CONTROL-HELD": "motion that needs an axis position which only the machine knows";
+    TOOL_DIRECTION = "PRG-TOOL-DIRECTION": "a tool direction that is a zero vector, or in the form of the other mode";
     TOOL_MISSING = "PRG-TOOL-MISSING": "a tool change before any T word";
     NO_END = "PRG-NO-END": "the program just stops, without M2, M30 or a closing %";
     TRAILING = "PRG-TRAILING": "text after the end of the program";

@@ -9,7 +9,7 @@ use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, MILL, code};
 
 pub(crate) use tables::function_words;
 
-use crate::{Axis, DialectName, Function, LanguageSettings, PathControlMode, Plane};
+use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,6 +111,12 @@ pub(crate) enum Meaning {
     Reference,
     MachineCoordinates,
     WorkOffset(u8),
+    /// `G43.4` with angles, `G43.5` with vectors.
+    ToolControl {
+        vectors: bool,
+    },
+    /// `G49`
+    ToolControlOff,
     Distance {
         absolute: bool,
     },
@@ -234,14 +240,8 @@ pub(crate) struct CodeTable {
 impl CodeTable {
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
         let dialect = Dialect::of(settings.dialect);
-        let vibration = settings.path_vibration;
-        let switches = [(vibration.on, true), (vibration.off, false)];
-        let functions = switches.into_iter().filter_map(|(number, on)| {
-            let meaning = Meaning::Function { function: Function::PathVibration, on };
-            // A profile's number may have come through arithmetic; the nearest tenth is meant.
-            let number = (number * 10.0).round() / 10.0;
-            tenths(number).map(|tenths| code(tenths as u16, Group::Function, meaning))
-        });
+        let functions = function_codes(Function::PathVibration, settings.path_vibration);
+        let switches = function_codes(Function::Thinning, settings.thinning);
         let mut table = Self {
             dialect,
             axis_letters: dialect.axis_letters(),
@@ -250,7 +250,7 @@ impl CodeTable {
         };
         // The profile's own codes come last, so that they win over a dialect's.
         table.add(b'G', COMMON_G_CODES.iter().chain(dialect.g_codes).copied().chain(functions));
-        table.add(b'M', COMMON_M_CODES.iter().chain(dialect.m_codes).copied());
+        table.add(b'M', COMMON_M_CODES.iter().chain(dialect.m_codes).copied().chain(switches));
         table
     }
 
@@ -292,6 +292,21 @@ pub(crate) fn carries_out_g_code(dialect: DialectName, number: f64) -> bool {
     tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number && supported(code)))
 }
 
+/// The codes by which a profile switches a machining function.
+fn function_codes(function: Function, codes: FunctionCodes) -> impl Iterator<Item = Code> {
+    [(codes.on, true), (codes.off, false)].into_iter().filter_map(move |(number, on)| {
+        // A profile's number may have come through arithmetic; the nearest tenth is meant.
+        let number = (number * 10.0).round() / 10.0;
+        tenths(number).map(|tenths| code(tenths as u16, Group::Function, Meaning::Function { function, on }))
+    })
+}
+
+/// Whether a dialect, apart from any profile's function codes, knows the M code of this number.
+pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
+    let mut codes = COMMON_M_CODES.iter().chain(Dialect::of(dialect).m_codes);
+    tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number))
+}
+
 /// Where the codes of a letter begin in the index.
 #[inline]
 const fn first_index(letter: u8) -> usize {
@@ -311,7 +326,6 @@ fn tenths(number: f64) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::FunctionCodes;
 
     fn meaning(table: &CodeTable, letter: u8, number: f64) -> Option<Meaning> {
         Some(table.code(table.find(letter, number)?).meaning)
@@ -344,7 +358,7 @@ mod tests {
     #[test]
     fn what_a_dialect_carries_out_itself() {
         for (number, lathe, mill) in
-            [(1.0, true, true), (99.0, true, false), (43.4, false, false), (200.0, false, false)]
+            [(1.0, true, true), (99.0, true, false), (43.4, false, true), (200.0, false, false)]
         {
             assert_eq!(DialectName::Lathe.carries_out_g_code(number), lathe, "G{number}");
             assert_eq!(DialectName::Mill.carries_out_g_code(number), mill, "G{number}");

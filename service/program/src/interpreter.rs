@@ -7,6 +7,7 @@ mod spindle;
 mod spline;
 #[cfg(test)]
 mod tests;
+mod tool_control;
 
 use crate::block::Block;
 use crate::code;

@@ -10,6 +10,7 @@ mod block;
 mod code;
 mod dialect;
 mod finding;
+mod guided;
 mod interpreter;
 pub mod lexer;
 mod number;
@@ -20,6 +21,7 @@ mod state;
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use code::FINDING_CODES;
 pub use finding::{Finding, FindingLog, NamedValue, Severity, SourceSpan, Suggestion};
+pub use guided::{AxisSet, GuidedMove, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, interpret};
 pub use number::Number;
 pub use operation::{

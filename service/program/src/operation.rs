@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Plane, Position, SourceSpan};
+use crate::{GuidedMove, Plane, Position, SourceSpan};
 
 /// One step of the program.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +25,8 @@ pub enum OperationKind {
     Move(Move),
     /// A threading pass.
     Thread(Box<ThreadMove>),
+    /// Axis motion that depends on the kinematics of the machine (`G43.4`, `G43.5`).
+    Guided(Box<GuidedMove>),
     /// Stand still (`G4`).
     Dwell(DwellTime),
     /// The spindle starts, stops, or its commanded speed changes.
@@ -60,7 +62,7 @@ pub enum MoveKind {
 }
 
 /// Motion from `start` to `end`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Move {
     /// Rapid or cutting.
     pub kind: MoveKind,
@@ -279,6 +281,8 @@ pub enum Function {
     PathVibration,
     /// Vibration of threading passes: on with the work diameter (`X`) and the ratio of amplitude to infeed (`Q`).
     ThreadVibration,
+    /// Thinning of five-axis blocks.
+    Thinning,
 }
 
 /// A block that switches a machining function. The words are those of the function's table in the dialect,

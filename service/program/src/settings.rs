@@ -22,6 +22,13 @@ impl DialectName {
     pub fn carries_out_g_code(self, number: f64) -> bool {
         crate::dialect::carries_out_g_code(self, number)
     }
+
+    /// Whether this dialect itself knows the M code of this number, so that a profile cannot assign it to a machining
+    /// function.
+    #[must_use]
+    pub fn knows_m_code(self, number: f64) -> bool {
+        crate::dialect::knows_m_code(self, number)
+    }
 }
 
 /// How a number without a decimal point is read.
@@ -84,13 +91,14 @@ pub enum DwellUnit {
     Seconds,
 }
 
-/// The codes that switch a machining function; a number may have one decimal place (`43.4`).
+/// The codes that switch a machining function; a number may have one decimal place (`43.4`). They are G codes unless the
+/// function says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FunctionCodes {
-    /// G code that switches it on.
+    /// Code that switches it on.
     pub on: f64,
-    /// G code that switches it off.
+    /// Code that switches it off.
     pub off: f64,
 }
 
@@ -118,6 +126,8 @@ pub struct LanguageSettings {
     pub block_delete: bool,
     /// Codes of vibration along the path.
     pub path_vibration: FunctionCodes,
+    /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well.
+    pub thinning: FunctionCodes,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
     pub work_offsets: [Position; 6],
     /// Reference position of `G28`, machine coordinates, mm (X a radius) and degrees.
@@ -144,6 +154,7 @@ impl Default for LanguageSettings {
             dwell_p_unit: DwellUnit::Milliseconds,
             block_delete: false,
             path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
+            thinning: FunctionCodes { on: 33.0, off: 34.0 },
             work_offsets: [[0.0; 9]; 6],
             reference_position: [0.0; 9],
             initial_position: [0.0; 9],

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
 use crate::{
-    Coolant, Feed, FeedMode, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle, SpindleDirection,
-    SpindleSpeed,
+    AxisSet, Coolant, Feed, FeedMode, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
+    SpindleDirection, SpindleSpeed,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -51,6 +51,40 @@ pub struct InterpreterState {
     pub(crate) spline_exit: Option<[f64; 2]>,
     /// The NURBS that is open, between `G5.2` and `G5.3`.
     pub(crate) nurbs: Option<Box<Nurbs>>,
+    pub(crate) tool_control: ToolControl,
+}
+
+/// Tool centre point control.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ToolControl {
+    pub(crate) mode: ToolMode,
+    /// Line that switched it on.
+    pub(crate) on_line: u32,
+    /// `H`
+    pub(crate) length_offset: u32,
+    /// Tool direction last programmed.
+    pub(crate) direction: Option<[f64; 3]>,
+    /// Axes whose place only the machine knows.
+    pub(crate) held: AxisSet,
+    /// Blocks are thinned.
+    pub(crate) thinning: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum ToolMode {
+    #[default]
+    Off,
+    /// `G43.4`
+    Angles,
+    /// `G43.5`
+    Vectors,
+}
+
+impl ToolControl {
+    /// Whether moves are plain ones, whose positions the program knows.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.mode == ToolMode::Off && self.held.is_empty()
+    }
 }
 
 /// A NURBS whose control points are being read; the position stays at its start meanwhile.
@@ -142,6 +176,7 @@ impl InterpreterState {
             path_control: settings.path_control(settings.initial_path_control),
             spline_exit: None,
             nurbs: None,
+            tool_control: ToolControl::default(),
         }
     }
 

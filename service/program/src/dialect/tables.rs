@@ -36,9 +36,7 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(410, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(420, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-    code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
     code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-    code(490, Group::LengthCompensation, Meaning::AlreadySo),
     code(520, Group::NonModal, Meaning::Unsupported("local coordinate system")),
     code(530, Group::NonModal, Meaning::MachineCoordinates),
     code(540, Group::WorkOffset, Meaning::WorkOffset(0)),
@@ -143,6 +141,8 @@ pub(super) static LATHE: Dialect = Dialect {
     g_codes: &[
         code(320, Group::Motion, Meaning::Unsupported("thread cutting")),
         code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
+        code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
+        code(490, Group::LengthCompensation, Meaning::AlreadySo),
         code(500, Group::NonModal, Meaning::SpeedClamp),
         code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
         code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
@@ -168,9 +168,13 @@ pub(super) static MILL: Dialect = Dialect {
     g_codes: &[
         code(150, Group::PolarCoordinates, Meaning::AlreadySo),
         code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
+        code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
+        code(435, Group::LengthCompensation, Meaning::ToolControl { vectors: true }),
+        code(490, Group::LengthCompensation, Meaning::ToolControlOff),
         code(500, Group::Scaling, Meaning::AlreadySo),
         code(510, Group::Scaling, Meaning::Unsupported("scaling")),
         code(680, Group::Rotation, Meaning::Unsupported("coordinate rotation")),
+        code(531, Group::NonModal, Meaning::Unsupported("tool axis in a tilted work plane")),
         code(682, Group::Rotation, Meaning::Unsupported("tilted work plane")),
         code(690, Group::Rotation, Meaning::AlreadySo),
         code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
@@ -190,6 +194,6 @@ pub(crate) const fn function_words(function: Function, on: bool) -> &'static [(u
         (Function::PathVibration, true) => &[(b'F', false), (b'A', true)],
         // X is a radius here as everywhere.
         (Function::ThreadVibration, true) => &[(b'X', true), (b'Q', false)],
-        (Function::PathVibration | Function::ThreadVibration, false) => &[],
+        (Function::PathVibration | Function::ThreadVibration, false) | (Function::Thinning, _) => &[],
     }
 }

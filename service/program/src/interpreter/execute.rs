@@ -5,8 +5,9 @@ use crate::code;
 use crate::dialect::{CodeTable, FeedUnit, Group, Meaning, function_words, letter_bit};
 use crate::state::{InterpreterState, Phase};
 use crate::{
-    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, FunctionCommand, FunctionWord, LanguageSettings,
-    MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode, Severity, SourceSpan,
+    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionWord,
+    LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode, Severity,
+    SourceSpan,
 };
 
 /// One inch in mm, by definition.
@@ -46,6 +47,7 @@ impl Execution<'_> {
         if other_codes {
             self.units();
             self.feed_unit();
+            self.tool_control();
             function = self.function();
         }
         self.feed();
@@ -166,6 +168,9 @@ impl Execution<'_> {
         let (Meaning::Function { function, on }, span) = self.code(Group::Function)? else {
             return None;
         };
+        if function == Function::Thinning && !self.switch_thinning(on, span) {
+            return None;
+        }
         let mut words = Vec::new();
         for &(letter, is_length) in function_words(function, on) {
             if let Some(word) = self.take(letter) {

@@ -59,6 +59,9 @@ impl Execution<'_> {
             Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference) => return,
             _ => Frame::Work,
         };
+        if !self.state.tool_control.is_plain() {
+            return self.guided_motion(frame);
+        }
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let curve_words = self.block.letters & !self.used & curve_letters(self.state.motion);
         if frame == Frame::Machine && !self.block.unclear {
@@ -131,18 +134,23 @@ impl Execution<'_> {
             });
         }
         self.state.spline_exit = None;
+        let rapid = match self.state.tool_control.is_plain() {
+            true => |this: &mut Self, end| this.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
+            false => |this: &mut Self, end| this.emit_guided(MoveKind::Rapid, end, Feed::PerMinute(0.0), None),
+        };
         let over = self.target(axes, Frame::Work);
-        self.emit_move(MoveKind::Rapid, over, None, Feed::PerMinute(0.0));
+        rapid(self, over);
         self.state.position = over;
         let offset = &self.settings.work_offsets[usize::from(self.state.work_offset)];
         let mut home = over;
         for place in set_bits(axes) {
             if let Letter::Axis(axis) | Letter::Increment(axis) = self.table.dialect.letters[place] {
+                self.state.tool_control.held = self.state.tool_control.held.without(axis);
                 let axis = axis.index();
                 home[axis] = self.settings.reference_position[axis] - offset[axis];
             }
         }
-        self.emit_move(MoveKind::Rapid, home, None, Feed::PerMinute(0.0));
+        rapid(self, home);
         self.state.position = home;
     }
 
@@ -187,6 +195,10 @@ impl Execution<'_> {
                 self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
             }
             named |= 1 << axis.index();
+            if !self.state.tool_control.held.is_empty() {
+                let span = self.block.word_span(self.block.slot(place));
+                self.place_held(axis, increment, value, span);
+            }
             let target = &mut end[axis.index()];
             if increment {
                 *target += value;

@@ -6,9 +6,10 @@ mod hostile;
 mod language;
 mod path_control;
 mod splines;
+mod tool_control;
 
 use super::*;
-use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed};
+use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed, ToolGuide};
 
 /// Up to six decimals, without trailing zeros.
 fn number(value: f64) -> String {
@@ -57,6 +58,25 @@ fn render_operation(operation: &Operation) -> String {
         OperationKind::Thread(pass) => {
             let ends = format!("{} -> {}", place(&pass.start), place(&pass.end));
             format!("thread {ends} @{}/rev from {}", number(pass.lead_mm), number(pass.start_angle_deg))
+        }
+        OperationKind::Guided(guided) => {
+            let step = &guided.step;
+            let vector = |vector: Option<[f64; 3]>| vector.map_or("-".to_owned(), |v| v.map(number).join(","));
+            let guide = match guided.guide {
+                ToolGuide::Axes => "axes".to_owned(),
+                ToolGuide::Angles => "angles".to_owned(),
+                ToolGuide::Vector { start, end } => format!("vector {} {}", vector(start), vector(end)),
+            };
+            let kind = match step.kind {
+                MoveKind::Rapid => "rapid",
+                MoveKind::Cutting => "cut",
+            };
+            let held = Axis::ALL.into_iter().filter(|&axis| guided.held.contains(axis));
+            let held: String = held.map(Axis::letter).collect();
+            let held = if held.is_empty() { held } else { format!(" ~{held}") };
+            let feed = if step.kind == MoveKind::Cutting { format!(" @{}", feed(step.feed)) } else { String::new() };
+            let pure = if guided.is_pure_cut { " pure" } else { "" };
+            format!("guided {guide} H{} {kind} -> {}{held}{feed}{pure}", guided.length_offset, place(&step.end))
         }
         OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
         OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),

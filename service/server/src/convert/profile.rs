@@ -178,6 +178,7 @@ fn language_from_proto(
         path_vibration: language
             .path_vibration
             .map_or(usual.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        thinning: usual.thinning,
         work_offsets,
         reference_position: position(&language.reference_position, usual.reference_position),
         initial_position: position(&language.initial_position, usual.initial_position),

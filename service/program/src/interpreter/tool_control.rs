@@ -1,0 +1,313 @@
+//! Tool centre point control: `G43.4` with the angles of the rotary axes, `G43.5` with direction vectors, `G49`; and the
+//! moves under it.
+
+use super::execute::Execution;
+use super::motion::Frame;
+use crate::block::Word;
+use crate::code;
+use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
+use crate::state::{Motion, ToolControl, ToolMode};
+use crate::{
+    Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, MoveKind, OperationKind, Position, Severity,
+    SourceSpan, ToolGuide,
+};
+
+/// The letters of a direction vector.
+const VECTOR_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
+/// The letters of rotary axes.
+const ROTARY_LETTERS: u32 = letter_bit(b'A') | letter_bit(b'B') | letter_bit(b'C');
+
+impl Execution<'_> {
+    /// `G43.4`, `G43.5` and `G49`; and what the mode does not permit in a block.
+    pub(super) fn tool_control(&mut self) {
+        match self.code(Group::LengthCompensation) {
+            Some((Meaning::ToolControl { vectors }, span)) => self.tool_control_on(vectors, span),
+            Some((Meaning::ToolControlOff, _)) => self.tool_control_off(),
+            _ => {}
+        }
+        if self.state.tool_control.mode != ToolMode::Off {
+            self.check_guided_block();
+        }
+    }
+
+    fn tool_control_on(&mut self, vectors: bool, span: SourceSpan) {
+        let length = self.take(b'H');
+        let thinning = self.take(b'P');
+        let is_on = self.state.tool_control.mode != ToolMode::Off;
+        if is_on && (length.is_some() || thinning.is_none()) {
+            let on_line = self.state.tool_control.on_line;
+            return self.findings.push_with(Severity::Error, || {
+                let message = format!("tool centre point control is on already, since line {on_line}");
+                Finding::error(code::TOOL_CONTROL_NESTED, span, message)
+                    .with_value("on_line", f64::from(on_line), "")
+                    .suggest("switch it off with G49 before it is switched on with another form or length")
+            });
+        }
+        if !is_on {
+            let Some(length_offset) = self.length_offset(length, span) else { return };
+            let mode = if vectors { ToolMode::Vectors } else { ToolMode::Angles };
+            let held = self.state.tool_control.held.with(AxisSet::LINEAR);
+            let on_line = span.line;
+            self.state.tool_control =
+                ToolControl { mode, on_line, length_offset, direction: None, held, thinning: false };
+        }
+        if let Some(word) = thinning {
+            self.thinning_parameter(&word, span);
+        }
+    }
+
+    /// The number of the tool length; `None` after a finding.
+    fn length_offset(&mut self, word: Option<Word>, span: SourceSpan) -> Option<u32> {
+        let number = match word {
+            Some(word) => Some(self.whole(&word)?),
+            None => None,
+        };
+        let number = number.filter(|&number| number > 0);
+        if number.is_none() {
+            self.findings.push_with(Severity::Error, || {
+                let message = "the tool centre point is not known without a tool length";
+                Finding::error(code::TOOL_CONTROL_LENGTH, span, message)
+                    .suggest("add H with the number of the tool, such as H1")
+            });
+        }
+        number
+    }
+
+    /// `G43.4 P1` and `P0`.
+    fn thinning_parameter(&mut self, word: &Word, span: SourceSpan) {
+        let value = word.number.value();
+        if value != 0.0 && value != 1.0 {
+            return self.word_conflict(word, "P here switches thinning: P1 on, P0 off");
+        }
+        let on = value == 1.0;
+        if on != self.state.tool_control.thinning {
+            self.state.tool_control.thinning = on;
+            let command =
+                FunctionCommand { function: Function::Thinning, on, inch: self.state.inch, words: Vec::new() };
+            self.emit(span, OperationKind::Function(command));
+        }
+    }
+
+    /// The code that switches thinning: whether it is carried out.
+    pub(super) fn switch_thinning(&mut self, on: bool, span: SourceSpan) -> bool {
+        let control = &mut self.state.tool_control;
+        if on && control.mode == ToolMode::Off {
+            self.findings.push_with(Severity::Error, || {
+                let message = "five-axis blocks are thinned under tool centre point control, which is off";
+                Finding::error(code::TOOL_CONTROL_OFF, span, message)
+                    .suggest("switch it on first: G43.4 H with the angles of the rotary axes, G43.5 H with vectors")
+            });
+            return false;
+        }
+        std::mem::replace(&mut control.thinning, on) != on
+    }
+
+    fn tool_control_off(&mut self) {
+        let control = &mut self.state.tool_control;
+        if control.mode == ToolMode::Off {
+            return;
+        }
+        let mut held = control.held.with(AxisSet::LINEAR);
+        if control.mode == ToolMode::Vectors {
+            held = held.with(AxisSet::ROTARY);
+        }
+        if std::mem::take(&mut control.thinning) {
+            let command =
+                FunctionCommand { function: Function::Thinning, on: false, inch: self.state.inch, words: Vec::new() };
+            self.emit(self.block.span(), OperationKind::Function(command));
+        }
+        self.state.tool_control = ToolControl { held, ..ToolControl::default() };
+    }
+
+    /// Reports codes that contradict the mode.
+    fn check_guided_block(&mut self) {
+        let one_block = self.code(Group::NonModal);
+        let offset = self.code(Group::WorkOffset).filter(|&(meaning, span)| {
+            let here = self.state.tool_control.on_line == span.line;
+            !here && matches!(meaning, Meaning::WorkOffset(index) if index != self.state.work_offset)
+        });
+        let tool = self.code(Group::ToolChange).filter(|(meaning, _)| *meaning == Meaning::ToolChange);
+        let refused = match one_block {
+            Some((Meaning::Reference, span)) => Some((span, "the return to the reference position")),
+            Some((Meaning::MachineCoordinates, span)) => Some((span, "motion in machine coordinates")),
+            _ => None,
+        };
+        let refused = refused
+            .or(offset.map(|(_, span)| (span, "another work offset")))
+            .or(tool.map(|(_, span)| (span, "a tool change")));
+        if let Some((span, what)) = refused {
+            self.not_permitted(span, what);
+        }
+    }
+
+    #[cold]
+    fn not_permitted(&mut self, span: SourceSpan, what: &'static str) {
+        let on_line = self.state.tool_control.on_line;
+        self.findings.push_with(Severity::Error, || {
+            let message = format!("{what} under tool centre point control, which is on since line {on_line}");
+            Finding::error(code::TOOL_CONTROL_BLOCK, span, message)
+                .with_value("on_line", f64::from(on_line), "")
+                .suggest("switch it off with G49 first")
+        });
+    }
+
+    /// Motion of a block under tool centre point control, or while axes are held after it.
+    #[cold]
+    pub(super) fn guided_motion(&mut self, frame: Frame) {
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        let (held_before, direction_before) = (self.state.tool_control.held, self.state.tool_control.direction);
+        let straight = matches!(self.state.motion, Motion::Linear | Motion::Rapid);
+        if straight {
+            self.tool_direction(axes);
+        }
+        let mode = self.state.tool_control.mode;
+        let letters = axes | self.block.letters & VECTOR_LETTERS & if straight { u32::MAX } else { 0 };
+        let end = self.target(axes, frame);
+        if letters == 0 || self.block.unclear {
+            self.state.position = end;
+            return;
+        }
+        let (kind, feed) = match self.state.motion {
+            Motion::Rapid => (MoveKind::Rapid, Some(Feed::PerMinute(0.0))),
+            Motion::Linear => (MoveKind::Cutting, self.cutting_feed(axes)),
+            Motion::None => {
+                self.state.motion = Motion::Unclear;
+                let span = self.block.span();
+                self.findings.push_with(Severity::Error, || {
+                    Finding::error(code::MOTION_MISSING, span, "axis words, but no motion code says how to move")
+                        .suggest("add G0 or G1")
+                });
+                return self.state.position = end;
+            }
+            Motion::Unclear => (MoveKind::Rapid, None),
+            Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic | Motion::Nurbs => {
+                self.used = u32::MAX;
+                let span = self.block.span();
+                if mode != ToolMode::Off {
+                    self.not_permitted(span, "an arc or a spline");
+                } else if held_before.meets(AxisSet::LINEAR) {
+                    self.held_start(span);
+                }
+                return self.state.position = end;
+            }
+        };
+        let still = end == self.state.position
+            && held_before.is_empty()
+            && direction_before == self.state.tool_control.direction;
+        if let Some(feed) = feed.filter(|_| !still) {
+            self.emit_guided(kind, end, feed, direction_before);
+        }
+        self.state.position = end;
+    }
+
+    /// Emits a move to `end` whose places only the machine knows.
+    pub(super) fn emit_guided(
+        &mut self,
+        kind: MoveKind,
+        end: Position,
+        feed: Feed,
+        direction_before: Option<[f64; 3]>,
+    ) {
+        let ToolControl { mode, length_offset, direction, held, .. } = self.state.tool_control;
+        let guide = match mode {
+            ToolMode::Off => ToolGuide::Axes,
+            ToolMode::Angles => ToolGuide::Angles,
+            ToolMode::Vectors => ToolGuide::Vector { start: direction_before, end: direction },
+        };
+        let others = letter_bit(b'S') | letter_bit(b'T');
+        let is_pure_cut = kind == MoveKind::Cutting
+            && mode != ToolMode::Off
+            && (mode == ToolMode::Angles || direction.is_some())
+            && held.is_empty()
+            && self.state.feed_unit != FeedUnit::InverseTime
+            && !self.block.has_codes_besides_motion()
+            && self.block.letters & others == 0;
+        let step = self.new_move(kind, end, feed);
+        let guided = GuidedMove { step, guide, held, length_offset, is_pure_cut };
+        self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+    }
+
+    /// `I J K` as a direction under `G43.5`; the words of the other form are reported.
+    fn tool_direction(&mut self, axes: u32) {
+        let vector = self.block.letters & VECTOR_LETTERS & !self.used;
+        let foreign = match self.state.tool_control.mode {
+            ToolMode::Off => return,
+            ToolMode::Angles => vector,
+            ToolMode::Vectors => axes & ROTARY_LETTERS,
+        };
+        if foreign != 0 {
+            self.used |= foreign;
+            let place = foreign.trailing_zeros() as usize;
+            let span = self.block.word_span(self.block.slot(place));
+            let value = self.block.slot(place).number.value();
+            let message = match self.state.tool_control.mode {
+                ToolMode::Vectors => "an angle of a rotary axis, while G43.5 takes the direction as a vector I J K",
+                _ => "a component of a vector, while G43.4 takes the angles of the rotary axes",
+            };
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::TOOL_DIRECTION, span, message)
+                    .with_value("word", value, "")
+                    .suggest("write one form throughout: G43.4 with A B C, or G43.5 with I J K")
+            });
+        }
+        if self.state.tool_control.mode != ToolMode::Vectors || vector == 0 {
+            return;
+        }
+        let span = self.block.span();
+        // As on the page: what is missing is zero. A direction has no unit, so neither inch nor increments scale it.
+        let components = [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| word.number.value()));
+        match normalised(components) {
+            Some(direction) => self.state.tool_control.direction = Some(direction),
+            None => self.findings.push_with(Severity::Error, || {
+                Finding::error(code::TOOL_DIRECTION, span, "the tool direction is a zero vector")
+                    .with_value("i", components[0], "")
+                    .with_value("j", components[1], "")
+                    .with_value("k", components[2], "")
+                    .suggest("write the direction from the tip to the spindle, such as I0 J0 K1")
+            }),
+        }
+    }
+
+    /// A word of an axis that only the machine knows the place of: an absolute one places it.
+    #[cold]
+    pub(super) fn place_held(&mut self, axis: Axis, increment: bool, value: f64, span: SourceSpan) {
+        let held = &mut self.state.tool_control.held;
+        if !held.contains(axis) {
+            return;
+        }
+        if !increment {
+            *held = held.without(axis);
+        } else if value != 0.0 {
+            self.findings.push_with(Severity::Error, || {
+                let letter = axis.letter();
+                let message = format!(
+                    "{letter} by {value} from a place that the program does not know: the coordinates have changed \
+                     with the tool centre point control"
+                );
+                Finding::error(code::TOOL_CONTROL_HELD, span, message)
+                    .with_value("increment", value, if axis.is_rotary() { "deg" } else { "mm" })
+                    .suggest(format!("place {letter} with an absolute word first"))
+            });
+        }
+    }
+
+    fn held_start(&mut self, span: SourceSpan) {
+        self.findings.push_with(Severity::Error, || {
+            let message = "an arc or a spline from a place that the program does not know: the coordinates have changed \
+                           with the tool centre point control";
+            Finding::error(code::TOOL_CONTROL_HELD, span, message).suggest("place X, Y and Z with G0 or G1 first")
+        });
+    }
+}
+
+/// The unit vector of finite components; nothing for a zero vector.
+fn normalised(components: [f64; 3]) -> Option<[f64; 3]> {
+    let largest = components.iter().fold(0.0_f64, |largest, component| largest.max(component.abs()));
+    if largest == 0.0 {
+        return None;
+    }
+    // The largest component first, so that tiny ones do not underflow.
+    let reduced = components.map(|component| component / largest);
+    let length = reduced.iter().map(|component| component * component).sum::<f64>().sqrt();
+    Some(reduced.map(|component| component / length))
+}
