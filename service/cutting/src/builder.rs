@@ -120,6 +120,17 @@ impl Builder {
         Self { state, analysis, smoothed: Vec::new() }
     }
 
+    /// A builder in the same state that analyses nothing.
+    pub(crate) fn beside(&self) -> Self {
+        Self { analysis: None, smoothed: Vec::new(), state: self.state.clone() }
+    }
+
+    /// Plans what path smoothing holds back.
+    pub(crate) fn flush(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        self.state.smoother.flush(&mut |smoothed| self.smoothed.push(smoothed));
+        self.run_smoothed(config, planner, findings);
+    }
+
     /// Handles one operation.
     pub(crate) fn operation(
         &mut self,
@@ -130,8 +141,7 @@ impl Builder {
     ) {
         if !matches!(&operation.kind, OperationKind::Move(mv) if mv.kind == MoveKind::Cutting) {
             // Everything but another cut happens on the programmed point, and in the section that it belongs to.
-            self.state.smoother.flush(&mut |smoothed| self.smoothed.push(smoothed));
-            self.run_smoothed(config, planner, findings);
+            self.flush(config, planner, findings);
         }
         match &operation.kind {
             OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),

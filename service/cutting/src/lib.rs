@@ -8,6 +8,7 @@
 mod builder;
 mod chip;
 mod cut;
+mod five_axis;
 mod following;
 mod interpolator;
 mod path_vibration;
@@ -22,6 +23,7 @@ mod wording;
 
 pub use chip::*;
 pub use cut::Cut;
+pub use five_axis::{DroppedRun, ProgramThinning};
 pub use following::{FollowingModel, FollowingReport};
 pub use path_vibration::*;
 pub use pipeline::{

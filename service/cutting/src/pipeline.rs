@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
+use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
-use feedwave_program::{Finding, FindingLog, Interpreter, InterpreterState, LineOutcome, Operation, SourceSpan};
+use feedwave_program::{
+    Finding, FindingLog, Function, Interpreter, InterpreterState, LineOutcome, Operation, OperationKind, SourceSpan,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::builder::{Analysis, Builder, BuilderState};
+use crate::five_axis::{StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
-use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, SetpointBlock};
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
 
 /// What a run of the pipeline is for; immutable while it runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +67,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 5;
+const SNAPSHOT_VERSION: u8 = 6;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,6 +91,9 @@ pub struct Tool {
     /// Highest permitted spindle speed, rev/min.
     #[serde(default)]
     pub max_rev_per_min: Option<f64>,
+    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
+    #[serde(default)]
+    pub length_mm: Option<f64>,
 }
 
 /// What a call to [`Pipeline::next_block`] brought.
@@ -111,7 +118,7 @@ pub struct SnapshotError(String);
 /// A running pipeline. Its memory does not grow with the program.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
-    config: Arc<PipelineConfig>,
+    pub(crate) config: Arc<PipelineConfig>,
     /// Program bytes not read yet start at `consumed`.
     input: Vec<u8>,
     consumed: usize,
@@ -120,6 +127,9 @@ pub struct Pipeline {
     offset: u64,
     interpreter: Interpreter,
     operations: Vec<Operation>,
+    pub(crate) thinning: ThinningStage,
+    /// Plans of the thinned parts for their times; while validating only.
+    pub(crate) timed: Option<TimedPlans>,
     pub(crate) builder: Builder,
     planner: Planner<Barrier>,
     pub(crate) interpolator: Interpolator,
@@ -144,6 +154,7 @@ struct Snapshot {
     version: u8,
     offset: u64,
     interpreter: InterpreterState,
+    thinning: StageState,
     builder: BuilderState,
     planner: Planner<Barrier>,
     interpolator: interpolator::State,
@@ -174,6 +185,9 @@ impl Pipeline {
             work_offset,
         );
         let findings = if analysis.is_some() { FindingLog::default() } else { FindingLog::with_limit(STREAM_FINDINGS) };
+        let is_validation = analysis.is_some();
+        // A description that is not sound is refused before it gets here; without one, five-axis moves are findings.
+        let kinematics = config.profile.kinematics.as_ref().and_then(|it| Kinematics::new(it).ok()).map(Arc::new);
         let look_ahead = config.profile.look_ahead_blocks as usize;
         let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
         Self {
@@ -183,6 +197,13 @@ impl Pipeline {
             offset: 0,
             interpreter,
             operations: Vec::new(),
+            thinning: ThinningStage::new(
+                StageState::default(),
+                config.profile.thinning,
+                kinematics.clone(),
+                is_validation,
+            ),
+            timed: is_validation.then(TimedPlans::default),
             builder: Builder::new(BuilderState::default(), analysis),
             planner: Planner::new(settings),
             interpolator,
@@ -212,10 +233,11 @@ impl Pipeline {
             config.frame,
             snapshot.interpolator,
         );
-        let builder = Builder::new(snapshot.builder, None);
-        let fresh = Self::new(config);
+        let mut fresh = Self::new(config);
+        fresh.builder.state = snapshot.builder;
+        fresh.thinning.state = snapshot.thinning;
         let Snapshot { offset, planner, overrides, .. } = snapshot;
-        Ok(Self { offset, interpreter, builder, planner, interpolator, overrides, ..fresh })
+        Ok(Self { offset, interpreter, planner, interpolator, overrides, ..fresh })
     }
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
@@ -226,6 +248,7 @@ impl Pipeline {
             version: SNAPSHOT_VERSION,
             offset: self.offset,
             interpreter: self.interpreter.state().clone(),
+            thinning: self.thinning.state.clone(),
             builder: self.builder.state.clone(),
             planner: self.planner.clone(),
             interpolator: self.interpolator.state().clone(),
@@ -408,10 +431,57 @@ impl Pipeline {
             LineOutcome::NeedMore => false,
             LineOutcome::Ended => !self.operations.is_empty(),
         };
-        for operation in self.operations.drain(..) {
-            self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+        let mut operations = std::mem::take(&mut self.operations);
+        for operation in operations.drain(..) {
+            self.operation(operation);
         }
+        self.operations = operations;
         more
+    }
+
+    #[inline]
+    fn operation(&mut self, operation: Operation) {
+        let is_switch = |command: &feedwave_program::FunctionCommand| command.function == Function::Thinning;
+        if self.thinning.is_on() || matches!(&operation.kind, OperationKind::Function(command) if is_switch(command)) {
+            return self.thin(operation);
+        }
+        self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+    }
+
+    /// Passes an operation through the thinning stage.
+    fn thin(&mut self, operation: Operation) {
+        let Self { config, thinning, timed, builder, planner, findings, .. } = self;
+        let ends = operation.kind == OperationKind::End;
+        if let Some(timed) = timed {
+            timed.before(&operation, config);
+        }
+        thinning.operation(operation, &mut |operation| {
+            if let Some(timed) = timed {
+                timed.after(&operation, config);
+            }
+            builder.operation(&operation, config, planner, findings);
+        });
+        let Some(timed) = timed else { return };
+        if ends || !thinning.is_on() {
+            timed.stop(config);
+        } else if !timed.are_running() {
+            timed.start(builder, config);
+        }
+    }
+
+    /// What thinning did, where it was switched on.
+    pub(crate) fn thinning_report(&mut self) -> Option<ProgramThinning> {
+        let figures = self.thinning.report()?;
+        let dropped = self.thinning.dropped.take().unwrap_or_default();
+        let [time_before_s, time_after_s] = self.timed.as_ref().map_or([0.0; 2], |timed| timed.times_s);
+        Some(ProgramThinning {
+            figures,
+            rotary_axes: self.thinning.rotary_letters(),
+            dropped: dropped.runs,
+            dropped_not_listed: dropped.not_listed,
+            time_before_s,
+            time_after_s,
+        })
     }
 
     /// Forgets what is planned but will not be interpolated.

@@ -1,9 +1,11 @@
 //! The machine profile: everything the product knows about one machine.
 
+use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::{Machine, ProfileProblem};
-use feedwave_program::{LanguageSettings, MAX_PATH_TOLERANCE_MM};
+use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM};
 use serde::{Deserialize, Serialize};
 
+use crate::thinning::ThinningSettings;
 use crate::thread::ThreadVibrationSettings;
 use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
 
@@ -24,6 +26,12 @@ pub struct MachineProfile {
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
+    /// How its five axes lie to each other; without it, tool centre point control is refused.
+    #[serde(default)]
+    pub kinematics: Option<KinematicsDescription>,
+    /// Thinning of five-axis blocks.
+    #[serde(default)]
+    pub thinning: ThinningSettings,
     /// Elements that the feed is planned ahead: [`MIN_LOOK_AHEAD_BLOCKS`] to [`MAX_LOOK_AHEAD_BLOCKS`].
     #[serde(default = "default_look_ahead_blocks")]
     pub look_ahead_blocks: u32,
@@ -39,6 +47,8 @@ impl MachineProfile {
             vibration: VibrationSettings::default(),
             thread_vibration: ThreadVibrationSettings::default(),
             following: FollowingModel::default(),
+            kinematics: None,
+            thinning: ThinningSettings::default(),
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
     }
@@ -57,6 +67,10 @@ impl MachineProfile {
         problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
         problems.extend(prefixed("thread_vibration", self.thread_vibration.problems()));
         problems.extend(prefixed("following", following_problems(&self.following)));
+        problems.extend(prefixed("thinning", self.thinning.validate()));
+        if let Some(kinematics) = &self.kinematics {
+            problems.extend(prefixed("kinematics", kinematics_problems(kinematics, &self.machine)));
+        }
         if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
             let blocks = self.look_ahead_blocks;
             let message = format!("must be {MIN_LOOK_AHEAD_BLOCKS} to {MAX_LOOK_AHEAD_BLOCKS}, is {blocks}");
@@ -116,6 +130,36 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     if codes.on == codes.off {
         problems.push(problem("path_vibration.off", "must differ from the code that switches it on"));
     }
+    let codes = language.thinning;
+    for (field, code) in [("thinning.on", codes.on), ("thinning.off", codes.off)] {
+        let tenths = code * 10.0;
+        if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
+            problems.push(problem(field, format!("must be an M code 0 to 999.9 with one decimal, is {code}")));
+        } else if language.dialect.knows_m_code(code) {
+            problems.push(problem(field, format!("M{code} has a meaning of its own in this dialect")));
+        }
+    }
+    if codes.on == codes.off {
+        problems.push(problem("thinning.off", "must differ from the code that switches it on"));
+    }
+    problems
+}
+
+/// What is wrong with the kinematics, by itself and for these axes.
+fn kinematics_problems(kinematics: &KinematicsDescription, machine: &Machine) -> Vec<ProfileProblem> {
+    let mut problems = kinematics.validate();
+    if !problems.is_empty() {
+        return problems;
+    }
+    for (index, axis) in kinematics.chain.iter().enumerate() {
+        let letter = axis.axis.letter();
+        let field = format!("chain[{index}].axis");
+        if !axis.axis.is_rotary() && !matches!(axis.axis, Axis::X | Axis::Y | Axis::Z) {
+            problems.push(problem(field, format!("must be X, Y or Z where the axis is linear, is {letter}")));
+        } else if machine.column_of(axis.axis).is_none() {
+            problems.push(problem(field, format!("the machine has no {letter} axis")));
+        }
+    }
     problems
 }
 
@@ -164,6 +208,8 @@ const fn default_look_ahead_blocks() -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use feedwave_program::FunctionCodes;
+
     use super::*;
 
     #[test]
@@ -175,6 +221,8 @@ mod tests {
         profile.language.max_line_bytes = 1;
         profile.language.default_path_tolerance_mm = f64::NAN;
         profile.language.work_offsets[2][1] = f64::NAN;
+        profile.language.thinning = FunctionCodes { on: 8.0, off: f64::NAN };
+        profile.thinning.group_blocks = 2;
         profile.vibration.max_amplitude_mm = 11.0;
         profile.vibration.servo_substeps = 0;
         profile.thread_vibration.vibrations_per_rev = f64::NAN;
@@ -189,10 +237,13 @@ mod tests {
             "language.max_line_bytes",
             "language.path_vibration.on",
             "language.path_vibration.off",
+            "language.thinning.on",
+            "language.thinning.off",
             "vibration.max_amplitude_mm",
             "vibration.servo_substeps",
             "thread_vibration.vibrations_per_rev",
             "following.filter_length_s",
+            "thinning.group_blocks",
             "look_ahead_blocks",
         ];
         assert_eq!(fields, expected);

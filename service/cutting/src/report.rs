@@ -3,8 +3,8 @@
 use feedwave_program::Finding;
 use serde::{Deserialize, Serialize};
 
-use crate::SectionReport;
 use crate::thread::ThreadSectionReport;
+use crate::{ProgramThinning, SectionReport};
 
 /// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
 /// `feedwave validate --format json` prints.
@@ -17,6 +17,9 @@ pub struct ValidationReport {
     /// One report per thread, in order; the first ones where there are very many.
     #[serde(default)]
     pub threads: Vec<ThreadSectionReport>,
+    /// What thinning did, where it was switched on.
+    #[serde(default)]
+    pub thinning: Option<ProgramThinning>,
     /// Counts, times and peaks of the whole program.
     pub summary: ProgramSummary,
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use feedwave_program::Severity;
 
 use crate::builder::Analysis;
+use crate::five_axis::report_findings;
 use crate::{
     AxisSummary, Frame, LimitTimes, PeakPlace, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step,
     ValidationReport,
@@ -153,6 +154,11 @@ impl Validation {
     #[must_use]
     pub fn finish(self) -> ValidationReport {
         let Self { mut pipeline, axes, setpoint_count, .. } = self;
+        let config = Arc::clone(&pipeline.config);
+        if let Some(report) = pipeline.thinning.report() {
+            report_findings(&report, &config.profile.thinning, &mut pipeline.findings);
+        }
+        let thinning = pipeline.thinning_report();
         let findings = std::mem::take(&mut pipeline.findings);
         let analysis = pipeline.builder.analysis.take().unwrap_or_default();
         let refused = findings.has_errors();
@@ -187,6 +193,7 @@ impl Validation {
             findings: findings.into_sorted(),
             sections: analysis.sections,
             threads: analysis.threads,
+            thinning,
             summary,
         }
     }

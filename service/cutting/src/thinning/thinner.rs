@@ -35,6 +35,19 @@ pub struct ThinningSettings {
     pub interpolated_direction_tolerance_deg: Option<f64>,
 }
 
+impl Default for ThinningSettings {
+    /// The flicker of directions averaged over triangles, and the chord tolerance of a finishing program; groups that fill
+    /// within the time of a few hundred blocks.
+    fn default() -> Self {
+        Self {
+            angle_tolerance_deg: 1.0,
+            distance_tolerance_mm: 0.01,
+            group_blocks: 1_000,
+            interpolated_direction_tolerance_deg: None,
+        }
+    }
+}
+
 impl ThinningSettings {
     /// Everything that makes the settings unusable, by field; empty when they are sound.
     #[must_use]
@@ -216,6 +229,16 @@ impl<T> Thinner<T> {
         // The memory goes back for the next group.
         self.payloads = payloads;
         self.points.clear();
+    }
+
+    /// Another form of direction follows: the group before it is thinned.
+    pub fn interpolate(&mut self, interpolation: DirectionInterpolation, out: &mut impl FnMut(Kept<T>)) {
+        if interpolation != self.interpolation {
+            self.flush(out);
+            self.before.interrupt();
+            self.after.interrupt();
+            self.interpolation = interpolation;
+        }
     }
 
     fn group(&self) -> Group<'_> {

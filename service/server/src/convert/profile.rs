@@ -1,5 +1,6 @@
 //! Machine profiles, both ways.
 
+use feedwave_cutting::thinning::ThinningSettings;
 use feedwave_cutting::thread::ThreadVibrationSettings;
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
@@ -65,6 +66,8 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
             filter_length_s: following.filter_length_s,
             position_loop_gain_per_s: following.position_loop_gain_per_s,
         },
+        kinematics: None,
+        thinning: ThinningSettings::default(),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }

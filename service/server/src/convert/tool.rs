@@ -20,6 +20,7 @@ pub fn check_tool(tool: &proto::Tool) -> Violations {
         ("max_rev_per_min", tool.max_rev_per_min),
         ("nose_radius_mm", tool.nose_radius_mm),
         ("diameter_mm", tool.diameter_mm),
+        ("length_mm", tool.length_mm),
     ];
     for (field, value) in positive {
         if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
@@ -39,6 +40,7 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
         number: tool.number,
         name: tool.display_name.clone(),
         max_rev_per_min: tool.max_rev_per_min,
+        length_mm: tool.length_mm,
     }
 }
 
@@ -55,17 +57,23 @@ mod tests {
             max_rev_per_min: Some(-1.0),
             nose_radius_mm: Some(f64::NAN),
             edge_count: Some(0),
+            length_mm: Some(0.0),
             ..Default::default()
         };
         let violations = check_tool(&tool);
         let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
-        assert_eq!(fields, ["number", "display_name", "kind", "max_rev_per_min", "nose_radius_mm", "edge_count"]);
+        assert_eq!(
+            fields,
+            ["number", "display_name", "kind", "max_rev_per_min", "nose_radius_mm", "length_mm", "edge_count"]
+        );
     }
 
     #[test]
     fn a_sound_tool_passes() {
-        let tool = proto::Tool { number: 1, max_rev_per_min: Some(4_000.0), ..Default::default() };
+        let tool =
+            proto::Tool { number: 1, max_rev_per_min: Some(4_000.0), length_mm: Some(120.5), ..Default::default() };
         assert!(check_tool(&tool).is_empty());
+        assert_eq!(tool_for_pipeline(&tool).length_mm, Some(120.5));
         assert_eq!(tool_for_pipeline(&tool).max_rev_per_min, Some(4_000.0));
     }
 }

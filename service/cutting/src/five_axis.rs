@@ -1,0 +1,10 @@
+//! Five-axis programs: thinning as a stage of the pipeline, its report, and the way of guided moves into the planner.
+
+mod report;
+mod stage;
+mod timed;
+
+pub(crate) use report::report_findings;
+pub use report::{DroppedRun, ProgramThinning};
+pub(crate) use stage::{StageState, ThinningStage};
+pub(crate) use timed::TimedPlans;
