@@ -18,6 +18,7 @@ mod report;
 mod setpoint;
 pub mod thinning;
 pub mod thread;
+pub mod tool_oscillation;
 mod validation;
 mod wording;
 

@@ -1,0 +1,71 @@
+//! Oscillated setpoints and cells of the floor per second and core, on the worked example of the tool oscillation page.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use feedwave_cutting::tool_oscillation::{
+    DirectionOscillation, FloorArea, HeightField, LeadingEdge, OscillationCondition, OscillationCut, OscillationPeriod,
+    ToolGeometry, ToolOscillation, Wave, Waveform,
+};
+
+const SETPOINTS: usize = 10_000;
+
+fn condition() -> OscillationCondition {
+    let direction = |amplitude_mm, waveform| DirectionOscillation { amplitude_mm, waveform, phase_deg: 0.0 };
+    OscillationCondition {
+        period: OscillationPeriod::PerRevolution(1),
+        feed: direction(0.4, Waveform::Sine),
+        axial: direction(0.03, Waveform::HeldPeak { hold_share: 0.3 }),
+        cross: None,
+        leading_edge: LeadingEdge::default(),
+        ramp_periods: 2,
+        may_overrun: false,
+    }
+}
+
+fn waves(criterion: &mut Criterion) {
+    let turns: Vec<f64> = (0..SETPOINTS).map(|index| index as f64 * 0.01).collect();
+    let mut values = vec![0.0; SETPOINTS];
+    let points = (0..32).map(|index| f64::from(index) / 32.0);
+    let points = points.map(|phase| [phase, feedwave_cutting::sin_turns(phase)]).collect();
+    let mut group = criterion.benchmark_group("tool oscillation waves");
+    group.throughput(Throughput::Elements(SETPOINTS as u64));
+    for (name, waveform) in [
+        ("sine", Waveform::Sine),
+        ("held peak", Waveform::HeldPeak { hold_share: 0.3 }),
+        ("jerk-limited held peak", Waveform::JerkLimitedHeldPeak { hold_share: 0.3 }),
+        ("table of 32", Waveform::Table { points }),
+    ] {
+        let Ok(wave) = waveform.compile() else { continue };
+        let wave: Wave = wave;
+        group.bench_function(name, |bencher| bencher.iter(|| wave.fill(black_box(&turns), &mut values)));
+    }
+    group.finish();
+}
+
+fn floor(criterion: &mut Criterion) {
+    let tool = ToolGeometry::even(4, 60.0, 1.5, 5.0);
+    let cut = OscillationCut {
+        feed_mm_per_min: 600.0,
+        spindle_rev_per_min: 600.0,
+        clockwise: true,
+        depth_mm: 1.0,
+        engagement_deg: [-90.0, 90.0],
+    };
+    let Some(oscillation) = ToolOscillation::new(&tool, &condition(), 1, 1) else { return };
+    // One second of cutting: 10 mm of feed over the whole width of the tool, by the front and the trailing half.
+    let area = FloorArea { length_mm: 10.0, width_mm: 120.0, resolution_mm: 0.01, trailing: true };
+    let mut group = criterion.benchmark_group("tool oscillation floor");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(12_000_000));
+    for (name, radial_edge_length_mm) in [("one second, 1.5 mm edges", 1.5), ("one second, 5 mm edges", 5.0)] {
+        let tool = ToolGeometry { radial_edge_length_mm, ..tool.clone() };
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| HeightField::simulate(&tool, &oscillation, black_box(&cut), &area).map(|field| field.rows));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, waves, floor);
+criterion_main!(benches);

@@ -1,0 +1,254 @@
+//! What can be said about an oscillating pass before it is cut: figures, what every edge does, and the findings.
+
+use feedwave_program::{Finding, Severity, SourceSpan};
+use serde::{Deserialize, Serialize};
+
+use super::motion::DirectionMotion;
+use super::removal::{Removal, removal};
+use super::{
+    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, Roughness, ToolGeometry,
+    ToolOscillation, findings, ramp_mm,
+};
+
+/// What one direction of the machine can do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DirectionLimits {
+    /// mm/s
+    pub velocity_mm_per_s: f64,
+    /// mm/s²
+    pub acceleration_mm_per_s2: f64,
+    /// mm/s³
+    pub jerk_mm_per_s3: f64,
+}
+
+/// What the machine can do in the directions of the oscillation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OscillationLimits {
+    /// Along the feed, and across it: the weaker axis of the work plane where the feed direction turns.
+    pub plane: DirectionLimits,
+    /// Along the tool axis.
+    pub axial: DirectionLimits,
+}
+
+/// Everything a pass is judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct OscillationJob<'a> {
+    /// The tool.
+    pub tool: &'a ToolGeometry,
+    /// How it oscillates.
+    pub condition: &'a OscillationCondition,
+    /// Edge that leads, counted from 1: [`super::LeadingEdge::edge_after`].
+    pub leading_edge: u32,
+    /// How it is used.
+    pub cut: OscillationCut,
+    /// What the machine can do.
+    pub limits: OscillationLimits,
+    /// The part of the floor to simulate; none to leave it out.
+    pub floor: Option<FloorArea>,
+    /// Where the oscillation is programmed.
+    pub span: SourceSpan,
+}
+
+/// A direction of the oscillation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OscillationDirection {
+    /// Along the feed.
+    Feed,
+    /// Along the tool axis.
+    Axial,
+    /// Along feed direction × tool axis.
+    Cross,
+}
+
+/// Load of one direction.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DirectionLoad {
+    /// Which direction.
+    pub direction: OscillationDirection,
+    /// Amplitude, mm.
+    pub amplitude_mm: f64,
+    /// Peaks of the oscillation alone.
+    pub peaks: DirectionPeaks,
+    /// Peak velocity with the feed, mm/s.
+    pub velocity_with_feed_mm_per_s: f64,
+    /// What the machine can do.
+    pub limits: DirectionLimits,
+    /// The largest ratio to a limit.
+    pub utilisation: f64,
+}
+
+/// The floor with and without oscillation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FloorReport {
+    /// What was simulated.
+    pub area: FloorArea,
+    /// With the oscillation.
+    pub oscillating: Roughness,
+    /// The same pass without it.
+    pub plain: Roughness,
+}
+
+/// An edge of the pass without oscillation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlainEdge {
+    /// Edge, counted from 1.
+    pub edge: u32,
+    /// Largest chip thickness, mm.
+    pub max_chip_mm: f64,
+    /// Share of the removed volume.
+    pub volume_share: f64,
+    /// Share of the revolution during which it cuts.
+    pub duty: f64,
+}
+
+/// The report on an oscillating pass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OscillationReport {
+    /// M.
+    pub periods_per_rev: u32,
+    /// N = z/M: edges that pass one place in a period; a fraction where M does not divide z.
+    pub edges_per_period: f64,
+    /// Period, s.
+    pub period_s: f64,
+    /// Feed per period, mm.
+    pub feed_per_period_mm: f64,
+    /// Share of the period for which the largest protrusion is held.
+    pub hold_share: f64,
+    /// Share for which it has to be held so that the protruded edges close a circle.
+    pub required_hold_share: f64,
+    /// By how much the largest protrusion comes after the largest retreat in the feed direction, degrees.
+    pub phase_error_deg: f64,
+    /// Edge that leads, counted from 1.
+    pub leading_edge: u32,
+    /// Edges that leave the floor behind them ahead of the tool.
+    pub finishing_edges: Vec<u32>,
+    /// Length of path over which the oscillation is blended in and out, mm.
+    pub ramp_mm: f64,
+    /// Load of each direction that oscillates.
+    pub loads: Vec<DirectionLoad>,
+    /// What every edge does.
+    pub edges: Vec<EdgeReport>,
+    /// What every edge does without oscillation.
+    pub plain: Vec<PlainEdge>,
+    /// Volume per revolution, mm³; the same without oscillation but for the depth that the protrusion adds.
+    pub volume_mm3_per_rev: f64,
+    /// Volume per revolution without oscillation, mm³.
+    pub plain_volume_mm3_per_rev: f64,
+    /// Height of the work that an edge would have to reach at once: depth and whole axial travel, mm.
+    pub axial_reach_mm: f64,
+    /// Largest height of material that meets the tool above an edge, mm: 0 where the stages leave none.
+    pub above_edge_mm: f64,
+    /// The floor.
+    pub floor: Option<FloorReport>,
+    /// Whether no finding forbids the pass.
+    pub feasible: bool,
+}
+
+/// Judges a pass: the report where its quantities are possible, and the findings, errors among them.
+#[must_use]
+pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Finding>) {
+    let mut found = Vec::new();
+    findings::input(job, &mut found);
+    if !found.is_empty() {
+        return (None, found);
+    }
+    let Some(periods_per_rev) = findings::period(job, &mut found) else { return (None, found) };
+    let oscillation = ToolOscillation::new(job.tool, job.condition, periods_per_rev, job.leading_edge);
+    let Some(oscillation) = oscillation else { return (None, found) };
+
+    let mut report = figures(job, &oscillation);
+    if let Some(area) = &job.floor {
+        let simulate = |oscillation: &ToolOscillation| {
+            HeightField::simulate(job.tool, oscillation, &job.cut, area).map(|field| field.roughness())
+        };
+        match (simulate(&oscillation), simulate(&plain(&oscillation))) {
+            (Ok(oscillating), Ok(plain)) => report.floor = Some(FloorReport { area: *area, oscillating, plain }),
+            (Err(error), _) | (_, Err(error)) => {
+                found.push(Finding::error("OSC-FLOOR", job.span, error.to_string()));
+            }
+        }
+    }
+    findings::conditions(job, &report, &mut found);
+    report.feasible = found.iter().all(|finding| finding.severity != Severity::Error);
+    (Some(report), found)
+}
+
+/// The same motion without oscillation.
+fn plain(oscillation: &ToolOscillation) -> ToolOscillation {
+    let mut plain = oscillation.clone();
+    plain.feed.amplitude_mm = 0.0;
+    plain.axial.amplitude_mm = 0.0;
+    plain.cross = None;
+    plain
+}
+
+fn figures(job: &OscillationJob<'_>, oscillation: &ToolOscillation) -> OscillationReport {
+    let OscillationJob { tool, condition, cut, .. } = job;
+    let periods = f64::from(oscillation.periods_per_rev);
+    let period_s = 60.0 / (cut.spindle_rev_per_min * periods);
+    let feed_per_period_mm = cut.feed_mm_per_min / 60.0 * period_s;
+    let Removal { edges, above_edge_mm, volume_mm3 } = removal(tool, oscillation, cut);
+    let without = removal(tool, &plain(oscillation), cut);
+    let cross = oscillation.cross.as_ref().map(|cross| (OscillationDirection::Cross, cross));
+    let directions =
+        [(OscillationDirection::Feed, &oscillation.feed), (OscillationDirection::Axial, &oscillation.axial)];
+    OscillationReport {
+        periods_per_rev: oscillation.periods_per_rev,
+        edges_per_period: f64::from(tool.edge_count()) / periods,
+        period_s,
+        feed_per_period_mm,
+        hold_share: oscillation.axial.trough().1,
+        required_hold_share: tool.widest_gap_turns() * periods,
+        phase_error_deg: oscillation.phase_error_deg(),
+        leading_edge: job.leading_edge,
+        finishing_edges: edges.iter().filter(|edge| edge.finishes).map(|edge| edge.edge).collect(),
+        ramp_mm: ramp_mm(
+            condition.ramp_periods,
+            feed_per_period_mm,
+            oscillation.feed.amplitude_mm,
+            condition.may_overrun,
+        ),
+        loads: directions.into_iter().chain(cross).map(|(name, motion)| load(job, name, motion, period_s)).collect(),
+        plain: without
+            .edges
+            .iter()
+            .map(|edge| PlainEdge {
+                edge: edge.edge,
+                max_chip_mm: edge.max_chip_mm,
+                volume_share: edge.volume_share,
+                duty: edge.duty,
+            })
+            .collect(),
+        edges,
+        volume_mm3_per_rev: volume_mm3,
+        plain_volume_mm3_per_rev: without.volume_mm3,
+        axial_reach_mm: cut.depth_mm + 2.0 * condition.axial.amplitude_mm,
+        above_edge_mm,
+        floor: None,
+        feasible: true,
+    }
+}
+
+fn load(
+    job: &OscillationJob<'_>,
+    direction: OscillationDirection,
+    motion: &DirectionMotion,
+    period_s: f64,
+) -> DirectionLoad {
+    let limits = if direction == OscillationDirection::Axial { job.limits.axial } else { job.limits.plane };
+    let peaks = motion.peaks(period_s);
+    let feed = if direction == OscillationDirection::Feed { job.cut.feed_mm_per_min / 60.0 } else { 0.0 };
+    let velocity_with_feed_mm_per_s = peaks.velocity_mm_per_s + feed;
+    let utilisation = (velocity_with_feed_mm_per_s / limits.velocity_mm_per_s)
+        .max(peaks.acceleration_mm_per_s2 / limits.acceleration_mm_per_s2)
+        .max(peaks.jerk_mm_per_s3 / limits.jerk_mm_per_s3);
+    DirectionLoad {
+        direction,
+        amplitude_mm: motion.amplitude_mm,
+        peaks,
+        velocity_with_feed_mm_per_s,
+        limits,
+        utilisation,
+    }
+}

@@ -1,0 +1,143 @@
+//! The tool: where its cutting edges stand and how far they reach.
+
+use serde::{Deserialize, Serialize};
+
+/// Most cutting edges of a tool.
+pub const MAX_EDGES: usize = 64;
+
+/// One cutting edge.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CuttingEdge {
+    /// Spindle angle, in the direction of rotation from the spindle's zero, at which the edge points in the work plane's
+    /// first direction (+X in `G17`), degrees.
+    pub angle_deg: f64,
+    /// By how much it stands out beyond the nominal radius, mm.
+    #[serde(default)]
+    pub radial_set_over_mm: f64,
+    /// By how much it stands out below the nominal end of the tool, mm.
+    #[serde(default)]
+    pub axial_set_over_mm: f64,
+    /// Whether it is meant for finishing, where the tool data say so.
+    #[serde(default)]
+    pub finishing: bool,
+}
+
+/// A rotary tool with several cutting edges.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolGeometry {
+    /// The edges in the order in which they pass one place: 1 to [`MAX_EDGES`].
+    pub edges: Vec<CuttingEdge>,
+    /// Nominal radius R, mm.
+    pub radius_mm: f64,
+    /// Effective radial length of an edge b: its end cuts from R − b to R, mm.
+    pub radial_edge_length_mm: f64,
+    /// Effective axial height of an edge, mm.
+    pub axial_edge_height_mm: f64,
+    /// Angle by which the end of an edge rises towards the axis, degrees; 0 for a wiper.
+    #[serde(default)]
+    pub end_relief_deg: f64,
+}
+
+/// A value of the tool that is out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the tool's {name} must be {range}, is {value}{unit}")]
+pub struct ToolError {
+    /// Which value.
+    pub name: &'static str,
+    /// What it may be.
+    pub range: &'static str,
+    /// What it is.
+    pub value: f64,
+    /// Its unit with a space before it, or nothing.
+    pub unit: &'static str,
+}
+
+impl ToolGeometry {
+    /// A tool with `edges` equal edges, the first at the spindle's zero. What is impossible is found by
+    /// [`ToolGeometry::check`].
+    #[must_use]
+    pub fn even(edges: usize, radius_mm: f64, radial_edge_length_mm: f64, axial_edge_height_mm: f64) -> Self {
+        let edges = edges.min(MAX_EDGES);
+        let edge = |index: usize| CuttingEdge {
+            angle_deg: 360.0 * index as f64 / edges as f64,
+            radial_set_over_mm: 0.0,
+            axial_set_over_mm: 0.0,
+            finishing: false,
+        };
+        Self {
+            edges: (0..edges).map(edge).collect(),
+            radius_mm,
+            radial_edge_length_mm,
+            axial_edge_height_mm,
+            end_relief_deg: 0.0,
+        }
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is out of its range.
+    pub fn check(&self) -> Result<(), ToolError> {
+        let error = |name, range, value, unit| Err(ToolError { name, range, value, unit });
+        if !(1..=MAX_EDGES).contains(&self.edges.len()) {
+            return error("number of edges", "1 to 64", self.edges.len() as f64, "");
+        }
+        if !(self.radius_mm > 0.0 && self.radius_mm <= 1_000.0) {
+            return error("radius", "positive and at most 1000 mm", self.radius_mm, " mm");
+        }
+        if !(self.radial_edge_length_mm > 0.0 && self.radial_edge_length_mm <= self.radius_mm) {
+            let range = "positive and at most the radius";
+            return error("radial edge length", range, self.radial_edge_length_mm, " mm");
+        }
+        if !(self.axial_edge_height_mm > 0.0 && self.axial_edge_height_mm <= 1_000.0) {
+            return error("axial edge height", "positive and at most 1000 mm", self.axial_edge_height_mm, " mm");
+        }
+        if !(0.0..=45.0).contains(&self.end_relief_deg) {
+            return error("end relief", "0 to 45 degrees", self.end_relief_deg, " degrees");
+        }
+        let mut before = f64::NEG_INFINITY;
+        let first = self.edges[0].angle_deg;
+        for edge in &self.edges {
+            let in_order = edge.angle_deg >= before + 0.01;
+            if !((0.0..360.0).contains(&edge.angle_deg) && in_order && edge.angle_deg <= first + 359.99) {
+                let range = "within 0 and 360 degrees and at least 0.01 beyond that of the edge before";
+                return error("edge angle", range, edge.angle_deg, " degrees");
+            }
+            before = edge.angle_deg;
+            for (name, set_over_mm) in
+                [("radial set-over", edge.radial_set_over_mm), ("axial set-over", edge.axial_set_over_mm)]
+            {
+                let most_mm = 0.5 * self.radial_edge_length_mm.min(self.axial_edge_height_mm);
+                if set_over_mm.is_nan() || set_over_mm.abs() > most_mm {
+                    return error(name, "at most half an edge's length and height", set_over_mm, " mm");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of edges z.
+    #[must_use]
+    pub fn edge_count(&self) -> u32 {
+        self.edges.len() as u32
+    }
+
+    /// Angle of an edge behind the first one, turns.
+    #[must_use]
+    pub fn turns_behind_first(&self, edge: usize) -> f64 {
+        (self.edges[edge].angle_deg - self.edges[0].angle_deg) / 360.0
+    }
+
+    /// Largest angle between two edges that follow each other, turns: 1/z where they are even.
+    #[must_use]
+    pub fn widest_gap_turns(&self) -> f64 {
+        let count = self.edges.len();
+        let gap = |index: usize| {
+            let to_next = self.edges[(index + 1) % count].angle_deg - self.edges[index].angle_deg;
+            if index + 1 == count { to_next + 360.0 } else { to_next }
+        };
+        (0..count).map(gap).fold(0.0, f64::max) / 360.0
+    }
+}

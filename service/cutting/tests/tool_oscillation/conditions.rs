@@ -1,0 +1,210 @@
+//! Every condition of the page with its numbers and its cure.
+
+use feedwave_cutting::tool_oscillation::{
+    DirectionOscillation, NamedCondition, OscillationCondition, OscillationJob, OscillationPeriod, ToolGeometry,
+    Waveform, find_condition, judge,
+};
+use feedwave_program::{Finding, Severity};
+
+use super::{assert_near, condition, job, tool};
+
+#[track_caller]
+fn found(job: &OscillationJob<'_>, code: &str, severity: Severity) -> Finding {
+    let (_, findings) = judge(job);
+    let finding = findings.iter().find(|finding| finding.code == code);
+    let finding = finding.unwrap_or_else(|| panic!("no {code} among {findings:?}"));
+    assert_eq!(finding.severity, severity);
+    assert_eq!(finding.span.line, 7);
+    finding.clone()
+}
+
+#[track_caller]
+fn suggested(finding: &Finding, name: &str) -> f64 {
+    let values = finding.suggestions.iter().filter_map(|suggestion| suggestion.value.as_ref());
+    values.filter(|value| value.name == name).map(|value| value.value).next().expect("a suggested value")
+}
+
+#[track_caller]
+fn value(finding: &Finding, name: &str) -> f64 {
+    finding.values.iter().find(|value| value.name == name).map(|value| value.value).expect("a value")
+}
+
+#[test]
+fn the_example_has_nothing_but_its_step_and_its_roles() {
+    let (_, findings) = judge(&job(&tool(), &condition()));
+    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.as_ref()).collect();
+    assert_eq!(codes, ["OSC-ROLES", "OSC-JERK-STEP"]);
+}
+
+#[test]
+fn a_period_that_fits_no_revolution_is_refused() {
+    let mut condition = condition();
+    condition.period = OscillationPeriod::Seconds(0.06);
+    let tool = tool();
+    let finding = found(&job(&tool, &condition), "OSC-PERIOD-FRACTION", Severity::Error);
+    assert_eq!(suggested(&finding, "periods_per_rev"), 2.0);
+    assert_near(suggested(&finding, "period"), 0.05, 1e-12);
+    condition.period = OscillationPeriod::Seconds(0.050_000_1);
+    assert!(judge(&job(&tool, &condition)).0.is_some());
+}
+
+#[test]
+fn periods_have_to_divide_the_edges() {
+    let mut condition = condition();
+    condition.period = OscillationPeriod::PerRevolution(3);
+    let finding = found(&job(&tool(), &condition), "OSC-EDGES-PERIOD", Severity::Error);
+    assert_eq!(suggested(&finding, "periods_per_rev"), 2.0);
+    let (report, _) = judge(&job(&tool(), &condition));
+    assert!(!report.expect("the figures all the same").feasible);
+}
+
+#[test]
+fn a_short_hold_says_the_required_one() {
+    let mut condition = condition();
+    condition.axial.waveform = Waveform::HeldPeak { hold_share: 0.2 };
+    let finding = found(&job(&tool(), &condition), "OSC-HOLD-SHORT", Severity::Warning);
+    assert_near(value(&finding, "hold_share"), 0.2, 1e-12);
+    assert_near(suggested(&finding, "hold_share"), 0.25, 1e-12);
+    // Two edges per period need more than both holds can have.
+    condition.period = OscillationPeriod::PerRevolution(2);
+    let finding = found(&job(&tool(), &condition), "OSC-HOLD-SHORT", Severity::Warning);
+    assert_eq!(suggested(&finding, "periods_per_rev"), 1.0);
+    // An uneven pitch needs a longer hold.
+    let mut uneven = tool();
+    uneven.edges[1].angle_deg = 100.0;
+    let finding = found(&job(&uneven, &super::condition()), "OSC-ROLES", Severity::Info);
+    assert_eq!(value(&finding, "expected_finishing_edges"), 1.0);
+    uneven.edges[1].angle_deg = 120.0;
+    let finding = found(&job(&uneven, &super::condition()), "OSC-HOLD-SHORT", Severity::Warning);
+    assert_near(suggested(&finding, "hold_share"), 0.3334, 1e-9);
+}
+
+#[test]
+fn a_long_step_says_the_largest_feed() {
+    let (mut tool, condition) = (tool(), condition());
+    tool.radial_edge_length_mm = 0.8;
+    let finding = found(&job(&tool, &condition), "OSC-STEP-LONG", Severity::Error);
+    assert_near(suggested(&finding, "feed"), 480.0, 1e-9);
+    assert_near(suggested(&finding, "spindle_speed"), 750.0, 1e-9);
+    let mut cured = job(&tool, &condition);
+    cured.cut.feed_mm_per_min = 480.0;
+    assert!(judge(&cured).0.expect("a report").feasible);
+}
+
+#[test]
+fn the_phase_error_is_cured_by_its_suggestion() {
+    for (phase_deg, severity) in [(-30.0, Severity::Warning), (40.0, Severity::Warning), (170.0, Severity::Error)] {
+        let mut condition = condition();
+        condition.axial.phase_deg = phase_deg;
+        let finding = found(&job(&tool(), &condition), "OSC-PHASE", severity);
+        assert_near(value(&finding, "phase_error"), -phase_deg, 1e-9);
+        condition.axial.phase_deg = suggested(&finding, "axial_phase");
+        assert_near(judge(&job(&tool(), &condition)).0.expect("a report").phase_error_deg, 0.0, 1e-9);
+    }
+}
+
+#[test]
+fn limits_say_the_largest_amplitude_and_speed() {
+    let (tool, condition) = (tool(), condition());
+    let mut limited = job(&tool, &condition);
+    limited.limits.axial.acceleration_mm_per_s2 = 500.0;
+    limited.limits.plane.velocity_mm_per_s = 30.0;
+    let finding = found(&limited, "OSC-AXIS-ACCELERATION", Severity::Error);
+    assert_near(value(&finding, "demanded"), 740.22, 0.01);
+    let amplitude_mm = suggested(&finding, "axial_amplitude");
+    assert_near(amplitude_mm, 0.0202, 1e-9);
+    let velocity = found(&limited, "OSC-AXIS-VELOCITY", Severity::Error);
+    let mut cured = condition.clone();
+    cured.axial.amplitude_mm = amplitude_mm;
+    cured.feed.amplitude_mm = suggested(&velocity, "feed_amplitude");
+    let cured = OscillationJob { condition: &cured, ..limited };
+    assert!(judge(&cured).0.expect("a report").feasible);
+    limited.cut.spindle_rev_per_min = suggested(&finding, "spindle_speed");
+    limited.limits.plane.velocity_mm_per_s = 500.0;
+    let (_, findings) = judge(&limited);
+    assert!(findings.iter().all(|finding| finding.code != "OSC-AXIS-ACCELERATION"), "{findings:?}");
+}
+
+#[test]
+fn the_jerk_limited_peak_has_no_step() {
+    let mut condition = condition();
+    condition.axial.waveform = Waveform::JerkLimitedHeldPeak { hold_share: 0.3 };
+    let (report, findings) = judge(&job(&tool(), &condition));
+    assert!(findings.iter().all(|finding| finding.code != "OSC-JERK-STEP"));
+    // 15/(0.1·0.1 s)³ · 0.03 mm
+    assert_near(report.expect("a report").loads[1].peaks.jerk_mm_per_s3, 450_000.0, 1e-3);
+}
+
+#[test]
+fn depth_beyond_the_edges_needs_stages() {
+    let (mut tool, condition) = (tool(), condition());
+    tool.axial_edge_height_mm = 1.03;
+    // E2 takes the surface away before E4 comes down: 1.06 mm on edges of 1.03 mm.
+    let finding = found(&job(&tool, &condition), "OSC-DEPTH", Severity::Info);
+    assert_near(value(&finding, "reach"), 1.06, 1e-12);
+    tool.axial_edge_height_mm = 0.9;
+    let finding = found(&job(&tool, &condition), "OSC-DEPTH", Severity::Error);
+    assert!(value(&finding, "left_above_edge") > 0.0);
+    let mut cured = job(&tool, &condition);
+    cured.cut.depth_mm = suggested(&finding, "depth");
+    assert!(judge(&cured).0.expect("a report").feasible);
+}
+
+#[test]
+fn finishing_edges_of_the_tool_data_are_led_to() {
+    let (mut tool, condition) = (tool(), condition());
+    tool.edges[1].finishing = true;
+    let finding = found(&job(&tool, &condition), "OSC-FINISHING-EDGE", Severity::Warning);
+    let mut cured = job(&tool, &condition);
+    cured.leading_edge = suggested(&finding, "leading_edge") as u32;
+    assert_eq!(judge(&cured).0.expect("a report").finishing_edges, [2]);
+}
+
+#[test]
+fn impossible_values_are_refused_with_numbers() {
+    let mut bad = condition();
+    bad.feed.amplitude_mm = f64::NAN;
+    bad.axial.waveform = Waveform::HeldPeak { hold_share: 0.9 };
+    bad.ramp_periods = 0;
+    let tool = tool();
+    let mut job = job(&tool, &bad);
+    job.leading_edge = 5;
+    job.cut.spindle_rev_per_min = 0.0;
+    let (report, findings) = judge(&job);
+    assert!(report.is_none());
+    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.as_ref()).collect();
+    assert_eq!(codes, ["OSC-VALUE", "OSC-VALUE", "OSC-VALUE", "OSC-WAVEFORM", "OSC-LEADING-EDGE"]);
+    assert!(findings.iter().all(|finding| !finding.suggestions.is_empty() && !finding.values.is_empty()));
+    for broken in [
+        ToolGeometry { edges: Vec::new(), ..tool.clone() },
+        ToolGeometry { radius_mm: f64::INFINITY, ..tool.clone() },
+        ToolGeometry { radial_edge_length_mm: 61.0, ..tool.clone() },
+        ToolGeometry { end_relief_deg: -1.0, ..tool.clone() },
+    ] {
+        found(&super::job(&broken, &condition()), "OSC-TOOL", Severity::Error);
+    }
+    let mut swapped = tool.clone();
+    swapped.edges.swap(0, 1);
+    found(&super::job(&swapped, &condition()), "OSC-TOOL", Severity::Error);
+}
+
+#[test]
+fn a_named_condition_is_found_for_its_tool() {
+    let named = |name: &str, number, tools: &[u32], amplitude_mm| NamedCondition {
+        name: name.to_owned(),
+        number,
+        tools: tools.to_vec(),
+        condition: OscillationCondition {
+            feed: DirectionOscillation { amplitude_mm, ..condition().feed },
+            ..condition()
+        },
+        tables: Vec::new(),
+    };
+    let kept = [named("accuracy", 1, &[], 0.4), named("accuracy", 1, &[12], 0.3), named("speed", 2, &[5], 0.6)];
+    let amplitude =
+        |number, tool| find_condition(&kept, number, tool).map(|found| found.at(600.0, 600.0).feed.amplitude_mm);
+    assert_eq!(amplitude(1, 3), Some(0.4));
+    assert_eq!(amplitude(1, 12), Some(0.3));
+    assert_eq!(amplitude(2, 5), Some(0.6));
+    assert_eq!(amplitude(2, 6), None);
+}
