@@ -265,11 +265,13 @@ impl<'a> Sweep<'a> {
             }
         };
         // A row that the inner end never reaches is crossed from where the edge lies along it.
-        let least_mm = inner_mm.max(across_mm.abs());
+        let beside_turns = base_turns + (0.25 * self.side).copysign(across_mm * self.side);
+        let beside = self.oscillation.offset(self.oscillation.phase_turns(beside_turns, 0.0));
+        let least_mm = inner_mm.max((across_mm - beside.cross_mm).abs());
         if least_mm >= outer_mm {
             return;
         }
-        let turned = (azimuth(outer_mm, 0.0) - azimuth(least_mm, 0.0)).abs();
+        let turned = (azimuth(outer_mm, beside.cross_mm) - azimuth(least_mm, beside.cross_mm)).abs();
         let intervals = ((turned / KNOT_RAD).ceil() as usize).clamp(1, MAX_KNOTS);
         for index in 0..=intervals {
             // Near the rim of a row the azimuth changes with the root of the radius: denser knots there.

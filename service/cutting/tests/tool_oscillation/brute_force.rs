@@ -112,15 +112,17 @@ fn the_floor_is_that_of_small_steps() {
             let (row, column) = (index / 30, index % 30);
             let here = brute[index];
             assert!(here <= height + 2e-4, "{here} above {height}");
-            let rows = row.saturating_sub(1)..=(row + 1).min(194);
-            let around =
-                rows.flat_map(|row| (column.saturating_sub(1)..=(column + 1).min(29)).map(move |c| row * 30 + c));
+            // At the rim of the area a part of what lies around is not known.
+            if !(1..194).contains(&row) || !(1..29).contains(&column) {
+                continue;
+            }
+            let around = (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |c| row * 30 + c));
             let highest = around.map(|cell| brute[cell]).fold(f32::NEG_INFINITY, f32::max);
-            // Narrow ridges near the rim are lower everywhere but in the middle of a cell.
-            assert!(*height <= highest + 6e-4, "{height} above everything around, {highest}");
+            // The top of a ridge may lie in this cell alone: the relief falls by up to 0.9 µm to the cell beside it.
+            assert!(*height <= highest + 9e-4, "{row} {column}: {height} above everything around, {highest}");
             close += u32::from((height - here).abs() < 1e-3 || *height == here);
         }
-        let share = f64::from(close) / field.heights_mm.len() as f64;
+        let share = f64::from(close) / (28.0 * 193.0);
         assert!(share > 0.95, "{share} of the cells agree");
     }
 }
