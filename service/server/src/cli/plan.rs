@@ -18,7 +18,10 @@ use super::{CliError, EXIT_REFUSED, local, report};
 use crate::convert::report_to_proto;
 use crate::engine::Expander;
 use crate::output::{CsvWriter, FileFormat, Layout, SetpointWriter, create};
-use crate::plot::Plots;
+use crate::plot::{Plots, ThreadPictures, write_thread};
+
+/// Threads drawn at most: three pictures each.
+const MAX_THREADS_DRAWN: usize = 8;
 
 /// Arguments of `feedwave plan`.
 #[derive(Debug, clap::Args)]
@@ -29,7 +32,8 @@ Examples:
       Setpoints every millisecond as text.
   feedwave plan shaft.nc --out shaft.parquet --plots pictures
       Compressed columns, and pictures (SVG and PNG): tool path, position over time with the
-      vibration, feed, acceleration and jerk, chip thickness around the revolution.
+      vibration, feed, acceleration and jerk, chip thickness around the revolution; for each thread
+      the unrolled work, X over the spindle angle and the section of the groove.
   feedwave plan shaft.nc --out - --from-time 2.5 --count 1000 | head
       A part of it, on standard output.
   feedwave plan shaft.nc --out shaft.csv --override 2:50 --override 3.5:0 --override 5:100
@@ -223,5 +227,11 @@ pub(super) fn draw(
         Ok(Progress::Continue)
     })?;
     bar.finish_and_clear();
-    plots.write(directory).map_err(CliError::trouble)
+    let mut files = plots.write(directory).map_err(CliError::trouble)?;
+    for section in report.threads.iter().take(MAX_THREADS_DRAWN) {
+        let name = format!("thread-line-{}", section.first_line);
+        let thread = ThreadPictures { name, job: &section.job, report: &section.report };
+        files.extend(write_thread(&thread, directory).map_err(CliError::trouble)?);
+    }
+    Ok(files)
 }

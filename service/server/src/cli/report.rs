@@ -19,11 +19,21 @@ pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style)
         text.push_str(&section::text(number, section, style));
         text.push('\n');
     }
+    for (number, section) in (1..).zip(&report.threads) {
+        text.push_str(&thread::section_text(number, section, style));
+        text.push('\n');
+    }
     let summary = report.summary.as_ref();
     if let Some(summary) = summary {
-        let not_listed = summary.section_count.saturating_sub(report.sections.len() as u64);
-        if not_listed > 0 {
-            text.push_str(&format!("{} more not listed.\n\n", counted(not_listed, "vibrating section")));
+        let listed = [
+            (summary.section_count, report.sections.len(), "vibrating section"),
+            (summary.thread_count, report.threads.len(), "thread"),
+        ];
+        for (count, listed, noun) in listed {
+            let not_listed = count.saturating_sub(listed as u64);
+            if not_listed > 0 {
+                text.push_str(&format!("{} more not listed.\n\n", counted(not_listed, noun)));
+            }
         }
         text.push_str(&summary_text(summary, style));
     }
@@ -123,6 +133,10 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         "path",
         format!("{} mm, of it {} mm cutting", number(summary.path_length_mm, 6), number(summary.cutting_length_mm, 6)),
     );
+    if summary.thread_count > 0 {
+        let cuts = counted(summary.thread_passes, "threading cut");
+        rows.row("threads", format!("{}, {cuts}", counted(summary.thread_count, "thread")));
+    }
     if let Some(speed) = &summary.spindle_speed {
         let (low, high) = (number(speed.min_rev_per_min, 5), number(speed.max_rev_per_min, 5));
         let range = if low == high { low } else { format!("{low} to {high}") };

@@ -72,7 +72,7 @@ pub struct Args {
     /// Where the thread ends
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     end_z: f64,
-    /// Way of Z before it reaches the work; its run-up must end there [default: not judged]
+    /// Way of Z before it reaches the work; its run-up must end there [default: what the profile says, or not judged]
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     approach: Option<f64>,
     /// Change of the work's radius per travel of Z, positive where the work grows along the cut
@@ -84,22 +84,23 @@ pub struct Args {
     /// Hand wanted [default: what spindle and direction of cut make]
     #[arg(long, value_enum, value_name = "HAND", help_heading = "Thread")]
     hand: Option<Hand>,
-    /// Included angle of the tool
-    #[arg(long, value_name = "DEGREES", default_value_t = 60.0, help_heading = "Tool and material")]
-    included_angle: f64,
+    /// Included angle of the tool [default: what the profile says, or 60]
+    #[arg(long, value_name = "DEGREES", help_heading = "Tool and material")]
+    included_angle: Option<f64>,
     /// Width of the tool's tip along Z; 0 for a pointed tool
     #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Tool and material")]
     root_flat: f64,
     /// Largest depth of the first pass
     #[arg(long, value_name = "MM", help_heading = "Tool and material")]
     first_depth: f64,
-    /// Largest thickness that tool and material bear in any pass [default: unlimited]
+    /// Largest thickness that tool and material bear in any pass [default: what the profile says, or unlimited]
     #[arg(long, value_name = "MM", help_heading = "Tool and material")]
     max_thickness: Option<f64>,
     /// Depth left to the finishing pass, which does not vibrate
     #[arg(long, value_name = "MM", default_value_t = 0.02, help_heading = "Tool and material")]
     finishing_allowance: f64,
-    /// Largest thickness that the finishing pass may find, crests included [default: twice the allowance]
+    /// Largest thickness that the finishing pass may find, crests included [default: what the profile says, or twice the
+    /// allowance]
     #[arg(long, value_name = "MM", help_heading = "Tool and material")]
     finishing_thickness: Option<f64>,
     /// Spindle speed
@@ -108,9 +109,9 @@ pub struct Args {
     /// Direction of the spindle [default: what the wanted hand needs, or forward]
     #[arg(long, value_enum, value_name = "ROTATION", help_heading = "Passes")]
     rotation: Option<Rotation>,
-    /// Vibrations per revolution of the spindle, D
-    #[arg(long, value_name = "D", default_value_t = 2.0, help_heading = "Passes")]
-    vibrations_per_rev: f64,
+    /// Vibrations per revolution of the spindle, D [default: what the profile says, or 2]
+    #[arg(long, value_name = "D", help_heading = "Passes")]
+    vibrations_per_rev: Option<f64>,
     /// How the tool comes into the groove
     #[arg(long, value_enum, value_name = "PATTERN", default_value_t = Infeed::Radial, help_heading = "Passes")]
     infeed: Infeed,
@@ -123,9 +124,9 @@ pub struct Args {
     /// How passes are brought to their place
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = Method::StartAngle, help_heading = "Passes")]
     method: Method,
-    /// How the vibration starts
-    #[arg(long, value_enum, value_name = "START", default_value_t = StartUp::Preparatory, help_heading = "Passes")]
-    start_up: StartUp,
+    /// How the vibration starts [default: what the profile says, or preparatory]
+    #[arg(long, value_enum, value_name = "START", help_heading = "Passes")]
+    start_up: Option<StartUp>,
     /// Amplitude over the smallest that breaks the chip
     #[arg(long, value_name = "FACTOR", default_value_t = 1.1, help_heading = "Passes")]
     amplitude_margin: f64,
@@ -253,7 +254,7 @@ impl Args {
             start_z_mm: self.start_z,
             end_z_mm: self.end_z,
             approach_mm: self.approach,
-            included_angle_deg: Some(self.included_angle),
+            included_angle_deg: self.included_angle,
             root_flat_mm: self.root_flat,
             depth_mm: self.depth,
             finishing_allowance_mm: Some(self.finishing_allowance),
@@ -264,8 +265,8 @@ impl Args {
             relief_angle_deg: Some(self.relief_angle),
             law: self.law.value(),
             method: self.method.value(),
-            start_up: self.start_up.value(),
-            vibrations_per_rev: Some(self.vibrations_per_rev),
+            start_up: self.start_up.map_or(0, StartUp::value),
+            vibrations_per_rev: self.vibrations_per_rev,
             spindle_rev_per_min: self.spindle,
             amplitude_margin: Some(self.amplitude_margin),
             interpolation_period_us: period_us,
@@ -330,7 +331,7 @@ fn planned(args: &Args, plan: &ThreadPlan, options: &ThreadTextOptions) -> Resul
 
 /// Passes, chips and notes for people.
 fn text(plan: &ThreadPlan, style: Style) -> Result<String, CliError> {
-    let (thread, report) = (thread_to_proto(&plan.job), thread_report_to_proto(&plan.job, &plan.report));
+    let (thread, report) = (thread_to_proto(&plan.job), thread_report_to_proto(&plan.report));
     let heading = format!("Thread in {} passes", plan.job.passes.len());
     let mut text = report::thread_text(&heading, &thread, &report, style);
     text.push('\n');

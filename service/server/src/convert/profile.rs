@@ -9,6 +9,7 @@ use feedwave_program::{
     Position, XWord,
 };
 
+use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
 use crate::error::Violations;
 use crate::proto;
@@ -55,13 +56,13 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
     let kind = machine.as_ref().map_or(MachineKind::Lathe, |machine| machine.kind);
     let language = language_from_proto(violations, &profile.language.clone().unwrap_or_default(), kind);
     let vibration = vibration_from_proto(violations, profile.vibration.unwrap_or_default());
+    let thread_vibration = thread_vibration_from_proto(violations, profile.thread_vibration.unwrap_or_default());
     let following = profile.following.unwrap_or_default();
     Some(MachineProfile {
         language: language?,
         machine: machine?,
         vibration: vibration?,
-        // The contract says nothing of them yet.
-        thread_vibration: ThreadVibrationSettings::default(),
+        thread_vibration: thread_vibration?,
         following: FollowingModel {
             filter_length_s: following.filter_length_s,
             position_loop_gain_per_s: following.position_loop_gain_per_s,
@@ -202,6 +203,41 @@ fn vibration_from_proto(violations: &mut Violations, vibration: proto::Vibration
     })
 }
 
+fn thread_vibration_from_proto(
+    violations: &mut Violations,
+    settings: proto::ThreadVibrationSettings,
+) -> Option<ThreadVibrationSettings> {
+    let usual = ThreadVibrationSettings::default();
+    let start_up = enumeration(violations, "thread_vibration.start_up", settings.start_up)?;
+    Some(ThreadVibrationSettings {
+        vibrations_per_rev: settings.vibrations_per_rev.unwrap_or(usual.vibrations_per_rev),
+        start_up: start_up_from_proto(start_up),
+        combined_preparation: settings.combined_preparation,
+        odd_phase_shift_deg: settings.odd_phase_shift_deg.unwrap_or(usual.odd_phase_shift_deg),
+        even_phase_shift_deg: settings.even_phase_shift_deg.unwrap_or(usual.even_phase_shift_deg),
+        reference_angle_deg: settings.reference_angle_deg,
+        included_angle_deg: settings.included_angle_deg.unwrap_or(usual.included_angle_deg),
+        approach_mm: settings.approach_mm,
+        max_thickness_mm: settings.max_thickness_mm,
+        max_finishing_thickness_mm: settings.max_finishing_thickness_mm,
+    })
+}
+
+fn thread_vibration_to_proto(settings: &ThreadVibrationSettings) -> proto::ThreadVibrationSettings {
+    proto::ThreadVibrationSettings {
+        vibrations_per_rev: Some(settings.vibrations_per_rev),
+        start_up: start_up_to_proto(settings.start_up).into(),
+        combined_preparation: settings.combined_preparation,
+        odd_phase_shift_deg: Some(settings.odd_phase_shift_deg),
+        even_phase_shift_deg: Some(settings.even_phase_shift_deg),
+        reference_angle_deg: settings.reference_angle_deg,
+        included_angle_deg: Some(settings.included_angle_deg),
+        approach_mm: settings.approach_mm,
+        max_thickness_mm: settings.max_thickness_mm,
+        max_finishing_thickness_mm: settings.max_finishing_thickness_mm,
+    }
+}
+
 /// A profile as the contract has it, with every value stated.
 #[must_use]
 pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
@@ -221,6 +257,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
             position_loop_gain_per_s: profile.following.position_loop_gain_per_s,
         }),
         look_ahead_blocks: Some(profile.look_ahead_blocks),
+        thread_vibration: Some(thread_vibration_to_proto(&profile.thread_vibration)),
     }
 }
 
@@ -324,6 +361,10 @@ mod tests {
     fn profiles_survive_the_round_trip() {
         let mut lathe = MachineProfile::lathe();
         lathe.machine.axes[0].travel_max = Some(200.0);
+        lathe.thread_vibration.start_up = feedwave_cutting::thread::StartUp::Delayed;
+        lathe.thread_vibration.combined_preparation = true;
+        lathe.thread_vibration.reference_angle_deg = 12.5;
+        lathe.thread_vibration.approach_mm = Some(4.0);
         lathe.machine.axes[1].carried_by = CarriedBy::Workpiece;
         lathe.machine.axes[1].max_velocity_step_per_s = 0.2;
         lathe.language.work_offsets[2][5] = 90.0;

@@ -6,6 +6,7 @@ use feedwave_cutting::{
 };
 use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
 
+use super::thread::thread_section_to_proto;
 use crate::convert::generation_mode_to_proto;
 use crate::proto;
 
@@ -15,6 +16,7 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     proto::ValidationReport {
         findings: report.findings.iter().map(finding_to_proto).collect(),
         sections: report.sections.iter().map(section).collect(),
+        threads: report.threads.iter().map(thread_section_to_proto).collect(),
         summary: Some(summary_to_proto(&report.summary)),
     }
 }
@@ -28,6 +30,8 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         infos: summary.infos,
         findings_not_listed: summary.findings_not_listed,
         section_count: summary.section_count,
+        thread_count: summary.thread_count,
+        thread_passes: summary.thread_passes,
         bytes: summary.bytes,
         lines: summary.lines,
         moves: summary.moves,

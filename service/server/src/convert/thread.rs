@@ -2,7 +2,8 @@
 
 use feedwave_cutting::thread::{
     CrestReport, GrooveProfile, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadGeometry, ThreadJob, ThreadPass,
-    ThreadPassReport, ThreadPlan, ThreadReport, ThreadSide, ThreadTextOptions, thread_program_text,
+    ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide, ThreadTextOptions,
+    thread_program_text,
 };
 use feedwave_program::{Finding, SourceSpan};
 
@@ -18,7 +19,7 @@ pub fn thread_plan_to_proto(
     match plan {
         Ok(ThreadPlan { job, report }) => proto::PlanThreadResponse {
             thread: Some(thread_to_proto(job)),
-            report: Some(thread_report_to_proto(job, report)),
+            report: Some(thread_report_to_proto(report)),
             program: thread_program_text(job, options),
             findings: report.findings.iter().map(finding_to_proto).collect(),
         },
@@ -26,6 +27,19 @@ pub fn thread_plan_to_proto(
             findings: findings.iter().map(finding_to_proto).collect(),
             ..proto::PlanThreadResponse::default()
         },
+    }
+}
+
+/// A thread of a program as the contract has it.
+pub(super) fn thread_section_to_proto(section: &ThreadSectionReport) -> proto::ThreadSectionReport {
+    proto::ThreadSectionReport {
+        on_line: section.on_line,
+        first_line: section.first_line,
+        last_line: section.last_line,
+        ratio: section.ratio,
+        work_diameter_assumed: section.work_diameter_assumed,
+        thread: Some(thread_to_proto(&section.job)),
+        report: Some(thread_report_to_proto(&section.report)),
     }
 }
 
@@ -67,7 +81,8 @@ fn geometry_to_proto(geometry: &ThreadGeometry) -> proto::ThreadGeometry {
     }
 }
 
-const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
+/// See [`start_up_from_proto`].
+pub(super) const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
     match start_up {
         StartUp::Preparatory => proto::ThreadStartUp::Preparatory,
         StartUp::Delayed => proto::ThreadStartUp::Delayed,
@@ -144,7 +159,7 @@ fn pass_from_proto(pass: &proto::ThreadPass) -> ThreadPass {
 
 /// What there is to say about a thread as the contract has it, without its findings.
 #[must_use]
-pub fn thread_report_to_proto(job: &ThreadJob, report: &ThreadReport) -> proto::ThreadReport {
+pub fn thread_report_to_proto(report: &ThreadReport) -> proto::ThreadReport {
     proto::ThreadReport {
         passes: report.passes.iter().map(pass_report).collect(),
         crests: report.crests.as_ref().map(crests),
@@ -152,7 +167,8 @@ pub fn thread_report_to_proto(job: &ThreadJob, report: &ThreadReport) -> proto::
         least_section_ratio: report.least_section_ratio,
         lead_velocity_mm_per_s: report.lead_velocity_mm_per_s,
         frequency_hz: report.frequency_hz,
-        run_up_travel_mm: job.run_up.travel_mm(job.geometry.lead_mm),
+        run_up_travel_mm: report.run_up_mm,
+        exact_length_mm: report.exact_length_mm,
         feasible: report.feasible,
     }
 }
@@ -248,7 +264,7 @@ mod tests {
     #[test]
     fn a_report_keeps_its_numbers() {
         let report = judge_thread(&job(), &ThreadLimits::default());
-        let shown = thread_report_to_proto(&job(), &report);
+        let shown = thread_report_to_proto(&report);
         assert_eq!(shown.passes.len(), 2);
         assert_eq!(shown.run_up_travel_mm, job().run_up.travel_mm(2.5));
         let (pass, own) = (&shown.passes[1], &report.passes[1]);

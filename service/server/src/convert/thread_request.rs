@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
     DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadGeometry, ThreadLimits,
-    ThreadRequest, ThreadTextOptions,
+    ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
 use feedwave_motion::{MachineAxis, MachineKind};
@@ -67,12 +67,18 @@ fn convert(
     if allowance_mm >= depth_mm {
         checked.0.add("finishing_allowance_mm", format!("must be less than the depth of {depth_mm} mm"));
     }
+    let settings = profile.map_or_else(ThreadVibrationSettings::default, |profile| profile.thread_vibration);
     let fastest = profile.map_or(1e6, |profile| profile.machine.max_spindle_rev_per_min);
     let law = enumeration(checked.0, "law", given.law);
     let method = enumeration(checked.0, "method", given.method);
     let start_up = enumeration(checked.0, "start_up", given.start_up);
     let profile = GrooveProfile {
-        included_angle_deg: checked.or("included_angle_deg", given.included_angle_deg, 60.0, 1.0..=170.0),
+        included_angle_deg: checked.or(
+            "included_angle_deg",
+            given.included_angle_deg,
+            settings.included_angle_deg,
+            1.0..=170.0,
+        ),
         root_flat_mm: checked.within("root_flat_mm", given.root_flat_mm, 0.0..=1e3),
     };
     let usual = ThreadTextOptions::default();
@@ -86,7 +92,12 @@ fn convert(
         depth_mm,
         finishing_allowance_mm: allowance_mm,
         first_depth_mm: checked.within("first_depth_mm", given.first_depth_mm, LENGTH_MM),
-        vibrations_per_rev: checked.or("vibrations_per_rev", given.vibrations_per_rev, 2.0, 0.01..=1e3),
+        vibrations_per_rev: checked.or(
+            "vibrations_per_rev",
+            given.vibrations_per_rev,
+            settings.vibrations_per_rev,
+            0.01..=100.0,
+        ),
         spindle_rev_per_min: checked.within("spindle_rev_per_min", given.spindle_rev_per_min, 1e-3..=fastest),
         amplitude_margin: checked.or("amplitude_margin", given.amplitude_margin, 1.1, ABOVE_ONE),
         geometry: geometry?,
@@ -99,7 +110,10 @@ fn convert(
             proto::PassMethod::Unspecified | proto::PassMethod::StartAngle => PassMethod::StartAngle,
             proto::PassMethod::StartPosition => PassMethod::StartPosition,
         },
-        start_up: start_up_from_proto(start_up?),
+        start_up: match start_up? {
+            proto::ThreadStartUp::Unspecified => settings.start_up,
+            stated => start_up_from_proto(stated),
+        },
         limits: limits?,
     };
     Some((request, options))
@@ -175,7 +189,7 @@ fn infeed(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest) -> Option
 }
 
 /// What machine and request allow: Z carries the lead, X the vibration; of several axes for one letter the weakest
-/// counts. What the request does not state is not judged.
+/// counts. What neither states is not judged.
 fn limits(
     checked: &mut Checked<'_>,
     given: &proto::PlanThreadRequest,
@@ -184,13 +198,14 @@ fn limits(
 ) -> Option<ThreadLimits> {
     let period_us = if given.interpolation_period_us == 0 { DEFAULT_PERIOD_US } else { given.interpolation_period_us };
     let periods = f64::from(MIN_PERIOD_US)..=f64::from(MAX_PERIOD_US);
-    let unlimited = f64::INFINITY;
+    let settings = profile.map_or_else(ThreadVibrationSettings::default, |profile| profile.thread_vibration);
+    let approach_mm = settings.approach_mm.unwrap_or(f64::INFINITY);
+    let thickness_mm = settings.max_thickness_mm.unwrap_or(f64::INFINITY);
+    let finishing_mm = given.finishing_thickness_mm.map(|mm| checked.within("finishing_thickness_mm", mm, LENGTH_MM));
     let stated = ThreadLimits {
-        approach_mm: checked.or("approach_mm", given.approach_mm, unlimited, 0.0..=1e6),
-        thickness_mm: checked.or("max_thickness_mm", given.max_thickness_mm, unlimited, LENGTH_MM),
-        finishing_thickness_mm: given
-            .finishing_thickness_mm
-            .map(|value| checked.within("finishing_thickness_mm", value, LENGTH_MM)),
+        approach_mm: checked.or("approach_mm", given.approach_mm, approach_mm, 0.0..=1e6),
+        thickness_mm: checked.or("max_thickness_mm", given.max_thickness_mm, thickness_mm, LENGTH_MM),
+        finishing_thickness_mm: finishing_mm.or(settings.max_finishing_thickness_mm),
         period_s: checked.within("interpolation_period_us", f64::from(period_us), periods) * 1e-6,
         ..ThreadLimits::default()
     };

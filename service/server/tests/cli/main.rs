@@ -55,7 +55,7 @@ fn json_has_the_documented_keys_and_the_trap_with_its_cure() {
     let (report, code) = validate_json(&fixture("spec-trap.nc"));
     assert_eq!(code, 0, "a warning does not refuse the program");
     let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
-    assert_eq!(keys, ["findings", "sections", "summary"]);
+    assert_eq!(keys, ["findings", "sections", "summary", "threads"]);
 
     let finding = &report["findings"][0];
     let mut keys: Vec<_> = finding.as_object().unwrap().keys().map(String::as_str).collect();

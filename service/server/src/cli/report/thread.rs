@@ -4,11 +4,31 @@ use super::super::terminal::{Style, number};
 use super::Rows;
 use crate::proto::{
     CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadGeometry, ThreadPass, ThreadPassReport,
-    ThreadReport, ThreadSide, ThreadStartUp,
+    ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp,
 };
 
 /// Passes listed; the JSON has all.
 const LISTED_PASSES: usize = 40;
+
+/// A thread of a program.
+pub(super) fn section_text(position: usize, section: &ThreadSectionReport, style: Style) -> String {
+    let switched = section.on_line.map_or_else(
+        || "without vibration".to_owned(),
+        |line| match section.ratio {
+            Some(ratio) => format!("vibration on in line {line}, ratio {}", number(ratio, 4)),
+            None => format!("vibration on in line {line}"),
+        },
+    );
+    let heading = format!("Thread {position}: lines {} to {}, {switched}", section.first_line, section.last_line);
+    let (thread, report) = (section.thread.clone().unwrap_or_default(), section.report.clone().unwrap_or_default());
+    let mut text = text(&heading, &thread, &report, style);
+    if section.work_diameter_assumed {
+        let mut rows = Rows::new(style);
+        rows.row("", "the work's diameter is assumed: no word states it");
+        text.push_str(&rows.text);
+    }
+    text
+}
 
 /// A thread with its report under a heading.
 pub(in super::super) fn text(heading: &str, thread: &Thread, report: &ThreadReport, style: Style) -> String {
@@ -21,11 +41,12 @@ pub(in super::super) fn text(heading: &str, thread: &Thread, report: &ThreadRepo
     rows.row(
         "lead axis",
         format!(
-            "{} mm/s at {} rev/min, in step after {} degrees of the spindle and {} mm",
+            "{} mm/s at {} rev/min, in step after {} degrees of the spindle and {} mm; {} mm of exact lead",
             number(report.lead_velocity_mm_per_s, 4),
             number(thread.spindle_rev_per_min, 5),
             number(thread.run_up_angle_deg, 4),
-            number(report.run_up_travel_mm, 4)
+            number(report.run_up_travel_mm, 4),
+            number(report.exact_length_mm, 5)
         ),
     );
     if !report.passes.is_empty() {
