@@ -1,4 +1,4 @@
-//! Path elements: lines, arcs, helices and splines over arc length.
+//! Path elements: lines, arcs, helices, splines and five-axis motion over arc length.
 
 use core::f64::consts::TAU;
 
@@ -10,12 +10,16 @@ use crate::tolerance::{HUGE_RADIUS_MM, SAME_POINT_MM};
 
 mod bezier;
 mod fit;
+mod five_axis;
 mod spline;
 
-pub(crate) use spline::Part;
+pub use five_axis::FiveAxis;
+pub(crate) use five_axis::FiveAxisPiece;
 pub use spline::Spline;
+pub(crate) use spline::{COEFFICIENTS, Part};
 
-/// One element of the path, in work coordinates, over its arc length `s` from 0 to `length`.
+/// One element of the path, in work coordinates (under five-axis motion in those of the chain of axes), over its arc length
+/// `s` from 0 to `length`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Element {
     /// First point, mm (X a radius) and degrees.
@@ -26,7 +30,8 @@ pub struct Element {
     pub work_offset: Position,
     /// Shape between them.
     pub curve: Curve,
-    /// Arc length of the linear axes, mm; of the rotary axes, degrees, when no linear axis moves.
+    /// Arc length of the linear axes, under five-axis motion of the tool centre point, mm; when it rests, of the rotary axes or
+    /// the tool direction, degrees.
     pub length: f64,
     /// Words that ask for it.
     pub source: SourceSpan,
@@ -43,6 +48,9 @@ pub enum Curve {
     Arc(Arc),
     /// Free in X, Y and Z; every other axis moves in proportion to the arc length.
     Spline(Box<Spline>),
+    /// Straight for the tool centre point on the workpiece while the tool direction turns; start and end are those of the
+    /// machine's axes. Every axis beside the chain moves in proportion to the arc length.
+    FiveAxis(Box<FiveAxis>),
 }
 
 /// A circular arc. Start and end radius may differ within the arc tolerance: the radius then changes in
@@ -249,6 +257,7 @@ impl Element {
                 }
             }
             Curve::Spline(spline) if Spline::has(axis) => spline.fill_axis(axis, s, out),
+            Curve::FiveAxis(five_axis) if five_axis.has(axis) => five_axis.fill_axis(axis, s, out),
             _ => {
                 let slope = (end - start) * per_length;
                 for (out, &s) in out.iter_mut().zip(s) {
@@ -270,6 +279,7 @@ impl Element {
                 Curve::Line => false,
                 Curve::Arc(arc) => arc.first == axis || arc.second == axis,
                 Curve::Spline(spline) => spline.moves(axis),
+                Curve::FiveAxis(five_axis) => five_axis.moves(axis),
             }
     }
 
@@ -293,6 +303,7 @@ impl Element {
         let arc = match &self.curve {
             Curve::Arc(arc) if axis == arc.first || axis == arc.second => arc,
             Curve::Spline(spline) if Spline::has(axis) => return spline.fill_tangent(axis, s, out),
+            Curve::FiveAxis(five_axis) if five_axis.has(axis) => return five_axis.fill_tangent(axis, s, out),
             _ => {
                 out.fill((self.end[axis.index()] - self.start[axis.index()]) * per_length);
                 return;
@@ -320,6 +331,11 @@ impl Element {
         if let Curve::Spline(spline) = &self.curve {
             second[..3].copy_from_slice(&spline.second_derivative(s));
         }
+        if let Curve::FiveAxis(five_axis) = &self.curve {
+            for (place, axis) in five_axis.axes().iter().enumerate() {
+                second[axis.index()] = five_axis.second_derivative(place, s);
+            }
+        }
         if let Curve::Arc(arc) = &self.curve {
             let share = s.clamp(0.0, self.length) / self.length;
             let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
@@ -334,12 +350,12 @@ impl Element {
         second
     }
 
-    /// Largest curvature, 1/mm: 0 for a line, r/(r² + p²) for a helix of radius r that advances p per radian, a close upper
-    /// bound for a spline.
+    /// Largest curvature on the workpiece, 1/mm: 0 for a line and under five-axis motion, r/(r² + p²) for a helix of radius r
+    /// that advances p per radian, a close upper bound for a spline.
     #[must_use]
     pub fn curvature(&self) -> f64 {
         match &self.curve {
-            Curve::Line => 0.0,
+            Curve::Line | Curve::FiveAxis(_) => 0.0,
             Curve::Arc(arc) => {
                 let per_length = arc.sweep_rad / self.length;
                 // κ = r·(dθ/ds)², largest where r is.
@@ -355,6 +371,11 @@ impl Element {
         let mut largest = self.tangent(0.0).map(f64::abs);
         if let Curve::Spline(spline) = &self.curve {
             largest[..3].copy_from_slice(&spline.largest_tangent());
+        }
+        if let Curve::FiveAxis(five_axis) = &self.curve {
+            for (place, axis) in five_axis.axes().iter().enumerate() {
+                largest[axis.index()] = five_axis.largest_tangent(place);
+            }
         }
         if let Curve::Arc(arc) = &self.curve {
             let at_end = self.tangent(self.length);
@@ -395,6 +416,13 @@ impl Element {
         if let Curve::Spline(spline) = &self.curve {
             for axis in Axis::ALL.into_iter().filter(|&axis| spline.moves(axis)) {
                 let [lowest, highest] = spline.extent(axis);
+                low[axis.index()] = low[axis.index()].min(lowest);
+                high[axis.index()] = high[axis.index()].max(highest);
+            }
+        }
+        if let Curve::FiveAxis(five_axis) = &self.curve {
+            for (place, axis) in five_axis.axes().iter().enumerate() {
+                let [lowest, highest] = five_axis.extent(place);
                 low[axis.index()] = low[axis.index()].min(lowest);
                 high[axis.index()] = high[axis.index()].max(highest);
             }

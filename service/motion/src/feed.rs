@@ -183,6 +183,7 @@ fn next_turn(element: &Element, s: f64) -> f64 {
             s + ahead_rad / arc.sweep_rad.abs() * element.length
         }
         Curve::Spline(spline) => next_turn_of_spline(element, spline.piece_count(), s),
+        Curve::FiveAxis(five_axis) => next_turn_of_spline(element, five_axis.piece_count(), s),
         _ => {
             let (start, end) = (element.start[x], element.end[x]);
             start / (start - end) * element.length

@@ -21,6 +21,7 @@ mod description;
 mod direction;
 mod inverse;
 mod jacobian;
+mod path;
 mod range;
 pub mod vector;
 
@@ -30,3 +31,4 @@ pub use description::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
 pub use direction::{DirectionPath, FiveAxisSegment, GreatCircle, OppositeDirections, RotaryDirections};
 pub use inverse::{DirectionSolution, InverseSolution};
 pub use jacobian::Jacobian;
+pub use path::{FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};

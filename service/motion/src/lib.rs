@@ -17,7 +17,7 @@ mod profile;
 mod smoothing;
 mod tolerance;
 
-pub use element::{Arc, Curve, Element, Spline};
+pub use element::{Arc, Curve, Element, FiveAxis, Spline};
 pub use feed::{Stretch, Stretches, stretches, top_command};
 pub use limits::{
     LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces,

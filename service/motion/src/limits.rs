@@ -141,7 +141,7 @@ pub struct TravelExceeded {
 /// # Errors
 /// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed.
 pub fn path_limits(element: &Element, machine: &Machine, superposed: PathMotion) -> Result<PathLimits, LimitExceeded> {
-    if let Curve::Spline(_) = &element.curve {
+    if let Curve::Spline(_) | Curve::FiveAxis(_) = &element.curve {
         let pieces = limit_pieces(element, machine, superposed, f64::INFINITY)?;
         return Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits)));
     }

@@ -144,3 +144,31 @@ pub(crate) const MAX_CORNER_TRIES: usize = 12;
 /// window: they come within milliseconds. In the first half of these, which is released, a path from rest has room to
 /// stop in the second half from whatever speed it has reached.
 pub(crate) const FIRST_PLAN: usize = 1_000;
+
+/// Directions closer to the first rotary axis than this are taken along it, rad: no tool shows 0.02″, and the first axis need
+/// not turn half a turn within nanometres for them. The tool centre point is exact all the same.
+pub(crate) const POLE_RAD: f64 = 1e-7;
+/// Directions closer to each other than this are the same, rad: rounding of a unit vector is a thousandth of it.
+pub(crate) const SAME_DIRECTION_RAD: f64 = 1e-12;
+/// Rotary axes and tool that miss the first axis' line by no more than this meet it: rounding of three unit vectors.
+pub(crate) const REACHED_POLE: f64 = 1e-12;
+/// Largest tolerance within which a pole may be passed through, rad (5.7°).
+pub(crate) const MAX_POLE_TOLERANCE_RAD: f64 = 0.1;
+/// Largest error of the polynomials of a linear axis under five-axis motion, mm, beside rounding.
+pub(crate) const FIVE_AXIS_FIT_MM: f64 = 1e-10;
+/// Largest error of the polynomials of a rotary axis, rad: it does not move the tool centre point, which the linear axes
+/// follow, but would show as a step where elements meet.
+pub(crate) const FIVE_AXIS_FIT_RAD: f64 = 2e-12;
+/// Largest share of a fit's error by which its last two terms may count.
+pub(crate) const FIVE_AXIS_TAIL: f64 = 100.0;
+/// Most times that a five-axis element is halved for its polynomials.
+pub(crate) const MAX_FIVE_AXIS_HALVINGS: u32 = 40;
+/// Most polynomial pieces of a five-axis element.
+pub(crate) const MAX_FIVE_AXIS_PIECES: usize = 4_096;
+/// Largest difference between where the rotary axes stand and where a block starts, rad: rounding of a unit vector is as
+/// much where it is taken along a pole no more.
+pub(crate) const SAME_START_RAD: f64 = 1e-8;
+/// Largest difference between where the linear axes stand and where a block starts, mm.
+pub(crate) const SAME_START_MM: f64 = 1e-5;
+/// Coefficients of a five-axis element's polynomials below this are left out, mm and degrees.
+pub(crate) const FIVE_AXIS_NOTHING: f64 = 1e-15;

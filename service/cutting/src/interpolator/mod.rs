@@ -67,7 +67,7 @@ impl TimeShares {
             _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
             _ if reached < stretch.limits.velocity => &mut limits.corners_s,
             Curve::Line => &mut limits.axis_velocity_s,
-            Curve::Arc(_) | Curve::Spline(_) => &mut limits.curvature_s,
+            Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => &mut limits.curvature_s,
         };
         *governed_s += cruise_s;
     }

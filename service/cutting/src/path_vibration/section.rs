@@ -177,7 +177,7 @@ impl SectionAnalyzer {
     ) {
         let pieces = match element.curve {
             Curve::Line => 1,
-            Curve::Arc(_) | Curve::Spline(_) => ARC_PIECES,
+            Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => ARC_PIECES,
         };
         let radius_at = |index: u32| {
             let mut radius_mm = [0.0];

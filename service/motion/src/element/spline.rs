@@ -15,13 +15,13 @@ use crate::tolerance::{
 };
 
 /// Coefficients of a piece's polynomial: degree 9.
-pub(super) const COEFFICIENTS: usize = 10;
+pub(crate) const COEFFICIENTS: usize = 10;
 
 /// Most parts a piece is halved into to find where it is farthest, as a power of two.
 const EXTREME_HALVINGS: u32 = 24;
 
 /// A polynomial on 0 to 1 by its Bernstein coefficients.
-type Bernstein = [f64; COEFFICIENTS];
+pub(super) type Bernstein = [f64; COEFFICIENTS];
 
 /// A smooth curve over X, Y and Z by its arc length, mm.
 ///
@@ -96,18 +96,22 @@ impl Piece {
         Self::new(from, to - from, coefficients)
     }
 
-    /// Bernstein coefficients of a derivative by arc length; those of higher degree than its own raise it to degree 9.
+    /// See [`bernstein`]; coefficients of higher degree than its own raise a derivative to degree 9.
     fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
-        let mut polynomial = self.coefficients[axis];
-        for _ in 0..derivative {
-            for k in 1..COEFFICIENTS {
-                polynomial[k - 1] = polynomial[k] * k as f64 * self.per_length;
-            }
-            polynomial[COEFFICIENTS - 1] = 0.0;
-        }
-        let degree = COEFFICIENTS - 1;
-        core::array::from_fn(|i| (0..=i).map(|k| binomial(i, k) / binomial(degree, k) * polynomial[k]).sum())
+        bernstein(self.coefficients[axis], derivative, self.per_length)
     }
+}
+
+/// Bernstein coefficients of a derivative by arc length of a polynomial on 0 to 1.
+pub(super) fn bernstein(mut polynomial: [f64; COEFFICIENTS], derivative: usize, per_length: f64) -> Bernstein {
+    for _ in 0..derivative {
+        for k in 1..COEFFICIENTS {
+            polynomial[k - 1] = polynomial[k] * k as f64 * per_length;
+        }
+        polynomial[COEFFICIENTS - 1] = 0.0;
+    }
+    let degree = COEFFICIENTS - 1;
+    core::array::from_fn(|i| (0..=i).map(|k| binomial(i, k) / binomial(degree, k) * polynomial[k]).sum())
 }
 
 /// The first and the second half of a polynomial.
@@ -123,7 +127,7 @@ fn halves(polynomial: &Bernstein) -> [Bernstein; 2] {
 }
 
 /// Raises `found` to the largest value of the polynomial, or beyond it by no more than rounding.
-fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
+pub(super) fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
     *found = found.max(polynomial[0]).max(polynomial[COEFFICIENTS - 1]);
     let bound = polynomial.iter().fold(f64::NEG_INFINITY, |bound, &value| bound.max(value));
     if bound <= *found + (SPLINE_STRAIGHT_MM + SPLINE_ROUNDING * bound.abs()) || depth >= EXTREME_HALVINGS {
@@ -133,35 +137,37 @@ fn raise_to_largest(polynomial: &Bernstein, found: &mut f64, depth: u32) {
     }
 }
 
-/// Stretch of a spline by its tangent.
+/// Stretch of a path of some axes by its tangent.
 #[derive(Clone, Copy)]
-pub(crate) struct Part {
+pub(crate) struct Part<const AXES: usize> {
     /// Arc length where it ends, mm.
     pub(crate) end: f64,
     length: f64,
-    /// Bernstein coefficients of the first derivative by arc length: X, Y, Z.
-    tangent: [Bernstein; 3],
+    /// Bernstein coefficients of the first derivative by arc length.
+    tangent: [Bernstein; AXES],
 }
 
-impl Part {
+impl<const AXES: usize> Part<AXES> {
+    pub(super) fn new(end: f64, length: f64, tangent: [Bernstein; AXES]) -> Self {
+        Self { end, length, tangent }
+    }
+
     /// Its first and its second half.
     pub(crate) fn halves(&self) -> [Self; 2] {
         let length = 0.5 * self.length;
-        let [x, y, z] = self.tangent.each_ref().map(halves);
-        [
-            Self { end: self.end - length, length, tangent: [x[0], y[0], z[0]] },
-            Self { end: self.end, length, tangent: [x[1], y[1], z[1]] },
-        ]
+        let halved = self.tangent.each_ref().map(halves);
+        let half = |place: usize, end: f64| Self { end, length, tangent: halved.map(|halves| halves[place]) };
+        [half(0, self.end - length), half(1, self.end)]
     }
 
-    /// Upper bounds of |first|, |second| and |third derivative| of X, Y and Z: those of the Bernstein coefficients, which are
+    /// Upper bounds of |first|, |second| and |third derivative| of the axes: those of the Bernstein coefficients, which are
     /// differences of those of the derivative before.
-    pub(crate) fn bounds(&self) -> [[f64; 3]; 3] {
+    pub(crate) fn bounds(&self) -> [[f64; AXES]; 3] {
         self.measure(|polynomial| polynomial.iter().fold(0.0, |largest, value| value.abs().max(largest)))
     }
 
     /// The same just where it starts and where it ends.
-    pub(crate) fn ends(&self) -> [[[f64; 3]; 3]; 2] {
+    pub(crate) fn ends(&self) -> [[[f64; AXES]; 3]; 2] {
         [
             self.measure(|polynomial| polynomial[0].abs()),
             self.measure(|polynomial| polynomial[polynomial.len() - 1].abs()),
@@ -169,10 +175,10 @@ impl Part {
     }
 
     /// What `of` finds in the Bernstein coefficients, by derivative and axis.
-    fn measure(&self, of: impl Fn(&[f64]) -> f64) -> [[f64; 3]; 3] {
-        let mut found = [[0.0; 3]; 3];
-        for axis in 0..3 {
-            let mut polynomial = self.tangent[axis];
+    fn measure(&self, of: impl Fn(&[f64]) -> f64) -> [[f64; AXES]; 3] {
+        let mut found = [[0.0; AXES]; 3];
+        for (axis, tangent) in self.tangent.iter().enumerate() {
+            let mut polynomial = *tangent;
             for (order, found) in found.iter_mut().enumerate() {
                 let count = COEFFICIENTS - order;
                 found[axis] = of(&polynomial[..count]);
@@ -412,12 +418,10 @@ impl Spline {
     }
 
     /// The pieces by their tangents.
-    pub(crate) fn parts(&self) -> impl Iterator<Item = Part> {
-        self.pieces.iter().map(|piece| Part {
-            end: piece.end(),
-            length: piece.length,
-            tangent: core::array::from_fn(|axis| piece.bernstein(axis, 1)),
-        })
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part<3>> {
+        self.pieces
+            .iter()
+            .map(|piece| Part::new(piece.end(), piece.length, core::array::from_fn(|axis| piece.bernstein(axis, 1))))
     }
 
     /// Arc lengths inside where direction or curvature jump.

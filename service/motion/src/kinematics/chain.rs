@@ -36,7 +36,7 @@ pub struct ToolPose {
 /// that is set once holds for every rotary position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorkFrame {
-    origin_mm: Vec3,
+    pub(super) origin_mm: Vec3,
     /// Directions of X, Y and Z of the work coordinates.
     axes: [Vec3; 3],
 }
@@ -66,7 +66,7 @@ impl WorkFrame {
         Ok(Self { origin_mm, axes: [x, cross(z, x), z] })
     }
 
-    fn turn_in(&self, v: Vec3) -> Vec3 {
+    pub(super) fn turn_in(&self, v: Vec3) -> Vec3 {
         add_scaled(add_scaled(scale(self.axes[0], v[0]), self.axes[1], v[1]), self.axes[2], v[2])
     }
 
@@ -150,10 +150,10 @@ pub(super) struct Joint {
 pub struct Kinematics {
     pub(super) joints: Vec<Joint>,
     /// Place in [`JointValues`] of each joint.
-    places: Vec<usize>,
+    pub(super) places: Vec<usize>,
     pub(super) rotary: [usize; 2],
     pub(super) linear: [usize; 3],
-    gauge_point: Vec3,
+    pub(super) gauge_point: Vec3,
     pub(super) tool_direction: Vec3,
     pub(super) preferred: BranchPreference,
 }

@@ -42,6 +42,11 @@ impl Joint {
 }
 
 impl Kinematics {
+    /// The rotary axes that have a range, with it, rad.
+    pub(super) fn ranges(&self) -> impl Iterator<Item = (feedwave_program::Axis, [f64; 2])> + '_ {
+        self.rotary.iter().filter_map(|&index| Some((self.joints[index].axis, self.joints[index].range?)))
+    }
+
     /// The value a rotary axis (0: next to the work, 1: next to the tool) goes to from `from_rad` when `commanded_rad` is
     /// programmed: as written for an axis that counts, the shortest way for one that rolls over.
     #[must_use]

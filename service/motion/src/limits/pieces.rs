@@ -1,6 +1,6 @@
-//! Limits that change along an element: splines.
+//! Limits that change along an element: splines and five-axis motion.
 //!
-//! On a stretch of a spline each axis' derivatives by arc length have upper bounds T₁, T₂ and T₃, and nothing is known of
+//! On a stretch of such an element each axis' derivatives by arc length have upper bounds T₁, T₂ and T₃, and nothing is known of
 //! how they go together but that the sums must stay within the limits A and J of the axis:
 //!
 //! ```text
@@ -8,17 +8,19 @@
 //! j·T₁ + 3·v·a·T₂ + v³·T₃ ≤ J
 //! ```
 //!
-//! The speed takes v²·T₂ ≤ A·min(0.8, 1 − 0.6·T₁), which leaves the feed an acceleration of 0.6·A at least. On a circle, T₁
+//! The speed takes v²·T₂ ≤ A·min(0.8, 1 − 0.6·R₁), which leaves the feed an acceleration of 0.6·A at least. R₁ is T₁, but where
+//! an axis moves faster than the path (machine axes under five-axis motion) or is stronger than another one, only the
+//! share of A that it has in the largest acceleration that no axis forbids. On a circle, T₁
 //! and T₂ the cosine and κ times the sine of the same angle, that is v²κ ≥ 0.8·A in every direction, what an arc takes. It also
 //! takes v³·T₃ ≤ J/4; twice what it really takes is left out of the jerk for the feed, so that a junction that takes
 //! the share u ≤ ½ of J, for which acceleration and jerk are lowered by as much, fits: v³·T₃ + (1 − u)·(J − 2·v³·T₃) + u·J ≤ J.
-//! Of the rest the part of T₂/K in T₁ + T₂/K may go to 3·v·a·T₂, with K the largest T₂ of all axes; what
+//! Of the rest the part of T₂/K in R₁ + T₂/K may go to 3·v·a·T₂, with K the largest T₂ of all axes as a share of their J; what
 //! the acceleration leaves goes to j·T₁.
 //!
 //! The element is divided where one set of limits would cost a part of it more than about a tenth of its time (v goes by
 //! λ, a by λ², j by λ³): polynomials are halved while that gains much, and neighbours joined while that costs little.
 
-use feedwave_program::{AXIS_COUNT, Position};
+use feedwave_program::{AXIS_COUNT, Axis, Position};
 use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
@@ -28,7 +30,7 @@ use crate::tolerance::{
     CENTRIPETAL_SHARE, LIMIT_GAIN, LIMIT_HALVINGS, LIMIT_SLOWDOWN, MAX_LIMIT_PIECES, SPLINE_TURNING_JERK_SHARE,
     TANGENTIAL_SHARE,
 };
-use crate::{Curve, Element, Machine};
+use crate::{Curve, Element, Machine, MachineAxis};
 
 /// Part of an element with one set of limits; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,55 +84,85 @@ pub fn limit_pieces(
     superposed: PathMotion,
     top_speed: f64,
 ) -> Result<LimitPieces, LimitExceeded> {
-    let Curve::Spline(spline) = &element.curve else {
-        return Ok(smallvec![LimitPiece { end: element.length, limits: path_limits(element, machine, superposed)? }]);
-    };
-    let beside: Position = core::array::from_fn(|axis| {
-        if axis < 3 { 0.0 } else { (element.end[axis] - element.start[axis]).abs() / element.length }
-    });
-    let rule = Rule { machine, superposed, beside, top_speed };
-    let mut stretches = Vec::new();
-    for part in spline.parts() {
-        rule.divide(&part, 0, &mut stretches)?;
-    }
-    let mut slowdown = LIMIT_SLOWDOWN;
-    loop {
-        let mut pieces = rule.merge(&stretches, slowdown)?;
-        if pieces.len() <= MAX_LIMIT_PIECES {
-            if let Some(last) = pieces.last_mut() {
-                last.end = element.length;
-            }
-            return Ok(pieces);
+    match &element.curve {
+        Curve::Line | Curve::Arc(_) => {
+            let limits = path_limits(element, machine, superposed)?;
+            Ok(smallvec![LimitPiece { end: element.length, limits }])
         }
-        slowdown = if slowdown < 0.5 { 2.0 * slowdown } else { 1.0 };
+        Curve::Spline(spline) => {
+            let rule = Rule::new(element, machine, superposed, top_speed, [Axis::X, Axis::Y, Axis::Z]);
+            rule.pieces(spline.parts(), element.length)
+        }
+        Curve::FiveAxis(five_axis) => {
+            let rule = Rule::new(element, machine, superposed, top_speed, *five_axis.axes());
+            rule.pieces(five_axis.parts(), element.length)
+        }
     }
 }
 
-/// What limits depend on beside the derivatives.
-struct Rule<'a> {
+/// What limits depend on beside the derivatives of the curve's own axes.
+struct Rule<'a, const AXES: usize> {
     machine: &'a Machine,
     superposed: PathMotion,
-    /// Derivatives of the axes beside X, Y and Z.
+    /// The curve's own axes.
+    axes: [Axis; AXES],
+    /// Derivatives of the axes beside them.
     beside: Position,
     /// Fastest that the path will be run, mm/s.
     top_speed: f64,
 }
 
-impl Rule<'_> {
-    fn bounds(&self, linear: [[f64; 3]; 3]) -> Bounds {
+impl<'a, const AXES: usize> Rule<'a, AXES> {
+    fn new(
+        element: &Element,
+        machine: &'a Machine,
+        superposed: PathMotion,
+        top_speed: f64,
+        axes: [Axis; AXES],
+    ) -> Self {
+        let mut beside: Position =
+            core::array::from_fn(|axis| (element.end[axis] - element.start[axis]).abs() / element.length);
+        for axis in axes {
+            beside[axis.index()] = 0.0;
+        }
+        Self { machine, superposed, axes, beside, top_speed }
+    }
+
+    /// The pieces of a curve of this length.
+    fn pieces(&self, parts: impl Iterator<Item = Part<AXES>>, length: f64) -> Result<LimitPieces, LimitExceeded> {
+        let mut stretches = Vec::new();
+        for part in parts {
+            self.divide(&part, 0, &mut stretches)?;
+        }
+        let mut slowdown = LIMIT_SLOWDOWN;
+        loop {
+            let mut pieces = self.merge(&stretches, slowdown)?;
+            if pieces.len() <= MAX_LIMIT_PIECES {
+                if let Some(last) = pieces.last_mut() {
+                    last.end = length;
+                }
+                return Ok(pieces);
+            }
+            slowdown = if slowdown < 0.5 { 2.0 * slowdown } else { 1.0 };
+        }
+    }
+
+    fn bounds(&self, own: [[f64; AXES]; 3]) -> Bounds {
         let mut bounds = Bounds([self.beside, [0.0; AXIS_COUNT], [0.0; AXIS_COUNT]]);
-        for (all, linear) in bounds.0.iter_mut().zip(linear) {
-            all[..3].copy_from_slice(&linear);
+        for (all, own) in bounds.0.iter_mut().zip(own) {
+            for (axis, own) in self.axes.iter().zip(own) {
+                all[axis.index()] = own;
+            }
         }
         bounds
     }
 
     /// Appends the stretches of a part, divided until its limits are nearly those of its ends and of its middle.
-    fn divide(&self, part: &Part, depth: u32, stretches: &mut Vec<Stretch>) -> Result<(), LimitExceeded> {
+    fn divide(&self, part: &Part<AXES>, depth: u32, stretches: &mut Vec<Stretch>) -> Result<(), LimitExceeded> {
         let bounds = self.bounds(part.bounds());
         let limits = self.limits(&bounds);
         if depth < LIMIT_HALVINGS {
-            let gains = |place: [[f64; 3]; 3]| match (&limits, self.limits(&self.bounds(place))) {
+            let gains = |place: [[f64; AXES]; 3]| match (&limits, self.limits(&self.bounds(place))) {
                 (Ok(whole), Ok(place)) => !is_close(whole, &place, LIMIT_GAIN),
                 _ => true,
             };
@@ -174,9 +206,13 @@ impl Rule<'_> {
     fn limits(&self, Bounds([first, second, third]): &Bounds) -> Result<PathLimits, LimitExceeded> {
         let superposed = self.superposed;
         let moved = || self.machine.axes.iter().map(|axis| (axis, axis.axis.index())).filter(|&(_, k)| first[k] > 0.0);
+        // R₁: the axes' shares of the largest acceleration along the path.
+        let hardest = moved().map(|(axis, k)| first[k] / axis.max_acceleration_per_s2).fold(0.0, f64::max);
+        let share = |axis: &MachineAxis, k: usize| first[k] / (hardest * axis.max_acceleration_per_s2).max(1.0);
         let mut limits = PathLimits { velocity: self.top_speed, ..PathLimits::NONE };
         for (axis, k) in moved() {
-            let centripetal = axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * first[k]);
+            let centripetal =
+                axis.max_acceleration_per_s2 * CENTRIPETAL_SHARE.min(1.0 - TANGENTIAL_SHARE * share(axis, k));
             let turning = SPLINE_TURNING_JERK_SHARE * axis.max_jerk_per_s3;
             // A division by zero is no limit at all.
             let mut speed = (axis.max_velocity_per_s / first[k]).min((centripetal / second[k]).sqrt());
@@ -188,14 +224,14 @@ impl Rule<'_> {
         }
 
         let speed = limits.velocity + superposed.velocity;
-        let largest_second = second.iter().fold(0.0_f64, |largest, &second| largest.max(second));
+        let most_bent = moved().map(|(axis, k)| second[k] / axis.max_jerk_per_s3).fold(0.0, f64::max);
         // Jerk of an axis beside twice what turning takes.
         let free_jerk = |jerk: f64, k: usize| jerk - 2.0 * speed * speed * speed * third[k];
         for (axis, k) in moved() {
             let mut left = axis.max_acceleration_per_s2 - speed * speed * second[k];
             if second[k] > 0.0 {
-                let bent = second[k] / largest_second;
-                let normal_jerk = free_jerk(axis.max_jerk_per_s3, k) * bent / (first[k] + bent);
+                let bent = second[k] / (most_bent * axis.max_jerk_per_s3);
+                let normal_jerk = free_jerk(axis.max_jerk_per_s3, k) * bent / (share(axis, k) + bent);
                 left = left.min(normal_jerk / (3.0 * speed * second[k]) * first[k]);
             }
             let left = rest(axis.axis, Quantity::Acceleration, left, first[k], superposed.acceleration)?;

@@ -156,7 +156,8 @@ impl<T: Carried> Entry<T> {
     /// Whether smoothing can change its path at all.
     fn is_smoothable(&self) -> bool {
         let other_axes = || Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
-        !self.element.rapid && other_axes().all(|axis| !self.element.moves(axis))
+        let is_five_axis = matches!(self.element.curve, Curve::FiveAxis(_));
+        !self.element.rapid && !is_five_axis && other_axes().all(|axis| !self.element.moves(axis))
     }
 
     /// Largest distance of points left out of a line, mm; `None` where it is not to be merged with the next.

@@ -7,7 +7,8 @@ use crate::{Arc, Curve, Element};
 
 impl Element {
     /// The part from arc length `from` to `to`, with 0 ≤ `from` < `to` ≤ `length`. An end that is not cut off stays
-    /// exact to the bit; `None` where nothing is left.
+    /// exact to the bit; `None` where nothing is left, and under five-axis
+    /// motion, whose blocks are not smoothed.
     pub(super) fn part(&self, from: f64, to: f64) -> Option<Self> {
         let [start, end] = [self.position(from), self.position(to)];
         let (curve, length) = match &self.curve {
@@ -21,6 +22,7 @@ impl Element {
                 let length = spline.length_mm();
                 (Curve::Spline(Box::new(spline)), length)
             }
+            Curve::FiveAxis(_) => return None,
         };
         (length > 0.0).then(|| Self { start, end, curve, length, ..self.clone() })
     }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use crate::machines::{a_direction, a_machine, a_point};
 
-fn a_setup() -> impl Strategy<Value = Setup> {
+pub fn a_setup() -> impl Strategy<Value = Setup> {
     (a_point(500.0), a_direction(), a_direction(), 0.0..300.0_f64).prop_filter_map(
         "parallel directions span no plane",
         |(origin, x, other, tool_length_mm)| {

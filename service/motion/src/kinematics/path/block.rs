@@ -1,0 +1,323 @@
+//! A block of five-axis motion, and the elements that carry it out.
+
+use feedwave_program::{Axis, Position, SourceSpan};
+use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+use thiserror::Error;
+
+use super::fit::{Way, fit};
+use super::turning::Turning;
+use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
+use crate::kinematics::description::Wrap;
+use crate::kinematics::direction::{GreatCircle, OppositeDirections};
+use crate::kinematics::inverse::way;
+use crate::kinematics::range::nearest_turn;
+use crate::kinematics::vector::{Vec3, norm, sub, unit};
+use crate::tolerance::{MAX_POLE_TOLERANCE_RAD, POLE_RAD, SAME_START_RAD};
+use crate::{Curve, Element};
+
+/// Where a five-axis block starts or ends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FiveAxisPoint {
+    /// Tool centre point, work coordinates, mm.
+    pub tip_mm: Vec3,
+    /// Tool direction, work coordinates: as programmed where it was programmed as a vector.
+    pub direction: Vec3,
+    /// Values of the axes of the chain, by letter, in the chain's sense; those of other axes as they stand; mm and degrees.
+    pub position: Position,
+}
+
+/// Tool direction at the end of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Toward {
+    /// By the two rotary axes (first the one next to the work), degrees: each turns evenly, an axis that rolls over the
+    /// shortest way.
+    Angles([f64; 2]),
+    /// By a vector in work coordinates, of any length: along the great circle.
+    Vector(Vec3),
+}
+
+/// A block of five-axis motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiveAxisBlock {
+    /// Tool centre point at the end, work coordinates, mm.
+    pub end_mm: Vec3,
+    /// Direction at the end.
+    pub toward: Toward,
+    /// Angle to the first rotary axis' line within which a great circle may be bent to lead through it, rad, at most
+    /// 0.1; the first rotary axis then hardly turns where it would turn by up to half a turn at little feed. With 0 only
+    /// directions within 1e-7 rad of the line are taken along it.
+    pub pole_tolerance_rad: f64,
+    /// Words that ask for it.
+    pub source: SourceSpan,
+    /// Whether it is a rapid.
+    pub rapid: bool,
+}
+
+/// The elements of a block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FiveAxisMotion {
+    /// In order; none where nothing moves. Two where the first rotary axis has to turn in a pole, with the tool centre point
+    /// and the tool direction at rest, before the tool can tilt away from there.
+    pub elements: SmallVec<[Element; 1]>,
+    /// Where they end: the start of the next block.
+    pub end: FiveAxisPoint,
+    /// Smallest angle between the programmed direction and the first rotary axis' line, rad: 0 in a pole.
+    pub least_pole_distance_rad: f64,
+    /// Largest angle between the programmed direction and the one that is taken, rad; not 0 only where a pole is passed.
+    pub deviation_rad: f64,
+    /// Angle that the first rotary axis turns at rest in a pole, rad.
+    pub turn_in_pole_rad: f64,
+}
+
+/// Why a block cannot be run.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum FiveAxisRefusal {
+    /// A pose on the way has no axis values.
+    #[error("{reason}, {:.1} % of the way along the block", 100.0 * share)]
+    Pose {
+        /// Share of the block at which it was found.
+        share: f64,
+        /// What is the matter there.
+        reason: KinematicsError,
+    },
+    /// The direction turns to its opposite.
+    #[error(transparent)]
+    Opposite(#[from] OppositeDirections),
+    /// The axes do not stand where the block starts.
+    #[error("{} stands {difference} beside the start of the block", axis.letter())]
+    Start {
+        /// The axis.
+        axis: Axis,
+        /// Its value less the one that the start of the block needs, mm or degrees.
+        difference: f64,
+    },
+    /// An axis has to reverse so sharply that no polynomial follows: at the edge of what the axes can reach.
+    #[error("the rotary axes cannot follow the direction smoothly, {:.1} % of the way along the block", 100.0 * share)]
+    TooSharp {
+        /// Share of the block.
+        share: f64,
+    },
+    /// A number of the block is not finite, or its direction is a zero vector.
+    #[error("the block has a number that is not finite, or a direction of length zero")]
+    NotANumber,
+}
+
+impl FiveAxisRefusal {
+    fn at(share: f64) -> impl Fn(KinematicsError) -> Self {
+        move |reason| Self::Pose { share, reason }
+    }
+}
+
+impl Kinematics {
+    /// The point at which the axes stand: tool centre point and direction of axis values by letter (mm and degrees).
+    #[must_use]
+    pub fn point_at(&self, position: &Position, setup: &Setup) -> FiveAxisPoint {
+        let ToolPose { tip_mm, direction } = self.forward(&self.from_position(position), setup);
+        FiveAxisPoint { tip_mm, direction, position: *position }
+    }
+
+    /// The point with this tool centre point (work coordinates, mm) and these rotary values (first the one next to the
+    /// work, degrees); axes beside the chain as in `position`.
+    ///
+    /// # Errors
+    /// [`KinematicsError::Degenerate`], and [`KinematicsError::OutOfRange`] for a rotary axis.
+    pub fn point_with(
+        &self,
+        tip_mm: Vec3,
+        rotary_deg: [f64; 2],
+        position: &Position,
+        setup: &Setup,
+    ) -> Result<FiveAxisPoint, KinematicsError> {
+        let joints = self.joints_at(tip_mm, rotary_deg.map(f64::to_radians), setup)?;
+        let outside = |(axis, excess): (Axis, f64)| {
+            axis.is_rotary().then_some(KinematicsError::OutOfRange { axis, excess_rad: excess })
+        };
+        if let Some(reason) = self.out_of_range(&joints).find_map(outside) {
+            return Err(reason);
+        }
+        let (linear, rotary) = self.letters();
+        let mut position = *position;
+        for (axis, value) in linear.into_iter().zip(joints.linear_mm).chain(rotary.into_iter().zip(rotary_deg)) {
+            position[axis.index()] = value;
+        }
+        let direction = self.forward(&joints, setup).direction;
+        Ok(FiveAxisPoint { tip_mm, direction, position })
+    }
+
+    /// The elements of a block that starts at `start`: where the block before has ended, or [`Kinematics::point_at`] of where
+    /// the axes stand. The rotary axes go on in the branch of the inverse solution in which they stand; another one
+    /// comes only through a pole. [`Kinematics::choose_start`] says where to start so that a whole cut can be made.
+    ///
+    /// # Errors
+    /// [`FiveAxisRefusal`].
+    pub fn elements(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
+        let is_finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let target = match &block.toward {
+            Toward::Angles(angles) => is_finite(angles).then_some(Vec3::default()),
+            Toward::Vector(vector) => unit(*vector),
+        };
+        let (Some(target), true) = (target, is_finite(&block.end_mm) && is_finite(&start.position)) else {
+            return Err(FiveAxisRefusal::NotANumber);
+        };
+        match block.toward {
+            Toward::Angles(angles) => self.by_angles(setup, start, block, angles),
+            Toward::Vector(_) => {
+                let tolerance_rad = block.pole_tolerance_rad.clamp(0.0, MAX_POLE_TOLERANCE_RAD);
+                let through = self.by_vector(setup, start, block, target, tolerance_rad);
+                match through {
+                    // The other side of the pole may be out of range where this side is not.
+                    Err(FiveAxisRefusal::Pose { reason: KinematicsError::OutOfRange { .. }, .. })
+                        if tolerance_rad > POLE_RAD =>
+                    {
+                        self.by_vector(setup, start, block, target, 0.0).or(through)
+                    }
+                    _ => through,
+                }
+            }
+        }
+    }
+
+    fn rotary_deg(&self, position: &Position) -> [f64; 2] {
+        self.letters().1.map(|axis| position[axis.index()])
+    }
+
+    fn by_angles(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+        angles: [f64; 2],
+    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
+        let from = self.rotary_deg(&start.position);
+        let to: [f64; 2] = core::array::from_fn(|axis| match self.joints[self.rotary[axis]].wrap {
+            Wrap::Counting => angles[axis],
+            Wrap::Rollover => {
+                let turns =
+                    nearest_turn(angles[axis].to_radians(), from[axis].to_radians()) - angles[axis].to_radians();
+                angles[axis] + 360.0 * libm::round(turns / core::f64::consts::TAU)
+            }
+        });
+        let end = self.point_with(block.end_mm, to, &start.position, setup).map_err(FiveAxisRefusal::at(1.0))?;
+        let end_distance = self.pole_distance_rad(to.map(f64::to_radians));
+        let start_distance = self.pole_distance_rad(from.map(f64::to_radians));
+        let turn_deg = libm::hypot(to[0] - from[0], to[1] - from[1]);
+        let path = Way::Angles { start_rad: from.map(f64::to_radians), end_rad: to.map(f64::to_radians) };
+        let element = self.element(setup, start, &end, block, &path, turn_deg)?;
+        Ok(FiveAxisMotion {
+            elements: element.into_iter().collect(),
+            end,
+            least_pole_distance_rad: start_distance.min(end_distance),
+            deviation_rad: 0.0,
+            turn_in_pole_rad: 0.0,
+        })
+    }
+
+    fn by_vector(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+        target: Vec3,
+        tolerance_rad: f64,
+    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
+        GreatCircle::new(start.direction, target)?;
+        let in_chain = |direction: Vec3| setup.to_chain(&ToolPose { tip_mm: [0.0; 3], direction }).direction;
+        let directions = [in_chain(start.direction), in_chain(target)];
+        let from_deg = self.rotary_deg(&start.position);
+        let from_rad = from_deg.map(f64::to_radians);
+        let turning = Turning::new(self, directions, tolerance_rad, from_rad).map_err(FiveAxisRefusal::at(0.0))?;
+        let Some(turning) = turning else {
+            // The direction stays, and so do the rotary axes.
+            let end = self.point_with(block.end_mm, from_deg, &start.position, setup);
+            let end = FiveAxisPoint { direction: target, ..end.map_err(FiveAxisRefusal::at(1.0))? };
+            let path = Way::Angles { start_rad: from_rad, end_rad: from_rad };
+            let elements = self.element(setup, start, &end, block, &path, 0.0)?.into_iter().collect();
+            let least_pole_distance_rad = self.pole_distance_rad(from_rad);
+            let (deviation_rad, turn_in_pole_rad) = (0.0, 0.0);
+            return Ok(FiveAxisMotion { elements, end, least_pole_distance_rad, deviation_rad, turn_in_pole_rad });
+        };
+        let needed_rad = turning.at(0.0).map_err(FiveAxisRefusal::at(0.0))?;
+        let needed_rad = [0, 1].map(|axis| nearest_turn(needed_rad[axis], from_rad[axis]));
+        if way(needed_rad, from_rad) > SAME_START_RAD {
+            return self.after_turn(setup, start, block, &turning, needed_rad);
+        }
+        let end_rad = turning.end(from_rad).map_err(FiveAxisRefusal::at(1.0))?;
+        let end = self.point_with(block.end_mm, end_rad.map(f64::to_degrees), &start.position, setup);
+        let end = FiveAxisPoint { direction: target, ..end.map_err(FiveAxisRefusal::at(1.0))? };
+        let turn_deg = turning.angle_rad.to_degrees();
+        let path = Way::GreatCircle(&turning);
+        let element = self.element(setup, start, &end, block, &path, turn_deg)?;
+        Ok(FiveAxisMotion {
+            elements: element.into_iter().collect(),
+            end,
+            least_pole_distance_rad: turning.pole_distance_rad(),
+            deviation_rad: turning.deviation_rad(),
+            turn_in_pole_rad: 0.0,
+        })
+    }
+
+    /// The block with a turn of the first rotary axis to `needed_rad` before it, which the pole permits and nothing else does.
+    fn after_turn(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+        turning: &Turning,
+        needed_rad: [f64; 2],
+    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
+        let from_deg = self.rotary_deg(&start.position);
+        let (_, letters) = self.letters();
+        let difference = |axis: usize| from_deg[axis] - needed_rad[axis].to_degrees();
+        let is_in_pole = turning.starts_in_pole();
+        if !is_in_pole || difference(1).to_radians().abs() > SAME_START_RAD {
+            let axis = usize::from(difference(1).abs() > difference(0).abs());
+            return Err(FiveAxisRefusal::Start { axis: letters[axis], difference: difference(axis) });
+        }
+        let needed_deg = [needed_rad[0].to_degrees(), from_deg[1]];
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, toward: Toward::Angles(needed_deg), ..*block };
+        let turn = self.by_angles(setup, start, &turn, needed_deg)?;
+        let turned = FiveAxisPoint { direction: start.direction, ..turn.end };
+        let motion = self.elements(setup, &turned, block)?;
+        let mut elements = turn.elements;
+        elements.extend(motion.elements);
+        Ok(FiveAxisMotion { elements, turn_in_pole_rad: difference(0).to_radians().abs(), ..motion })
+    }
+
+    /// The element from one point to another; `None` where nothing moves.
+    fn element(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        end: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+        path: &Way<'_>,
+        turn_deg: f64,
+    ) -> Result<Option<Element>, FiveAxisRefusal> {
+        let length_mm = norm(sub(end.tip_mm, start.tip_mm));
+        let length = if length_mm > 0.0 { length_mm } else { turn_deg };
+        if !(length > 0.0 && length.is_finite()) {
+            return Ok(None);
+        }
+        let curve = fit(self, setup, [start, end], path, length)?;
+        curve.check_start(&start.position)?;
+        for (axis, range) in self.ranges() {
+            curve.check_range(axis, range)?;
+        }
+        Ok(Some(Element {
+            start: start.position,
+            end: end.position,
+            work_offset: Position::default(),
+            curve: Curve::FiveAxis(Box::new(curve)),
+            length,
+            source: block.source,
+            rapid: block.rapid,
+        }))
+    }
+}

@@ -1,0 +1,158 @@
+//! The polynomials of a block: Taylor series about the middle of stretches that are short enough.
+//!
+//! A series of N terms about the middle of a stretch errs most at its ends, where it is held against the exact solution;
+//! a stretch is halved until it fits. The series of the linear axes follow that of the rotary ones, cut off as it is, so
+//! that the tool centre point stays on its segment whatever was cut off.
+
+use feedwave_program::Axis;
+
+use super::block::{FiveAxisPoint, FiveAxisRefusal};
+use super::series::{Series, SeriesVec};
+use super::turning::Turning;
+use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece};
+use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
+use crate::kinematics::range::nearest_turn;
+use crate::kinematics::vector::{Vec3, add_scaled, sub};
+use crate::tolerance::{
+    FIVE_AXIS_FIT_MM, FIVE_AXIS_FIT_RAD, FIVE_AXIS_TAIL, MAX_FIVE_AXIS_HALVINGS, MAX_FIVE_AXIS_PIECES, SPLINE_ROUNDING,
+};
+
+/// Terms that mostly suffice for a block of CAM programs, which turns by a degree.
+const SHORT: usize = 6;
+
+/// Rounding of a place along a block, as a share of it.
+const PLACE_ROUNDING: f64 = 2.0 * f64::EPSILON;
+
+/// How the rotary axes turn along a block.
+pub(super) enum Way<'a> {
+    /// Evenly, rad.
+    Angles { start_rad: [f64; 2], end_rad: [f64; 2] },
+    /// Along a great circle.
+    GreatCircle(&'a Turning),
+}
+
+impl Way<'_> {
+    fn series<const N: usize>(&self, share: f64, half: f64) -> Result<[Series<N>; 2], KinematicsError> {
+        match self {
+            Self::Angles { start_rad, end_rad } => Ok([0, 1].map(|axis| {
+                let way = end_rad[axis] - start_rad[axis];
+                Series::linear(start_rad[axis] + way * share, way * half)
+            })),
+            Self::GreatCircle(turning) => turning.series(share, half),
+        }
+    }
+
+    fn at(&self, share: f64) -> Result<[f64; 2], KinematicsError> {
+        Ok(self.series::<1>(share, 0.0)?.map(|series| series.0[0]))
+    }
+}
+
+/// A block while it is fitted.
+struct Fit<'a> {
+    kinematics: &'a Kinematics,
+    setup: &'a Setup,
+    way: &'a Way<'a>,
+    start_mm: Vec3,
+    way_mm: Vec3,
+    length: f64,
+    pieces: Vec<FiveAxisPiece>,
+    /// Rotary values at the end of the last piece, rad.
+    reference_rad: [f64; 2],
+}
+
+/// The polynomials from one point to another along `length` mm or degrees.
+pub(super) fn fit(
+    kinematics: &Kinematics,
+    setup: &Setup,
+    [start, end]: [&FiveAxisPoint; 2],
+    way: &Way<'_>,
+    length: f64,
+) -> Result<FiveAxis, FiveAxisRefusal> {
+    let (linear, rotary) = kinematics.letters();
+    let reference_rad = rotary.map(|axis| start.position[axis.index()].to_radians());
+    let way_mm = sub(end.tip_mm, start.tip_mm);
+    let mut fit =
+        Fit { kinematics, setup, way, start_mm: start.tip_mm, way_mm, length, pieces: Vec::new(), reference_rad };
+    let mut from = 0.0;
+    let bends = match way {
+        Way::GreatCircle(turning) => turning.bends(),
+        Way::Angles { .. } => [1.0; 2],
+    };
+    for to in bends.into_iter().filter(|bend| (0.0..1.0).contains(bend)).chain([1.0]) {
+        if to > from {
+            fit.append(from, to, 0)?;
+            from = to;
+        }
+    }
+    let axes: [Axis; 5] = [linear[0], linear[1], linear[2], rotary[0], rotary[1]];
+    Ok(FiveAxis::new(axes, fit.pieces, [start.tip_mm, end.tip_mm], *setup))
+}
+
+impl Fit<'_> {
+    /// Appends the pieces from one share to another.
+    fn append(&mut self, from: f64, to: f64, depth: u32) -> Result<(), FiveAxisRefusal> {
+        let (share, half) = (0.5 * (from + to), 0.5 * (to - from));
+        let piece = match self.piece::<SHORT>(share, half)? {
+            None => self.piece::<COEFFICIENTS>(share, half)?,
+            piece => piece,
+        };
+        if let Some((piece, end_rad)) = piece {
+            self.pieces.push(piece);
+            self.reference_rad = end_rad;
+            return Ok(());
+        }
+        if depth >= MAX_FIVE_AXIS_HALVINGS || self.pieces.len() >= MAX_FIVE_AXIS_PIECES {
+            return Err(FiveAxisRefusal::TooSharp { share });
+        }
+        self.append(from, share, depth + 1)?;
+        self.append(share, to, depth + 1)
+    }
+
+    /// The piece about a share, and the rotary values at its end; `None` where it does not fit.
+    #[allow(clippy::type_complexity, reason = "a piece and where it ends")]
+    fn piece<const N: usize>(
+        &self,
+        share: f64,
+        half: f64,
+    ) -> Result<Option<(FiveAxisPiece, [f64; 2])>, FiveAxisRefusal> {
+        let refused = |reason| FiveAxisRefusal::Pose { share, reason };
+        let mut rotary = self.way.series::<N>(share, half).map_err(refused)?;
+        for (series, reference) in rotary.iter_mut().zip(self.reference_rad) {
+            let start = series.at(-1.0);
+            *series = series.plus(nearest_turn(start, reference) - start);
+        }
+        let middle_mm = add_scaled(self.start_mm, self.way_mm, share);
+        let to_chain = |tip_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm, direction: [0.0; 3] }).tip_mm;
+        let (middle, way) =
+            (to_chain(middle_mm), sub(to_chain(add_scaled(middle_mm, self.way_mm, half)), to_chain(middle_mm)));
+        let tip: SeriesVec<N> = core::array::from_fn(|k| Series::linear(middle[k], way[k]));
+        let linear = self.kinematics.linear_series(rotary, tip, self.setup.tool_length_mm).map_err(refused)?;
+        for t in [-1.0, 1.0] {
+            let (exact, at) = (share + half * t, rotary.map(|series| series.at(t)));
+            let exact_rad = self.way.at(exact).map_err(|reason| FiveAxisRefusal::Pose { share: exact, reason })?;
+            let turned = |axis: usize| (nearest_turn(exact_rad[axis], at[axis]) - at[axis]).abs();
+            // Close to a pole a rounded place on the great circle is another angle of the first axis.
+            let rounding = |axis: usize| PLACE_ROUNDING * (rotary[axis].0[1] / half).abs();
+            let tip_mm = add_scaled(middle_mm, self.way_mm, half * t);
+            let joints = self.kinematics.joints_at(tip_mm, at, self.setup).map_err(refused)?;
+            let fits = (0..2).all(|axis| turned(axis) <= FIVE_AXIS_FIT_RAD + rounding(axis))
+                && joints.linear_mm.iter().zip(&linear).all(|(exact, series)| {
+                    (series.at(t) - exact).abs() <= FIVE_AXIS_FIT_MM + SPLINE_ROUNDING * exact.abs()
+                });
+            if !fits {
+                return Ok(None);
+            }
+        }
+        let tail = |series: &Series<N>| series.0[N - 1].abs() + series.0[N - 2].abs();
+        let is_settled = linear.iter().all(|series| tail(series) <= FIVE_AXIS_TAIL * FIVE_AXIS_FIT_MM)
+            && rotary.iter().all(|series| tail(series) <= FIVE_AXIS_TAIL * FIVE_AXIS_FIT_RAD);
+        if !is_settled {
+            return Ok(None);
+        }
+        let end_rad = rotary.map(|series| series.at(1.0));
+        let [x, y, z] = linear.map(|series| series.0);
+        let [first, second] = rotary.map(|series| series.0.map(f64::to_degrees));
+        let piece = FiveAxisPiece::new(share * self.length, half * self.length, [x, y, z, first, second]);
+        Ok(Some((piece, end_rad)))
+    }
+}
