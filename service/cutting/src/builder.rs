@@ -3,21 +3,24 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
+use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{
-    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed, Stretches,
-    limit_pieces, missing_axis, stretches, top_command, travel_exceeded,
+    Curve, Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
+    Stretches, limit_pieces, missing_axis, stretches, top_command, travel_exceeded,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
-    PathControl, SourceSpan, Spindle, SpindleSpeed,
+    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, GuidedMove, Move, MoveKind, Operation,
+    OperationKind, PathControl, Position, SourceSpan, Spindle, SpindleSpeed,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::cut::Cut;
+use crate::five_axis::{Guide, GuideState, Guided, no_kinematics};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
 use crate::thread::ThreadSectionReport;
 use crate::{
-    PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
+    GenerationMode, PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans,
+    condition_from_command,
 };
 
 /// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
@@ -36,6 +39,7 @@ pub(crate) struct BuilderState {
     unusable_vibration: bool,
     spindle: Spindle,
     smoother: PathSmoother<Cut>,
+    guide: GuideState,
     /// X radius where the last move ended, mm.
     radius_mm: f64,
     feed_limited_reported: bool,
@@ -97,13 +101,17 @@ impl Analysis {
 pub(crate) struct Builder {
     pub(crate) state: BuilderState,
     pub(crate) analysis: Option<Analysis>,
+    /// The way from the tool to the axes, on machines that have kinematics.
+    guide: Option<Guide>,
     /// Elements on their way from the smoother to the planner; empty between operations.
     smoothed: Vec<Smoothed<Cut>>,
 }
 
-impl Default for BuilderState {
-    fn default() -> Self {
+impl BuilderState {
+    /// The state at the start of a program, with the axes at this machine position.
+    pub(crate) fn at(position: Position) -> Self {
         Self {
+            guide: GuideState::at(position),
             vibration: None,
             unusable_vibration: false,
             spindle: Spindle::STOPPED,
@@ -116,13 +124,13 @@ impl Default for BuilderState {
 }
 
 impl Builder {
-    pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>) -> Self {
-        Self { state, analysis, smoothed: Vec::new() }
+    pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
+        Self { state, analysis, guide, smoothed: Vec::new() }
     }
 
     /// A builder in the same state that analyses nothing.
     pub(crate) fn beside(&self) -> Self {
-        Self { analysis: None, smoothed: Vec::new(), state: self.state.clone() }
+        Self { analysis: None, smoothed: Vec::new(), state: self.state.clone(), guide: self.guide.clone() }
     }
 
     /// Plans what path smoothing holds back.
@@ -149,10 +157,7 @@ impl Builder {
                 let message = "threading passes are not carried out yet";
                 findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
             }
-            OperationKind::Guided(_) => {
-                let message = "tool centre point control is not carried out yet";
-                findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
-            }
+            OperationKind::Guided(guided) => self.guided(guided, operation.span, config, planner, findings),
             OperationKind::Dwell(time) => {
                 self.close_section(planner);
                 let duration_s = match *time {
@@ -221,6 +226,9 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
+        if self.guide.is_some() {
+            self.state.guide.moved(mv);
+        }
         let machine = &config.profile.machine;
         let Some(element) = Element::from_move(mv, span) else {
             if mv.spline.is_some() {
@@ -270,6 +278,49 @@ impl Builder {
             let stops_within = parts.peek().is_some() && mv.path_control == PathControl::ExactStop;
             let control = if stops_within { PathControl::ExactPath } else { mv.path_control };
             self.state.smoother.push(part, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+        }
+        self.run_smoothed(config, planner, findings);
+    }
+
+    /// A move of a guided tool.
+    fn guided(
+        &mut self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let Some(guide) = &self.guide else { return findings.push(no_kinematics(span)) };
+        let motion = match guide.carry_out(guided, span, &mut self.state.guide, config, findings) {
+            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
+            Some(Guided::Elements(motion)) => motion,
+            None => return,
+        };
+        let mv = &guided.step;
+        let cutting = mv.kind == MoveKind::Cutting;
+        if cutting && !motion.elements.is_empty() {
+            self.open_section(config, planner);
+            self.check_speed(mv, span, config, findings);
+        } else {
+            self.close_section(planner);
+        }
+        if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
+            return;
+        }
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += u64::from(cutting);
+        }
+        // Corners are not rounded under tool centre point control: the path rests, or steps as the machine permits.
+        let control = match mv.path_control {
+            PathControl::Continuous { .. } => PathControl::ExactPath,
+            control => control,
+        };
+        for element in motion.elements {
+            check_travel(&element, &config.profile.machine, findings);
+            let cut = Cut::of(mv, &element);
+            self.state.smoother.push(element, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
         }
         self.run_smoothed(config, planner, findings);
     }
@@ -506,6 +557,25 @@ impl Builder {
             );
         }
     }
+}
+
+/// Whether a guided cut may vibrate along its path, or a finding.
+fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
+    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip_mm()[0] == it.tip_mm()[1]);
+    if motion.elements.iter().any(rests) {
+        let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
+        let finding = Finding::error("VIB-ROTARY-ONLY", span, message);
+        findings.push(finding.suggest("switch the vibration off for this block"));
+        return false;
+    }
+    if config.generation_mode != GenerationMode::AlongPath {
+        let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
+                       leave the path";
+        findings
+            .push(Finding::error("VIB-FIVE-AXIS", span, message).suggest("choose the generation mode along the path"));
+        return false;
+    }
+    true
 }
 
 fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {

@@ -31,7 +31,10 @@ pub use pipeline::{
     DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, Pipeline, PipelineConfig,
     SnapshotError, Step, Tool,
 };
-pub use profile::{MAX_AMPLITUDE_MM, MAX_LOOK_AHEAD_BLOCKS, MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile};
+pub use profile::{
+    MAX_AMPLITUDE_MM, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS,
+    MachineProfile,
+};
 pub use report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 pub use setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};
 pub use validation::Validation;

@@ -10,7 +10,7 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use crate::builder::{Analysis, Builder, BuilderState};
-use crate::five_axis::{StageState, ThinningStage, TimedPlans};
+use crate::five_axis::{Guide, StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
 
@@ -204,7 +204,7 @@ impl Pipeline {
                 is_validation,
             ),
             timed: is_validation.then(TimedPlans::default),
-            builder: Builder::new(BuilderState::default(), analysis),
+            builder: Builder::new(BuilderState::at(language.initial_position), analysis, kinematics.map(Guide::new)),
             planner: Planner::new(settings),
             interpolator,
             findings,

@@ -29,6 +29,10 @@ pub struct MachineProfile {
     /// How its five axes lie to each other; without it, tool centre point control is refused.
     #[serde(default)]
     pub kinematics: Option<KinematicsDescription>,
+    /// Angle to the line of the first rotary axis within which the tool direction may be bent to lead through it, degrees,
+    /// 0 to [`MAX_POLE_TOLERANCE_DEG`]; for programs with direction vectors.
+    #[serde(default)]
+    pub pole_tolerance_deg: f64,
     /// Thinning of five-axis blocks.
     #[serde(default)]
     pub thinning: ThinningSettings,
@@ -48,6 +52,7 @@ impl MachineProfile {
             thread_vibration: ThreadVibrationSettings::default(),
             following: FollowingModel::default(),
             kinematics: None,
+            pole_tolerance_deg: 0.0,
             thinning: ThinningSettings::default(),
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
@@ -70,6 +75,10 @@ impl MachineProfile {
         problems.extend(prefixed("thinning", self.thinning.validate()));
         if let Some(kinematics) = &self.kinematics {
             problems.extend(prefixed("kinematics", kinematics_problems(kinematics, &self.machine)));
+        }
+        if !(0.0..=MAX_POLE_TOLERANCE_DEG).contains(&self.pole_tolerance_deg) {
+            let message = format!("must lie between 0 and {MAX_POLE_TOLERANCE_DEG}, is {}", self.pole_tolerance_deg);
+            problems.push(problem("pole_tolerance_deg", message));
         }
         if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
             let blocks = self.look_ahead_blocks;
@@ -193,6 +202,8 @@ fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
 
 /// The path within one amplitude of the tool must fit in memory, so amplitudes have a ceiling, mm.
 pub const MAX_AMPLITUDE_MM: f64 = 10.0;
+/// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
+pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
 /// Fewest elements looked ahead.
@@ -227,6 +238,7 @@ mod tests {
         profile.vibration.servo_substeps = 0;
         profile.thread_vibration.vibrations_per_rev = f64::NAN;
         profile.following.filter_length_s = Some(-1.0);
+        profile.pole_tolerance_deg = 6.0;
         profile.machine.max_spindle_rev_per_min = 0.0;
         profile.look_ahead_blocks = 3;
         let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
@@ -244,6 +256,7 @@ mod tests {
             "thread_vibration.vibrations_per_rev",
             "following.filter_length_s",
             "thinning.group_blocks",
+            "pole_tolerance_deg",
             "look_ahead_blocks",
         ];
         assert_eq!(fields, expected);

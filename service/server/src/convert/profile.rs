@@ -68,6 +68,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
             position_loop_gain_per_s: following.position_loop_gain_per_s,
         },
         kinematics: None,
+        pole_tolerance_deg: 0.0,
         thinning: ThinningSettings::default(),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
