@@ -51,7 +51,7 @@ pub fn program(rows: usize, cells: usize) -> String {
             let (sine, cosine) = libm::sincos(LEAD_RAD);
             let v = [averaged[0], averaged[1] * cosine + averaged[2] * sine, averaged[2] * cosine - averaged[1] * sine];
             // v = Rz(C)·Rx(A)·z with A negative.
-            let c_deg = libm::atan2(v[0], v[1]).to_degrees() * -1.0;
+            let c_deg = libm::atan2(-v[0], v[1]).to_degrees();
             let a_deg = -libm::atan2(libm::hypot(v[0], v[1]), v[2]).to_degrees();
             let [x, y, z] = tip;
             if row == 0 && step == 0 {
