@@ -78,6 +78,19 @@ pub enum LobeError {
         /// Most lobes.
         limit: u32,
     },
+    /// All speeds of the first or last band are closer to the end of the range than speeds are sure.
+    #[error(
+        "between {above_rpm} and {up_to_rpm} rev/min no speed is surely inside the range when speeds may be off by \
+         {speed_tolerance} of themselves: ask for fewer bands or a wider range"
+    )]
+    BandTooNarrow {
+        /// Start of the band.
+        above_rpm: f64,
+        /// End of the band.
+        up_to_rpm: f64,
+        /// How far speeds may be off, as a fraction.
+        speed_tolerance: f64,
+    },
     /// No pocket of a band is deep enough.
     #[error(
         "between {above_rpm} and {up_to_rpm} rev/min at most {stable_mm} mm are stable with the margin of {margin}, \

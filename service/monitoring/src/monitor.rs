@@ -238,8 +238,11 @@ impl Monitor {
     #[inline]
     fn step_ns(&mut self, time_ns: u64, sink: &mut dyn FnMut(Decision)) -> u64 {
         let last = self.run.last_ns.replace(time_ns);
-        let was_silent = std::mem::take(&mut self.run.silent);
-        if self.run.clock_ns.is_some_and(|clock| clock.saturating_sub(time_ns) > self.times.stale) {
+        let was_silent = self.run.silent;
+        let age = self.run.clock_ns.map_or(0, |clock| clock.saturating_sub(time_ns));
+        // What arrives as late as a silence is long does not end it: its fallback comes once.
+        self.run.silent &= age > self.times.silence;
+        if age > self.times.stale {
             self.run.window.invalidate(HoldReason::Stale);
         }
         let Some(last) = last else { return self.times.period };

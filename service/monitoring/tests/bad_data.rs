@@ -243,6 +243,24 @@ fn silence_is_the_same_whether_a_clock_or_the_next_sample_tells() {
 }
 
 #[test]
+fn samples_as_late_as_a_silence_is_long_do_not_end_it() {
+    let mut monitor = monitor(config());
+    let columns = cutting([0.05, 0.0], 3);
+    let mut decisions = Vec::new();
+    // The clock is 700 ms ahead of the stamps from the first window on, as after a jump of either.
+    for (sequence, from) in (0..columns.len()).step_by(100).enumerate() {
+        let to = columns.len().min(from + 100);
+        monitor.push(&columns.batch(sequence as u64, from, to), &mut |decision| decisions.push(decision)).unwrap();
+        let ahead_ns = if from > INSIDE { 700_000_000 } else { 0 };
+        decisions.extend(note(&mut monitor, Event::Clock(columns.time_ns[to - 1] + ahead_ns)));
+    }
+    assert_eq!(
+        reasons(&decisions),
+        [Reason::ToolFit, Reason::Silence, Reason::Data(HoldReason::TimeGap), Reason::FeedAboveLimit]
+    );
+}
+
+#[test]
 fn silence_without_contact_is_no_matter() {
     let mut monitor = monitor(config());
     let mut columns = Columns::default();

@@ -121,7 +121,7 @@ pub enum Process {
         /// Exit angle, rad, to π.
         exit_rad: f64,
     },
-    /// The work rotates; the chip is the feed per revolution. The radial force pushes the tool in X+, the tangential in Y−.
+    /// The work rotates; the chip is the feed per revolution. The radial force pushes the tool in X+, the tangential in Y+.
     Turning,
 }
 

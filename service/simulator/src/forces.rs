@@ -115,7 +115,7 @@ impl Forces {
                 let [x, y] = feed_direction;
                 [[x, y], [-y * rotation, x * rotation]]
             }
-            Process::Turning => [[1.0, 0.0], [0.0, 1.0]],
+            Process::Turning => [[1.0, 0.0], [0.0, -1.0]],
         };
         let rpm = spindle_rad_per_s.abs() * (60.0 / TAU);
         let speed_m_per_min = TAU * self.tool.radius_mm * 1e-3 * rpm;
@@ -175,7 +175,7 @@ impl Forces {
                     }
                 }
             }
-            // The work lies in X−: its force pushes the tool in X+.
+            // The work lies in X− and comes down on the tool in Y+.
             Process::Turning => {
                 let chip_mm = self.chip_mm(0, per_edge_mm, -deflection_mm[0], motion.delay_samples);
                 self.cut(chip_mm, depth_mm, motion.radial_ratio, [-1.0, 0.0], &mut force);

@@ -37,10 +37,10 @@ fn milling(edges: u32) -> Description {
 
 #[test]
 fn turning_deflects_by_force_over_stiffness() {
-    // 0.1 mm/rev and 2 mm: F_t = 2000·0.1·2 = 400 N, F_r = 0.3·400 = 120 N; 120/10 000 and −400/20 000 mm.
+    // 0.1 mm/rev and 2 mm: F_t = 2000·0.1·2 = 400 N, F_r = 0.3·400 = 120 N; 120/10 000 and 400/20 000 mm.
     let log = follow(turning(), Path::default().add(100, 100.0, 1000.0, [1.0, 0.0]));
     assert!((log.tool[0].last().unwrap() - 0.012).abs() < 1e-12);
-    assert!((log.tool[1].last().unwrap() + 0.02).abs() < 1e-12);
+    assert!((log.tool[1].last().unwrap() - 0.02).abs() < 1e-12);
     // Half the feed is half the chip; twice the speed again half of it.
     let log = follow(turning(), Path::default().add(100, 50.0, 2000.0, [1.0, 0.0]));
     assert!((log.tool[0].last().unwrap() - 0.003).abs() < 1e-12);
@@ -58,7 +58,7 @@ fn edge_forces_and_cutting_speed_count() {
     // Four times the reference speed: K_r = 0.3/2. F_t = 400 + 2·10, F_r = 60 + 2·5.
     let log = follow(Description { material, ..turning() }, Path::default().add(100, 100.0, 1000.0, [1.0, 0.0]));
     assert!((log.tool[0].last().unwrap() - 70.0 / 10_000.0).abs() < 1e-12);
-    assert!((log.tool[1].last().unwrap() + 420.0 / 20_000.0).abs() < 1e-12);
+    assert!((log.tool[1].last().unwrap() - 420.0 / 20_000.0).abs() < 1e-12);
 }
 
 #[test]

@@ -97,12 +97,20 @@ impl Lobes {
             limits[first..end].iter().copied().fold(f64::INFINITY, f64::min)
         };
         let bounds = |band: usize| speeds[band * SPEEDS_PER_BAND];
+        // So near the ends of the range the limits around a speed are not known, and a little more speed leaves the table.
+        let inside = speeds.partition_point(|&speed| speed * (1.0 - speed_tolerance) < lowest_rpm)
+            ..speeds.partition_point(|&speed| speed * (1.0 + speed_tolerance) <= highest_rpm);
         (0..bands as usize)
             .map(|band| {
-                let speeds_of_band = band * SPEEDS_PER_BAND + 1..=(band + 1) * SPEEDS_PER_BAND;
+                let first = (band * SPEEDS_PER_BAND + 1).max(inside.start);
+                let end = ((band + 1) * SPEEDS_PER_BAND + 1).min(inside.end);
+                if first >= end {
+                    let (above_rpm, up_to_rpm) = (bounds(band), bounds(band + 1));
+                    return Err(LobeError::BandTooNarrow { above_rpm, up_to_rpm, speed_tolerance });
+                }
                 // Among equals the slowest: it is kept unless another is strictly deeper.
-                let (mut best, mut depth) = (*speeds_of_band.start(), f64::NEG_INFINITY);
-                for index in speeds_of_band {
+                let (mut best, mut depth) = (first, f64::NEG_INFINITY);
+                for index in first..end {
                     let limit = robust(index);
                     if limit > depth {
                         (best, depth) = (index, limit);

@@ -143,3 +143,15 @@ fn impossible_data_is_refused_with_numbers() {
     let deep = PocketRequest { required_mm: Some(1000.0), ..request() };
     assert!(matches!(lobes.pockets(&deep), Err(LobeError::TooDeep { required_mm: 1000.0, .. })));
 }
+
+#[test]
+fn a_pocket_at_the_end_of_the_range_keeps_away_from_it() {
+    let lobes = milling().lobes().unwrap();
+    // The deepest pocket lies above 9000 rev/min; of this range it is the end that is best.
+    let narrow = PocketRequest { lowest_rpm: 8000.0, highest_rpm: 8800.0, bands: 1, ..request() };
+    let best_rpm = lobes.pockets(&narrow).unwrap()[0].row.speed_rpm;
+    assert!(best_rpm * 1.01 <= 8800.0 && best_rpm * 1.01 > 8797.0, "{best_rpm}");
+    let none = PocketRequest { lowest_rpm: 8000.0, highest_rpm: 8100.0, ..narrow };
+    let refused = lobes.pockets(&none);
+    assert!(matches!(refused, Err(LobeError::BandTooNarrow { up_to_rpm: 8100.0, .. })), "{refused:?}");
+}
