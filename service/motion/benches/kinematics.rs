@@ -1,18 +1,24 @@
-//! Five-axis poses per second and core: a great circle on a table-table machine, one inverse solution per setpoint.
+//! Five-axis motion on a table-table machine, per second and core: setpoints of elements by columns, blocks of a CAM
+//! program made into elements, and poses solved one by one.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use feedwave_motion::kinematics::vector::add_scaled;
 use feedwave_motion::kinematics::{
-    BranchPreference, ChainAxis, DirectionPath, FiveAxisSegment, GreatCircle, Kinematics, KinematicsDescription, Setup,
-    Wrap,
+    BranchPreference, ChainAxis, DirectionPath, FiveAxisBlock, FiveAxisSegment, GreatCircle, Kinematics,
+    KinematicsDescription, Setup, Toward, Wrap,
 };
-use feedwave_program::Axis;
+use feedwave_program::{Axis, SourceSpan};
 
 const SETPOINTS: u32 = 4_096;
 
 fn axis(axis: Axis, direction: [f64; 3], point_mm: [f64; 3]) -> ChainAxis {
     ChainAxis { axis, direction, point_mm, range: None, wrap: Wrap::Counting }
+}
+
+fn block(end_mm: [f64; 3], toward: Toward) -> FiveAxisBlock {
+    FiveAxisBlock { end_mm, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
 }
 
 fn poses(criterion: &mut Criterion) {
@@ -50,6 +56,32 @@ fn poses(criterion: &mut Criterion) {
                 }
             });
         });
+    }
+    let start = machine.point_with([0.0; 3], [0.0, 30.0], &[0.0; 9], &setup).expect("a pose");
+    let axes = [Axis::X, Axis::Y, Axis::Z, Axis::C, Axis::A];
+    let angles = Toward::Angles([57.0, 35.0]);
+    let vector = Toward::Vector([0.6, 0.0, 0.8]);
+    for (name, toward) in [("columns, great circle", vector), ("columns, angles", angles)] {
+        let element = machine.elements(&setup, &start, &block([50.0, 20.0, 5.0], toward)).expect("possible").elements;
+        let places: Vec<f64> =
+            (0..SETPOINTS).map(|k| element[0].length * f64::from(k) / f64::from(SETPOINTS)).collect();
+        let mut column = vec![0.0; places.len()];
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                for axis in axes {
+                    element[0].fill_axis(axis, black_box(&places), &mut column);
+                    black_box(&column);
+                }
+            });
+        });
+    }
+    // One degree in a millimetre.
+    let angles = Toward::Angles([0.8, 30.6]);
+    let vector = Toward::Vector(add_scaled(start.direction, [0.6, 0.0, 0.8], 0.02));
+    group.throughput(Throughput::Elements(1));
+    for (name, toward) in [("blocks, great circle", vector), ("blocks, angles", angles)] {
+        let block = block([0.8, 0.6, 0.1], toward);
+        group.bench_function(name, |bencher| bencher.iter(|| machine.elements(&setup, &start, black_box(&block))));
     }
     group.finish();
 }

@@ -42,7 +42,7 @@ pub struct CutFailure {
 impl Kinematics {
     /// Chooses where the rotary axes (now at `reference_rad`) start a cut through directions in work coordinates, so that
     /// they can follow it to its end without a jump and within their ranges. Each start (two branches, with the turns that
-    /// the ranges allow) is followed the shortest way from direction to direction; of those that reach the end the one that the
+    /// the ranges allow) is followed along the great circles from direction to direction, as [`Kinematics::elements`] does; of those that reach the end the one that the
     /// profile prefers is taken, and among those the nearest. A cut that starts in a pole is prepared for the first direction
     /// outside it, since the first axis is free until then. Memory does not grow with the cut.
     ///
@@ -55,6 +55,23 @@ impl Kinematics {
         setup: &Setup,
         reference_rad: [f64; 2],
     ) -> Result<CutStart, CutFailure> {
+        self.choose_start_within(directions, setup, reference_rad, 0.0)
+    }
+
+    /// [`Kinematics::choose_start`] where great circles may be bent through a pole within a tolerance; see
+    /// [`super::FiveAxisBlock::pole_tolerance_rad`].
+    ///
+    /// # Errors
+    ///
+    /// [`CutFailure`], as there.
+    pub fn choose_start_within(
+        &self,
+        directions: impl IntoIterator<Item = Vec3>,
+        setup: &Setup,
+        reference_rad: [f64; 2],
+        pole_tolerance_rad: f64,
+    ) -> Result<CutStart, CutFailure> {
+        let mut before = None;
         let mut alive: Vec<CutStart> = Vec::new();
         let mut poles = 0_u64;
         let mut pole_second = None;
@@ -63,6 +80,7 @@ impl Kinematics {
             let at = at as u64;
             let direction = setup.to_chain(&ToolPose { tip_mm: [0.0; 3], direction }).direction;
             let solution = self.solve_direction(direction).map_err(|reason| CutFailure { at, reason })?;
+            let from = before.replace(direction).unwrap_or(direction);
             if alive.is_empty() {
                 if solution.singular {
                     poles += 1;
@@ -91,7 +109,14 @@ impl Kinematics {
                 continue;
             }
             alive.retain_mut(|start| {
-                let next = self.continued(&solution, start.end_rad);
+                let followed = self.followed([from, direction], pole_tolerance_rad, start.end_rad);
+                let next = match followed {
+                    Ok(next) => next.unwrap_or_else(|| self.continued(&solution, start.end_rad)),
+                    Err(reason) => {
+                        failure = Some(CutFailure { at, reason });
+                        return false;
+                    }
+                };
                 let step = way(next, start.end_rad);
                 if step > start.largest_step_rad {
                     (start.largest_step_rad, start.largest_step_at) = (step, at);
@@ -157,7 +182,7 @@ impl Kinematics {
     }
 
     /// Why rotary values are not allowed.
-    fn excess_of(&self, rotary_rad: [f64; 2]) -> Option<KinematicsError> {
+    pub(super) fn excess_of(&self, rotary_rad: [f64; 2]) -> Option<KinematicsError> {
         self.rotary.iter().zip(rotary_rad).find_map(|(&index, value)| {
             let joint = &self.joints[index];
             let excess_rad = joint.excess(value);

@@ -2,6 +2,7 @@
 //! machines and poses, ranges and turns, poles, the choice of the branch, refusals.
 
 mod five_axis;
+mod limits;
 mod machines;
 mod properties;
 

@@ -184,6 +184,31 @@ impl Kinematics {
         }
     }
 
+    /// Where the rotary axes arrive along the great circle between two directions (chain coordinates), rad; `None` between
+    /// opposite ones.
+    pub(in crate::kinematics) fn followed(
+        &self,
+        [from, to]: [Vec3; 2],
+        pole_tolerance_rad: f64,
+        from_rad: [f64; 2],
+    ) -> Result<Option<[f64; 2]>, KinematicsError> {
+        if GreatCircle::new(from, to).is_err() {
+            return Ok(None);
+        }
+        let follow = |tolerance_rad: f64| {
+            let Some(turning) = Turning::new(self, [from, to], tolerance_rad, from_rad)? else {
+                return Ok(from_rad);
+            };
+            let needed_rad = turning.at(0.0)?;
+            turning.end([0, 1].map(|axis| nearest_turn(needed_rad[axis], from_rad[axis])))
+        };
+        let through = follow(pole_tolerance_rad.clamp(0.0, MAX_POLE_TOLERANCE_RAD))?;
+        if pole_tolerance_rad > POLE_RAD && self.excess_of(through).is_some() {
+            return follow(0.0).map(Some);
+        }
+        Ok(Some(through))
+    }
+
     fn rotary_deg(&self, position: &Position) -> [f64; 2] {
         self.letters().1.map(|axis| position[axis.index()])
     }
