@@ -7,7 +7,7 @@ mod tables;
 
 use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, MILL, code};
 
-pub(crate) use tables::function_words;
+pub(crate) use tables::{FunctionWordRule, function_words};
 
 use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane};
 
@@ -125,10 +125,18 @@ pub(crate) enum Meaning {
         surface: bool,
     },
     SpeedClamp,
+    /// A lathe's `G92`: the speed clamp with `S` alone, otherwise a threading cycle.
+    SpeedClampOrThreadCycle,
+    /// `G32`, `G33`
+    Thread,
+    /// A lathe's `G76`, in one of its three forms.
+    ThreadCycles,
     Function {
         function: Function,
         on: bool,
     },
+    /// One code switches the function on and off by its `P` word.
+    FunctionSwitch(Function),
     Stop {
         optional: bool,
     },
@@ -240,7 +248,9 @@ pub(crate) struct CodeTable {
 impl CodeTable {
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
         let dialect = Dialect::of(settings.dialect);
-        let functions = function_codes(Function::PathVibration, settings.path_vibration);
+        let thread_vibration = Meaning::FunctionSwitch(Function::ThreadVibration);
+        let functions = function_codes(Function::PathVibration, settings.path_vibration)
+            .chain(function_code(settings.thread_vibration.code, thread_vibration));
         let switches = function_codes(Function::Thinning, settings.thinning);
         let mut table = Self {
             dialect,
@@ -294,11 +304,15 @@ pub(crate) fn carries_out_g_code(dialect: DialectName, number: f64) -> bool {
 
 /// The codes by which a profile switches a machining function.
 fn function_codes(function: Function, codes: FunctionCodes) -> impl Iterator<Item = Code> {
-    [(codes.on, true), (codes.off, false)].into_iter().filter_map(move |(number, on)| {
-        // A profile's number may have come through arithmetic; the nearest tenth is meant.
-        let number = (number * 10.0).round() / 10.0;
-        tenths(number).map(|tenths| code(tenths as u16, Group::Function, Meaning::Function { function, on }))
-    })
+    [(codes.on, true), (codes.off, false)]
+        .into_iter()
+        .filter_map(move |(number, on)| function_code(number, Meaning::Function { function, on }))
+}
+
+/// A profile's code, which may have come through arithmetic; the nearest tenth is meant.
+fn function_code(number: f64, meaning: Meaning) -> Option<Code> {
+    let number = (number * 10.0).round() / 10.0;
+    tenths(number).map(|tenths| code(tenths as u16, Group::Function, meaning))
 }
 
 /// Whether a dialect, apart from any profile's function codes, knows the M code of this number.

@@ -7,6 +7,7 @@ mod spindle;
 mod spline;
 #[cfg(test)]
 mod tests;
+mod thread;
 mod tool_control;
 
 use crate::block::Block;

@@ -29,7 +29,7 @@ pub use operation::{
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadMove,
 };
 pub use settings::{
-    DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, MAX_PATH_TOLERANCE_MM,
-    PathControlMode, XWord,
+    DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
+    MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
 };
 pub use state::InterpreterState;

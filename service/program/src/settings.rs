@@ -102,6 +102,29 @@ pub struct FunctionCodes {
     pub off: f64,
 }
 
+/// The code of a machining function that is switched on and off by the `P` word of one G code.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FunctionSwitch {
+    /// G code of the function; may have one decimal place.
+    pub code: f64,
+    /// `P` word that switches it on.
+    pub on_p: u32,
+    /// `P` word that switches it off.
+    pub off_p: u32,
+}
+
+/// What the `E` word of a thread says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ThreadEWord {
+    /// Threads per inch: the lead is 25.4 mm / E.
+    #[default]
+    ThreadsPerInch,
+    /// The lead itself, as `F` says it, mm or inch.
+    PreciseLead,
+}
+
 /// How programs for one machine are written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -128,6 +151,10 @@ pub struct LanguageSettings {
     pub path_vibration: FunctionCodes,
     /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well.
     pub thinning: FunctionCodes,
+    /// Code of vibration in threads.
+    pub thread_vibration: FunctionSwitch,
+    /// `E` in threads.
+    pub thread_e_word: ThreadEWord,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
     pub work_offsets: [Position; 6],
     /// Reference position of `G28`, machine coordinates, mm (X a radius) and degrees.
@@ -155,6 +182,8 @@ impl Default for LanguageSettings {
             block_delete: false,
             path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
             thinning: FunctionCodes { on: 33.0, off: 34.0 },
+            thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
+            thread_e_word: ThreadEWord::ThreadsPerInch,
             work_offsets: [[0.0; 9]; 6],
             reference_position: [0.0; 9],
             initial_position: [0.0; 9],

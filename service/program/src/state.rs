@@ -40,6 +40,7 @@ pub struct InterpreterState {
     pub(crate) max_rev_per_min: Option<f64>,
     /// Tool in use, 0 for none.
     pub(crate) tool: u32,
+    pub(crate) thread: ThreadModes,
     /// Tool that the next `M6` changes to.
     pub(crate) next_tool: Option<u32>,
     pub(crate) coolant: Coolant,
@@ -87,6 +88,46 @@ impl ToolControl {
     }
 }
 
+/// What threads leave for the threads after them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ThreadModes {
+    /// The modal `F` (or `E`) where a thread wrote it, as a lead, mm. A feed and a lead replace each other, as they are
+    /// one modal word, but neither is ever taken for the other.
+    pub(crate) lead_mm: Option<f64>,
+    /// End of the passes of `G92`, X and Z in work coordinates, mm.
+    pub(crate) end: [f64; 2],
+    /// Radius at the start less radius at the end of the passes of `G92`, mm.
+    pub(crate) taper_mm: f64,
+    /// What the first line of a `G76` of two lines has set, which other cycles take over.
+    pub(crate) cycle: Option<CycleModes>,
+}
+
+/// Modal words of threading cycles, lengths in mm on the radius.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CycleModes {
+    /// Passes at full depth at the end, 1 to 99.
+    pub(crate) finishing_passes: u32,
+    /// Pull-out at the end of the thread, tenths of a lead, 0 to 99.
+    pub(crate) chamfer_tenths: u32,
+    /// Included angle of the tool, degrees.
+    pub(crate) included_angle_deg: f64,
+    pub(crate) least_infeed_mm: f64,
+    pub(crate) allowance_mm: f64,
+}
+
+impl Default for CycleModes {
+    /// One finishing pass and no pull-out.
+    fn default() -> Self {
+        Self {
+            finishing_passes: 1,
+            chamfer_tenths: 0,
+            included_angle_deg: 0.0,
+            least_infeed_mm: 0.0,
+            allowance_mm: 0.0,
+        }
+    }
+}
+
 /// A NURBS whose control points are being read; the position stays at its start meanwhile.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Nurbs {
@@ -127,6 +168,10 @@ pub(crate) enum Motion {
     Cubic,
     Quadratic,
     Nurbs,
+    /// `G32`, `G33`
+    Thread,
+    /// A lathe's `G92` with axis words: further blocks with axis words are further passes.
+    ThreadCycle,
     /// After a finding about the motion mode: axis words are followed silently until the next motion code.
     Unclear,
 }
@@ -135,7 +180,9 @@ pub(crate) enum Motion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Reported {
     pub(crate) feed: bool,
+    pub(crate) lead: bool,
     pub(crate) spindle: bool,
+    pub(crate) thread_surface_speed: bool,
     pub(crate) speed_clamp: bool,
     pub(crate) trailing: bool,
 }
@@ -170,6 +217,7 @@ impl InterpreterState {
             m_per_min: 0.0,
             max_rev_per_min: None,
             tool: 0,
+            thread: ThreadModes::default(),
             next_tool: None,
             coolant: Coolant::default(),
             work_offset: 0,

@@ -31,7 +31,7 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(290, Group::NonModal, Meaning::Unsupported("return from the reference position")),
     code(300, Group::NonModal, Meaning::Unsupported("second reference position")),
     code(310, Group::NonModal, Meaning::Unsupported("skip motion")),
-    code(330, Group::Motion, Meaning::Unsupported("thread cutting")),
+    code(330, Group::Motion, Meaning::Thread),
     code(400, Group::CutterCompensation, Meaning::AlreadySo),
     code(410, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(420, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
@@ -64,7 +64,6 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(890, Group::Motion, Meaning::Unsupported("boring cycle")),
     code(900, Group::Distance, Meaning::Distance { absolute: true }),
     code(910, Group::Distance, Meaning::Distance { absolute: false }),
-    code(920, Group::NonModal, Meaning::SpeedClamp),
     code(930, Group::FeedUnit, Meaning::Feed(FeedUnit::InverseTime)),
     code(940, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
     code(950, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
@@ -136,10 +135,12 @@ pub(super) static LATHE: Dialect = Dialect {
             (b'V', Letter::Increment(Axis::Y)),
             (b'W', Letter::Increment(Axis::Z)),
             (b'H', Letter::Increment(Axis::C)),
+            // Threads per inch, or a lead, and a length in cycles.
+            (b'E', Letter::Parameter),
         ],
     ),
     g_codes: &[
-        code(320, Group::Motion, Meaning::Unsupported("thread cutting")),
+        code(320, Group::Motion, Meaning::Thread),
         code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
         code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
         code(490, Group::LengthCompensation, Meaning::AlreadySo),
@@ -150,7 +151,8 @@ pub(super) static LATHE: Dialect = Dialect {
         code(730, Group::Motion, Meaning::Unsupported("pattern repeating cycle")),
         code(740, Group::Motion, Meaning::Unsupported("peck cycle")),
         code(750, Group::Motion, Meaning::Unsupported("grooving cycle")),
-        code(760, Group::Motion, Meaning::Unsupported("threading cycle")),
+        code(760, Group::Motion, Meaning::ThreadCycles),
+        code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
         code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
         code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
     ],
@@ -180,6 +182,7 @@ pub(super) static MILL: Dialect = Dialect {
         code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
         code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
         code(760, Group::Motion, Meaning::Unsupported("fine boring cycle")),
+        code(920, Group::NonModal, Meaning::SpeedClamp),
         code(980, Group::CycleReturn, Meaning::AlreadySo),
         code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
     ],
@@ -188,12 +191,27 @@ pub(super) static MILL: Dialect = Dialect {
     dwell_takes_u: false,
 };
 
-/// The words a machining function takes in its "on" block, and whether each is a length; "off" takes none.
-pub(crate) const fn function_words(function: Function, on: bool) -> &'static [(u8, bool)] {
+/// A word of a machining function.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FunctionWordRule {
+    pub(crate) letter: u8,
+    pub(crate) is_length: bool,
+    /// Without it the block says nothing; the values, and the words of other functions, are the function's business.
+    pub(crate) required: bool,
+}
+
+const fn word(letter: u8, is_length: bool, required: bool) -> FunctionWordRule {
+    FunctionWordRule { letter, is_length, required }
+}
+
+/// The words a machining function takes in its "on" block; "off" takes none.
+pub(crate) const fn function_words(function: Function, on: bool) -> &'static [FunctionWordRule] {
+    const PATH_VIBRATION: &[FunctionWordRule] = &[word(b'F', false, false), word(b'A', true, false)];
+    // X is a radius here as everywhere.
+    const THREAD_VIBRATION: &[FunctionWordRule] = &[word(b'X', true, true), word(b'Q', false, true)];
     match (function, on) {
-        (Function::PathVibration, true) => &[(b'F', false), (b'A', true)],
-        // X is a radius here as everywhere.
-        (Function::ThreadVibration, true) => &[(b'X', true), (b'Q', false)],
+        (Function::PathVibration, true) => PATH_VIBRATION,
+        (Function::ThreadVibration, true) => THREAD_VIBRATION,
         (Function::PathVibration | Function::ThreadVibration, false) | (Function::Thinning, _) => &[],
     }
 }

@@ -2,12 +2,12 @@
 
 use crate::block::{Block, CodeWord, Word};
 use crate::code;
-use crate::dialect::{CodeTable, FeedUnit, Group, Meaning, function_words, letter_bit};
+use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, Meaning, function_words, letter_bit};
 use crate::state::{InterpreterState, Phase};
 use crate::{
-    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionWord,
-    LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode, Severity,
-    SourceSpan,
+    DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
+    FunctionWord, LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode,
+    Severity, SourceSpan, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -101,6 +101,13 @@ impl Execution<'_> {
         if inch { value * MM_PER_INCH } else { value }
     }
 
+    /// An X length of a word, mm on the radius: half of it where X words are diameters.
+    #[inline]
+    pub(super) fn radius(&self, word: &Word) -> f64 {
+        let value = self.scaled(word, true);
+        if self.settings.x_word == XWord::Diameter { value * 0.5 } else { value }
+    }
+
     #[inline]
     fn labels(&mut self) {
         let labels = letter_bit(b'N') | letter_bit(b'O');
@@ -139,9 +146,14 @@ impl Execution<'_> {
 
     #[inline]
     fn feed(&mut self) {
+        if self.block.letters & letter_bit(b'F') != 0 && self.is_thread_block() {
+            return;
+        }
         let Some(word) = self.take(b'F') else {
             return;
         };
+        // One modal word: a feed takes the place of a thread's lead.
+        self.state.thread.lead_mm = None;
         let value = word.number.value();
         if value >= LEAST_RATE {
             let per_length = self.state.inch && self.state.feed_unit != FeedUnit::InverseTime;
@@ -165,17 +177,30 @@ impl Execution<'_> {
 
     /// Collects the words of a machining function's block.
     fn function(&mut self) -> Option<(SourceSpan, FunctionCommand)> {
-        let (Meaning::Function { function, on }, span) = self.code(Group::Function)? else {
-            return None;
+        let (meaning, span) = self.code(Group::Function)?;
+        let (function, on) = match meaning {
+            Meaning::Function { function, on } => (function, on),
+            Meaning::FunctionSwitch(function) => (function, self.function_switch(span)?),
+            _ => return None,
         };
         if function == Function::Thinning && !self.switch_thinning(on, span) {
             return None;
         }
         let mut words = Vec::new();
-        for &(letter, is_length) in function_words(function, on) {
+        for &FunctionWordRule { letter, is_length, required } in function_words(function, on) {
             if let Some(word) = self.take(letter) {
-                let value = if is_length { self.scaled(&word, true) } else { word.number.value() };
+                let value = match letter {
+                    b'X' => self.radius(&word),
+                    _ if is_length => self.scaled(&word, true),
+                    _ => word.number.value(),
+                };
                 words.push(FunctionWord { letter: char::from(letter), value, span: self.block.word_span(&word) });
+            } else if required {
+                self.findings.push_with(Severity::Error, || {
+                    let letter = char::from(letter);
+                    Finding::error(code::FUNCTION_WORD_MISSING, span, format!("the machining function needs {letter}"))
+                        .suggest(format!("add {letter} to the block"))
+                });
             }
         }
         let others = letter_bit(b'S') | letter_bit(b'T');
@@ -192,6 +217,31 @@ impl Execution<'_> {
             });
         }
         Some((span, FunctionCommand { function, on, inch: self.state.inch, words }))
+    }
+
+    /// Whether the `P` of a function's block switches it on or off; `None` after a finding.
+    fn function_switch(&mut self, span: SourceSpan) -> Option<bool> {
+        let FunctionSwitch { on_p, off_p, .. } = self.settings.thread_vibration;
+        let word = self.take(b'P');
+        let value = word.map(|word| word.number.value());
+        if value == Some(f64::from(on_p)) {
+            return Some(true);
+        }
+        if value == Some(f64::from(off_p)) {
+            return Some(false);
+        }
+        // What its other words mean is not known.
+        self.used |= self.block.letters & !(letter_bit(b'S') | letter_bit(b'T'));
+        let span = word.map_or(span, |word| self.block.word_span(&word));
+        self.findings.push_with(Severity::Error, || {
+            let mut finding = Finding::error(code::FUNCTION_SWITCH, span, "no P says whether on or off");
+            if let Some(value) = value {
+                finding.message = format!("P{value} says neither on nor off");
+                finding = finding.with_value("p", value, "");
+            }
+            finding.suggest(format!("write P{on_p} to switch it on, P{off_p} to switch it off"))
+        });
+        None
     }
 
     fn tool(&mut self) {

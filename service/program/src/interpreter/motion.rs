@@ -5,13 +5,19 @@ use super::spline::is_point;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
-use crate::{ArcGeometry, Axis, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity, XWord};
+use crate::{ArcGeometry, Axis, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity};
 
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 
 /// Every letter of a curve beside its end.
-const CURVE_LETTERS: u32 = CENTRE_LETTERS | letter_bit(b'R') | letter_bit(b'P') | letter_bit(b'Q') | letter_bit(b'L');
+const CURVE_LETTERS: u32 = CENTRE_LETTERS
+    | letter_bit(b'R')
+    | letter_bit(b'P')
+    | letter_bit(b'Q')
+    | letter_bit(b'L')
+    | letter_bit(b'F')
+    | letter_bit(b'E');
 
 /// The letters, beside axes, that ask for motion.
 const fn curve_letters(motion: Motion) -> u32 {
@@ -45,6 +51,9 @@ impl Execution<'_> {
                 Meaning::QuadraticSpline => Motion::Quadratic,
                 Meaning::Nurbs => Motion::Nurbs,
                 Meaning::NurbsEnd => return self.close_nurbs(before),
+                Meaning::Thread => Motion::Thread,
+                // It is carried out once; the motion before it stays in force.
+                Meaning::ThreadCycles => return self.thread_cycles(),
                 _ => Motion::Unclear,
             };
             if self.state.motion != Motion::Cubic {
@@ -57,10 +66,14 @@ impl Execution<'_> {
             _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
             Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference) => return,
+            Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
             _ => Frame::Work,
         };
         if !self.state.tool_control.is_plain() {
             return self.guided_motion(frame);
+        }
+        if frame == Frame::Work && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle) {
+            return self.thread_motion();
         }
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let curve_words = self.block.letters & !self.used & curve_letters(self.state.motion);
@@ -116,7 +129,7 @@ impl Execution<'_> {
                         .suggest("add G0 or G1")
                 });
             }
-            Motion::Nurbs | Motion::Unclear => self.used |= CURVE_LETTERS,
+            Motion::Nurbs | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => self.used |= CURVE_LETTERS,
         }
         self.state.position = end;
     }
@@ -163,9 +176,12 @@ impl Execution<'_> {
         let message = match self.state.motion {
             _ if axes == 0 => "machine coordinates without axis words",
             _ if incremental => "machine coordinates are absolute and take no incremental words",
-            Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic | Motion::Nurbs => {
-                "machine coordinates go with G0 or G1 only"
-            }
+            Motion::Arc { .. }
+            | Motion::Cubic
+            | Motion::Quadratic
+            | Motion::Nurbs
+            | Motion::Thread
+            | Motion::ThreadCycle => "machine coordinates go with G0 or G1 only",
             _ => return false,
         };
         self.findings.push_with(Severity::Error, || Finding::error(code::MACHINE_MOTION, span, message));
@@ -186,10 +202,7 @@ impl Execution<'_> {
                 _ => continue,
             };
             let word = self.block.slot(place);
-            let mut value = self.scaled(word, letter.is_length());
-            if axis == Axis::X && self.settings.x_word == XWord::Diameter {
-                value *= 0.5;
-            }
+            let value = if axis == Axis::X { self.radius(word) } else { self.scaled(word, letter.is_length()) };
             if named & (1 << axis.index()) != 0 {
                 let word = *word;
                 self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
@@ -270,7 +283,7 @@ impl Execution<'_> {
 
     /// Emits a move to `end`, unless it is no move at all.
     #[inline]
-    fn emit_move(&mut self, kind: MoveKind, end: Position, arc: Option<ArcGeometry>, feed: Feed) {
+    pub(super) fn emit_move(&mut self, kind: MoveKind, end: Position, arc: Option<ArcGeometry>, feed: Feed) {
         if arc.is_none() && end == self.state.position {
             return;
         }

@@ -30,8 +30,10 @@ impl Execution<'_> {
 
     /// `G50 S`, `G92 S`; returns the place of the code.
     fn speed_clamp(&mut self) -> Option<SourceSpan> {
-        let (Meaning::SpeedClamp, span) = self.code(Group::NonModal)? else {
-            return None;
+        let span = match self.code(Group::NonModal)? {
+            (Meaning::SpeedClamp, span) => span,
+            (Meaning::SpeedClampOrThreadCycle, span) if !self.is_thread_block() => span,
+            _ => return None,
         };
         let axes = self.block.letters & self.table.axis_letters;
         if axes != 0 {
@@ -77,6 +79,7 @@ impl Execution<'_> {
                 self.keep_present_speed(span);
             }
             self.state.surface_speed = false;
+            self.state.reported.thread_surface_speed = false;
         }
         Some(span)
     }

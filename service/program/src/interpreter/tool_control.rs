@@ -180,12 +180,18 @@ impl Execution<'_> {
                 return self.state.position = end;
             }
             Motion::Unclear => (MoveKind::Rapid, None),
-            Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic | Motion::Nurbs => {
+            Motion::Arc { .. }
+            | Motion::Cubic
+            | Motion::Quadratic
+            | Motion::Nurbs
+            | Motion::Thread
+            | Motion::ThreadCycle => {
                 self.used = u32::MAX;
+                let is_thread = matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
                 let span = self.block.span();
                 if mode != ToolMode::Off {
-                    self.not_permitted(span, "an arc or a spline");
-                } else if held_before.meets(AxisSet::LINEAR) {
+                    self.not_permitted(span, "an arc, a spline or a thread");
+                } else if is_thread || held_before.meets(AxisSet::LINEAR) {
                     self.held_start(span);
                 }
                 return self.state.position = end;
@@ -293,9 +299,9 @@ impl Execution<'_> {
 
     fn held_start(&mut self, span: SourceSpan) {
         self.findings.push_with(Severity::Error, || {
-            let message = "an arc or a spline from a place that the program does not know: the coordinates have changed \
-                           with the tool centre point control";
-            Finding::error(code::TOOL_CONTROL_HELD, span, message).suggest("place X, Y and Z with G0 or G1 first")
+            let message = "an arc, a spline or a thread from a place that the program does not know: the coordinates \
+                           have changed with the tool centre point control";
+            Finding::error(code::TOOL_CONTROL_HELD, span, message).suggest("place every axis with G0 or G1 first")
         });
     }
 }

@@ -1,0 +1,336 @@
+//! Threads: `G32` and `G33`, and what every thread has.
+//!
+//! The modal `F` is one word with two meanings, feed and lead, as on FANUC controls: the one written last is in force.
+//! Unlike there, neither is ever taken for the other. A cutting move after a thread asks for a feed of its own rather
+//! than cut at the lead, and a thread after a cutting move asks for a lead. `K` of `G33` is of its block alone.
+
+mod cycles;
+mod drive_line;
+mod infeed;
+
+use core::ops::RangeInclusive;
+
+use super::execute::{Execution, MM_PER_INCH};
+use super::motion::{Frame, set_bits};
+use crate::block::Word;
+use crate::code;
+use crate::dialect::{Group, Letter, Meaning, letter_bit};
+use crate::state::Motion;
+use crate::{
+    Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, Severity, ThreadEWord, ThreadMove,
+};
+
+/// Leads of threads, mm: what common controls take.
+const LEADS_MM: RangeInclusive<f64> = 1e-4..=500.0;
+
+/// Start angles and phase shifts, degrees.
+const ANGLES_DEG: RangeInclusive<f64> = 0.0..=360.0;
+
+/// What a threading pass says besides its way.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cut {
+    lead_mm: f64,
+    start_angle_deg: f64,
+    amplitude_mm: Option<f64>,
+    phase_shift_deg: Option<f64>,
+    pull_out: Option<PullOut>,
+    included_angle_deg: Option<f64>,
+}
+
+impl Execution<'_> {
+    /// Whether the `F` of this block is the lead of a thread.
+    pub(super) fn is_thread_block(&self) -> bool {
+        let meaning = |group| self.block.code(group).map(|code| self.table.code(code.place).meaning);
+        if meaning(Group::NonModal) == Some(Meaning::SpeedClampOrThreadCycle) {
+            return self.block.letters & self.table.axis_letters != 0;
+        }
+        match meaning(Group::Motion) {
+            Some(meaning) => matches!(meaning, Meaning::Thread | Meaning::ThreadCycles),
+            None => matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle),
+        }
+    }
+
+    /// A block while `G32`, `G33` or `G92` is in force.
+    pub(super) fn thread_motion(&mut self) {
+        let mut axes = self.block.letters & self.table.axis_letters & !self.used;
+        if self.state.motion == Motion::Thread {
+            // The amplitude.
+            axes &= !letter_bit(b'A');
+        }
+        if self.block.unclear {
+            if self.state.motion == Motion::Thread {
+                self.state.position = self.target(axes, Frame::Work);
+            }
+        } else if axes == 0 {
+            if self.block.letters & !self.used & (letter_bit(b'F') | letter_bit(b'E')) != 0 {
+                self.lead();
+            }
+        } else if self.state.motion == Motion::Thread {
+            self.thread(axes);
+        } else {
+            self.thread_cycle(axes);
+        }
+    }
+
+    /// A pass of `G32` or `G33`.
+    fn thread(&mut self, axes: u32) {
+        let path_lead = self.take(b'K');
+        let lead_mm = match path_lead {
+            Some(word) if self.block.letters & (letter_bit(b'F') | letter_bit(b'E')) != 0 => {
+                self.used |= letter_bit(b'F') | letter_bit(b'E');
+                self.word_conflict(&word, "the thread has two leads: keep one of F, E and K");
+                None
+            }
+            Some(word) => self.checked_lead(&word, self.scaled(&word, true)),
+            None => self.lead(),
+        };
+        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let phase_shift_deg = self.thread_angle(b'R', "phase shift");
+        let amplitude_mm = self.thread_amplitude();
+        let only_x_and_z = self.are_thread_axes(axes);
+        let turns = self.spindle_cuts_threads();
+        let end = self.target(axes, Frame::Work);
+        let travel = [Axis::X, Axis::Z].map(|axis| (end[axis.index()] - self.state.position[axis.index()]).abs());
+        let [along_x, along_z] = travel;
+        let further = along_x.max(along_z);
+        if further == 0.0 && only_x_and_z {
+            self.thread_travel("the thread ends where it starts");
+        } else if let (Some(lead_mm), Some(start_angle_deg), Some(phase_shift_deg), Some(amplitude_mm)) =
+            (lead_mm, start_angle_deg, phase_shift_deg, amplitude_mm)
+            && only_x_and_z
+            && turns
+        {
+            // K is the travel per revolution along the path, as in LinuxCNC.
+            let share =
+                if path_lead.is_some() { further / (along_x * along_x + along_z * along_z).sqrt() } else { 1.0 };
+            let lead_mm = lead_mm * share;
+            let cut = Cut { lead_mm, start_angle_deg, amplitude_mm, phase_shift_deg, ..Cut::default() };
+            self.cut_thread(end, cut);
+        }
+        self.state.position = end;
+    }
+
+    /// The lead of this block, mm: its `F` or `E`, or the modal one; `None` after a finding, now or before.
+    fn lead(&mut self) -> Option<f64> {
+        let inch = if self.state.inch { MM_PER_INCH } else { 1.0 };
+        let (word, lead_mm) = match (self.take(b'F'), self.take(b'E')) {
+            (None, None) => return self.modal_lead(),
+            (Some(_), Some(word)) => {
+                self.word_conflict(&word, "the thread has two leads: keep one of F and E");
+                self.state.reported.lead = true;
+                return None;
+            }
+            (None, Some(word)) if self.settings.thread_e_word == ThreadEWord::ThreadsPerInch => {
+                let lead_mm = MM_PER_INCH / word.number.value();
+                (word, lead_mm)
+            }
+            (Some(word), None) | (None, Some(word)) => (word, word.number.value() * inch),
+        };
+        let lead_mm = self.checked_lead(&word, lead_mm);
+        // One modal word: the lead takes the place of the feed.
+        self.state.feed = 0.0;
+        self.state.reported.feed = false;
+        self.state.thread.lead_mm = lead_mm;
+        self.state.reported.lead = lead_mm.is_none();
+        lead_mm
+    }
+
+    fn modal_lead(&mut self) -> Option<f64> {
+        if self.state.thread.lead_mm.is_none() && !self.state.reported.lead {
+            self.state.reported.lead = true;
+            let span = self.block.span();
+            let feed = self.state.feed_as_written;
+            let has_feed = self.state.feed > 0.0;
+            self.findings.push_with(Severity::Error, || {
+                let message = "the thread has no lead";
+                let finding = Finding::error(code::THREAD_LEAD_MISSING, span, message);
+                let finding = finding.suggest("add F with the travel per revolution, such as F1.5");
+                if !has_feed {
+                    return finding;
+                }
+                let mut finding = finding.with_value("feed", feed, "");
+                finding.message = format!("{message}: the feed F{feed} before it is not taken for one");
+                finding
+            });
+        }
+        self.state.thread.lead_mm
+    }
+
+    fn checked_lead(&mut self, word: &Word, lead_mm: f64) -> Option<f64> {
+        // Of a zero or negative number of threads per inch, and of zero, too.
+        if LEADS_MM.contains(&lead_mm) {
+            return Some(lead_mm);
+        }
+        let span = self.block.word_span(word);
+        let written = word.number.value();
+        self.findings.push_with(Severity::Error, || {
+            let (least, most) = (*LEADS_MM.start(), *LEADS_MM.end());
+            let message = format!("{written} makes no lead: it must be {least} to {most} mm per revolution");
+            Finding::error(code::THREAD_LEAD, span, message)
+                .with_value("written", written, "")
+                .with_value("min_lead", least, "mm")
+                .with_value("max_lead", most, "mm")
+                .suggest(
+                    "write the travel per revolution as F, or the threads per inch as E where the machine reads it so",
+                )
+        });
+        None
+    }
+
+    /// An angle of 0 to 360°, `Some(None)` without the word, `None` after a finding.
+    fn thread_angle(&mut self, letter: u8, name: &'static str) -> Option<Option<f64>> {
+        let Some(word) = self.take(letter) else {
+            return Some(None);
+        };
+        let angle_deg = self.scaled(&word, false);
+        if ANGLES_DEG.contains(&angle_deg) {
+            return Some(Some(angle_deg));
+        }
+        let span = self.block.word_span(&word);
+        // Controls that take no decimal point here count thousandths.
+        let thousandths = angle_deg / 1_000.0;
+        let calculator = self.settings.decimal_point == DecimalPointRule::Calculator;
+        let as_thousandths = calculator && !word.number.has_point() && ANGLES_DEG.contains(&thousandths);
+        let cures = [
+            as_thousandths.then_some(("if thousandths are meant, write", thousandths)),
+            Some(("the same angle is", angle_deg.rem_euclid(360.0))),
+        ];
+        self.findings.push_with(Severity::Error, || {
+            let letter = char::from(letter);
+            let message = format!("the {name} {letter} is {angle_deg}°, but must be 0° to 360°");
+            let mut finding = Finding::error(code::THREAD_ANGLE, span, message).with_value("angle", angle_deg, "deg");
+            for (cure, value) in cures.into_iter().flatten() {
+                let value = (value * 1_000.0).round() / 1_000.0;
+                // With a decimal point, which every rule reads in the same way.
+                let text = format!("{letter}{value:?}");
+                finding = finding.suggest_value(format!("{cure} {text}"), Some(text), "angle", value, "deg");
+            }
+            finding
+        });
+        None
+    }
+
+    /// `A`, mm on the radius.
+    fn thread_amplitude(&mut self) -> Option<Option<f64>> {
+        let Some(word) = self.take(b'A') else {
+            return Some(None);
+        };
+        let amplitude_mm = self.radius(&word);
+        if amplitude_mm >= 0.0 {
+            return Some(Some(amplitude_mm));
+        }
+        let span = self.block.word_span(&word);
+        let written = -word.number.value();
+        self.findings.push_with(Severity::Error, || {
+            let message = format!("the amplitude is {amplitude_mm} mm on the radius, but must not be negative");
+            Finding::error(code::THREAD_AMPLITUDE, span, message)
+                .with_value("amplitude", amplitude_mm, "mm")
+                .suggest_replacement("write the peak-to-peak travel without a sign", format!("A{written}"))
+                .suggest_replacement("write A0 for a pass without vibration", "A0")
+        });
+        None
+    }
+
+    /// Whether the axis words are of X and Z only; the others are reported.
+    fn are_thread_axes(&mut self, axes: u32) -> bool {
+        let mut sound = true;
+        for place in set_bits(axes) {
+            let (Letter::Axis(axis) | Letter::Increment(axis)) = self.table.dialect.letters[place] else {
+                continue;
+            };
+            if matches!(axis, Axis::X | Axis::Z) {
+                continue;
+            }
+            sound = false;
+            let span = self.block.word_span(self.block.slot(place));
+            self.findings.push_with(Severity::Error, || {
+                let message = format!("a thread moves X and Z, not {}", axis.letter());
+                Finding::error(code::THREAD_AXIS, span, message).suggest("move the other axes in a block before it")
+            });
+        }
+        sound
+    }
+
+    /// Whether the spindle turns at a constant speed, which a thread needs; reported once while it lasts.
+    fn spindle_cuts_threads(&mut self) -> bool {
+        let span = self.block.span();
+        if self.state.surface_speed {
+            if !self.state.reported.thread_surface_speed {
+                self.state.reported.thread_surface_speed = true;
+                let present = self.state.spindle().rev_per_s(self.state.position[Axis::X.index()]) * 60.0;
+                self.findings.push_with(Severity::Error, || {
+                    let message = "constant surface speed changes the spindle speed with X, which spoils a thread";
+                    let finding = Finding::error(code::THREAD_SURFACE_SPEED, span, message);
+                    if !(present.is_finite() && present >= 1.0) {
+                        return finding.suggest("switch to a constant speed before it, such as G97 S500");
+                    }
+                    let speed = present.round();
+                    finding.with_value("speed_here", present, "rev/min").suggest_value(
+                        format!("switch to a constant speed before it, such as G97 S{speed}"),
+                        None,
+                        "speed",
+                        speed,
+                        "rev/min",
+                    )
+                });
+            }
+            return false;
+        }
+        if self.state.spindle_turns() {
+            return true;
+        }
+        if !self.state.reported.spindle {
+            self.state.reported.spindle = true;
+            self.findings.push_with(Severity::Error, || {
+                Finding::error(code::SPINDLE_STOPPED, span, "a thread follows the spindle, which does not turn")
+                    .suggest("start the spindle first, such as M3 S500")
+            });
+        }
+        false
+    }
+
+    #[cold]
+    fn thread_travel(&mut self, message: &'static str) {
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::THREAD_TRAVEL, span, message).suggest("check the end point and the position before it")
+        });
+    }
+
+    /// Emits a pass from the present position and moves there, a pull-out included.
+    fn cut_thread(&mut self, end: Position, cut: Cut) {
+        let step = ThreadMove {
+            start: self.state.position,
+            end,
+            work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
+            lead_mm: cut.lead_mm,
+            start_angle_deg: cut.start_angle_deg,
+            thread_start: 0,
+            amplitude_mm: cut.amplitude_mm,
+            phase_shift_deg: cut.phase_shift_deg,
+            pull_out: cut.pull_out,
+            included_angle_deg: cut.included_angle_deg,
+            spindle: self.state.spindle(),
+            tool: self.state.tool,
+        };
+        self.emit(self.block.span(), OperationKind::Thread(Box::new(step)));
+        self.state.position = end;
+        if let Some(pull_out) = cut.pull_out {
+            self.state.position[Axis::X.index()] += pull_out.retreat_mm;
+        }
+    }
+
+    /// The present position with another X and Z.
+    fn moved(&self, x: f64, z: f64) -> Position {
+        let mut position = self.state.position;
+        position[Axis::X.index()] = x;
+        position[Axis::Z.index()] = z;
+        position
+    }
+
+    fn rapid_to(&mut self, x: f64, z: f64) {
+        let end = self.moved(x, z);
+        self.emit_move(MoveKind::Rapid, end, None, crate::Feed::PerMinute(0.0));
+        self.state.position = end;
+    }
+}

@@ -1,0 +1,529 @@
+//! Threading cycles of FANUC lathes: `G92`, and `G76` in two lines and in one.
+//!
+//! A cycle becomes the moves that the control makes: rapid to the start of a pass, the pass, rapid out in X, rapid
+//! back in Z; after the last it stands where it started. Lengths of cycles are on the radius, but for X itself. The
+//! vibration of a pass follows from its infeed and the ratio of `G165`; finishing passes do not vibrate.
+//!
+//! `G76` of two lines: pass n cuts to Q·√n, at least the least infeed Q of the first line deeper than the pass before,
+//! down to the allowance R of the first line; then come P(m) passes at full depth. `G76` of one line: P1 and P2 keep
+//! the removed area (D·√n), P3 and P4 the infeed (D·n); P1 and P3 feed in along one flank, P2 and P4 on both in turn.
+//! Along a flank a pass starts by depth · tan(angle / 2) further in the direction of the cut; all end at Z.
+
+use core::ops::RangeInclusive;
+
+use super::super::execute::{Execution, MM_PER_INCH};
+use super::super::motion::Frame;
+use super::Cut;
+use super::infeed::{Infeed, MAX_PASSES, Pass};
+use crate::block::Word;
+use crate::code;
+use crate::dialect::{Group, letter_bit};
+use crate::state::{CycleModes, Motion};
+use crate::{Axis, Finding, PullOut, Severity};
+
+/// Depths, heights and leads of cycles, mm: far beyond any thread, so that larger numbers are mistakes.
+pub(super) const DEPTHS_MM: RangeInclusive<f64> = 1e-4..=100.0;
+
+/// Amounts that may be missing, mm.
+const AMOUNTS_MM: RangeInclusive<f64> = 0.0..=100.0;
+
+/// Tapers, mm on the radius.
+const TAPERS_MM: RangeInclusive<f64> = -1_000.0..=1_000.0;
+
+/// Tool angles of the `G76` of two lines, degrees.
+const TOOL_ANGLES_DEG: [u32; 6] = [80, 60, 55, 30, 29, 0];
+
+/// Rounding that a start exactly on the crest is forgiven, mm.
+pub(super) const ON_THE_CREST_MM: f64 = 1e-9;
+
+/// The letters of X and Z.
+const ENDS: [u32; 2] = [letter_bit(b'X') | letter_bit(b'U'), letter_bit(b'Z') | letter_bit(b'W')];
+
+/// Which `G76` a block is, by its words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// `G76 P(m)(r)(a) Q R`, the first of two lines.
+    Modes,
+    /// `G76 X Z R P Q F`, the second of two lines.
+    TwoLines,
+    /// `G76 X Z I K D F A P Q`
+    OneLine,
+    /// LinuxCNC's `G76 P Z I J R K Q H E L`.
+    DriveLine,
+}
+
+impl Form {
+    /// The form that has all these letters, if there is exactly one.
+    fn of(letters: u32) -> Option<Self> {
+        let any = |text: &[u8]| text.iter().any(|&letter| letters & letter_bit(letter) != 0);
+        if any(b"J") {
+            return (!any(b"XUDFA")).then_some(Self::DriveLine);
+        }
+        if any(b"D") {
+            return (!any(b"RHL")).then_some(Self::OneLine);
+        }
+        if any(b"IKAHL") {
+            return None;
+        }
+        Some(if any(b"XUZWFE") { Self::TwoLines } else { Self::Modes })
+    }
+}
+
+/// A cycle of passes in a V, lengths in mm on the radius.
+struct VCycle {
+    /// X and Z of the thread's root at its end.
+    root: [f64; 2],
+    taper_mm: f64,
+    height_mm: f64,
+    alternating: bool,
+    lead_mm: f64,
+    start_angle_deg: f64,
+    included_angle_deg: f64,
+    chamfer_tenths: u32,
+}
+
+impl Execution<'_> {
+    /// A block with a lathe's `G92`.
+    pub(in super::super) fn open_thread_cycle(&mut self) {
+        if !self.is_thread_block() {
+            // The speed clamp.
+            return;
+        }
+        if self.block.unclear {
+            self.state.motion = Motion::Unclear;
+            return;
+        }
+        if let Some((_, span)) = self.code(Group::Motion) {
+            self.findings.push_with(Severity::Error, || {
+                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle is a motion code itself")
+                    .suggest("keep one of them, or write them in two blocks")
+            });
+        }
+        if let Some(word) = self.block.word(b'S').copied() {
+            self.word_conflict(&word, "S makes G92 the speed clamp, and axis words make it a threading cycle");
+        }
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        if self.state.motion != Motion::ThreadCycle {
+            self.state.thread.taper_mm = 0.0;
+            if ENDS.into_iter().any(|letters| axes & letters == 0) {
+                self.state.motion = Motion::Unclear;
+                self.used |= axes | letter_bit(b'R') | letter_bit(b'Q') | letter_bit(b'F') | letter_bit(b'E');
+                return self.cycle_word_missing("the threading cycle needs X (or U) and Z (or W) in its first block");
+            }
+        }
+        self.state.motion = Motion::ThreadCycle;
+        self.state.spline_exit = None;
+        self.thread_cycle(axes);
+    }
+
+    /// A pass of `G92`.
+    pub(super) fn thread_cycle(&mut self, axes: u32) {
+        let lead_mm = self.lead();
+        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let taper = self.optional_length(b'R', "taper", TAPERS_MM);
+        let only_x_and_z = self.are_thread_axes(axes);
+        let turns = self.spindle_cuts_threads();
+        let end = self.target(axes, Frame::Work);
+        for (place, axis) in [Axis::X, Axis::Z].into_iter().enumerate() {
+            if axes & ENDS[place] != 0 {
+                self.state.thread.end[place] = end[axis.index()];
+            }
+        }
+        if let Some(Some(taper_mm)) = taper {
+            self.state.thread.taper_mm = taper_mm;
+        }
+        let (Some(lead_mm), Some(start_angle_deg), Some(_)) = (lead_mm, start_angle_deg, taper) else {
+            return;
+        };
+        if !only_x_and_z || !turns {
+            return;
+        }
+        let cycle = VCycle {
+            root: self.state.thread.end,
+            taper_mm: self.state.thread.taper_mm,
+            height_mm: 0.0,
+            alternating: false,
+            lead_mm,
+            start_angle_deg,
+            included_angle_deg: 0.0,
+            chamfer_tenths: self.state.thread.cycle.unwrap_or_default().chamfer_tenths,
+        };
+        // One pass, as deep as X says.
+        self.v_cycle(&cycle, &[Pass { depth_mm: 0.0, finishing: false }]);
+    }
+
+    /// A block with a lathe's `G76`.
+    pub(in super::super) fn thread_cycles(&mut self) {
+        self.state.spline_exit = None;
+        let letters = self.block.letters & !self.used;
+        if self.block.unclear {
+            return;
+        }
+        if let Some((_, span)) = self.code(Group::NonModal) {
+            self.used |= letters;
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle stands in a block of its own")
+                    .suggest("write them in two blocks")
+            });
+        }
+        match Form::of(letters) {
+            Some(Form::Modes) => self.cycle_modes(),
+            Some(Form::TwoLines) => self.two_line_cycle(),
+            Some(Form::OneLine) => self.one_line_cycle(),
+            Some(Form::DriveLine) => self.drive_line_cycle(),
+            None => {
+                self.used |= letters;
+                let span = self.block.span();
+                self.findings.push_with(Severity::Error, || {
+                    let message = "the words of this threading cycle belong to none or several of its forms";
+                    Finding::error(code::THREAD_CYCLE_FORM, span, message)
+                        .suggest("in two lines: G76 P(passes)(chamfer)(angle) Q R, then G76 X Z R P Q F")
+                        .suggest("in one line: G76 X Z I K D F A P")
+                        .suggest("as in LinuxCNC: G76 P Z I J K, with R Q H E L as needed")
+                });
+            }
+        }
+    }
+
+    /// `G76 P(m)(r)(a) Q R`
+    fn cycle_modes(&mut self) {
+        let before = self.state.thread.cycle;
+        let mut modes = before.unwrap_or_default();
+        let word = self.take(b'P');
+        if word.is_none() && before.is_none() {
+            self.take(b'Q');
+            self.take(b'R');
+            return self.cycle_word_missing("the first line of the threading cycle needs P: passes, chamfer, angle");
+        }
+        if let Some(word) = word {
+            let Some(digits) = self.whole(&word) else {
+                return;
+            };
+            let angle_deg = digits % 100;
+            modes.finishing_passes = digits / 10_000;
+            modes.chamfer_tenths = digits / 100 % 100;
+            modes.included_angle_deg = f64::from(angle_deg);
+            if !(1..=99).contains(&modes.finishing_passes) || !TOOL_ANGLES_DEG.contains(&angle_deg) {
+                self.cycle_value(&word, |mut finding| {
+                    finding.message = format!(
+                        "P{digits:06} says {} finishing passes and a tool angle of {angle_deg}°, \
+                         but they must be 1 to 99 and 80, 60, 55, 30, 29 or 0",
+                        modes.finishing_passes
+                    );
+                    finding
+                        .with_value("finishing_passes", f64::from(modes.finishing_passes), "")
+                        .with_value("tool_angle", f64::from(angle_deg), "deg")
+                        .suggest("write passes, chamfer in tenths of a lead and angle with two digits each: P021060")
+                });
+                return;
+            }
+        }
+        if let Some(word) = self.take(b'Q') {
+            let Some(least_mm) = self.checked(&word, self.thousandths(&word), "least_infeed", AMOUNTS_MM) else {
+                return;
+            };
+            modes.least_infeed_mm = least_mm;
+        }
+        match self.optional_length(b'R', "finishing_allowance", AMOUNTS_MM) {
+            None => return,
+            Some(allowance_mm) => modes.allowance_mm = allowance_mm.unwrap_or(modes.allowance_mm),
+        }
+        self.state.thread.cycle = Some(modes);
+    }
+
+    /// `G76 X Z R P Q F`
+    fn two_line_cycle(&mut self) {
+        let root = self.cycle_end();
+        let taper = self.optional_length(b'R', "taper", TAPERS_MM);
+        let height = self.depth(b'P', "thread_height", Self::thousandths);
+        let first = self.depth(b'Q', "first_depth", Self::thousandths);
+        let lead_mm = self.lead();
+        let turns = self.spindle_cuts_threads();
+        let modes = self.state.thread.cycle;
+        if modes.is_none() {
+            self.cycle_word_missing(
+                "the first line of the threading cycle is missing: G76 P(passes)(chamfer)(angle) Q R",
+            );
+        }
+        if let (Some(root), Some(taper), Some(height), Some(first), Some(lead_mm), Some(modes)) =
+            (root, taper, height, first, lead_mm, modes)
+            && turns
+        {
+            let cycle = VCycle {
+                root,
+                taper_mm: taper.unwrap_or(0.0),
+                height_mm: height,
+                alternating: false,
+                lead_mm,
+                start_angle_deg: 0.0,
+                included_angle_deg: modes.included_angle_deg,
+                chamfer_tenths: modes.chamfer_tenths,
+            };
+            self.multiple_cycle(&cycle, first, 2.0, &modes);
+        }
+    }
+
+    /// `G76 X Z I K D F A P Q`
+    fn one_line_cycle(&mut self) {
+        let root = self.cycle_end();
+        let taper = self.optional_length(b'I', "taper", TAPERS_MM);
+        let height = self.depth(b'K', "thread_height", |execution, word| execution.scaled(word, true));
+        let first = self.depth(b'D', "first_depth", Self::thousandths);
+        let start_angle_deg = self.thread_angle(b'Q', "start angle").map(|angle| angle.unwrap_or(0.0));
+        let angle_deg = match self.take(b'A') {
+            Some(word) => self.checked(&word, word.number.value(), "tool_angle", 0.0..=120.0),
+            None => Some(0.0),
+        };
+        let pattern = self.cycle_count(b'P', "infeed_pattern", 1, 1.0..=4.0);
+        let lead_mm = self.lead();
+        let turns = self.spindle_cuts_threads();
+        if let (Some(root), Some(taper), Some(height), Some(first), Some(start_angle_deg)) =
+            (root, taper, height, first, start_angle_deg)
+            && let (Some(angle_deg), Some(pattern), Some(lead_mm)) = (angle_deg, pattern, lead_mm)
+            && turns
+        {
+            let modes = self.state.thread.cycle.unwrap_or_default();
+            let cycle = VCycle {
+                root,
+                taper_mm: taper.unwrap_or(0.0),
+                height_mm: height,
+                alternating: pattern % 2 == 0,
+                lead_mm,
+                start_angle_deg,
+                included_angle_deg: angle_deg,
+                chamfer_tenths: modes.chamfer_tenths,
+            };
+            self.multiple_cycle(&cycle, first, if pattern < 3 { 2.0 } else { 1.0 }, &modes);
+        }
+    }
+
+    /// X and Z of the root at the end of a `G76`.
+    fn cycle_end(&mut self) -> Option<[f64; 2]> {
+        let axes = self.block.letters & !self.used & (ENDS[0] | ENDS[1]);
+        let end = self.target(axes, Frame::Work);
+        if ENDS.into_iter().any(|letters| axes & letters == 0) {
+            self.cycle_word_missing("the threading cycle needs X (or U) and Z (or W)");
+            return None;
+        }
+        Some([Axis::X, Axis::Z].map(|axis| end[axis.index()]))
+    }
+
+    /// A `G76` of FANUC: roughing by the depth law, then the finishing passes.
+    fn multiple_cycle(&mut self, cycle: &VCycle, first_mm: f64, degression: f64, modes: &CycleModes) {
+        if modes.allowance_mm < cycle.height_mm {
+            let infeed = Infeed {
+                first_mm,
+                degression,
+                least_mm: modes.least_infeed_mm,
+                rough_mm: cycle.height_mm - modes.allowance_mm,
+                full_mm: cycle.height_mm,
+                finishing_passes: modes.finishing_passes,
+            };
+            if let Some(passes) = self.cycle_passes(&infeed) {
+                self.v_cycle(cycle, &passes);
+            }
+            return;
+        }
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            let (allowance, height) = (modes.allowance_mm, cycle.height_mm);
+            let message =
+                format!("the finishing allowance of {allowance} mm is all of the thread's height of {height} mm");
+            Finding::error(code::THREAD_CYCLE_VALUE, span, message)
+                .with_value("finishing_allowance", allowance, "mm")
+                .with_value("thread_height", height, "mm")
+                .suggest("write a smaller R in the first line of the cycle, such as R0.05")
+        });
+    }
+
+    /// The passes of a cycle in a V.
+    fn v_cycle(&mut self, cycle: &VCycle, passes: &[Pass]) {
+        let start = self.state.position;
+        let [x, z] = [Axis::X, Axis::Z].map(|axis| start[axis.index()]);
+        let [root_x, end_z] = cycle.root;
+        let length = (end_z - z).abs();
+        if length == 0.0 {
+            return self.thread_travel("the thread ends at the Z where it starts");
+        }
+        let forwards = (end_z - z).signum();
+        let outwards = if x < root_x { -1.0 } else { 1.0 };
+        // The way back runs along X = x, and may not touch the crest at either end.
+        let taper_towards = (outwards * cycle.taper_mm).max(0.0);
+        let needed = cycle.height_mm + taper_towards;
+        let clear = outwards * (x - root_x);
+        if x == root_x || clear < needed - ON_THE_CREST_MM {
+            return self.starts_within(clear, needed);
+        }
+        let slope = libm::tan((cycle.included_angle_deg * 0.5).to_radians());
+        let chamfer_mm = f64::from(cycle.chamfer_tenths) * 0.1 * cycle.lead_mm;
+        let largest_shift = if cycle.alternating { 2.0 * cycle.height_mm } else { cycle.height_mm } * slope;
+        if largest_shift + chamfer_mm >= length {
+            return self
+                .thread_travel("the thread is shorter than the infeed along its flank and the chamfer at its end");
+        }
+        if chamfer_mm > 0.0 && cycle.taper_mm.abs() > length {
+            return self.thread_travel("a thread steeper than 45° has no chamfer: set it to 00 in the P of G76");
+        }
+        for (index, &Pass { depth_mm, finishing }) in passes.iter().enumerate() {
+            let other_flank = cycle.alternating && index % 2 == 1;
+            let shift = slope * if other_flank { 2.0 * cycle.height_mm - depth_mm } else { depth_mm };
+            let end_x = root_x + outwards * (cycle.height_mm - depth_mm);
+            let start_x = end_x + cycle.taper_mm * (1.0 - shift / length);
+            self.rapid_to(start_x, z + forwards * shift);
+            // At 45°, and no further than the way back.
+            let retreat_mm = outwards * chamfer_mm.min((x - end_x).abs());
+            self.cut_thread(
+                self.moved(end_x, end_z),
+                Cut {
+                    lead_mm: cycle.lead_mm,
+                    start_angle_deg: cycle.start_angle_deg,
+                    amplitude_mm: finishing.then_some(0.0),
+                    pull_out: (chamfer_mm > 0.0).then_some(PullOut { travel_mm: chamfer_mm, retreat_mm }),
+                    included_angle_deg: (cycle.included_angle_deg > 0.0).then_some(cycle.included_angle_deg),
+                    ..Cut::default()
+                },
+            );
+            self.rapid_to(x, end_z);
+            self.rapid_to(x, z);
+        }
+        self.state.position = start;
+    }
+
+    /// The passes of a cycle; `None` after a finding.
+    pub(super) fn cycle_passes(&mut self, infeed: &Infeed) -> Option<Vec<Pass>> {
+        let passes = infeed.passes();
+        if passes.is_none() {
+            let span = self.block.span();
+            self.findings.push_with(Severity::Error, || {
+                let first_mm = infeed.first_mm;
+                let better_mm = infeed.sufficient_first_mm();
+                let message = format!(
+                    "with a first depth of {first_mm} mm the cycle has more than {MAX_PASSES} passes to {} mm",
+                    infeed.full_mm
+                );
+                Finding::error(code::THREAD_CYCLE_PASSES, span, message)
+                    .with_value("first_depth", first_mm, "mm")
+                    .with_value("thread_height", infeed.full_mm, "mm")
+                    .with_value("max_passes", f64::from(MAX_PASSES), "")
+                    .suggest_value(
+                        format!("use a first depth of at least {better_mm} mm on the radius"),
+                        None,
+                        "first_depth",
+                        better_mm,
+                        "mm",
+                    )
+            });
+        }
+        passes
+    }
+
+    fn starts_within(&mut self, clear_mm: f64, needed_mm: f64) {
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            let message = format!(
+                "the cycle starts {clear_mm:.4} mm from the thread's root on the radius, within the crest at {needed_mm:.4} mm: \
+                 its rapids would cut the work"
+            );
+            Finding::error(code::THREAD_CYCLE_START, span, message)
+                .with_value("distance", clear_mm, "mm")
+                .with_value("needed", needed_mm, "mm")
+                .suggest("move X clear of the work before the cycle")
+        });
+    }
+
+    /// A length that is counted in least increments without a decimal point whatever the machine's rule, mm.
+    fn thousandths(&self, word: &Word) -> f64 {
+        let value = word.number.value();
+        match (word.number.has_point(), self.state.inch) {
+            (true, true) => value * MM_PER_INCH,
+            (true, false) => value,
+            (false, true) => value / 10_000.0 * MM_PER_INCH,
+            (false, false) => value / 1_000.0,
+        }
+    }
+
+    /// A depth that the cycle needs, mm; `None` after a finding.
+    fn depth(&mut self, letter: u8, name: &'static str, read: impl Fn(&Self, &Word) -> f64) -> Option<f64> {
+        let word = self.needed(letter, name)?;
+        self.checked(&word, read(self, &word), name, DEPTHS_MM)
+    }
+
+    /// A word that the cycle needs; `None` after a finding.
+    pub(super) fn needed(&mut self, letter: u8, name: &'static str) -> Option<Word> {
+        let word = self.take(letter);
+        if word.is_none() {
+            let span = self.block.span();
+            self.findings.push_with(Severity::Error, || {
+                let (letter, name) = (char::from(letter), name.replace('_', " "));
+                let message = format!("the threading cycle needs {letter}, its {name}");
+                Finding::error(code::THREAD_CYCLE_WORD, span, message).suggest(format!("add {letter} to the block"))
+            });
+        }
+        word
+    }
+
+    /// A length of the cycle, mm: `Some(None)` without the word, `None` after a finding.
+    pub(super) fn optional_length(
+        &mut self,
+        letter: u8,
+        name: &'static str,
+        range: RangeInclusive<f64>,
+    ) -> Option<Option<f64>> {
+        match self.take(letter) {
+            Some(word) => self.checked(&word, self.scaled(&word, true), name, range).map(Some),
+            None => Some(None),
+        }
+    }
+
+    /// The value of a word if it is in range; `None` after a finding.
+    pub(super) fn checked(
+        &mut self,
+        word: &Word,
+        value: f64,
+        name: &'static str,
+        range: RangeInclusive<f64>,
+    ) -> Option<f64> {
+        if range.contains(&value) {
+            return Some(value);
+        }
+        self.cycle_value(word, |mut finding| {
+            let (least, most) = (*range.start(), *range.end());
+            finding.message = format!("the {} is {value}, but must be {least} to {most}", name.replace('_', " "));
+            finding
+                .with_value(name, value, "")
+                .with_value("min", least, "")
+                .with_value("max", most, "")
+                .suggest(format!("write {least} to {most}, or check whether its decimal point is missing"))
+        });
+        None
+    }
+
+    /// A whole number; `None` after a finding.
+    pub(super) fn cycle_count(
+        &mut self,
+        letter: u8,
+        name: &'static str,
+        usual: u32,
+        range: RangeInclusive<f64>,
+    ) -> Option<u32> {
+        let Some(word) = self.take(letter) else {
+            return Some(usual);
+        };
+        let count = self.whole(&word)?;
+        self.checked(&word, f64::from(count), name, range).map(|_| count)
+    }
+
+    #[cold]
+    pub(super) fn cycle_value(&mut self, word: &Word, fill: impl FnOnce(Finding) -> Finding) {
+        let span = self.block.word_span(word);
+        self.findings.push_with(Severity::Error, || fill(Finding::error(code::THREAD_CYCLE_VALUE, span, "")));
+    }
+
+    #[cold]
+    fn cycle_word_missing(&mut self, message: &'static str) {
+        let span = self.block.span();
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::THREAD_CYCLE_WORD, span, message).suggest("add the missing words")
+        });
+    }
+}
