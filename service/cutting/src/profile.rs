@@ -128,7 +128,10 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
     }
     let codes = language.path_vibration;
-    for (field, code) in [("path_vibration.on", codes.on), ("path_vibration.off", codes.off)] {
+    let switch = language.thread_vibration;
+    let fields =
+        [("path_vibration.on", codes.on), ("path_vibration.off", codes.off), ("thread_vibration.code", switch.code)];
+    for (field, code) in fields {
         let tenths = code * 10.0;
         if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
             problems.push(problem(field, format!("must be a G code 0 to 999.9 with one decimal, is {code}")));
@@ -138,6 +141,17 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     }
     if codes.on == codes.off {
         problems.push(problem("path_vibration.off", "must differ from the code that switches it on"));
+    }
+    if [codes.on, codes.off].contains(&switch.code) {
+        problems.push(problem("thread_vibration.code", "must differ from the codes of vibration along the path"));
+    }
+    for (field, word) in [("thread_vibration.on_p", switch.on_p), ("thread_vibration.off_p", switch.off_p)] {
+        if word > MAX_SWITCH_WORD {
+            problems.push(problem(field, format!("must be 0 to {MAX_SWITCH_WORD}, is {word}")));
+        }
+    }
+    if switch.on_p == switch.off_p {
+        problems.push(problem("thread_vibration.off_p", "must differ from the word that switches it on"));
     }
     let codes = language.thinning;
     for (field, code) in [("thinning.on", codes.on), ("thinning.off", codes.off)] {
@@ -204,6 +218,8 @@ fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
 pub const MAX_AMPLITUDE_MM: f64 = 10.0;
 /// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
 pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
+/// Largest `P` word that switches a machining function.
+const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
 /// Fewest elements looked ahead.
@@ -219,9 +235,19 @@ const fn default_look_ahead_blocks() -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use feedwave_program::FunctionCodes;
+    use feedwave_program::{FunctionCodes, FunctionSwitch};
 
     use super::*;
+
+    #[test]
+    fn codes_of_threads_are_the_dialect_s_own() {
+        let mut profile = MachineProfile::lathe();
+        for code in [32.0, 33.0, 76.0, 92.0] {
+            profile.language.thread_vibration.code = code;
+            let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
+            assert_eq!(fields, ["language.thread_vibration.code"], "G{code}");
+        }
+    }
 
     #[test]
     fn every_problem_is_named_with_its_field() {
@@ -229,6 +255,7 @@ mod tests {
         assert!(profile.problems().is_empty() && MachineProfile::mill().problems().is_empty());
         profile.language.path_vibration.on = 1.0;
         profile.language.path_vibration.off = 200.55;
+        profile.language.thread_vibration = FunctionSwitch { code: 200.55, on_p: 10_000, off_p: 10_000 };
         profile.language.max_line_bytes = 1;
         profile.language.default_path_tolerance_mm = f64::NAN;
         profile.language.work_offsets[2][1] = f64::NAN;
@@ -249,6 +276,11 @@ mod tests {
             "language.max_line_bytes",
             "language.path_vibration.on",
             "language.path_vibration.off",
+            "language.thread_vibration.code",
+            "language.thread_vibration.code",
+            "language.thread_vibration.on_p",
+            "language.thread_vibration.off_p",
+            "language.thread_vibration.off_p",
             "language.thinning.on",
             "language.thinning.off",
             "vibration.max_amplitude_mm",

@@ -118,7 +118,8 @@ pub struct ThreadMove {
     pub tool: u32,
 }
 
-/// How the tool leaves a thread before its end: a chamfer of a threading cycle.
+/// How the tool leaves a thread before its end: a chamfer of a threading cycle. The move after it starts at the end
+/// point plus this retreat, where the tool then is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PullOut {
     /// Travel along the lead axis before the end point within which the tool is pulled out, mm.

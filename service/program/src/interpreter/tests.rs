@@ -6,10 +6,12 @@ mod hostile;
 mod language;
 mod path_control;
 mod splines;
+mod thread_cycles;
+mod threads;
 mod tool_control;
 
 use super::*;
-use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed, ToolGuide};
+use crate::{Axis, DwellTime, Feed, Move, MoveKind, Position, SpindleDirection, SpindleSpeed, ThreadMove, ToolGuide};
 
 /// Up to six decimals, without trailing zeros.
 fn number(value: f64) -> String {
@@ -33,8 +35,26 @@ fn feed(feed: Feed) -> String {
     }
 }
 
+/// The way and the lead, then whatever is not as usual.
+fn thread(step: &ThreadMove) -> String {
+    let mut text = format!("thread {} -> {} @{}", place(&step.start), place(&step.end), number(step.lead_mm));
+    let mut add = |name: &str, value: Option<f64>| {
+        if let Some(value) = value {
+            text.push_str(&format!(" {name}{}", number(value)));
+        }
+    };
+    add("from ", Some(step.start_angle_deg).filter(|angle| *angle != 0.0));
+    add("amplitude ", step.amplitude_mm);
+    add("shift ", step.phase_shift_deg);
+    add("out over ", step.pull_out.map(|pull_out| pull_out.travel_mm));
+    add("by ", step.pull_out.map(|pull_out| pull_out.retreat_mm));
+    add("tool ", step.included_angle_deg);
+    text
+}
+
 fn render_operation(operation: &Operation) -> String {
     match &operation.kind {
+        OperationKind::Thread(step) => thread(step),
         OperationKind::Move(step) => {
             let ends = format!("{} -> {}", place(&step.start), place(&step.end));
             match (step.kind, step.arc) {
@@ -54,10 +74,6 @@ fn render_operation(operation: &Operation) -> String {
                     format!("arc {ends} about {first},{second} by {turn} @{}", feed(step.feed))
                 }
             }
-        }
-        OperationKind::Thread(pass) => {
-            let ends = format!("{} -> {}", place(&pass.start), place(&pass.end));
-            format!("thread {ends} @{}/rev from {}", number(pass.lead_mm), number(pass.start_angle_deg))
         }
         OperationKind::Guided(guided) => {
             let step = &guided.step;

@@ -5,8 +5,8 @@ use feedwave_cutting::thread::ThreadVibrationSettings;
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
 use feedwave_program::{
-    Axis, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, LanguageSettings, PathControlMode,
-    Position, XWord,
+    Axis, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
+    PathControlMode, Position, ThreadEWord, XWord,
 };
 
 use super::thread::{start_up_from_proto, start_up_to_proto};
@@ -140,6 +140,7 @@ fn language_from_proto(
     let feed_mode = enumeration(violations, "language.initial_feed_mode", language.initial_feed_mode);
     let dwell_unit = enumeration(violations, "language.dwell_p_unit", language.dwell_p_unit);
     let path_control = enumeration(violations, "language.initial_path_control", language.initial_path_control);
+    let thread_e_word = enumeration(violations, "language.thread_e_word", language.thread_e_word);
     let mut work_offsets = usual.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
@@ -184,6 +185,16 @@ fn language_from_proto(
             .path_vibration
             .map_or(usual.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         thinning: usual.thinning,
+        thread_vibration: language.thread_vibration.map_or(usual.thread_vibration, |switch| FunctionSwitch {
+            code: switch.code,
+            on_p: switch.on_p,
+            off_p: switch.off_p,
+        }),
+        thread_e_word: match thread_e_word? {
+            proto::ThreadEWord::Unspecified => usual.thread_e_word,
+            proto::ThreadEWord::ThreadsPerInch => ThreadEWord::ThreadsPerInch,
+            proto::ThreadEWord::PreciseLead => ThreadEWord::PreciseLead,
+        },
         work_offsets,
         reference_position: position(&language.reference_position, usual.reference_position),
         initial_position: position(&language.initial_position, usual.initial_position),
@@ -318,6 +329,11 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         PathControlMode::ExactStop => proto::PathControl::ExactStop,
         PathControlMode::Continuous => proto::PathControl::Continuous,
     };
+    let thread_e_word = match language.thread_e_word {
+        ThreadEWord::ThreadsPerInch => proto::ThreadEWord::ThreadsPerInch,
+        ThreadEWord::PreciseLead => proto::ThreadEWord::PreciseLead,
+    };
+    let thread_vibration = language.thread_vibration;
     proto::LanguageSettings {
         dialect: dialect.into(),
         decimal_point: decimal_point.into(),
@@ -334,6 +350,12 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         max_line_bytes: Some(language.max_line_bytes),
         initial_path_control: path_control.into(),
         default_path_tolerance_mm: Some(language.default_path_tolerance_mm),
+        thread_vibration: Some(proto::FunctionSwitch {
+            code: thread_vibration.code,
+            on_p: thread_vibration.on_p,
+            off_p: thread_vibration.off_p,
+        }),
+        thread_e_word: thread_e_word.into(),
     }
 }
 
@@ -372,6 +394,8 @@ mod tests {
         lathe.language.initial_path_control = PathControlMode::Continuous;
         lathe.language.default_path_tolerance_mm = 0.025;
         lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
+        lathe.language.thread_vibration = FunctionSwitch { code: 165.1, on_p: 1, off_p: 2 };
+        lathe.language.thread_e_word = ThreadEWord::PreciseLead;
         lathe.following.filter_length_s = Some(0.02);
         lathe.look_ahead_blocks = 100;
         for profile in [lathe, MachineProfile::lathe(), MachineProfile::mill()] {
