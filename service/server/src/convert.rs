@@ -3,6 +3,7 @@
 
 mod decision;
 mod feed_override;
+mod five_axis;
 mod monitoring;
 mod profile;
 mod report;

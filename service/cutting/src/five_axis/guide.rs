@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
     FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, JointValues, Kinematics, KinematicsError, Setup,
     Toward,
@@ -15,6 +16,8 @@ use crate::PipelineConfig;
 
 /// Blocks that pass a pole within this angle are looked at, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
+/// Directions closer to the line of the first rotary axis than this are taken along it, rad, as the elements take them.
+const POLE_RAD: f64 = 1e-7;
 /// Turn of the first rotary axis within one block near a pole that is worth a finding, degrees.
 const POLE_TURN_DEG: f64 = 10.0;
 
@@ -124,7 +127,7 @@ impl Guide {
             rapid: step.kind == MoveKind::Rapid,
         };
         let before = tool.point;
-        let motion = match self.kinematics.elements(&tool.setup, &before, &block) {
+        let motion = match self.elements(&tool.setup, &before, &block) {
             Ok(motion) => motion,
             Err(refusal) => {
                 findings.push(refused(&refusal, span));
@@ -135,6 +138,41 @@ impl Guide {
         state.position = motion.end.position;
         self.check_pole(&motion, &before, by_angles, span, state, findings);
         Some(Guided::Elements(motion))
+    }
+
+    /// The elements of a block. Where it tilts the tool away from a pole, in which the first rotary axis is free, that axis
+    /// turns first to the solution that the profile prefers among those within the ranges.
+    fn elements(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
+        let Some(angles) = self.turn_in_pole(setup, start, block) else {
+            return self.kinematics.elements(setup, start, block);
+        };
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, toward: Toward::Angles(angles), ..*block };
+        let turn = self.kinematics.elements(setup, start, &turn)?;
+        let (stood, start) = (start, FiveAxisPoint { direction: start.direction, ..turn.end });
+        let motion = self.kinematics.elements(setup, &start, block)?;
+        let place = self.kinematics.letters().1[0].index();
+        let turn_in_pole_rad = (turn.end.position[place] - stood.position[place]).abs().to_radians();
+        let elements = turn.elements.into_iter().chain(motion.elements).collect();
+        Ok(FiveAxisMotion { elements, turn_in_pole_rad: motion.turn_in_pole_rad.max(turn_in_pole_rad), ..motion })
+    }
+
+    /// Rotary angles, degrees, to turn to before a block that leaves a pole; nothing where there is nothing to turn.
+    fn turn_in_pole(&self, setup: &Setup, start: &FiveAxisPoint, block: &FiveAxisBlock) -> Option<[f64; 2]> {
+        let Toward::Vector(target) = block.toward else { return None };
+        let stand_rad = self.kinematics.from_position(&start.position).rotary_rad;
+        if self.kinematics.pole_distance_rad(stand_rad) > POLE_RAD {
+            return None;
+        }
+        let target = unit(target).filter(|&target| angle(target, start.direction) > POLE_RAD)?;
+        let chosen = self.kinematics.choose_start([target], setup, stand_rad).ok()?;
+        let turn_rad = chosen.start_rad[0] - stand_rad[0];
+        (chosen.singular == 0 && turn_rad.abs() > POLE_RAD)
+            .then(|| [chosen.start_rad[0].to_degrees(), stand_rad[1].to_degrees()])
     }
 
     /// Work coordinates and tool length, or a finding.

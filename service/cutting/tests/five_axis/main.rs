@@ -13,7 +13,7 @@ use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::PipelineConfig;
 use feedwave_cutting::thinning::ThinningSettings;
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
-use feedwave_motion::kinematics::{Kinematics, Setup, ToolPose};
+use feedwave_motion::kinematics::{BranchPreference, Kinematics, Setup, ToolPose};
 use machine::{LENGTH_MM, config};
 
 /// Source lines that any setpoint has been cut from, without the start.
@@ -204,5 +204,25 @@ fn a_stream_may_start_in_the_middle_of_a_group() {
             assert_eq!(rest.bits(place), whole.bits(first as usize + place), "setpoint {place} from {first}");
         }
         assert_eq!(first as usize + rest.len(), whole.len());
+    }
+}
+
+#[test]
+fn leaving_a_pole_the_rotary_axes_take_the_preferred_solution_in_range() {
+    let last = |config: &PipelineConfig, program: &str| {
+        let setpoints = run(program, config);
+        [3, 4].map(|column: usize| setpoints.axes[column][setpoints.len() - 1])
+    };
+    // The tool tilts towards −Y: A45 C0 is nearest, but A reaches 30 degrees only.
+    let program = "G43.5 H1 G0 X0 Y0 Z50 I0 J-1 K1\nM30\n";
+    let [a, c] = last(&config(), program);
+    assert!((a + 45.0).abs() < 1e-9 && (c.abs() - 180.0).abs() < 1e-9, "{a} {c}");
+    // With both in range the profile says which.
+    let program = "G43.5 H1 G0 X0 Y0 Z50 I0 J-.2 K1\nM30\n";
+    for (preferred, sign) in [(BranchPreference::Larger, 1.0), (BranchPreference::Smaller, -1.0)] {
+        let mut config = config();
+        config.profile.kinematics.as_mut().expect("five axes").preferred_branch = preferred;
+        let [a, _] = last(&config, program);
+        assert!((a - sign * 0.2_f64.atan().to_degrees()).abs() < 1e-9, "{a}");
     }
 }

@@ -2,6 +2,7 @@
 //! this machine or from a service.
 
 mod section;
+mod thinning;
 mod thread;
 
 pub(super) use thread::text as thread_text;
@@ -21,6 +22,10 @@ pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style)
     }
     for (number, section) in (1..).zip(&report.threads) {
         text.push_str(&thread::section_text(number, section, style));
+        text.push('\n');
+    }
+    if let Some(thinning) = &report.thinning {
+        text.push_str(&thinning::text(thinning, style));
         text.push('\n');
     }
     let summary = report.summary.as_ref();

@@ -1,6 +1,5 @@
 //! Machine profiles, both ways.
 
-use feedwave_cutting::thinning::ThinningSettings;
 use feedwave_cutting::thread::ThreadVibrationSettings;
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
@@ -9,6 +8,7 @@ use feedwave_program::{
     PathControlMode, Position, ThreadEWord, XWord,
 };
 
+use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
 use crate::error::Violations;
@@ -57,6 +57,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
     let language = language_from_proto(violations, &profile.language.clone().unwrap_or_default(), kind);
     let vibration = vibration_from_proto(violations, profile.vibration.unwrap_or_default());
     let thread_vibration = thread_vibration_from_proto(violations, profile.thread_vibration.unwrap_or_default());
+    let kinematics = profile.kinematics.as_ref().map(|kinematics| kinematics_from_proto(violations, kinematics));
     let following = profile.following.unwrap_or_default();
     Some(MachineProfile {
         language: language?,
@@ -67,9 +68,12 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
             filter_length_s: following.filter_length_s,
             position_loop_gain_per_s: following.position_loop_gain_per_s,
         },
-        kinematics: None,
-        pole_tolerance_deg: 0.0,
-        thinning: ThinningSettings::default(),
+        kinematics: match kinematics {
+            Some(kinematics) => Some(kinematics?),
+            None => None,
+        },
+        pole_tolerance_deg: profile.pole_tolerance_deg,
+        thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
@@ -93,21 +97,25 @@ fn machine_from_proto(violations: &mut Violations, model: &proto::MachineModel) 
     Some(Machine { kind, axes, max_spindle_rev_per_min: model.max_spindle_rev_per_min })
 }
 
-fn axis_from_proto(violations: &mut Violations, field: &str, axis: &proto::MachineAxis) -> Option<MachineAxis> {
-    let letter_field = format!("{field}.axis");
-    let letter: Option<proto::AxisLetter> = enumeration(violations, &letter_field, axis.axis);
-    if letter == Some(proto::AxisLetter::Unspecified) {
-        violations.add(letter_field, "must be set");
+/// An axis letter; `None` with a violation.
+pub(super) fn axis_letter_from_proto(violations: &mut Violations, field: &str, letter: i32) -> Option<Axis> {
+    let letter: proto::AxisLetter = enumeration(violations, field, letter)?;
+    if letter == proto::AxisLetter::Unspecified {
+        violations.add(field, "must be set");
     }
+    // The letters are numbered from 1 in the order of `Axis::ALL`.
+    Axis::ALL.get((letter as usize).checked_sub(1)?).copied()
+}
+
+fn axis_from_proto(violations: &mut Violations, field: &str, axis: &proto::MachineAxis) -> Option<MachineAxis> {
+    let letter = axis_letter_from_proto(violations, &format!("{field}.axis"), axis.axis);
     let carried_by = match enumeration(violations, &format!("{field}.carried_by"), axis.carried_by)? {
         proto::CarriedBy::Unspecified | proto::CarriedBy::Tool => CarriedBy::Tool,
         proto::CarriedBy::Workpiece => CarriedBy::Workpiece,
     };
-    // The letters are numbered from 1 in the order of `Axis::ALL`.
-    let letter = Axis::ALL.get((letter? as usize).checked_sub(1)?)?;
     Some(MachineAxis {
         name: axis.name.clone(),
-        axis: *letter,
+        axis: letter?,
         max_velocity_per_s: axis.max_velocity_per_s,
         max_acceleration_per_s2: axis.max_acceleration_per_s2,
         max_jerk_per_s3: axis.max_jerk_per_s3,
@@ -184,7 +192,6 @@ fn language_from_proto(
         path_vibration: language
             .path_vibration
             .map_or(usual.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
-        thinning: usual.thinning,
         thread_vibration: language.thread_vibration.map_or(usual.thread_vibration, |switch| FunctionSwitch {
             code: switch.code,
             on_p: switch.on_p,
@@ -195,6 +202,7 @@ fn language_from_proto(
             proto::ThreadEWord::ThreadsPerInch => ThreadEWord::ThreadsPerInch,
             proto::ThreadEWord::PreciseLead => ThreadEWord::PreciseLead,
         },
+        thinning: language.thinning.map_or(usual.thinning, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         work_offsets,
         reference_position: position(&language.reference_position, usual.reference_position),
         initial_position: position(&language.initial_position, usual.initial_position),
@@ -270,6 +278,9 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         }),
         look_ahead_blocks: Some(profile.look_ahead_blocks),
         thread_vibration: Some(thread_vibration_to_proto(&profile.thread_vibration)),
+        kinematics: profile.kinematics.as_ref().map(kinematics_to_proto),
+        thinning: Some(thinning_to_proto(&profile.thinning)),
+        pole_tolerance_deg: profile.pole_tolerance_deg,
     }
 }
 
@@ -356,6 +367,7 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
             off_p: thread_vibration.off_p,
         }),
         thread_e_word: thread_e_word.into(),
+        thinning: Some(proto::FunctionCodes { on: language.thinning.on, off: language.thinning.off }),
     }
 }
 
@@ -371,6 +383,8 @@ fn position_to_proto(position: &Position) -> proto::AxisPosition {
 
 #[cfg(test)]
 mod tests {
+    use feedwave_motion::kinematics::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
+
     use super::*;
 
     fn from_proto(profile: &proto::MachineProfile) -> Result<MachineProfile, Vec<(String, String)>> {
@@ -398,9 +412,51 @@ mod tests {
         lathe.language.thread_e_word = ThreadEWord::PreciseLead;
         lathe.following.filter_length_s = Some(0.02);
         lathe.look_ahead_blocks = 100;
-        for profile in [lathe, MachineProfile::lathe(), MachineProfile::mill()] {
+        for profile in [lathe, five_axis_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
             assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
         }
+    }
+
+    /// A trunnion with everything that a profile can say of five axes.
+    fn five_axis_mill() -> MachineProfile {
+        let axis = |axis: Axis, direction: [f64; 3]| ChainAxis {
+            axis,
+            direction,
+            point_mm: [1.0, 2.0, 3.0],
+            range: (axis == Axis::A).then_some([-120.0, 30.0]),
+            wrap: if axis == Axis::C { Wrap::Rollover } else { Wrap::Counting },
+        };
+        let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let mut mill = MachineProfile::mill();
+        for letter in [Axis::A, Axis::C] {
+            mill.machine.axes.push(MachineAxis::new(letter, 100.0, 1_000.0, 10_000.0));
+        }
+        mill.kinematics = Some(KinematicsDescription {
+            chain: vec![axis(Axis::C, z), axis(Axis::A, x), axis(Axis::X, x), axis(Axis::Y, y), axis(Axis::Z, z)],
+            gauge_point_mm: [0.0, 0.0, 500.0],
+            tool_direction: z,
+            preferred_branch: BranchPreference::Smaller,
+        });
+        mill.thinning.group_blocks = 77;
+        mill.thinning.interpolated_direction_tolerance_deg = Some(2.5);
+        mill.pole_tolerance_deg = 0.5;
+        mill.language.thinning = FunctionCodes { on: 133.0, off: 134.0 };
+        mill
+    }
+
+    #[test]
+    fn kinematics_are_checked_with_their_fields() {
+        let mut profile = profile_to_proto(&five_axis_mill());
+        let kinematics = profile.kinematics.as_mut().unwrap();
+        kinematics.chain[0].axis = 0;
+        kinematics.chain[1].direction = None;
+        let fields: Vec<String> = from_proto(&profile).unwrap_err().into_iter().map(|(field, _)| field).collect();
+        assert_eq!(fields, ["profile.kinematics.chain[0].axis", "profile.kinematics.chain[1].direction"]);
+        let mut profile = profile_to_proto(&five_axis_mill());
+        profile.machine.as_mut().unwrap().axes.pop();
+        profile.thinning.as_mut().unwrap().group_blocks = Some(1);
+        let fields: Vec<String> = from_proto(&profile).unwrap_err().into_iter().map(|(field, _)| field).collect();
+        assert_eq!(fields, ["profile.thinning.group_blocks", "profile.kinematics.chain[0].axis"]);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use feedwave_cutting::{
 };
 use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
 
+use super::five_axis::thinning_report_to_proto;
 use super::thread::thread_section_to_proto;
 use crate::convert::generation_mode_to_proto;
 use crate::proto;
@@ -17,6 +18,7 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
         findings: report.findings.iter().map(finding_to_proto).collect(),
         sections: report.sections.iter().map(section).collect(),
         threads: report.threads.iter().map(thread_section_to_proto).collect(),
+        thinning: report.thinning.as_ref().map(thinning_report_to_proto),
         summary: Some(summary_to_proto(&report.summary)),
     }
 }
