@@ -5,7 +5,7 @@
 
 use feedwave_program::{
     DecimalPointRule, FINDING_CODES, FindingLog, Interpreter, LanguageSettings, LineOutcome, Operation, OperationKind,
-    interpret,
+    ThreadEWord, interpret,
 };
 use libfuzzer_sys::fuzz_target;
 
@@ -24,6 +24,9 @@ fn settings(bits: u8) -> LanguageSettings {
     if bits & 32 != 0 {
         settings.work_offsets[1] = [10.0; 9];
         settings.reference_position = [500.0; 9];
+    }
+    if bits & 64 != 0 {
+        settings.thread_e_word = ThreadEWord::PreciseLead;
     }
     settings
 }
@@ -68,6 +71,13 @@ fuzz_target!(|input: &[u8]| {
     assert_eq!(ends, 1);
     assert!(matches!(operations.last(), Some(Operation { kind: OperationKind::End, .. })));
     for operation in &operations {
+        if let OperationKind::Thread(step) = &operation.kind {
+            assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()));
+            assert!(step.start != step.end && step.lead_mm > 0.0 && step.lead_mm.is_finite());
+            assert!((0.0..=360.0).contains(&step.start_angle_deg));
+            assert!(step.amplitude_mm.is_none_or(|amplitude| amplitude >= 0.0 && amplitude.is_finite()));
+            assert!(step.pull_out.is_none_or(|out| out.travel_mm > 0.0 && out.retreat_mm.is_finite()));
+        }
         if let OperationKind::Move(step) = &operation.kind {
             assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()));
             if let Some(arc) = step.arc {

@@ -340,6 +340,7 @@ fn tenths(number: f64) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FunctionSwitch;
 
     fn meaning(table: &CodeTable, letter: u8, number: f64) -> Option<Meaning> {
         Some(table.code(table.find(letter, number)?).meaning)
@@ -371,9 +372,14 @@ mod tests {
 
     #[test]
     fn what_a_dialect_carries_out_itself() {
-        for (number, lathe, mill) in
-            [(1.0, true, true), (99.0, true, false), (43.4, false, true), (200.0, false, false)]
-        {
+        for (number, lathe, mill) in [
+            (1.0, true, true),
+            (33.0, true, true),
+            (76.0, true, false),
+            (99.0, true, false),
+            (43.4, false, true),
+            (200.0, false, false),
+        ] {
             assert_eq!(DialectName::Lathe.carries_out_g_code(number), lathe, "G{number}");
             assert_eq!(DialectName::Mill.carries_out_g_code(number), mill, "G{number}");
         }
@@ -386,5 +392,9 @@ mod tests {
         assert_eq!(table.find(b'G', 200.0), None);
         let on = Meaning::Function { function: Function::PathVibration, on: true };
         assert_eq!(meaning(&table, b'G', 8.5), Some(on));
+        let thread_vibration = FunctionSwitch { code: 166.0, on_p: 3, off_p: 0 };
+        let table = CodeTable::new(&LanguageSettings { thread_vibration, ..LanguageSettings::default() });
+        assert_eq!(table.find(b'G', 165.0), None);
+        assert_eq!(meaning(&table, b'G', 166.0), Some(Meaning::FunctionSwitch(Function::ThreadVibration)));
     }
 }

@@ -154,6 +154,7 @@ impl Execution<'_> {
         };
         // One modal word: a feed takes the place of a thread's lead.
         self.state.thread.lead_mm = None;
+        self.state.reported.lead = false;
         let value = word.number.value();
         if value >= LEAST_RATE {
             let per_length = self.state.inch && self.state.feed_unit != FeedUnit::InverseTime;

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::{MAX_PATH_TOLERANCE_MM, PathControl, SplineGeometry};
+use crate::{MAX_PATH_TOLERANCE_MM, PathControl, PullOut, SplineGeometry};
 
 #[test]
 fn a_line_of_100_mb_streams_through_one_buffer() {
@@ -88,9 +88,28 @@ fn assert_sound(step: &Move, spline: &SplineGeometry) {
     }
 }
 
+/// A thread keeps what its type promises.
+fn assert_cuts(step: &ThreadMove) {
+    assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()), "{step:?}");
+    let [along_x, along_z] = [0, 2].map(|axis| (step.end[axis] - step.start[axis]).abs());
+    assert!(along_x.max(along_z) > 0.0, "{step:?}");
+    assert!(step.lead_mm > 0.0 && step.lead_mm.is_finite(), "{step:?}");
+    assert!((0.0..=360.0).contains(&step.start_angle_deg), "{step:?}");
+    assert!(step.amplitude_mm.is_none_or(|amplitude| amplitude >= 0.0 && amplitude.is_finite()), "{step:?}");
+    assert!(step.phase_shift_deg.is_none_or(|shift| (0.0..=360.0).contains(&shift)), "{step:?}");
+    assert!(step.included_angle_deg.is_none_or(|angle| angle > 0.0 && angle <= 120.0), "{step:?}");
+    assert!(step.spindle.is_turning() && matches!(step.spindle.speed, SpindleSpeed::Constant { .. }), "{step:?}");
+    if let Some(PullOut { travel_mm, retreat_mm }) = step.pull_out {
+        assert!(travel_mm > 0.0 && travel_mm <= along_z && retreat_mm.is_finite(), "{step:?}");
+    }
+}
+
 /// Every coordinate that leaves the interpreter is a finite number.
 fn assert_finite(operations: &[Operation]) {
     for operation in operations {
+        if let OperationKind::Thread(step) = &operation.kind {
+            assert_cuts(step);
+        }
         if let OperationKind::Move(step) = &operation.kind {
             assert!(step.start.iter().chain(&step.end).all(|value| value.is_finite()), "{step:?}");
             if let Some(arc) = step.arc {
@@ -173,7 +192,72 @@ fn spline_line() -> impl Strategy<Value = String> {
     prop_oneof![2 => some, 3 => whole.prop_map(str::to_owned)]
 }
 
+fn thread_line() -> impl Strategy<Value = String> {
+    let codes =
+        vec!["G32", "G33", "G92", "G76", "G0", "G1", "G165", "G90", "G91", "G20", "G21", "G17", "G18", "G4", ""];
+    let letters = prop::sample::select(b"XZUWFEQARPIJKDHLSYC".to_vec());
+    let numbers = prop::sample::select(vec![
+        "0",
+        "1",
+        "2.",
+        "-1.",
+        ".5",
+        "-.1",
+        "3",
+        "60",
+        "90.",
+        "-5.",
+        "-30.",
+        "400",
+        "10060",
+        "990099",
+        "11060",
+        "1e",
+        "",
+        "999999999",
+        "-999999999",
+        ".0000001",
+        "25.4",
+    ]);
+    let word = (letters, numbers).prop_map(|(letter, number)| format!("{}{number}", char::from(letter)));
+    let whole = prop::sample::select(vec![
+        "G0 X30. Z5.",
+        "M3 S500",
+        "G32 Z-20. F2. Q90. A.5 R120.",
+        "G33 Z-20. X40. K2.",
+        "G92 X28. Z-20. F2.",
+        "G92 X28. Z-20. R-1. E8",
+        "X27.",
+        "G76 P021060 Q50 R.05",
+        "G76 X26. Z-20. P1500 Q300 F2.",
+        "G76 X26. Z-20. I.5 K1.5 D300 F2. A60 P4",
+        "G76 P2. Z-20. I-1. J.2 K1. R1.5 Q29.5 H2 E1. L3",
+        "G165 P3 X30. Q1.2",
+        "G97",
+        "G96 S100",
+        "M5",
+    ]);
+    let some = (prop::sample::select(codes), prop::collection::vec(word, 0..7))
+        .prop_map(|(code, words)| format!("{code} {}", words.join(" ")));
+    prop_oneof![2 => some, 3 => whole.prop_map(str::to_owned)]
+}
+
 proptest! {
+    /// Programs of nothing but threads and cycles, sound and unsound: bounded, finite, and every thread a sound one.
+    #[test]
+    fn any_threads(lines in prop::collection::vec(thread_line(), 0..40)) {
+        for settings in [lathe(), mill()] {
+            let source = format!("M3 S500 G0 X30. Z5.\n{}", lines.join("\n"));
+            render(&source, &settings);
+            let (operations, _) = interpret(source.as_bytes(), settings);
+            assert_finite(&operations);
+            // A cycle has at most 100 passes of four operations, and one more for a taper at the start.
+            for line in 1..=lines.len() as u32 + 1 {
+                prop_assert!(operations.iter().filter(|operation| operation.span.line == line).count() <= 510);
+            }
+        }
+    }
+
     #[test]
     fn any_bytes(source in prop::collection::vec(any::<u8>(), 0..2_000)) {
         for settings in [lathe(), mill()] {
@@ -192,7 +276,7 @@ proptest! {
     }
 
     #[test]
-    fn any_words(source in "([GMXYZUWIJKRFSTPAN/%(;#\n .+-][0-9]{0,3}[. \n]?){0,200}") {
+    fn any_words(source in "([GMXYZUWIJKRFSTPAQDEHLN/%(;#\n .+-][0-9]{0,3}[. \n]?){0,200}") {
         for settings in [lathe(), mill()] {
             render(&source, &settings);
             assert_finite(&interpret(source.as_bytes(), settings).0);

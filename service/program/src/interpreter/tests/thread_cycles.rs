@@ -1,5 +1,7 @@
 //! Threading cycles `G92` and `G76`, pass by pass, against numbers computed by hand from the formulas of the manuals.
 
+use proptest::prelude::*;
+
 use super::*;
 use crate::{DecimalPointRule, XWord};
 
@@ -355,4 +357,85 @@ fn spindles_and_modes_of_cycles() {
     assert_eq!(found[found.len() - 1], "! 6:1+7 PRG-FEED-MISSING");
     assert!(found.contains(&"rapid X10 Z5 -> X15 Z5".to_owned()), "{found:?}");
     assert!(found.contains(&"thread X9 Z5 -> X9 Z-5 @2".to_owned()), "{found:?}");
+}
+
+/// Rapids and passes of a cycle meet, and a pass is never deeper than the one after it or than the root.
+fn assert_feeds_in(operations: &[Operation], root: f64, outwards: f64) {
+    let mut at: Option<Position> = None;
+    let mut last = f64::INFINITY;
+    for operation in operations {
+        let (start, end) = match &operation.kind {
+            OperationKind::Move(step) => (step.start, step.end),
+            OperationKind::Thread(step) => {
+                let above = outwards * (step.end[0] - root);
+                assert!(above >= -1e-9 && above <= last + 1e-9, "{above} after {last}: {step:?}");
+                last = above;
+                let mut end = step.end;
+                end[0] += step.pull_out.map_or(0.0, |pull_out| pull_out.retreat_mm);
+                (step.start, end)
+            }
+            _ => continue,
+        };
+        assert!(at.is_none_or(|at| at == start), "{operation:?} starts elsewhere than {at:?}");
+        at = Some(end);
+    }
+    assert!(last.abs() < 1e-9, "the last pass reaches the root: {last}");
+}
+
+proptest! {
+    #[test]
+    fn passes_of_fanuc_feed_in_to_the_root(
+        (height, share, least, allowance) in (0.1..3.0_f64, 0.1..1.5_f64, 0.0..0.2_f64, 0.0..0.09_f64),
+        (finishing, chamfer, angle) in (1..9_u32, 0..30_u32, prop::sample::select(vec![80, 60, 55, 30, 29, 0])),
+        (pattern, taper, bore) in (0..5_u32, -0.4..0.4_f64, any::<bool>()),
+    ) {
+        // The diameter at the root, and a start clear of crest and taper.
+        let outwards = if bore { -1.0 } else { 1.0 };
+        let root = 20.0;
+        let start = 2.0 * (root + outwards * (height + 0.5));
+        let first = height * share;
+        let body = match pattern {
+            0 => format!("R{taper:.4} P{height:.4} Q{first:.4}"),
+            _ => format!("I{taper:.4} K{height:.4} D{first:.4} A{angle} P{pattern}"),
+        };
+        let program = format!(
+            "M3 S500\nG0 X{start:.4} Z10.\nG76 P{finishing:02}{chamfer:02}{angle:02} Q{least:.4} R{allowance:.4}\n\
+             G76 X40. Z-30. {body} F1.5\nM30"
+        );
+        let (operations, findings) = interpret(program.as_bytes(), lathe());
+        prop_assert!(!findings.has_errors(), "{program}: {findings:?}");
+        assert_feeds_in(&operations, root, outwards);
+        let threads = operations.iter().filter_map(|operation| match &operation.kind {
+            OperationKind::Thread(step) => Some(step.amplitude_mm == Some(0.0)),
+            _ => None,
+        });
+        let still = threads.collect::<Vec<_>>();
+        prop_assert!(still.len() <= 100);
+        prop_assert_eq!(still.iter().filter(|still| **still).count(), finishing as usize);
+    }
+
+    #[test]
+    fn passes_of_linuxcnc_feed_in_to_the_root(
+        (height, share, degression, slide) in (0.1..3.0_f64, 0.1..1.5_f64, 1.0..2.0_f64, -30.0..30.0_f64),
+        (springs, ends, taper, bore) in (0..9_u32, 0..4_u32, 0.1..5.0_f64, any::<bool>()),
+    ) {
+        let radius = LanguageSettings { x_word: XWord::Radius, ..lathe() };
+        let inwards = if bore { 1.0 } else { -1.0 };
+        let first = height * share;
+        let program = format!(
+            "M3 S500\nG0 X20. Z10.\nG76 P1.5 Z-30. I{:.4} J{first:.4} K{height:.4} R{degression:.4} Q{slide:.4} \
+             H{springs} E{taper:.4} L{ends}\nM30",
+            inwards * 0.5
+        );
+        let (operations, findings) = interpret(program.as_bytes(), radius);
+        prop_assert!(!findings.has_errors(), "{program}: {findings:?}");
+        // To the four decimals written.
+        let written: f64 = format!("{height:.4}").parse().unwrap();
+        assert_feeds_in(&operations, 20.0 + inwards * (0.5 + written), -inwards);
+        let last = operations.iter().rev().find_map(|operation| match &operation.kind {
+            OperationKind::Move(step) => Some(step.end),
+            _ => None,
+        });
+        prop_assert_eq!(last.map(|end| [end[0], end[2]]), Some([20.0, -30.0]));
+    }
 }

@@ -257,3 +257,37 @@ fn vibration_in_threads_is_switched_by_p() {
          ! 4:1+4 PRG-UNKNOWN-CODE",
     );
 }
+
+#[test]
+fn threads_and_tool_centre_point_control_exclude_each_other() {
+    check(
+        &mill(),
+        "M3 S100\nG33 Z-5. K1.\nG43.4 H1\nZ-6. K1.\nG49\nG33 Z-7. K1.\nG0 X0 Y0 Z0\nG33 Z-8. K1.",
+        "spindle cw 100
+         thread 0 -> Z-5 @1
+         guided axes H0 rapid -> 0
+         thread 0 -> Z-8 @1
+         ! 4:1+8 PRG-TOOL-CONTROL-BLOCK
+         ! 6:1+12 PRG-TOOL-CONTROL-HELD",
+    );
+}
+
+/// An interpreter that is restored within a thread knows its lead, its cycle and what a first line has set.
+#[test]
+fn threads_go_on_in_a_restored_interpreter() {
+    let program =
+        "M3 S100 G0 X20. Z5.\nG76 P021060 Q50 R.05\nG92 X18. Z-20. R-.5 F2.\nX17.\nG76 X16. Z-20. P900 Q300\nM30\n";
+    let (expected, _) = interpret(program.as_bytes(), lathe());
+    let mut interpreter = Interpreter::new(lathe());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    let mut rest = program.as_bytes();
+    while let LineOutcome::Consumed(length) = interpreter.read_line(rest, true, &mut operations, &mut findings) {
+        rest = &rest[length..];
+        let stored = postcard::to_allocvec(interpreter.state()).expect("a state can be stored");
+        let state = postcard::from_bytes(&stored).expect("and read back");
+        interpreter = Interpreter::restore(lathe(), state);
+    }
+    assert!(findings.findings().is_empty(), "{findings:?}");
+    assert_eq!(operations, expected);
+    assert!(expected.iter().filter(|operation| matches!(operation.kind, OperationKind::Thread(_))).count() > 5);
+}
