@@ -51,7 +51,8 @@ pub enum Grouping {
 pub enum Length {
     /// This many seconds.
     Seconds(f64),
-    /// Until each angular point was passed this often (k); needs the grouping by angle.
+    /// Until each angular point was passed this often (k) and there are [`Quality::min_valid_samples`]; needs the grouping by
+    /// angle.
     Series(u32),
 }
 

@@ -2,7 +2,7 @@
 
 mod pockets;
 
-pub use pockets::{Pocket, PocketRequest};
+pub use pockets::{ChartLimit, ChartPoint, Pocket, PocketRequest};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use thiserror::Error;

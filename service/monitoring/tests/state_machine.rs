@@ -139,6 +139,19 @@ fn windows_by_series_end_with_the_third_pass() {
 }
 
 #[test]
+fn series_too_short_to_decide_on_go_on_until_there_are_enough_samples() {
+    let mut config = config();
+    config.window = Length::Series(3);
+    (config.quality.min_valid_samples, config.quality.stuck_samples) = (390, 100);
+    let mut monitor = monitor(config);
+    let decisions = run(&mut monitor, &cutting([0.005, 0.0], 1));
+    // Three revolutions are 300 samples.
+    assert!(decisions[0].span.valid == 390 && decisions[0].outcome.reason == Reason::ToolFit, "{:?}", decisions[0]);
+    assert_eq!(decisions.len(), 3);
+    assert!(decisions[1..].iter().all(|decision| decision.span.valid == 390));
+}
+
+#[test]
 fn points_in_time_need_no_angle() {
     let mut config = config();
     config.grouping = Grouping::Time { samples_per_point: 10 };

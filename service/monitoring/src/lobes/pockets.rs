@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 const SPEEDS_PER_BAND: usize = 400;
 /// Most bands.
 const MAX_BANDS: u32 = 256;
+/// Most speeds of a chart.
+const MAX_CHART_SPEEDS: f64 = 20_000.0;
 
 /// What the spindle table is to cover.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -35,34 +37,83 @@ pub struct Pocket {
     pub stable_mm: Option<f64>,
 }
 
+/// Where stability ends at one speed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ChartLimit {
+    /// Largest stable depth or width, mm, without margin.
+    pub limit_mm: f64,
+    /// Frequency at which it chatters above, Hz.
+    pub frequency_hz: f64,
+    /// Number of the lobe, from 0 at the highest speeds: whole waves between two edges.
+    pub lobe: u32,
+}
+
+/// One speed of the stability chart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ChartPoint {
+    /// Spindle speed, rev/min.
+    pub speed_rpm: f64,
+    /// Limit; `None` where nothing chatters.
+    pub limit: Option<ChartLimit>,
+}
+
 impl Lobes {
-    /// Largest stable depth or width at a speed, mm; infinite where nothing chatters.
-    fn limits_mm(&self, speeds_rpm: &[f64]) -> Result<Vec<f64>, LobeError> {
+    /// Looks at every limit that any lobe sets at rising speeds: index of the speed, limit in mm, chatter frequency, lobe.
+    fn scan(&self, speeds_rpm: &[f64], mut visit: impl FnMut(usize, f64, f64, u32)) -> Result<(), LobeError> {
         let lowest_rpm = speeds_rpm[0];
         // Beyond this lobe even the highest chatter frequency lies below the lowest speed.
         let last = (60.0 * self.max_hz / (self.edges * lowest_rpm)).ceil();
         if last > MAX_LOBES as f64 {
             return Err(LobeError::TooManyLobes { lowest_rpm, lobe: last as u32, limit: MAX_LOBES as u32 });
         }
-        let mut limits = vec![f64::INFINITY; speeds_rpm.len()];
         for branch in &self.branches {
             for lobe in 0..=last as u32 {
                 for pair in branch.windows(2) {
-                    let mut ends = [0, 1].map(|end| (self.speed_rpm(&pair[end], lobe), pair[end].limit_mm));
+                    let mut ends = [0, 1].map(|end| (self.speed_rpm(&pair[end], lobe), &pair[end]));
                     ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-                    let [(slow, slow_mm), (fast, fast_mm)] = ends;
-                    let first = speeds_rpm.partition_point(|&speed| speed < slow);
-                    for (speed, limit) in speeds_rpm[first..].iter().zip(&mut limits[first..]) {
-                        if *speed > fast {
+                    let [(slow_rpm, slow), (fast_rpm, fast)] = ends;
+                    let first = speeds_rpm.partition_point(|&speed| speed < slow_rpm);
+                    for (index, speed) in speeds_rpm.iter().enumerate().skip(first) {
+                        if *speed > fast_rpm {
                             break;
                         }
-                        let share = if fast > slow { (speed - slow) / (fast - slow) } else { 0.0 };
-                        *limit = limit.min(slow_mm + share * (fast_mm - slow_mm));
+                        let share = if fast_rpm > slow_rpm { (speed - slow_rpm) / (fast_rpm - slow_rpm) } else { 0.0 };
+                        let between = |slow: f64, fast: f64| slow + share * (fast - slow);
+                        let limit_mm = between(slow.limit_mm, fast.limit_mm);
+                        visit(index, limit_mm, between(slow.frequency_hz, fast.frequency_hz), lobe);
                     }
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Largest stable depth or width at rising speeds, mm; infinite where nothing chatters.
+    fn limits_mm(&self, speeds_rpm: &[f64]) -> Result<Vec<f64>, LobeError> {
+        let mut limits = vec![f64::INFINITY; speeds_rpm.len()];
+        self.scan(speeds_rpm, |index, limit_mm, _, _| limits[index] = limits[index].min(limit_mm))?;
         Ok(limits)
+    }
+
+    /// The stability chart: at evenly spaced speeds from the lowest to the highest the limit with its lobe, and how the tool
+    /// chatters above it. Both panels of the usual picture are in it, depth and chatter frequency over speed.
+    ///
+    /// # Errors
+    /// [`LobeError`] for an impossible range or number of speeds (2 to 20 000).
+    pub fn chart(&self, lowest_rpm: f64, highest_rpm: f64, speeds: u32) -> Result<Vec<ChartPoint>, LobeError> {
+        within("lowest_rpm", lowest_rpm, 1.0, 1e6)?;
+        within("highest_rpm", highest_rpm, lowest_rpm * 1.001, 1e6)?;
+        within("speeds", f64::from(speeds), 2.0, MAX_CHART_SPEEDS)?;
+        let step = (highest_rpm - lowest_rpm) / f64::from(speeds - 1);
+        let speeds_rpm: Vec<f64> = (0..speeds).map(|index| lowest_rpm + step * f64::from(index)).collect();
+        let mut chart: Vec<_> = speeds_rpm.iter().map(|&speed_rpm| ChartPoint { speed_rpm, limit: None }).collect();
+        self.scan(&speeds_rpm, |index, limit_mm, frequency_hz, lobe| {
+            let limit = &mut chart[index].limit;
+            if limit.is_none_or(|least| limit_mm < least.limit_mm) {
+                *limit = Some(ChartLimit { limit_mm, frequency_hz, lobe });
+            }
+        })?;
+        Ok(chart)
     }
 
     /// Largest stable depth or width at one speed, mm; `None` where nothing chatters.

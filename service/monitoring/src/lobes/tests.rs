@@ -155,3 +155,22 @@ fn a_pocket_at_the_end_of_the_range_keeps_away_from_it() {
     let refused = lobes.pockets(&none);
     assert!(matches!(refused, Err(LobeError::BandTooNarrow { up_to_rpm: 8100.0, .. })), "{refused:?}");
 }
+
+#[test]
+fn the_chart_is_the_limit_with_its_lobe_and_chatter_frequency() {
+    let lobes = milling().lobes().unwrap();
+    let chart = lobes.chart(2000.0, 12_000.0, 501).unwrap();
+    assert_eq!((chart.len(), chart[0].speed_rpm, chart[500].speed_rpm), (501, 2000.0, 12_000.0));
+    for point in &chart {
+        let limit = point.limit.unwrap();
+        assert_eq!(Some(limit.limit_mm), lobes.limit_mm(point.speed_rpm).unwrap());
+        // Between two edges lie k whole waves and a part of one.
+        let waves = limit.frequency_hz * 60.0 / (4.0 * point.speed_rpm);
+        assert!((f64::from(limit.lobe)..f64::from(limit.lobe) + 1.0).contains(&waves), "{point:?}: {waves}");
+        assert!((550.0..1000.0).contains(&limit.frequency_hz), "{point:?}");
+    }
+    let lobe = |index: usize| chart[index].limit.unwrap().lobe;
+    assert!(lobe(500) == 0 && lobe(0) >= 4 && (1..501).all(|index| lobe(index) <= lobe(index - 1) + 1));
+    assert!(matches!(lobes.chart(2000.0, 12_000.0, 1), Err(LobeError::Value { field: "speeds", .. })));
+    assert!(matches!(lobes.chart(2000.0, f64::NAN, 9), Err(LobeError::Value { field: "highest_rpm", .. })));
+}

@@ -28,8 +28,9 @@ pub(super) struct Window {
 /// When a window is over.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct End {
-    /// By its points, before the time is up.
+    /// By its points, before the time is up, with this many valid samples.
     by_points: bool,
+    valid_samples: u64,
     after_ns: u64,
     after_samples: u64,
 }
@@ -62,6 +63,7 @@ impl Window {
         self.elapsed_ns = 0;
         self.end = End {
             by_points,
+            valid_samples: u64::from(config.quality.min_valid_samples),
             after_ns: (seconds * 1e9).round() as u64,
             after_samples: (seconds * config.sample_rate_hz * DENSITY_LIMIT).ceil() as u64 + 2,
         };
@@ -107,11 +109,12 @@ impl Window {
     /// Whether the window is over; one that never completes is given up.
     #[inline]
     pub fn is_over(&mut self) -> bool {
-        if self.end.by_points && self.points.complete() {
+        // At high speed the series are complete before there are enough samples to decide on: more of them are taken.
+        if self.end.by_points && self.points.complete() && self.span.valid >= self.end.valid_samples {
             return true;
         }
         if self.elapsed_ns >= self.end.after_ns {
-            if self.end.by_points {
+            if self.end.by_points && !self.points.complete() {
                 self.invalidate(HoldReason::PointsMissing);
             }
             return true;

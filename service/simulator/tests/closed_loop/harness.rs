@@ -11,7 +11,7 @@ use std::sync::Arc;
 const AHEAD: usize = 20;
 
 /// One slot of 120 mm along X at 20 mm/s and 3000 rev/min; line 3 cuts.
-pub const SLOT: &str = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X130 F1200\nM30\n";
+pub const SLOT: &str = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X130 F1200\nG0 X140\nM30\n";
 pub const SLOT_RPM: f64 = 3000.0;
 
 pub fn line(line: u32, depth_mm: f64) -> Vec<Contact> {

@@ -3,4 +3,5 @@
 mod faults;
 mod feed;
 mod harness;
+mod sensors;
 mod spindle;

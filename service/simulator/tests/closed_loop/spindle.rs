@@ -81,8 +81,6 @@ fn a_speed_that_chatters_is_left_for_the_pocket_of_the_lobes_and_the_chip_stays(
     description.contacts = line(3, depth_mm);
     let mut config = with_spectrum(judging());
     config.rules.property = Property::VibrationAmplitude;
-    // Three series are 480 samples.
-    config.quality.min_valid_samples = 400;
     (config.rules.feed.lower, config.rules.feed.upper) = (0.0, 0.005);
     config.rules.spindle = SpindleRule::Milling { limit: 0.005, table: SpindleTable::from_pockets(&pockets) };
     let live = run(FAST, 7500.0, description, config);
