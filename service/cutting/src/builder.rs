@@ -291,7 +291,12 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
-        let Some(guide) = &self.guide else { return findings.push(no_kinematics(span)) };
+        let Some(guide) = &self.guide else {
+            if self.state.guide.is_first_refusal(guided.length_offset) {
+                findings.push(no_kinematics(span));
+            }
+            return;
+        };
         let motion = match guide.carry_out(guided, span, &mut self.state.guide, config, findings) {
             Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
             Some(Guided::Elements(motion)) => motion,

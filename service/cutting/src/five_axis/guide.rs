@@ -30,6 +30,8 @@ pub(crate) struct GuideState {
     tool: Option<Tool>,
     /// The block before passed a pole, which was reported.
     near_pole: bool,
+    /// Number of the tool length with which guided moves were refused for want of data, which was reported.
+    refused: Option<u32>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,7 +58,12 @@ pub(crate) enum Guided {
 
 impl GuideState {
     pub(crate) const fn at(position: Position) -> Self {
-        Self { position, tool: None, near_pole: false }
+        Self { position, tool: None, near_pole: false, refused: None }
+    }
+
+    /// Whether a refusal for want of data is the first one with this tool length: the blocks after it say nothing new.
+    pub(crate) fn is_first_refusal(&mut self, length_offset: u32) -> bool {
+        self.refused.replace(length_offset) != Some(length_offset)
     }
 
     /// The axes have moved without being guided.
@@ -101,7 +108,15 @@ impl Guide {
             return None;
         }
         if state.tool.as_ref().is_none_or(|tool| !tool.is_for(guided)) {
-            let setup = self.setup(guided, span, config, findings)?;
+            let setup = match self.setup(guided, span, config) {
+                Ok(setup) => setup,
+                Err(finding) => {
+                    if state.is_first_refusal(guided.length_offset) {
+                        findings.push(*finding);
+                    }
+                    return None;
+                }
+            };
             let point = self.kinematics.point_at(&state.position, &setup);
             let (length_offset, work_offset) = (guided.length_offset, step.work_offset);
             state.tool = Some(Tool { length_offset, work_offset, setup, point });
@@ -176,23 +191,15 @@ impl Guide {
     }
 
     /// Work coordinates and tool length, or a finding.
-    fn setup(
-        &self,
-        guided: &GuidedMove,
-        span: SourceSpan,
-        config: &PipelineConfig,
-        findings: &mut FindingLog,
-    ) -> Option<Setup> {
+    fn setup(&self, guided: &GuidedMove, span: SourceSpan, config: &PipelineConfig) -> Result<Setup, Box<Finding>> {
         let number = guided.length_offset;
         let length_mm = config.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm);
         let Some(length_mm) = length_mm else {
             let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
-            findings.push(
-                Finding::error("TOOL-LENGTH", span, message)
-                    .with_value("length_offset", f64::from(number), "")
-                    .suggest("give the tool its length, and the job the tool"),
-            );
-            return None;
+            let finding = Finding::error("TOOL-LENGTH", span, message)
+                .with_value("length_offset", f64::from(number), "")
+                .suggest("give the tool its length, and the job the tool");
+            return Err(Box::new(finding));
         };
         let (_, rotary) = self.kinematics.letters();
         let offset = &guided.step.work_offset;
@@ -202,16 +209,14 @@ impl Guide {
                 "the work offset turns {letter} by {value} degrees: work coordinates that are turned against the machine \
                  are not supported under tool centre point control"
             );
-            findings.push(
-                Finding::error("FIVE-AXIS-OFFSET", span, message)
-                    .with_value("offset", value, "deg")
-                    .suggest("set the rotary axes of the work offset to zero"),
-            );
-            return None;
+            let finding = Finding::error("FIVE-AXIS-OFFSET", span, message)
+                .with_value("offset", value, "deg")
+                .suggest("set the rotary axes of the work offset to zero");
+            return Err(Box::new(finding));
         }
         let linear_mm = self.kinematics.letters().0.map(|axis| offset[axis.index()]);
         let origin = self.kinematics.gauge_point_at(&JointValues { linear_mm, rotary_rad: [0.0; 2] });
-        Some(Setup::new(origin, length_mm))
+        Ok(Setup::new(origin, length_mm))
     }
 
     /// Names the block in which the first rotary axis turns because the tool is parallel to it, or nearly so.

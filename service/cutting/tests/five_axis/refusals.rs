@@ -33,7 +33,8 @@ fn missing_data() {
     assert_eq!((finding.code.as_ref(), value(&finding, "length_offset")), ("TOOL-LENGTH", 7.0));
     let mut no_length = config();
     no_length.tools[0].length_mm = None;
-    assert_eq!(refusal("G43.4 H1 G0 Z100", &no_length).code, "TOOL-LENGTH");
+    // Once, not in every block.
+    assert_eq!(refusal("G43.4 H1 G0 Z100\nZ90\nZ80", &no_length).code, "TOOL-LENGTH");
     let mut turned = config();
     turned.profile.language.work_offsets[0][5] = 12.5;
     let finding = refusal("G43.4 H1 G0 Z100", &turned);

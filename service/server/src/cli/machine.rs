@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use feedwave_cutting::{
-    DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig,
+    DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig, Tool,
 };
 use figment::Figment;
 use figment::providers::{Format as _, Serialized, Toml};
@@ -29,6 +29,20 @@ pub(super) struct MachineArgs {
     /// How vibration along the path is generated [default: what the profile says, or along-path]
     #[arg(long, value_enum, value_name = "MODE")]
     mode: Option<Mode>,
+    /// A tool and its length from the gauge point, such as 1=120.5; may be repeated. H of G43.4 and G43.5 means these
+    /// lengths, and with any of them other tools are unknown
+    #[arg(long = "tool", value_name = "NUMBER=MM", value_parser = tool)]
+    tools: Vec<Tool>,
+}
+
+/// A tool with its length, as the command line writes it.
+fn tool(text: &str) -> Result<Tool, String> {
+    let (number, length) = text.split_once('=').ok_or("write it as NUMBER=MM, such as 1=120.5")?;
+    let number = number.trim().parse::<u32>().ok().filter(|number| (1..=9_999).contains(number));
+    let number = number.ok_or("the number must be 1 to 9999")?;
+    let length_mm = length.trim().parse::<f64>().ok().filter(|length| length.is_finite() && *length > 0.0);
+    let length_mm = Some(length_mm.ok_or("the length must be a positive number of millimetres")?);
+    Ok(Tool { number, name: String::new(), max_rev_per_min: None, length_mm })
 }
 
 /// A generic machine.
@@ -71,6 +85,7 @@ impl MachineArgs {
         let mut config = PipelineConfig::new(profile);
         config.interpolation_period_us = self.period_us;
         config.frame = frame;
+        config.tools.clone_from(&self.tools);
         if let Some(mode) = self.mode {
             config.generation_mode = mode.into();
         }
@@ -136,6 +151,15 @@ mod tests {
         let path = directory.path().join(name);
         std::fs::write(&path, text).unwrap();
         read_profile(&path, None).map_err(|error| error.message.replace(&path.display().to_string(), name))
+    }
+
+    #[test]
+    fn tools_are_numbers_with_lengths() {
+        let one = tool("1=120.5").unwrap();
+        assert_eq!((one.number, one.length_mm), (1, Some(120.5)));
+        for wrong in ["1", "=5", "0=5", "10000=5", "1=", "1=0", "1=-2", "1=nan", "x=1"] {
+            assert!(tool(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]
