@@ -1,6 +1,7 @@
 //! The service through its own ports: real clients, real connections on free ports, a real database file for
 //! each test.
 
+mod five_axis;
 mod jobs;
 mod operation;
 mod setpoints;
