@@ -28,8 +28,8 @@ pub use five_axis::{DroppedRun, ProgramThinning};
 pub use following::{FollowingModel, FollowingReport};
 pub use path_vibration::*;
 pub use pipeline::{
-    DEFAULT_PERIOD_US, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, Pipeline, PipelineConfig,
-    SnapshotError, Step, Tool,
+    AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
+    Pipeline, PipelineConfig, SnapshotError, Step, Tool,
 };
 pub use profile::{
     MAX_AMPLITUDE_MM, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS,

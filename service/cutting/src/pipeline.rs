@@ -62,6 +62,9 @@ pub const DEFAULT_PERIOD_US: u32 = 1_000;
 /// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
 pub const MAX_SETPOINTS: u64 = 1 << 32;
 
+/// Highest ratio of the feed override.
+pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
+
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
 const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
@@ -114,6 +117,22 @@ pub enum Step {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the snapshot cannot be read: {0}")]
 pub struct SnapshotError(String);
+
+/// A change of the feed override that cannot be appended; nothing changes.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AppendError {
+    /// What lies before was handed out already, or is governed by a change appended before.
+    #[error("setpoint {index} lies before {earliest}, the earliest at which the feed override can change")]
+    TooEarly {
+        /// Index of the change.
+        index: u64,
+        /// See [`Pipeline::earliest_override`].
+        earliest: u64,
+    },
+    /// Not a number from 0 to [`MAX_OVERRIDE_RATIO`].
+    #[error("a feed override of {0} is not between 0 and {MAX_OVERRIDE_RATIO}")]
+    Ratio(f64),
+}
 
 /// A running pipeline. Its memory does not grow with the program.
 #[derive(Clone, Debug)]
@@ -368,6 +387,33 @@ impl Pipeline {
         Step::Block
     }
 
+    /// Index of the earliest setpoint at which a change of the feed override can still be appended; call between blocks.
+    #[must_use]
+    pub fn earliest_override(&self) -> u64 {
+        let after_last = self.config.overrides.last().map_or(0, |last| last.index + 1);
+        self.next_index().max(after_last)
+    }
+
+    /// Adds a change of the feed override while the pipeline runs; call between blocks. What follows is, to the last bit,
+    /// what a pipeline would give that had the change in its configuration from the start.
+    ///
+    /// # Errors
+    /// [`AppendError`] for a change before [`Pipeline::earliest_override`] or an impossible ratio.
+    pub fn append_override(&mut self, change: OverrideChange) -> Result<(), AppendError> {
+        let OverrideChange { index, ratio } = change;
+        if !(0.0..=MAX_OVERRIDE_RATIO).contains(&ratio) {
+            return Err(AppendError::Ratio(ratio));
+        }
+        let earliest = self.earliest_override();
+        if index < earliest {
+            return Err(AppendError::TooEarly { index, earliest });
+        }
+        Arc::make_mut(&mut self.config).overrides.push(change);
+        self.interpolator.end_feed_hold_at(index);
+        self.interpolator.pause_at(self.interpolator.pause().into_iter().chain([index]).min());
+        Ok(())
+    }
+
     /// Takes up the change of the feed override that is due.
     fn change_override(&mut self) {
         let next = self.interpolator.next_index();
@@ -400,7 +446,8 @@ impl Pipeline {
             return self.interpolator.knows_path();
         }
         let next = self.interpolator.next_index();
-        self.interpolator.hold_feed(self.next_override().unwrap_or(next + BLOCK_LENGTH as u64).max(next));
+        // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.
+        self.interpolator.hold_feed(self.next_override().unwrap_or(MAX_SETPOINTS + 1).max(next));
         true
     }
 

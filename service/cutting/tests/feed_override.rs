@@ -5,7 +5,7 @@ mod common;
 use std::sync::Arc;
 
 use common::{Setpoints, run};
-use feedwave_cutting::{MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step};
+use feedwave_cutting::{AppendError, MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step};
 use proptest::prelude::*;
 
 /// Lines with corners, a tangent arc, short blocks, a change of feed, a dwell.
@@ -146,8 +146,82 @@ fn a_stream_with_overrides_resumes_bit_for_bit() {
     }
 }
 
+/// Runs a program and appends each change as late as can be: when everything before it was handed out.
+fn run_appending(program: &str, config: &PipelineConfig, overrides: &[(u64, f64)], most: usize) -> Setpoints {
+    let mut pipeline = Pipeline::new(Arc::new(PipelineConfig { overrides: Vec::new(), ..config.clone() }));
+    let mut block = pipeline.new_block();
+    let mut setpoints = Setpoints::default();
+    pipeline.push(program.as_bytes());
+    pipeline.finish_input();
+    let mut overrides = overrides.iter().peekable();
+    loop {
+        let next = pipeline.next_index();
+        while let Some(&(index, ratio)) = overrides.next_if(|change| change.0 <= next) {
+            pipeline.append_override(OverrideChange { index, ratio }).unwrap();
+        }
+        let before_next = overrides.peek().map_or(most, |change| most.min((change.0 - next) as usize));
+        match pipeline.next_setpoints(&mut block, before_next) {
+            Step::Block => setpoints.append(&block),
+            Step::Finished => return setpoints,
+            other => panic!("{other:?}: {:?}", pipeline.findings()),
+        }
+    }
+}
+
+fn assert_same_bits(left: &Setpoints, right: &Setpoints) {
+    assert_eq!(left.len(), right.len());
+    for k in 0..left.len() {
+        assert_eq!(left.bits(k), right.bits(k), "setpoint {k}");
+    }
+}
+
+#[test]
+fn a_change_before_what_was_handed_out_is_refused() {
+    let mut pipeline = Pipeline::new(Arc::new(config(&[(5, 0.5)])));
+    let mut block = pipeline.new_block();
+    pipeline.push(PART.as_bytes());
+    assert_eq!(pipeline.earliest_override(), 6, "setpoint 5 has its change");
+    assert_eq!(pipeline.next_setpoints(&mut block, 5), Step::Block);
+    while pipeline.next_index() < 100 {
+        pipeline.next_setpoints(&mut block, 100 - pipeline.next_index() as usize);
+    }
+    let append = |pipeline: &mut Pipeline, index, ratio| pipeline.append_override(OverrideChange { index, ratio });
+    assert_eq!(append(&mut pipeline, 99, 1.0), Err(AppendError::TooEarly { index: 99, earliest: 100 }));
+    for ratio in [-0.1, 2.1, f64::INFINITY] {
+        assert_eq!(append(&mut pipeline, 100, ratio), Err(AppendError::Ratio(ratio)));
+    }
+    assert!(matches!(append(&mut pipeline, 100, f64::NAN), Err(AppendError::Ratio(_))));
+    assert_eq!(append(&mut pipeline, 120, 1.0), Ok(()));
+    assert_eq!(append(&mut pipeline, 120, 1.2), Err(AppendError::TooEarly { index: 120, earliest: 121 }));
+}
+
+/// Turning with a vibrating section and a dwell while the spindle turns.
+const VIBRATING: &str = "G21 G97 S1000 M3\nG0 X6. Z10.\nG4 P100\nG200 F41.667 A0.03\nG1 X10. Z11. F0.05\n\
+G2 X11. Z11.5 R4.\nG201\nG4 P50\nG1 Z12. F0.1\nM30\n";
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn appended_changes_give_the_bits_of_configured_ones(
+        steps in prop::collection::vec((1..900_u64, prop_oneof![2 => 0.0..2.0_f64, 2 => Just(0.0), 1 => Just(1.0)]), 1..10),
+        last in 0.3..2.0_f64,
+        most in prop_oneof![Just(1_024_usize), 1..300_usize],
+        vibrating: bool,
+    ) {
+        let mut index = 0;
+        let mut overrides: Vec<(u64, f64)> = Vec::new();
+        for (step, ratio) in steps {
+            index += step;
+            overrides.push((index, ratio));
+        }
+        overrides.push((index + 2_500, last));
+        let (program, profile) =
+            if vibrating { (VIBRATING, MachineProfile::lathe()) } else { (PART, MachineProfile::mill()) };
+        let changes = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
+        let configured = PipelineConfig { overrides: changes, ..PipelineConfig::new(profile) };
+        assert_same_bits(&run_appending(program, &configured, &overrides, most), &run(program, &configured));
+    }
 
     #[test]
     fn any_sequence_of_overrides_keeps_path_and_limits(

@@ -17,6 +17,11 @@ impl Interpolator {
         self.state.pause = index;
     }
 
+    /// See [`Interpolator::pause_at`].
+    pub(crate) fn pause(&self) -> Option<u64> {
+        self.state.pause
+    }
+
     /// Changes the feed override at the instant of the next setpoint, where [`Interpolator::fill`] has paused. Where the
     /// path brakes too hard to be planned anew, it is run as it is, and the answer is the index at which to try again.
     pub(crate) fn change_override(&mut self, planner: &mut Planner<Barrier>, ratio: f64) -> Option<u64> {
@@ -51,9 +56,29 @@ impl Interpolator {
             Some(motion) => ActivityKind::FeedHold { s: motion.stretches.last().map_or(0.0, |last| last.stretch.end) },
             None => ActivityKind::Hold { line: self.state.rest.line },
         };
-        let duration_s = (until - self.state.clock.period) as f64 * self.settings.period_s - self.state.clock.lead_s;
-        self.hold(kind, duration_s.max(0.0), After::Continue);
+        self.hold(kind, self.duration_until_s(until), After::Continue);
+        self.end_activity_at(until);
+    }
+
+    /// Ends the feed hold under way, where there is one, at the setpoint with the index `until` if it would last longer.
+    pub(crate) fn end_feed_hold_at(&mut self, until: u64) {
+        let Some(activity) = self.state.activity else { return };
+        // Of all rests only a feed hold goes on with what it interrupted.
+        let is_feed_hold = self.state.after == After::Continue
+            && matches!(activity.kind, ActivityKind::Hold { .. } | ActivityKind::FeedHold { .. });
+        if is_feed_hold && activity.last > until {
+            self.end_activity_at(until);
+        }
+    }
+
+    fn duration_until_s(&self, until: u64) -> f64 {
+        ((until - self.state.clock.period) as f64 * self.settings.period_s - self.state.clock.lead_s).max(0.0)
+    }
+
+    fn end_activity_at(&mut self, until: u64) {
+        let duration_s = self.duration_until_s(until);
         if let Some(activity) = &mut self.state.activity {
+            activity.duration_s = duration_s;
             activity.end.period = until;
             activity.end.lead_s = 0.0;
             activity.last = until;
