@@ -8,6 +8,7 @@ mod jobs;
 mod machines;
 mod mask;
 mod programs;
+mod runs;
 mod setpoints;
 mod telemetry;
 mod threads;
@@ -18,7 +19,9 @@ use std::sync::Arc;
 use feedwave_store::{Machines as _, PageRequest, Store, StoreError};
 use tonic::{Request, Response, Status};
 
+pub(crate) use decisions::decision_from_record;
 pub(crate) use jobs::state_to_proto;
+pub(crate) use telemetry::run_state_to_proto;
 
 use crate::config::Limits;
 use crate::engine::Engine;

@@ -5,6 +5,7 @@
 mod active;
 mod columns;
 mod expand;
+mod live;
 mod session;
 mod source;
 mod stream;
@@ -24,6 +25,8 @@ use uuid::Uuid;
 pub use active::{ActiveJobs, JobGuard};
 pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
 pub use expand::Expander;
+pub use live::LiveRun;
+pub(crate) use live::{LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 pub(crate) use session::name_decision;
 pub use session::{MAX_BATCH_EVENTS, MAX_BATCH_SAMPLES};
 pub(crate) use stream::beyond_end;

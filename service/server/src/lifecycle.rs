@@ -35,6 +35,7 @@ use crate::observability::rpc::RpcLayer;
 use crate::proto::DESCRIPTOR_SET;
 use crate::proto::jobs_server::JobsServer;
 use crate::proto::machines_server::MachinesServer;
+use crate::proto::runs_server::RunsServer;
 use crate::proto::setpoints_server::SetpointsServer;
 use crate::proto::telemetry_server::TelemetryServer;
 use crate::proto::threads_server::ThreadsServer;
@@ -44,10 +45,11 @@ use crate::proto::tools_server::ToolsServer;
 const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
 
 /// Names of the services, for health.
-const SERVICES: [&str; 7] = [
+const SERVICES: [&str; 8] = [
     "",
     JobsServer::<Api>::NAME,
     SetpointsServer::<Api>::NAME,
+    RunsServer::<Api>::NAME,
     ThreadsServer::<Api>::NAME,
     TelemetryServer::<Api>::NAME,
     MachinesServer::<Api>::NAME,
@@ -284,6 +286,7 @@ fn routes(api: &Api, config: &Config, health: &HealthReporter) -> Result<Routes,
     )
     .add_service(SetpointsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(ThreadsServer::new(api.clone()).max_decoding_message_size(message_bytes))
+    .add_service(RunsServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(TelemetryServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(MachinesServer::new(api.clone()).max_decoding_message_size(message_bytes))
     .add_service(ToolsServer::new(api.clone()).max_decoding_message_size(message_bytes))

@@ -1,7 +1,7 @@
 //! `feedwave.v1.Telemetry`.
 
 use feedwave_monitoring::{Monitor, MonitoringConfig};
-use feedwave_store::{AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunKind, Runs as _};
+use feedwave_store::{AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunKind, RunState, Runs as _};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
@@ -21,7 +21,8 @@ use crate::proto::telemetry_server::Telemetry;
 use crate::proto::{
     BatchGap, GetMonitoringRequest, GetMonitoringResponse, GetRunRequest, GetRunResponse, IngestRequest,
     IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest, ListDecisionsResponse, ListRunsRequest,
-    ListRunsResponse, Run, SetMonitoringRequest, SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
+    ListRunsResponse, Run, RunSettings, SetMonitoringRequest, SetMonitoringResponse, WatchDecisionsRequest,
+    WatchDecisionsResponse,
 };
 use crate::{json, names, proto};
 
@@ -34,13 +35,7 @@ fn run_to_proto(run: &RunRecord) -> Run {
             RunKind::Live => proto::RunKind::Live,
         }
         .into(),
-        state: match run.state {
-            feedwave_store::RunState::Open => proto::RunState::Open,
-            feedwave_store::RunState::Finished => proto::RunState::Finished,
-            feedwave_store::RunState::Stopped => proto::RunState::Stopped,
-            feedwave_store::RunState::Aborted => proto::RunState::Aborted,
-        }
-        .into(),
+        state: run_state_to_proto(run.state).into(),
         state_message: run.state_detail.clone(),
         create_time: Some(timestamp(run.created_us)),
         update_time: Some(timestamp(run.updated_us)),
@@ -49,10 +44,26 @@ fn run_to_proto(run: &RunRecord) -> Run {
     }
 }
 
-/// How the telemetry of a stored run is judged.
-fn stored_config(text: &str) -> Result<MonitoringConfig> {
+/// A state as the contract has it.
+#[must_use]
+pub(crate) const fn run_state_to_proto(state: RunState) -> proto::RunState {
+    match state {
+        RunState::Open => proto::RunState::Open,
+        RunState::Finished => proto::RunState::Finished,
+        RunState::Stopped => proto::RunState::Stopped,
+        RunState::Aborted => proto::RunState::Aborted,
+    }
+}
+
+/// What a stored run was made with.
+pub(super) fn run_settings(run: &RunRecord) -> Result<RunSettings> {
+    json::from_stored(run.settings.get())
+}
+
+/// How telemetry is judged, from a stored message.
+pub(super) fn config_from_message(message: &proto::MonitoringConfig) -> Result<MonitoringConfig> {
     let mut violations = Violations::default();
-    monitoring_from_proto(&mut violations, "config", &json::from_stored(text)?)
+    monitoring_from_proto(&mut violations, "config", message)
         .ok_or_else(|| Error::internal(format!("a stored configuration is refused: {:?}", violations.as_slice())))
 }
 
@@ -98,7 +109,7 @@ impl Api {
         let record = self.store.run(id).await?;
         let gaps = self.store.telemetry_gaps(id).await?;
         let gaps = gaps.iter().map(|gap| BatchGap { first: gap.first, last: gap.last }).collect();
-        let monitoring = Some(json::from_stored(record.settings.get())?);
+        let monitoring = run_settings(&record)?.monitoring;
         Ok(GetRunResponse { run: Some(Run { gaps, monitoring, ..run_to_proto(&record) }) })
     }
 
@@ -165,10 +176,12 @@ impl Api {
             let message = format!("{subject} is {state}, only a ready job can be run");
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
         }
-        let settings = self.store.monitoring(job).await?;
-        let monitor = Monitor::new(stored_config(settings.get())?)
+        let monitoring: proto::MonitoringConfig = json::from_stored(self.store.monitoring(job).await?.get())?;
+        let monitor = Monitor::new(config_from_message(&monitoring)?)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
+        let settings = RunSettings { monitoring: Some(monitoring), ..RunSettings::default() };
+        let settings = json::to_stored(&settings)?;
         Ok(self.store.create_run(NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor }).await?)
     }
 }

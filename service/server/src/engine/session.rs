@@ -6,7 +6,9 @@
 
 use std::time::{Duration, Instant};
 
-use feedwave_monitoring::{Batch, BatchError, Decision, Event, Monitor, Pair, Receipt, SnapshotError, State};
+use feedwave_monitoring::{
+    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Receipt, SnapshotError, State,
+};
 use feedwave_store::{AttachedRun, NewDecision, RunCommit, Runs as _, Store, TelemetryGap};
 use prost::Message as _;
 use uuid::Uuid;
@@ -73,7 +75,7 @@ struct Fresh {
 pub(super) struct Durable {
     /// Decisions, in order, as the client hears of them.
     pub(super) decisions: Vec<proto::Decision>,
-    /// What is acknowledged; `None` before the first batch.
+    /// What is acknowledged; `None` where nothing came.
     pub(super) ack: Option<proto::TelemetryAck>,
 }
 
@@ -101,6 +103,11 @@ impl Session {
             fresh: Fresh::default(),
             next_commit: now,
         })
+    }
+
+    /// Overrides decided last.
+    pub(super) fn overrides(&self) -> Overrides {
+        self.monitor.overrides()
     }
 
     /// Takes a batch in.
@@ -160,8 +167,7 @@ impl Session {
         self.note(Event::Clock(last_ns.saturating_add(self.silence().as_nanos() as u64)))
     }
 
-    /// Tells the monitor of something that the service itself did or found.
-    pub(super) fn note(&mut self, event: Event) -> Result<()> {
+    fn note(&mut self, event: Event) -> Result<()> {
         self.fresh.changed = true;
         let decisions = &mut self.fresh.decisions;
         self.monitor.note(event, &mut |decision| decisions.push(decision)).map_err(Error::internal)
@@ -180,14 +186,20 @@ impl Session {
         (self.fresh.changed || self.fresh.duplicates > 0).then_some(self.next_commit)
     }
 
+    /// When what can wait, wants to be committed next.
+    pub(super) const fn next_commit(&self) -> Instant {
+        self.next_commit
+    }
+
     /// Makes everything durable, together with what else happened in the run.
     ///
     /// # Errors
     /// Those of the store; [`Error::TakenUp`] when another connection goes on with the run.
     pub(super) async fn commit(&mut self, metrics: &Metrics, besides: RunCommit) -> Result<Durable> {
         let fresh = std::mem::take(&mut self.fresh);
-        let state = self.monitor.snapshot().map_err(Error::internal)?;
-        let interval = Duration::from_secs_f64(state.len() as f64 / STATE_BYTES_PER_S as f64);
+        let state = if fresh.changed { Some(self.monitor.snapshot().map_err(Error::internal)?) } else { None };
+        let bytes = state.as_ref().map_or(0, Vec::len);
+        let interval = Duration::from_secs_f64(bytes as f64 / STATE_BYTES_PER_S as f64);
         let mut decisions: Vec<proto::Decision> = fresh.decisions.iter().map(decision_to_proto).collect();
         let new = |(decision, message): (&Decision, &proto::Decision)| NewDecision {
             number: decision.number,
@@ -195,7 +207,7 @@ impl Session {
             body: message.encode_to_vec().into(),
         };
         let commit = RunCommit {
-            telemetry: fresh.changed.then(|| (self.monitor.newest_batch(), state.into())),
+            telemetry: state.map(|state| (self.monitor.newest_batch(), state.into())),
             decisions: fresh.decisions.iter().zip(&decisions).map(new).collect(),
             gaps: fresh.gaps.clone(),
             ..besides
@@ -206,7 +218,8 @@ impl Session {
             name_decision(message, &record);
             metrics.decisions.with_label_values(&[action_name(decision.outcome.action)]).inc();
         }
-        let ack = self.monitor.newest_batch().map(|durable_batch| proto::TelemetryAck {
+        let told = fresh.changed || fresh.duplicates > 0;
+        let ack = self.monitor.newest_batch().filter(|_| told).map(|durable_batch| proto::TelemetryAck {
             durable_batch,
             gaps: fresh.gaps.iter().map(|gap| proto::BatchGap { first: gap.first, last: gap.last }).collect(),
             duplicates: fresh.duplicates,

@@ -27,11 +27,11 @@ use crate::support::{TestServer, lathe_job, patiently, resting, told};
 const RATE_HZ: u64 = 1_000;
 const BATCH: u64 = 10;
 
-fn seconds(seconds: f64) -> Option<WindowLength> {
+pub fn seconds(seconds: f64) -> Option<WindowLength> {
     Some(WindowLength { length: Some(Length::Seconds(seconds)) })
 }
 
-fn config() -> MonitoringConfig {
+pub fn config() -> MonitoringConfig {
     MonitoringConfig {
         sample_rate_hz: Some(RATE_HZ as f64),
         tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Default::default() }),
@@ -56,7 +56,7 @@ fn config() -> MonitoringConfig {
 }
 
 /// Batch `sequence` of a machine that idles for ten batches and then cuts with this deflection.
-fn batch(sequence: u64, deflection_mm: f64) -> TelemetryBatch {
+pub fn batch(sequence: u64, deflection_mm: f64) -> TelemetryBatch {
     let samples = sequence * BATCH..(sequence + 1) * BATCH;
     let cutting = sequence >= 10;
     // No two values alike: a sensor that repeats itself is stuck.
@@ -134,7 +134,15 @@ impl Session {
 }
 
 async fn monitored(server: &TestServer, config: MonitoringConfig) -> (TelemetryClient<Channel>, Job) {
-    let job = server.ready(lathe_job(&resting(1))).await;
+    monitored_job(server, config, &resting(1)).await
+}
+
+pub async fn monitored_job(
+    server: &TestServer,
+    config: MonitoringConfig,
+    program: &str,
+) -> (TelemetryClient<Channel>, Job) {
+    let job = server.ready(lathe_job(program)).await;
     let mut client = TelemetryClient::new(server.channel.clone());
     let request = SetMonitoringRequest { job: job.name.clone(), config: Some(config) };
     client.set_monitoring(request).await.unwrap();

@@ -1,0 +1,278 @@
+//! `feedwave.v1.Runs`.
+
+use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, PipelineConfig};
+use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
+use feedwave_store::{AttachedRun, JobDetail, JobState, Jobs as _, NewRun, RunKind, Runs as _};
+use futures_util::{StreamExt as _, stream};
+use tonic::{Request, Response, Status, Streaming, async_trait};
+use uuid::Uuid;
+
+use super::guarded::{Guarded, deadline};
+use super::jobs::{ResponseStream, check_period_us, job_id};
+use super::telemetry::{config_from_message, run_settings};
+use super::{Api, answer};
+use crate::convert::{
+    enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto, overrides_to_proto,
+    state_to_proto as monitor_state_to_proto,
+};
+use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
+use crate::error::{Error, Result, Violations};
+use crate::proto::run_request::Message as RequestMessage;
+use crate::proto::run_response::Message;
+use crate::proto::run_start::Target;
+use crate::proto::runs_server::Runs;
+use crate::proto::{
+    ReplayRunRequest, ReplayRunResponse, RunRequest, RunResponse, RunSettings, RunStart, RunStarted, StreamHeader,
+    ValidationReport,
+};
+use crate::{json, names, proto};
+
+/// Configuration of the pipeline of a run.
+fn pipeline_config(detail: &JobDetail, settings: &RunSettings) -> Result<PipelineConfig> {
+    let own = engine::job_config(detail)?;
+    let period_us = match settings.interpolation_period_us {
+        0 => own.interpolation_period_us,
+        period_us => period_us,
+    };
+    Ok(PipelineConfig {
+        interpolation_period_us: period_us,
+        generation_mode: generation_mode_from_proto(settings.generation_mode()).unwrap_or(own.generation_mode),
+        frame: if settings.frame() == proto::Frame::Work { Frame::Work } else { Frame::Machine },
+        ..own
+    })
+}
+
+/// What a start asks for, as far as it can be judged without the job.
+struct CheckedStart<'a> {
+    target: &'a Target,
+    encoding: proto::Encoding,
+}
+
+fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
+    let mut violations = Violations::default();
+    let encoding = match enumeration(&mut violations, "start.encoding", start.encoding) {
+        Some(proto::Encoding::FixedPointDelta) => proto::Encoding::FixedPointDelta,
+        _ => proto::Encoding::PackedDouble,
+    };
+    match &start.target {
+        None => violations.add("start.target", "job or run must be set"),
+        Some(Target::Job(name)) => {
+            violations.check("start.job", names::parse_job(name));
+            if start.start_index != 0 {
+                violations.add("start.start_index", format!("must be 0 for a new run, is {}", start.start_index));
+            }
+            let settings = start.settings.clone().unwrap_or_default();
+            check_period_us(&mut violations, settings.interpolation_period_us, 0);
+            enumeration::<proto::GenerationMode>(
+                &mut violations,
+                "start.settings.generation_mode",
+                settings.generation_mode,
+            );
+            enumeration::<proto::Frame>(&mut violations, "start.settings.frame", settings.frame);
+        }
+        Some(Target::Run(name)) => {
+            violations.check("start.run", names::parse_run(name));
+            if start.settings.is_some() {
+                violations.add("start.settings", "must not be set for a run that is taken up: it keeps its own");
+            }
+        }
+    }
+    violations.finish()?;
+    let target = start.target.as_ref().ok_or_else(|| Error::internal("a start was neither accepted nor refused"))?;
+    Ok(CheckedStart { target, encoding })
+}
+
+impl Api {
+    async fn start_run(&self, request: Request<Streaming<RunRequest>>) -> Result<ResponseStream<RunResponse>> {
+        let deadline = deadline(request.metadata());
+        let mut messages = request.into_inner();
+        let start = first_message(&mut messages).await?;
+        let CheckedStart { target, encoding } = check_start(&start)?;
+        let job = match target {
+            Target::Job(name) => job_id("start.job", name)?,
+            Target::Run(name) => self.live_run(name).await?,
+        };
+        // Registered before the state is read, so that a cancellation in between is not missed.
+        let guard = self.engine.enter(job);
+        let cancelled = guard.token().clone();
+        let detail = self.store.job_detail(job).await?;
+        if detail.job.state != JobState::Ready {
+            let subject = names::job(job);
+            let message = format!("{subject} is {}, only a ready job can be run", detail.job.state);
+            return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
+        }
+        let attached = match target {
+            Target::Job(_) => self.begin_run(&detail, start.settings.unwrap_or_default()).await?,
+            Target::Run(name) => self.store.attach_run(run_id(name)?).await?,
+        };
+        let config = pipeline_config(&detail, &run_settings(&attached.run)?)?;
+        let mut violations = Violations::default();
+        let conditions = config.generation_mode == GenerationMode::ServoSide;
+        let columns = ColumnSet::select(&mut violations, &start.columns, &config.profile.machine, conditions, encoding);
+        violations.finish()?;
+        let started = started(&attached, &config, &columns, encoding, start.start_index)?;
+        let plan = LivePlan { config, columns, first_index: start.start_index, clock_ns: start.clock_ns };
+        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard)?;
+        tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
+        self.engine.spawn(take_in(messages, intake));
+        let started = stream::once(std::future::ready(Ok(started)));
+        let guarded = Guarded::new(started.chain(run), deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_with(&cancelled, Error::JobCancelled { job: names::job(job) });
+        Ok(Box::pin(guarded))
+    }
+
+    /// The job of a live run.
+    async fn live_run(&self, name: &str) -> Result<Uuid> {
+        let run = self.store.run(run_id(name)?).await?;
+        if run.kind != RunKind::Live {
+            let message = format!("{name} takes telemetry only and has no setpoints");
+            return Err(Error::Precondition { reason: "RUN_NOT_LIVE", subject: name.to_owned(), message });
+        }
+        Ok(run.job_id)
+    }
+
+    /// Creates a run whose setpoints can follow its decisions.
+    async fn begin_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<AttachedRun> {
+        let job = detail.job.id;
+        let monitoring = config_from_message(&json::from_stored(self.store.monitoring(job).await?.get())?)?;
+        self.check_monitoring(job, &monitoring).await?;
+        let config = pipeline_config(detail, &asked)?;
+        let settings = RunSettings {
+            interpolation_period_us: config.interpolation_period_us,
+            generation_mode: generation_mode_to_proto(config.generation_mode).into(),
+            frame: frame_to_proto(config.frame).into(),
+            monitoring: Some(monitoring_to_proto(&monitoring)),
+        };
+        let monitor = Monitor::new(monitoring)
+            .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
+        let monitor = monitor.snapshot().map_err(Error::internal)?.into();
+        let new = NewRun { job_id: job, kind: RunKind::Live, settings: json::to_stored(&settings)?, monitor };
+        Ok(self.store.create_run(new).await?)
+    }
+
+    /// Refuses monitoring whose decisions setpoints cannot follow.
+    async fn check_monitoring(&self, job: Uuid, monitoring: &MonitoringConfig) -> Result<()> {
+        let unfit = |message| {
+            let subject = format!("{}/monitoring", names::job(job));
+            Err(Error::Precondition { reason: "MONITORING_UNFIT", subject, message })
+        };
+        let upper = monitoring.rules.feed_bounds.upper;
+        if upper > MAX_OVERRIDE_RATIO {
+            return unfit(format!(
+                "rules.feed_bounds.upper is {upper}, setpoints follow a feed override up to {MAX_OVERRIDE_RATIO}: lower it"
+            ));
+        }
+        if monitoring.rules.spindle != SpindleRule::None {
+            let report: ValidationReport = json::from_stored(self.store.report(job).await?.report.get())?;
+            if !report.sections.is_empty() {
+                return unfit(
+                    "rules.spindle would change the speed to which the program's vibration is tuned: leave it out"
+                        .to_owned(),
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Replays a run.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn replay_run(&self, request: ReplayRunRequest) -> Result<ReplayRunResponse> {
+        let id = names::parse_run(&request.run).map_err(|error| Error::invalid("run", error.to_string()))?;
+        let run = self.store.run(id).await?;
+        let detail = self.store.job_detail(run.job_id).await?;
+        let config = match run.kind {
+            RunKind::Live => Some(pipeline_config(&detail, &run_settings(&run)?)?),
+            RunKind::Telemetry => None,
+        };
+        self.engine.replay(&detail, run, config).await
+    }
+}
+
+fn run_id(name: &str) -> Result<Uuid> {
+    names::parse_run(name).map_err(|error| Error::invalid("start.run", error.to_string()))
+}
+
+const fn frame_to_proto(frame: Frame) -> proto::Frame {
+    match frame {
+        Frame::Machine => proto::Frame::Machine,
+        Frame::Work => proto::Frame::Work,
+    }
+}
+
+/// The client's first message.
+async fn first_message(messages: &mut Streaming<RunRequest>) -> Result<RunStart> {
+    match messages.message().await {
+        Ok(Some(RunRequest { message: Some(RequestMessage::Start(start)) })) => Ok(start),
+        Ok(_) => Err(Error::invalid("message", "the first message must be the start")),
+        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+    }
+}
+
+fn started(
+    attached: &AttachedRun,
+    config: &PipelineConfig,
+    columns: &ColumnSet,
+    encoding: proto::Encoding,
+    first_index: u64,
+) -> Result<RunResponse> {
+    let monitor = Monitor::restore(&attached.monitor).map_err(Error::internal)?;
+    let feed_changes: Vec<_> = attached.overrides.iter().map(feed_change_to_proto).collect::<Result<_>>()?;
+    let header = StreamHeader {
+        period_us: f64::from(config.interpolation_period_us),
+        first_index,
+        setpoint_count: None,
+        encoding: encoding.into(),
+        frame: frame_to_proto(config.frame).into(),
+        generation_mode: generation_mode_to_proto(config.generation_mode).into(),
+        columns: columns.infos().to_vec(),
+    };
+    let started = RunStarted {
+        run: names::run(attached.run.id),
+        header: Some(header),
+        durable_batch: attached.run.newest_batch,
+        overrides: Some(overrides_to_proto(monitor.overrides())),
+        state: monitor_state_to_proto(monitor.state()).into(),
+        held: feed_changes.last().is_some_and(|change| change.cause() == proto::FeedChangeCause::Hold),
+        feed_changes,
+    };
+    Ok(RunResponse { message: Some(Message::Started(started)) })
+}
+
+/// Passes on what the client says until it goes away.
+async fn take_in(mut messages: Streaming<RunRequest>, intake: LiveIntake) {
+    loop {
+        let message = tokio::select! {
+            message = messages.message() => message,
+            () = intake.left() => return,
+        };
+        let Ok(Some(RunRequest { message })) = message else { return };
+        let input = match message {
+            Some(RequestMessage::Batch(batch)) => LiveInput::Batch(Box::new(batch), std::time::Instant::now()),
+            Some(RequestMessage::Credit(credit)) => LiveInput::Credit(credit.end_index),
+            Some(RequestMessage::Receipt(receipt)) => LiveInput::Receipt(receipt.received),
+            Some(RequestMessage::Command(command)) => LiveInput::Command(command.kind()),
+            Some(RequestMessage::Start(_)) | None => {
+                LiveInput::Refused(Error::invalid("message", "must be set, and only the first one is the start"))
+            }
+        };
+        if !intake.take(input).await {
+            return;
+        }
+    }
+}
+
+#[async_trait]
+impl Runs for Api {
+    type RunStream = ResponseStream<RunResponse>;
+
+    async fn run(&self, request: Request<Streaming<RunRequest>>) -> Result<Response<Self::RunStream>, Status> {
+        Ok(Response::new(self.start_run(request).await?))
+    }
+
+    async fn replay_run(&self, request: Request<ReplayRunRequest>) -> Result<Response<ReplayRunResponse>, Status> {
+        answer(request, async |request| self.replay_run(request).await).await
+    }
+}

@@ -1,0 +1,174 @@
+//! A live run: a thread hands setpoints out as far as the client gives credit, judges telemetry as it comes, and lets
+//! every decision change the feed of what is not handed out yet.
+//!
+//! Invariants: a change of the feed is durable before a setpoint under it is handed out, and setpoints are a function of
+//! program, profile and the changes alone; so any setpoint can be had again, and a replay gives the same bits.
+
+mod feed;
+mod replay;
+mod setpoints;
+mod worker;
+
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Instant;
+
+use feedwave_cutting::{OverrideChange, PipelineConfig};
+use feedwave_store::{AttachedRun, JobDetail};
+use futures_util::Stream;
+use tokio::runtime::Handle;
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tokio_util::sync::{CancellationToken, DropGuard};
+
+use super::columns::ColumnSet;
+use super::session::Session;
+use super::source::Source;
+use super::telemetry::RunEnds;
+use super::{Engine, JobGuard};
+use crate::error::{Error, Result};
+use crate::names;
+use crate::observability::metrics::GaugeGuard;
+use crate::proto;
+use feed::Feed;
+pub(crate) use feed::feed_change_to_proto;
+use proto::run_response::Message;
+use setpoints::Setpoints;
+use worker::Worker;
+
+/// Inputs that wait for the thread; a client that is faster waits then.
+const INPUTS_IN_FLIGHT: usize = 8;
+/// Chunks that wait for the connection: what is in here is handed out and changes no more.
+const CHUNKS_IN_FLIGHT: usize = 2;
+/// Other messages that wait for the connection. A client that leaves more unread is not listening to decisions.
+const MESSAGES_IN_FLIGHT: usize = 1024;
+
+/// What the client says.
+#[derive(Debug)]
+pub(crate) enum LiveInput {
+    /// Telemetry, and when it came.
+    Batch(Box<proto::TelemetryBatch>, Instant),
+    /// Setpoints before this index may be handed out.
+    Credit(u64),
+    /// So many setpoints were taken.
+    Receipt(u64),
+    /// The operator's wish.
+    Command(proto::RunCommandKind),
+    /// Something that it must not say.
+    Refused(Error),
+}
+
+/// What a live run is to do, checked.
+#[derive(Debug)]
+pub(crate) struct LivePlan {
+    /// Configuration of the pipeline, without changes of the feed.
+    pub(crate) config: PipelineConfig,
+    /// Columns and their encoding.
+    pub(crate) columns: ColumnSet,
+    /// First setpoint to hand out.
+    pub(crate) first_index: u64,
+    /// Time of the sensors' clock now, ns.
+    pub(crate) clock_ns: Option<u64>,
+}
+
+/// Where the client's words go in.
+#[derive(Debug)]
+pub(crate) struct LiveIntake {
+    sender: mpsc::Sender<LiveInput>,
+    left: CancellationToken,
+}
+
+impl LiveIntake {
+    /// Takes something in, waiting for what came before; `false` when nobody wants it any more.
+    pub(crate) async fn take(&self, input: LiveInput) -> bool {
+        self.sender.send(input).await.is_ok()
+    }
+
+    /// Waits until nobody reads what the run says.
+    pub(crate) async fn left(&self) {
+        self.left.cancelled().await;
+    }
+}
+
+/// What goes out: everything in the order in which it was said.
+#[derive(Debug)]
+struct Outgoing {
+    message: Message,
+    /// The place of a chunk among [`CHUNKS_IN_FLIGHT`].
+    _place: Option<OwnedSemaphorePermit>,
+}
+
+/// A live run: its messages, then at most one error.
+#[derive(Debug)]
+pub struct LiveRun {
+    outgoing: mpsc::Receiver<Outgoing>,
+    error: Arc<Mutex<Option<Error>>>,
+    _left: DropGuard,
+}
+
+impl Stream for LiveRun {
+    type Item = Result<proto::RunResponse>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        self.outgoing.poll_recv(cx).map(|outgoing| match outgoing {
+            Some(outgoing) => Some(Ok(proto::RunResponse { message: Some(outgoing.message) })),
+            None => self.error.lock().unwrap_or_else(PoisonError::into_inner).take().map(Err),
+        })
+    }
+}
+
+impl Engine {
+    /// Goes on with a live run that `guard` registers work on its job for.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many runs are under way.
+    pub(crate) fn drive(
+        &self,
+        detail: &JobDetail,
+        attached: &AttachedRun,
+        plan: LivePlan,
+        guard: JobGuard,
+    ) -> Result<(LiveIntake, LiveRun)> {
+        let inner = &self.inner;
+        let session = Session::new(inner.store.clone(), attached, plan.clock_ns)?;
+        let limit = inner.limits.concurrent_runs as u64;
+        let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
+        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
+        let ends = RunEnds {
+            job: guard.token().clone(),
+            job_name: names::job(attached.run.job_id),
+            draining: inner.draining.clone(),
+        };
+        let feed = Feed::new(&attached.overrides)?;
+        let generator = self.generator(detail, plan, feed.changes());
+        let (sender, input) = mpsc::channel(INPUTS_IN_FLIGHT);
+        let (outlet, outgoing) = mpsc::channel(MESSAGES_IN_FLIGHT);
+        let error = Arc::new(Mutex::new(None));
+        let told = error.clone();
+        let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
+        let received = attached.run.setpoints.received;
+        let mut worker = Worker::new(session, generator, feed, received, input, outlet, ends, runtime, metrics);
+        let active = GaugeGuard::new(&inner.metrics.active_runs);
+        inner.tasks.spawn_blocking(move || {
+            let _held = (place, active, guard);
+            if let Err(error) = worker.run() {
+                *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            }
+        });
+        let left = CancellationToken::new();
+        let intake = LiveIntake { sender, left: left.clone() };
+        Ok((intake, LiveRun { outgoing, error, _left: left.drop_guard() }))
+    }
+
+    /// The setpoints of a run, from the first on. Call inside a runtime.
+    fn generator(&self, detail: &JobDetail, plan: LivePlan, changes: Vec<OverrideChange>) -> Setpoints {
+        let config = PipelineConfig { overrides: changes, ..plan.config };
+        let (program, bytes) = (detail.job.program_id, detail.job.program_size_bytes);
+        Setpoints::new(
+            config,
+            Source::stored(self.inner.store.clone(), program, bytes, 0),
+            plan.columns,
+            plan.first_index,
+        )
+    }
+}

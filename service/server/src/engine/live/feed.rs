@@ -1,0 +1,176 @@
+//! The feed of a live run: what decisions and the operator want of it, and the log of its changes.
+
+use std::fmt;
+use std::str::FromStr;
+
+use feedwave_cutting::OverrideChange;
+use feedwave_store::RunOverride;
+
+use crate::error::{Error, Result};
+use crate::proto;
+use proto::FeedChangeCause;
+
+/// Why the feed changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cause {
+    /// The decision with this number.
+    Decision(u64),
+    Hold,
+    Resume,
+    /// The decision with this number stops the machine.
+    Stop(u64),
+    Abort,
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Decision(number) => write!(f, "decision {number}"),
+            Self::Hold => f.write_str("hold"),
+            Self::Resume => f.write_str("resume"),
+            Self::Stop(number) => write!(f, "stop {number}"),
+            Self::Abort => f.write_str("abort"),
+        }
+    }
+}
+
+impl FromStr for Cause {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (word, number) = text.split_once(' ').unwrap_or((text, ""));
+        match (word, number.parse()) {
+            ("decision", Ok(number)) => Ok(Self::Decision(number)),
+            ("stop", Ok(number)) => Ok(Self::Stop(number)),
+            ("hold", _) => Ok(Self::Hold),
+            ("resume", _) => Ok(Self::Resume),
+            ("abort", _) => Ok(Self::Abort),
+            _ => Err(Error::internal(format!("a stored change of the feed has the cause {text:?}"))),
+        }
+    }
+}
+
+/// A stored change as the contract has it.
+///
+/// # Errors
+/// [`Error::Internal`] for a cause that nothing writes.
+pub(crate) fn feed_change_to_proto(change: &RunOverride) -> Result<proto::RunFeedChange> {
+    let (cause, decision_number) = match change.cause.parse()? {
+        Cause::Decision(number) => (FeedChangeCause::Decision, number),
+        Cause::Hold => (FeedChangeCause::Hold, 0),
+        Cause::Resume => (FeedChangeCause::Resume, 0),
+        Cause::Stop(number) => (FeedChangeCause::Stop, number),
+        Cause::Abort => (FeedChangeCause::Abort, 0),
+    };
+    let RunOverride { setpoint_index, ratio, .. } = *change;
+    Ok(proto::RunFeedChange { setpoint_index, ratio, cause: cause.into(), decision_number })
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Feed {
+    log: Vec<RunOverride>,
+    /// The operator holds.
+    pub(super) held: bool,
+    /// Why the run is to end at rest.
+    pub(super) ending: Option<Cause>,
+    /// Cause of the next change, where there is one.
+    cause: Option<Cause>,
+}
+
+impl Feed {
+    /// As the log left it.
+    pub(super) fn new(log: &[RunOverride]) -> Result<Self> {
+        let last: Option<Cause> = log.last().map(|last| last.cause.parse()).transpose()?;
+        Ok(Self {
+            log: log.to_vec(),
+            held: last == Some(Cause::Hold),
+            ending: last.filter(|last| matches!(last, Cause::Stop(_) | Cause::Abort)),
+            cause: None,
+        })
+    }
+
+    /// Changes so far, for the pipeline.
+    pub(super) fn changes(&self) -> Vec<OverrideChange> {
+        self.log.iter().map(|change| OverrideChange { index: change.setpoint_index, ratio: change.ratio }).collect()
+    }
+
+    /// Says why the feed may have to change.
+    pub(super) fn because(&mut self, cause: Cause) {
+        match cause {
+            Cause::Hold => self.held = true,
+            Cause::Resume => self.held = false,
+            Cause::Stop(_) | Cause::Abort => self.ending = self.ending.or(Some(cause)),
+            Cause::Decision(_) => {}
+        }
+        self.cause = Some(cause);
+    }
+
+    /// The change that is due at setpoint `index`, given the feed decided last; it is in the log from now on.
+    pub(super) fn change(&mut self, decided: f64, index: u64) -> Option<RunOverride> {
+        let rest = self.held || self.ending.is_some();
+        let ratio = if rest { 0.0 } else { decided };
+        let cause = self.cause.take();
+        let now = self.log.last().map_or(1.0, |last| last.ratio);
+        // A hold is noted even where the feed is 0 already, so that it is known when the run is taken up.
+        let marks = self.log.last().is_some_and(|last| cause.is_some_and(|cause| changes_kind(&last.cause, cause)));
+        if ratio == now && !marks {
+            return None;
+        }
+        let cause = self.ending.or(cause)?;
+        let number = self.log.len() as u64;
+        let change = RunOverride { number, setpoint_index: index, ratio, cause: cause.to_string() };
+        self.log.push(change.clone());
+        Some(change)
+    }
+}
+
+/// Whether a change for this cause says something about the run that the last one did not.
+fn changes_kind(last: &str, cause: Cause) -> bool {
+    match cause {
+        Cause::Stop(_) | Cause::Abort => !last.starts_with("stop") && !last.starts_with("abort"),
+        Cause::Hold | Cause::Resume | Cause::Decision(_) => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hold_outlives_decisions_and_a_resume_takes_the_last_one() {
+        let mut feed = Feed::new(&[]).unwrap();
+        assert_eq!(feed.change(1.0, 5), None, "nothing has happened");
+        feed.because(Cause::Decision(3));
+        assert_eq!(feed.change(0.95, 10).map(|change| (change.setpoint_index, change.ratio)), Some((10, 0.95)));
+        feed.because(Cause::Hold);
+        assert_eq!(feed.change(0.95, 20).unwrap().ratio, 0.0);
+        feed.because(Cause::Decision(4));
+        assert_eq!(feed.change(0.9, 25), None);
+        let again = Feed::new(&feed.log).unwrap();
+        assert!(again.held && again.ending.is_none());
+        feed.because(Cause::Resume);
+        let change = feed.change(0.9, 30).unwrap();
+        assert_eq!((change.ratio, change.cause.as_str(), change.number), (0.9, "resume", 2));
+    }
+
+    #[test]
+    fn a_stop_is_the_last_change_and_known_after_a_restart() {
+        let mut feed = Feed::new(&[]).unwrap();
+        feed.because(Cause::Hold);
+        feed.change(1.0, 1);
+        feed.because(Cause::Stop(7));
+        assert_eq!(feed.change(1.0, 9).unwrap().cause, "stop 7");
+        feed.because(Cause::Resume);
+        assert_eq!(feed.change(1.0, 11), None);
+        assert_eq!(Feed::new(&feed.log).unwrap().ending, Some(Cause::Stop(7)));
+    }
+
+    #[test]
+    fn causes_survive_the_log() {
+        for cause in [Cause::Decision(7), Cause::Hold, Cause::Resume, Cause::Stop(0), Cause::Abort] {
+            assert_eq!(cause.to_string().parse::<Cause>().unwrap(), cause);
+        }
+        assert!("decision x".parse::<Cause>().is_err());
+    }
+}

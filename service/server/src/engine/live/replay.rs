@@ -1,0 +1,144 @@
+//! Replay: decisions made again from their inputs, setpoints generated again from the log, both compared.
+
+use feedwave_cutting::PipelineConfig;
+use feedwave_monitoring::decide;
+use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunOverride, Runs as _, Store};
+
+use super::LivePlan;
+use super::feed::{Cause, Feed};
+use super::setpoints::{Next, Setpoints};
+use crate::api::decision_from_record;
+use crate::convert::decision_from_proto;
+use crate::engine::{ColumnSet, Engine};
+use crate::error::{Error, Result, Violations};
+use crate::proto;
+use proto::ReplayRunResponse;
+
+/// Differences told at most.
+const MAX_DIFFERENCES: usize = 100;
+
+/// Collects what differs.
+#[derive(Default)]
+struct Differences(Vec<String>);
+
+impl Differences {
+    fn require(&mut self, holds: bool, what: impl FnOnce() -> String) {
+        if !holds && self.0.len() < MAX_DIFFERENCES {
+            self.0.push(what());
+        }
+    }
+}
+
+impl Engine {
+    /// Replays a run; a live one with the configuration that its pipeline had.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many streams are open, and those of the store.
+    pub(crate) async fn replay(
+        &self,
+        detail: &JobDetail,
+        run: Run,
+        config: Option<PipelineConfig>,
+    ) -> Result<ReplayRunResponse> {
+        let inner = &self.inner;
+        let limit = inner.limits.concurrent_streams as u64;
+        let overloaded = |_| Error::Overloaded { what: "open setpoint streams", limit };
+        let place = inner.stream_places.clone().try_acquire_owned().map_err(overloaded)?;
+        let mut differences = Differences::default();
+        let overrides = inner.store.run_overrides(run.id).await?;
+        let (decisions, feeds) = decide_again(&inner.store, &run, &mut differences).await?;
+        check_changes(&overrides, &feeds, &mut differences)?;
+        let stored_digest = run.setpoints.digest.filter(|_| config.is_some());
+        let mut response = ReplayRunResponse {
+            decisions,
+            stored_digest: stored_digest.map_or_else(String::new, hex),
+            ..ReplayRunResponse::default()
+        };
+        if let Some(config) = config {
+            let columns = ColumnSet::select(
+                &mut Violations::default(),
+                &[],
+                &config.profile.machine,
+                false,
+                proto::Encoding::PackedDouble,
+            );
+            let plan = LivePlan { config, columns, first_index: run.setpoints.sent, clock_ns: None };
+            let setpoints = self.generator(detail, plan, Feed::new(&overrides)?.changes());
+            let draining = inner.draining.clone();
+            let generated = inner.tasks.spawn_blocking(move || {
+                let _place = place;
+                generate(setpoints, run.setpoints.sent, || draining.is_cancelled())
+            });
+            let (count, digest) = generated.await.map_err(Error::internal)??;
+            differences.require(count == run.setpoints.sent, || {
+                format!("{count} setpoints came out, {} were sent", run.setpoints.sent)
+            });
+            differences.require(stored_digest.is_none_or(|stored| stored == digest), || {
+                format!("the digest of the first {count} setpoints differs")
+            });
+            response.setpoints = count;
+            response.digest = hex(digest);
+        }
+        response.identical = differences.0.is_empty();
+        response.differences = differences.0;
+        Ok(response)
+    }
+}
+
+fn hex(digest: [u8; 32]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Generates the first `count` setpoints; how many there were, and their digest.
+fn generate(mut setpoints: Setpoints, count: u64, cancelled: impl Fn() -> bool) -> Result<(u64, [u8; 32])> {
+    while setpoints.next_index() < count {
+        if cancelled() {
+            return Err(Error::Draining);
+        }
+        if matches!(setpoints.next(count)?, Next::End) {
+            break;
+        }
+    }
+    Ok((setpoints.next_index(), setpoints.digest()))
+}
+
+/// Makes every decision again; how many there were, and the feed after each.
+async fn decide_again(store: &Store, run: &Run, differences: &mut Differences) -> Result<(u64, Vec<f64>)> {
+    let filter = DecisionFilter { run_id: Some(run.id), job_id: None };
+    let mut feeds: Vec<f64> = Vec::new();
+    let mut after = 0;
+    loop {
+        let records = store.decisions_after(after, &filter, MAX_DECISIONS).await?;
+        let Some(last) = records.last() else { return Ok((feeds.len() as u64, feeds)) };
+        after = last.sequence;
+        for record in &records {
+            let number = feeds.len() as u64;
+            differences.require(record.number == number, || format!("decision {number} is missing"));
+            let decision = decision_from_record(record)?;
+            let decided = decision_from_proto(&decision);
+            differences.require(decided.as_ref().is_some_and(|(inputs, outcome)| decide(inputs) == *outcome), || {
+                format!("decision {} does not follow from its inputs", record.number)
+            });
+            feeds.push(decided.map_or(f64::NAN, |(_, outcome)| outcome.after.feed));
+        }
+    }
+}
+
+/// Compares the changes of the feed with the decisions that brought them.
+fn check_changes(overrides: &[RunOverride], feeds: &[f64], differences: &mut Differences) -> Result<()> {
+    for change in overrides {
+        let expected = match change.cause.parse()? {
+            Cause::Hold | Cause::Stop(_) | Cause::Abort => Some(0.0),
+            Cause::Decision(number) => usize::try_from(number).ok().and_then(|number| feeds.get(number).copied()),
+            // The feed decided last; which decision that was, the log does not say.
+            Cause::Resume => (change.ratio == 1.0 || feeds.contains(&change.ratio)).then_some(change.ratio),
+        };
+        differences.require(expected == Some(change.ratio), || {
+            format!(
+                "the feed at setpoint {} is {}, not what {} asks for",
+                change.setpoint_index, change.ratio, change.cause
+            )
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,137 @@
+//! The setpoints of a run, chunk by chunk, with the digest of all that were handed out.
+
+use feedwave_cutting::{BLOCK_LENGTH, OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step};
+use feedwave_program::Severity;
+use sha2::{Digest as _, Sha256};
+
+use crate::engine::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
+use crate::engine::source::Source;
+use crate::error::{Error, Result};
+use crate::proto;
+
+/// What came of asking for setpoints.
+#[derive(Debug)]
+pub(super) enum Next {
+    /// Setpoints from the start index on.
+    Chunk(proto::SetpointChunk),
+    /// Setpoints before the start index: nothing to hand out.
+    Passed,
+    /// There are no more.
+    End,
+}
+
+/// See the module.
+pub(super) struct Setpoints {
+    pipeline: Pipeline,
+    source: Source,
+    columns: ColumnSet,
+    /// Setpoints before this one are not handed out; a client that takes a run up has them.
+    first_index: u64,
+    block: SetpointBlock,
+    rows: Vec<u8>,
+    digest: Sha256,
+    /// Whether the path rests at the last setpoint.
+    at_rest: bool,
+}
+
+impl Setpoints {
+    pub(super) fn new(config: PipelineConfig, source: Source, columns: ColumnSet, first_index: u64) -> Self {
+        let pipeline = Pipeline::new(config.into());
+        let block = pipeline.new_block();
+        let digest = Sha256::new();
+        Self { pipeline, source, columns, first_index, block, rows: Vec::new(), digest, at_rest: true }
+    }
+
+    /// Index of the next setpoint: so many were generated.
+    pub(super) fn next_index(&self) -> u64 {
+        self.pipeline.next_index()
+    }
+
+    /// First setpoint that is handed out.
+    pub(super) const fn first_index(&self) -> u64 {
+        self.first_index
+    }
+
+    /// See [`Pipeline::earliest_override`].
+    pub(super) fn earliest_change(&self) -> u64 {
+        self.pipeline.earliest_override().max(self.first_index)
+    }
+
+    /// Whether the path rests at the last setpoint.
+    pub(super) const fn at_rest(&self) -> bool {
+        self.at_rest
+    }
+
+    /// Digest of all setpoints before [`Setpoints::next_index`].
+    pub(super) fn digest(&self) -> [u8; 32] {
+        self.digest.clone().finalize().into()
+    }
+
+    /// Changes the feed.
+    pub(super) fn append(&mut self, change: OverrideChange) -> Result<()> {
+        self.pipeline.append_override(change).map_err(Error::internal)
+    }
+
+    /// The next setpoints before `end`, which lies after [`Setpoints::next_index`].
+    pub(super) fn next(&mut self, end: u64) -> Result<Next> {
+        let next = self.next_index();
+        // What the client has is passed over in large blocks.
+        let (end, most) =
+            if next < self.first_index { (self.first_index, BLOCK_LENGTH) } else { (end, FIRST_CHUNK_SIZE) };
+        let most = usize::try_from(end - next).map_or(most, |left| left.min(most));
+        loop {
+            match self.pipeline.next_setpoints(&mut self.block, most) {
+                Step::NeedInput => match self.source.next()? {
+                    Some(bytes) => self.pipeline.push(&bytes),
+                    None => self.pipeline.finish_input(),
+                },
+                Step::Block => break,
+                Step::Finished => return Ok(Next::End),
+                Step::Refused => return Err(self.refused()),
+            }
+        }
+        let block = &self.block;
+        add_rows(block, &mut self.rows);
+        self.digest.update(&self.rows);
+        self.at_rest = block.feed_mm_per_min.last() == Some(&0.0);
+        if next < self.first_index {
+            return Ok(Next::Passed);
+        }
+        let mut chunk = None;
+        let mut writer = ChunkWriter::new(&self.columns, block.len(), block.first_index);
+        writer.write(block, 0..block.len(), |full| chunk.replace(full).is_none());
+        chunk.map(Next::Chunk).ok_or_else(|| Error::internal("a block did not become a chunk"))
+    }
+
+    fn refused(&self) -> Error {
+        let findings = self.pipeline.findings().findings();
+        let first = findings.iter().find(|finding| finding.severity == Severity::Error);
+        let reason = first.map_or_else(String::new, |finding| {
+            format!("{} in line {}: {}", finding.code, finding.span.line, finding.message)
+        });
+        let message = format!("the program is refused under the feed of this run: {reason}");
+        Error::Precondition { reason: "PROGRAM_REFUSED", subject: "program".to_owned(), message }
+    }
+}
+
+/// The setpoints of a block as bytes, setpoint by setpoint, so that they do not depend on where blocks end.
+fn add_rows(block: &SetpointBlock, rows: &mut Vec<u8>) {
+    rows.clear();
+    let servo = block.servo.as_ref();
+    for row in 0..block.len() {
+        rows.extend_from_slice(&block.line[row].to_le_bytes());
+        let columns = block.axes.iter().chain([
+            &block.path_position_mm,
+            &block.feed_mm_per_min,
+            &block.vibration_offset_mm,
+            &block.spindle_angle_deg,
+        ]);
+        let servo_columns = servo.into_iter().flat_map(|servo| {
+            let per_axis = servo.amplitude_mm.iter().chain(&servo.clamp_low_mm).chain(&servo.clamp_high_mm);
+            per_axis.chain([&servo.frequency_hz, &servo.phase_turns])
+        });
+        for column in columns.chain(servo_columns) {
+            rows.extend_from_slice(&column[row].to_le_bytes());
+        }
+    }
+}

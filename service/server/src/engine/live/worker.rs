@@ -1,0 +1,302 @@
+//! The thread of a live run.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use feedwave_cutting::OverrideChange;
+use feedwave_monitoring::Action;
+use feedwave_store::{RunCommit, RunOverride, RunSetpoints, RunState};
+use tokio::runtime::Handle;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+
+use super::feed::{Cause, Feed, feed_change_to_proto};
+use super::setpoints::{Next, Setpoints};
+use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
+use crate::engine::session::Session;
+use crate::engine::telemetry::RunEnds;
+use crate::error::{Error, Result};
+use crate::observability::metrics::Metrics;
+use crate::proto;
+
+/// Inputs that become durable together at most.
+const INPUTS_PER_GROUP: usize = 64;
+
+/// Why a waiting thread goes on.
+enum Wake {
+    /// The client said something; `None`: the connection broke.
+    Input(Option<LiveInput>),
+    /// There is room for a chunk.
+    Room(OwnedSemaphorePermit),
+    Silence,
+    Commit,
+    Ended(Error),
+}
+
+/// Everything that the thread works with.
+pub(super) struct Worker {
+    session: Session,
+    setpoints: Setpoints,
+    feed: Feed,
+    input: mpsc::Receiver<LiveInput>,
+    /// Whether the client may say more.
+    open: bool,
+    outlet: mpsc::Sender<Outgoing>,
+    room: Arc<Semaphore>,
+    ends: RunEnds,
+    runtime: Handle,
+    metrics: Arc<Metrics>,
+    /// Setpoints before this index may be handed out.
+    credit: u64,
+    /// Setpoints that the client has taken.
+    received: u64,
+    /// Number of setpoints of the run, once the last one was generated.
+    total: Option<u64>,
+    /// Setpoints as they became durable last.
+    durable: RunSetpoints,
+}
+
+impl Worker {
+    #[allow(clippy::too_many_arguments, reason = "the parts of one thread, put together in one place")]
+    pub(super) fn new(
+        session: Session,
+        setpoints: Setpoints,
+        feed: Feed,
+        received: u64,
+        input: mpsc::Receiver<LiveInput>,
+        outlet: mpsc::Sender<Outgoing>,
+        ends: RunEnds,
+        runtime: Handle,
+        metrics: Arc<Metrics>,
+    ) -> Self {
+        let room = Arc::new(Semaphore::new(CHUNKS_IN_FLIGHT));
+        let durable = RunSetpoints { received, ..RunSetpoints::default() };
+        Self {
+            session,
+            setpoints,
+            feed,
+            input,
+            open: true,
+            outlet,
+            room,
+            ends,
+            runtime,
+            metrics,
+            credit: 0,
+            received,
+            total: None,
+            durable,
+        }
+    }
+
+    pub(super) fn run(&mut self) -> Result<()> {
+        loop {
+            let mut ended = None;
+            let mut cause = None;
+            match self.wait() {
+                Wake::Input(Some(first)) => cause = self.gather(first)?,
+                Wake::Input(None) => self.open = false,
+                Wake::Room(place) => self.hand_out(place)?,
+                Wake::Silence => self.session.fall_silent()?,
+                Wake::Commit => {}
+                Wake::Ended(error) => ended = Some(error),
+            }
+            for decision in self.session.waiting_decisions() {
+                match decision.outcome.action {
+                    Action::Stop => self.feed.because(Cause::Stop(decision.number)),
+                    Action::Change => self.feed.because(Cause::Decision(decision.number)),
+                    Action::Keep | Action::Hold => {}
+                }
+            }
+            // After the last setpoint there is nothing left that could change.
+            let change = match self.total {
+                None => self.feed.change(self.session.overrides().feed, self.setpoints.earliest_change()),
+                Some(_) => None,
+            };
+            let end = self.end();
+            let last = ended.is_some() || end.is_some() || (!self.open && self.session.silence_at().is_none());
+            let due = self.commit_at().is_some_and(|at| last || at <= Instant::now());
+            if due || change.is_some() || end.is_some() {
+                self.commit(change, end, cause)?;
+            }
+            if last {
+                return ended.map_or(Ok(()), Err);
+            }
+        }
+    }
+
+    /// How the run ends, where it does now.
+    fn end(&self) -> Option<(RunState, String)> {
+        // What the client had before has to be generated again first.
+        let rests = self.is_past_start() && (self.total.is_some() || self.setpoints.at_rest());
+        match self.feed.ending {
+            Some(Cause::Stop(number)) if rests => {
+                Some((RunState::Stopped, format!("decision {number} stopped the machine")))
+            }
+            Some(_) if rests => Some((RunState::Aborted, "given up by the client".to_owned())),
+            Some(_) => None,
+            None => self.total.filter(|total| self.received >= *total).map(|_| (RunState::Finished, String::new())),
+        }
+    }
+
+    fn progress(&self) -> RunSetpoints {
+        RunSetpoints { received: self.received, sent: self.setpoints.next_index(), digest: None }
+    }
+
+    /// When something wants to be committed.
+    fn commit_at(&self) -> Option<Instant> {
+        let progress = (self.progress() != self.durable && self.is_past_start()).then(|| self.session.next_commit());
+        self.session.commit_at().into_iter().chain(progress).min()
+    }
+
+    /// Before that the digest is of less than the client has.
+    fn is_past_start(&self) -> bool {
+        self.setpoints.next_index() >= self.setpoints.first_index()
+    }
+
+    fn wait(&mut self) -> Wake {
+        if let Ok(input) = self.input.try_recv() {
+            return Wake::Input(Some(input));
+        }
+        let at = |instant: Option<Instant>| async move {
+            match instant {
+                Some(instant) => tokio::time::sleep_until(instant.into()).await,
+                None => std::future::pending().await,
+            }
+        };
+        let (silence, commit) = (at(self.session.silence_at()), at(self.commit_at()));
+        let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
+        let (input, ends, open, room) = (&mut self.input, &self.ends, self.open, self.room.clone());
+        self.runtime.block_on(async {
+            tokio::select! {
+                biased;
+                error = ends.reached() => Wake::Ended(error),
+                input = input.recv(), if open => Wake::Input(input),
+                () = silence => Wake::Silence,
+                () = commit => Wake::Commit,
+                Ok(place) = room.acquire_owned(), if generates => Wake::Room(place),
+            }
+        })
+    }
+
+    /// Setpoints before this index may be generated: what the client has needs no credit.
+    fn credit_end(&self) -> u64 {
+        self.credit.max(self.setpoints.first_index())
+    }
+
+    /// Takes in what is there, up to a batch that causes a decision; when that batch came.
+    fn gather(&mut self, first: LiveInput) -> Result<Option<Instant>> {
+        let mut next = Some(first);
+        for taken in 1.. {
+            match next {
+                Some(LiveInput::Batch(batch, arrival)) => {
+                    self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
+                    self.session.take(&batch, arrival, true)?;
+                    if !self.session.waiting_decisions().is_empty() {
+                        return Ok(Some(arrival));
+                    }
+                }
+                Some(LiveInput::Credit(end)) => self.credit = self.credit.max(end),
+                Some(LiveInput::Receipt(received)) => self.receive(received)?,
+                Some(LiveInput::Command(command)) => {
+                    match command {
+                        proto::RunCommandKind::Hold => self.feed.because(Cause::Hold),
+                        proto::RunCommandKind::Resume => self.feed.because(Cause::Resume),
+                        proto::RunCommandKind::Abort => self.feed.because(Cause::Abort),
+                        proto::RunCommandKind::Unspecified => {
+                            return Err(Error::invalid("command.kind", "must be set"));
+                        }
+                    }
+                    // Each command has its own place in the log.
+                    return Ok(None);
+                }
+                Some(LiveInput::Refused(error)) => return Err(error),
+                None => break,
+            }
+            if taken == INPUTS_PER_GROUP {
+                break;
+            }
+            next = self.input.try_recv().ok();
+        }
+        Ok(None)
+    }
+
+    fn receive(&mut self, received: u64) -> Result<()> {
+        let sent = self.setpoints.next_index().max(self.setpoints.first_index());
+        if received > sent {
+            let why = format!("is {received}, but only {sent} setpoints were sent");
+            return Err(Error::invalid("receipt.received", why));
+        }
+        self.received = self.received.max(received);
+        Ok(())
+    }
+
+    /// Generates the next setpoints and hands them out.
+    fn hand_out(&mut self, place: OwnedSemaphorePermit) -> Result<()> {
+        match self.setpoints.next(self.credit_end())? {
+            Next::Chunk(chunk) => {
+                self.metrics.setpoints.inc_by(u64::from(chunk.count));
+                self.tell(Message::Chunk(chunk), Some(place))
+            }
+            Next::Passed => Ok(()),
+            Next::End => {
+                let total = self.setpoints.next_index();
+                if total < self.setpoints.first_index() {
+                    return Err(crate::engine::beyond_end(self.setpoints.first_index(), total));
+                }
+                self.total = Some(total);
+                Ok(())
+            }
+        }
+    }
+
+    /// Makes everything durable, tells the client, and lets a change of the feed act.
+    fn commit(
+        &mut self,
+        change: Option<RunOverride>,
+        end: Option<(RunState, String)>,
+        cause: Option<Instant>,
+    ) -> Result<()> {
+        let past_start = self.is_past_start();
+        let progress = self.progress();
+        let setpoints = RunSetpoints { digest: Some(self.setpoints.digest()), ..progress };
+        let besides = RunCommit {
+            overrides: change.iter().cloned().collect(),
+            setpoints: past_start.then_some(setpoints),
+            end: end.clone(),
+            ..RunCommit::default()
+        };
+        let durable = self.runtime.block_on(self.session.commit(&self.metrics, besides))?;
+        if past_start {
+            self.durable = progress;
+        }
+        let decided = !durable.decisions.is_empty();
+        for decision in durable.decisions {
+            self.tell(Message::Decision(decision), None)?;
+        }
+        if let Some(change) = change {
+            self.setpoints.append(OverrideChange { index: change.setpoint_index, ratio: change.ratio })?;
+            self.tell(Message::FeedChange(feed_change_to_proto(&change)?), None)?;
+        }
+        if let Some(cause) = cause.filter(|_| decided) {
+            self.metrics.decision_seconds.observe(cause.elapsed().as_secs_f64());
+        }
+        if let Some(ack) = durable.ack {
+            self.tell(Message::Ack(ack), None)?;
+        }
+        let Some((state, message)) = end else { return Ok(()) };
+        let digest = setpoints.digest.unwrap_or_default().iter().map(|byte| format!("{byte:02x}")).collect();
+        let state = crate::api::run_state_to_proto(state).into();
+        self.tell(Message::Ended(proto::RunEnded { state, message, setpoints: progress.sent, digest }), None)
+    }
+
+    fn tell(&self, message: Message, place: Option<OwnedSemaphorePermit>) -> Result<()> {
+        match self.outlet.try_send(Outgoing { message, _place: place }) {
+            // A client that has gone hears of it when it takes the run up.
+            Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                let message = format!("{MESSAGES_IN_FLIGHT} messages were left unread; read decisions as they come");
+                Err(Error::Precondition { reason: "MESSAGES_UNREAD", subject: self.ends.job_name.clone(), message })
+            }
+        }
+    }
+}
