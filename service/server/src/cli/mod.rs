@@ -5,6 +5,7 @@
 //! that stops reading (`| head`) ends a command quietly.
 
 mod client;
+mod decisions;
 mod demo;
 mod findings;
 mod local;
@@ -12,6 +13,7 @@ mod machine;
 mod overrides;
 mod pictures;
 mod plan;
+mod replay;
 mod report;
 mod source;
 mod stream;
@@ -63,6 +65,16 @@ pub enum Command {
     /// Writes CSV to standard output, or a file. When the connection breaks, the stream is taken up at the next setpoint:
     /// values do not depend on where a stream starts, so the result is the same to the last bit.
     Stream(stream::Args),
+    /// Show the decisions of a job or a run
+    ///
+    /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
+    /// spindle overrides before and after, and the reason.
+    Decisions(decisions::Args),
+    /// Prove that a run can be made again from its log
+    ///
+    /// The service makes every decision again from its stored inputs, and every setpoint from the stored program, profile
+    /// and changes of the feed, and compares them with what was sent, to the last bit.
+    Replay(replay::Args),
     /// See all of it work: a server, a turning program, the trap and its cure, pictures
     ///
     /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
@@ -83,6 +95,8 @@ impl Command {
             Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
+            Self::Decisions(args) => decisions::run(args).await,
+            Self::Replay(args) => replay::run(args).await,
             Self::Demo(args) => demo::run(args).await,
         };
         match result {

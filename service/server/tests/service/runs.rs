@@ -6,10 +6,10 @@ use feedwave::proto::run_response::Message;
 use feedwave::proto::run_start::Target;
 use feedwave::proto::runs_client::RunsClient;
 use feedwave::proto::{
-    DecisionAction, DecisionReason, FeedChangeCause, FeedOverrideChange, OverrideBounds, ReplayRunRequest,
-    ReplayRunResponse, RunCommand, RunCommandKind, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest,
-    RunResponse, RunSettings, RunStart, RunStarted, RunState, SetMonitoringRequest, SetpointChunk, SpindleRule,
-    StreamSetpointsRequest, TelemetryBatch, ToolCheck, TurningRule, spindle_rule::Rule,
+    DecisionAction, DecisionReason, FeedChangeCause, FeedOverrideChange, FeedRule, MonitoringConfig, OverrideBounds,
+    ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind, RunCredit, RunEnded, RunFeedChange, RunReceipt,
+    RunRequest, RunResponse, RunSettings, RunStart, RunStarted, RunState, SetMonitoringRequest, SetpointChunk,
+    SpindleRule, StreamSetpointsRequest, TelemetryBatch, ToolCheck, TurningRule, spindle_rule::Rule,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -17,7 +17,7 @@ use tonic::transport::Channel;
 use tonic::{Code, Status, Streaming};
 
 use crate::support::{TURNING, TestServer, column, patiently, stream_of, told};
-use crate::telemetry::{batch, config, monitored_job};
+use crate::telemetry::{self, batch, monitored_job};
 
 /// 6.7 s of turning with a corner and a dwell.
 const PART: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F400\nX40. Z-25.\nG4 P200\nG1 Z-40. F500\nM30\n";
@@ -28,7 +28,6 @@ struct LiveRun {
     started: RunStarted,
     chunks: Vec<SetpointChunk>,
     changes: Vec<RunFeedChange>,
-    /// Everything else in the order in which it came, by name.
     durable_batch: Option<u64>,
     next_index: u64,
 }
@@ -138,11 +137,25 @@ fn bits(chunks: &[SetpointChunk]) -> Vec<Vec<u64>> {
     (0..columns).map(|index| column(chunks, index).iter().map(|value| value.to_bits()).collect()).collect()
 }
 
+/// Monitoring with a step of an eighth: every ratio of this test is a percentage to the bit.
+fn config() -> MonitoringConfig {
+    let mut config = telemetry::config();
+    let rules = config.rules.as_mut().unwrap();
+    rules.feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.125) });
+    config
+}
+
+fn percent(ratio: f64) -> f64 {
+    let percent = 100.0 * ratio;
+    assert_eq!(percent / 100.0, ratio);
+    percent
+}
+
 /// The setpoints that a stream of the job gives under these changes.
 async fn streamed(server: &TestServer, job: &str, changes: &[RunFeedChange]) -> Vec<Vec<u64>> {
     let overrides = changes.iter().map(|change| FeedOverrideChange {
         at: Some(At::SetpointIndex(change.setpoint_index)),
-        percent: change.ratio * 100.0,
+        percent: percent(change.ratio),
     });
     let request = StreamSetpointsRequest { job: job.to_owned(), overrides: overrides.collect(), ..Default::default() };
     bits(&server.collect(request).await.1)
@@ -190,7 +203,7 @@ async fn a_decision_slows_down_the_very_stream_it_came_on() {
     let mut client = RunsClient::new(server.channel.clone());
     let mut run = LiveRun::begin(&mut client, &job.name).await;
     let mut feed = 1.0;
-    // Idle, then too large a deflection: each window takes 5 % off, from the first setpoint not handed out.
+    // Idle, then too large a deflection: each window takes an eighth off, from the first setpoint not handed out.
     for sequence in 0..10 {
         run.telemetry(batch(sequence, 0.0)).await;
     }
@@ -206,7 +219,7 @@ async fn a_decision_slows_down_the_very_stream_it_came_on() {
         assert!(run.changes.len() as u64 >= expected, "{:?}", run.changes);
     }
     for change in &run.changes {
-        feed *= 1.0 - 0.05;
+        feed *= 1.0 - 0.125;
         assert_eq!((change.ratio, change.cause()), (feed, FeedChangeCause::Decision));
         assert_eq!(change.setpoint_index % 150, 0, "the earliest that was not handed out: {change:?}");
     }
@@ -263,7 +276,7 @@ async fn a_run_that_breaks_anywhere_continues_with_the_same_bits() {
 #[tokio::test]
 async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     let server = TestServer::start().await;
-    let (mut telemetry, job) = monitored_job(&server, config(), PART).await;
+    let (mut monitoring, job) = monitored_job(&server, config(), PART).await;
     let mut client = RunsClient::new(server.channel.clone());
     let mut run = LiveRun::begin(&mut client, &job.name).await;
     run.credit(2_000).await;
@@ -285,7 +298,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     let grouping = feedwave::proto::Grouping { by: Some(feedwave::proto::grouping::By::AngularPoints(4)) };
     strict.grouping = Some(grouping);
     let request = SetMonitoringRequest { job: job.name.clone(), config: Some(strict) };
-    telemetry.set_monitoring(request).await.unwrap();
+    monitoring.set_monitoring(request).await.unwrap();
     let mut run = LiveRun::begin(&mut client, &job.name).await;
     for sequence in 0..11 {
         let samples = sequence * 10..sequence * 10 + 10;
@@ -299,7 +312,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     };
     assert_eq!((ended.state(), ended.setpoints), (RunState::Stopped, 0), "{ended:?}");
     let list = feedwave::proto::ListDecisionsRequest { run: run.started.run.clone(), ..Default::default() };
-    let decisions = telemetry.list_decisions(list).await.unwrap().into_inner().decisions;
+    let decisions = monitoring.list_decisions(list).await.unwrap().into_inner().decisions;
     let outcome = decisions.last().unwrap().outcome.unwrap();
     assert_eq!((outcome.action(), outcome.reason()), (DecisionAction::Stop, DecisionReason::ReplaceTool));
 }
@@ -307,7 +320,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
 #[tokio::test]
 async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
     let server = TestServer::start().await;
-    let (mut telemetry, job) = monitored_job(&server, config(), TURNING).await;
+    let (mut monitoring, job) = monitored_job(&server, config(), TURNING).await;
     let mut client = RunsClient::new(server.channel.clone());
     let refused = async |client: &mut RunsClient<Channel>, start: RunStart| {
         told(&LiveRun::open(client, start).await.err().expect("refused"))
@@ -326,14 +339,14 @@ async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
     spindle.rules.as_mut().unwrap().spindle = Some(SpindleRule { rule: Some(Rule::Turning(rule)) });
     for unfit in [too_fast, spindle] {
         let request = SetMonitoringRequest { job: job.name.clone(), config: Some(unfit) };
-        telemetry.set_monitoring(request).await.unwrap();
+        monitoring.set_monitoring(request).await.unwrap();
         let start = RunStart { target: target(), ..Default::default() };
         let (code, reason, _) = refused(&mut client, start).await;
         assert_eq!((code, reason.as_str()), (Code::FailedPrecondition, "MONITORING_UNFIT"));
     }
 
     let request = SetMonitoringRequest { job: job.name.clone(), config: Some(config()) };
-    telemetry.set_monitoring(request).await.unwrap();
+    monitoring.set_monitoring(request).await.unwrap();
     for wrong in [
         Request::Receipt(RunReceipt { received: 1 }),
         Request::Command(RunCommand::default()),
