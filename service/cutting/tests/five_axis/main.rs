@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod freeform;
+mod hostile;
 mod machine;
 mod refusals;
 
