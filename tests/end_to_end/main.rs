@@ -7,6 +7,7 @@ mod durability;
 mod hostile;
 mod jobs;
 mod lifecycle;
+mod live_runs;
 mod memory;
 mod overrides;
 mod setpoints;
