@@ -1,12 +1,14 @@
 //! Oscillated setpoints and cells of the floor per second and core, on the worked example of the tool oscillation page.
 
 use std::hint::black_box;
+use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_cutting::tool_oscillation::{
-    DirectionOscillation, FloorArea, HeightField, LeadingEdge, OscillationCondition, OscillationCut, OscillationPeriod,
-    ToolGeometry, ToolOscillation, Wave, Waveform,
+    DirectionOscillation, FloorArea, HeightField, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
+    OscillationPeriod, ToolGeometry, ToolOscillation, Wave, Waveform,
 };
+use feedwave_cutting::{BLOCK_LENGTH, MachineProfile, Pipeline, PipelineConfig, Step, Tool};
 
 const SETPOINTS: usize = 10_000;
 
@@ -67,5 +69,45 @@ fn floor(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, waves, floor);
+/// Oscillated setpoints of the whole pipeline, three axes, in the middle of a long block.
+fn setpoints(criterion: &mut Criterion) {
+    const BLOCKS: usize = 256;
+    let mut group = criterion.benchmark_group("oscillated setpoints");
+    group.throughput(Throughput::Elements((BLOCKS * BLOCK_LENGTH) as u64));
+    for (name, path) in [("line", "G1 X90000 Y40000 F600"), ("arc", "G2 X0 Y0 I50000 J0 F600")] {
+        let mut profile = MachineProfile::mill();
+        profile.tool_oscillation = vec![NamedCondition {
+            name: "accuracy".to_owned(),
+            number: 1,
+            tools: Vec::new(),
+            condition: condition(),
+            tables: Vec::new(),
+        }];
+        let geometry = Some(ToolGeometry::even(4, 60.0, 1.5, 5.0));
+        let tool = Tool { number: 4, name: String::new(), max_rev_per_min: None, length_mm: None, geometry };
+        let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) };
+        let mut start = Pipeline::new(Arc::new(config));
+        start.push(format!("G21 G90 G17 G94 T4 M6\nM3 S600\nG202 P1 D1\n{path}\nG203\nM30\n").as_bytes());
+        start.finish_input();
+        let mut block = start.new_block();
+        for _ in 0..16 {
+            assert_eq!(start.next_block(&mut block), Step::Block);
+        }
+        group.bench_function(name, |bencher| {
+            bencher.iter_batched_ref(
+                || (start.clone(), start.new_block()),
+                |(pipeline, block)| {
+                    for _ in 0..BLOCKS {
+                        assert_eq!(pipeline.next_block(block), Step::Block);
+                        black_box(&block);
+                    }
+                },
+                criterion::BatchSize::LargeInput,
+            );
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, waves, setpoints, floor);
 criterion_main!(benches);

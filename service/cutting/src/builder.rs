@@ -1,6 +1,8 @@
 //! From operations to planner input: elements with their limits, speeds and barriers, and what there is to say
 //! about them.
 
+mod oscillation;
+
 use std::collections::{BTreeSet, VecDeque};
 
 use feedwave_motion::kinematics::FiveAxisMotion;
@@ -14,10 +16,12 @@ use feedwave_program::{
 };
 use serde::{Deserialize, Serialize};
 
+use self::oscillation::ActiveOscillation;
 use crate::cut::Cut;
 use crate::five_axis::{Guide, GuideState, Guided, no_kinematics};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
 use crate::thread::ThreadSectionReport;
+use crate::tool_oscillation::OscillationSectionReport;
 use crate::{
     GenerationMode, PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans,
     condition_from_command,
@@ -35,6 +39,9 @@ const MAX_LISTED_TOOLS: usize = 1_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BuilderState {
     vibration: Option<ActiveVibration>,
+    oscillation: Option<Box<ActiveOscillation>>,
+    /// Tool in the spindle, 0 before the first.
+    tool: u32,
     /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
     unusable_vibration: bool,
     spindle: Spindle,
@@ -67,6 +74,8 @@ pub(crate) struct Analysis {
     pub(crate) section_count: u64,
     pub(crate) threads: Vec<ThreadSectionReport>,
     pub(crate) thread_count: u64,
+    pub(crate) oscillations: Vec<OscillationSectionReport>,
+    pub(crate) oscillation_count: u64,
     pub(crate) thread_passes: u64,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
@@ -113,6 +122,8 @@ impl BuilderState {
         Self {
             guide: GuideState::at(position),
             vibration: None,
+            oscillation: None,
+            tool: 0,
             unusable_vibration: false,
             spindle: Spindle::STOPPED,
             smoother: PathSmoother::default(),
@@ -159,7 +170,7 @@ impl Builder {
             }
             OperationKind::Guided(guided) => self.guided(guided, operation.span, config, planner, findings),
             OperationKind::Dwell(time) => {
-                self.close_section(planner);
+                self.close_section(planner, findings);
                 let duration_s = match *time {
                     DwellTime::Seconds(seconds) => seconds,
                     DwellTime::Revolutions(revolutions) => {
@@ -175,13 +186,16 @@ impl Builder {
             }
             OperationKind::Spindle(spindle) => {
                 if !spindle.is_turning() {
-                    self.close_section(planner);
+                    self.close_section(planner, findings);
                 }
+                // The path rests here: the oscillation is blended out before.
+                self.close_oscillation(planner, findings);
                 self.state.spindle = *spindle;
                 planner.push_barrier(Barrier::Spindle(*spindle));
             }
             &OperationKind::Tool { number, .. } => {
-                self.close_section(planner);
+                self.close_section(planner, findings);
+                self.state.tool = number;
                 self.tool(number, operation.span, config, findings);
                 planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
             }
@@ -191,17 +205,20 @@ impl Builder {
                     self.switch_vibration(command, operation.span, config, planner, findings);
                 }
                 Function::Thinning => {}
+                Function::ToolOscillation => {
+                    self.switch_oscillation(command, operation.span, planner, findings);
+                }
                 Function::ThreadVibration => {
                     let message = "thread vibration is not carried out yet";
                     findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
                 }
             },
             OperationKind::Stop { .. } => {
-                self.close_section(planner);
+                self.close_section(planner, findings);
                 planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
             }
             OperationKind::End => {
-                self.close_section(planner);
+                self.close_section(planner, findings);
                 if let Some(vibration) = self.state.vibration.take() {
                     findings.push(
                         Finding::warning(
@@ -212,6 +229,7 @@ impl Builder {
                         .suggest("switch the vibration off before the end of the program"),
                     );
                 }
+                self.end_oscillation(findings);
                 planner.push_barrier(Barrier::End);
                 planner.finish();
             }
@@ -252,7 +270,7 @@ impl Builder {
             self.open_section(config, planner);
             self.check_speed(mv, span, config, findings);
         } else {
-            self.close_section(planner);
+            self.close_section(planner, findings);
         }
         let is_vibrating = cutting && self.state.vibration.is_some();
         if is_vibrating && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis)) {
@@ -308,7 +326,7 @@ impl Builder {
             self.open_section(config, planner);
             self.check_speed(mv, span, config, findings);
         } else {
-            self.close_section(planner);
+            self.close_section(planner, findings);
         }
         if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
             return;
@@ -353,6 +371,8 @@ impl Builder {
             // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
             check_travel(&element, machine, findings);
         }
+        let left = if cutting { self.oscillate(&element, &cut, config, planner, findings) } else { None };
+        let machine = left.as_deref().unwrap_or(machine);
         let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
         let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
         // Twice the commanded speed is the most that a feed override asks for.
@@ -400,7 +420,7 @@ impl Builder {
         findings: &mut FindingLog,
     ) {
         if !command.on {
-            self.close_section(planner);
+            self.close_section(planner, findings);
             let was_unusable = std::mem::take(&mut self.state.unusable_vibration);
             if self.state.vibration.take().is_none() && !was_unusable {
                 findings.push(
@@ -417,7 +437,7 @@ impl Builder {
                     .with_value("on_line", f64::from(line), "")
                     .suggest("switch the vibration off before it is switched on with other values"),
             );
-            self.close_section(planner);
+            self.close_section(planner, findings);
         }
         let condition = condition_from_command(command, span, &config.profile.vibration, findings);
         self.state.unusable_vibration = condition.is_none();
@@ -452,7 +472,8 @@ impl Builder {
         }
     }
 
-    fn close_section(&mut self, planner: &mut Planner<Barrier>) {
+    fn close_section(&mut self, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        self.close_oscillation(planner, findings);
         let Some(vibration) = &mut self.state.vibration else { return };
         if !vibration.section_open {
             return;

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::builder::{Analysis, Builder, BuilderState};
 use crate::five_axis::{Guide, StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
+use crate::tool_oscillation::ToolGeometry;
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
 
 /// What a run of the pipeline is for; immutable while it runs.
@@ -70,7 +71,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 6;
+const SNAPSHOT_VERSION: u8 = 7;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,6 +98,9 @@ pub struct Tool {
     /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
     #[serde(default)]
     pub length_mm: Option<f64>,
+    /// Its cutting edges, which oscillation needs.
+    #[serde(default)]
+    pub geometry: Option<ToolGeometry>,
 }
 
 /// What a call to [`Pipeline::next_block`] brought.
@@ -457,7 +461,9 @@ impl Pipeline {
             return;
         }
         let span = SourceSpan { line: self.interpolator.line(), column: 1, length: 0 };
-        let message = format!("more than {MAX_HELD_ITEMS} blocks lie within one amplitude of the tool");
+        let message = format!(
+            "more than {MAX_HELD_ITEMS} blocks lie within one amplitude, or one blend of an oscillation, of the tool"
+        );
         self.findings.push(
             Finding::error("VIB-BLOCKS-TOO-SHORT", span, message)
                 .with_value("limit", MAX_HELD_ITEMS as f64, "")

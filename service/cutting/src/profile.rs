@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::thinning::ThinningSettings;
 use crate::thread::ThreadVibrationSettings;
+use crate::tool_oscillation::{NamedCondition, condition_problems};
 use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
 
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
@@ -23,6 +24,9 @@ pub struct MachineProfile {
     /// Threads and their vibration.
     #[serde(default)]
     pub thread_vibration: ThreadVibrationSettings,
+    /// Conditions of tool oscillation that a program chooses by number.
+    #[serde(default)]
+    pub tool_oscillation: Vec<NamedCondition>,
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
@@ -50,6 +54,7 @@ impl MachineProfile {
             machine: Machine::lathe(),
             vibration: VibrationSettings::default(),
             thread_vibration: ThreadVibrationSettings::default(),
+            tool_oscillation: Vec::new(),
             following: FollowingModel::default(),
             kinematics: None,
             pole_tolerance_deg: 0.0,
@@ -71,6 +76,7 @@ impl MachineProfile {
         problems.extend(prefixed("language", language_problems(&self.language)));
         problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
         problems.extend(prefixed("thread_vibration", self.thread_vibration.problems()));
+        problems.extend(condition_problems(&self.tool_oscillation));
         problems.extend(prefixed("following", following_problems(&self.following)));
         problems.extend(prefixed("thinning", self.thinning.validate()));
         if let Some(kinematics) = &self.kinematics {
@@ -127,23 +133,24 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     if !(64..=65_536).contains(&language.max_line_bytes) {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
     }
-    let codes = language.path_vibration;
-    let switch = language.thread_vibration;
-    let fields =
-        [("path_vibration.on", codes.on), ("path_vibration.off", codes.off), ("thread_vibration.code", switch.code)];
-    for (field, code) in fields {
+    let (codes, oscillation, switch) = (language.path_vibration, language.tool_oscillation, language.thread_vibration);
+    let fields = [
+        ("path_vibration.on", codes.on),
+        ("path_vibration.off", codes.off),
+        ("tool_oscillation.on", oscillation.on),
+        ("tool_oscillation.off", oscillation.off),
+        ("thread_vibration.code", switch.code),
+    ];
+    for (index, &(field, code)) in fields.iter().enumerate() {
         let tenths = code * 10.0;
         if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
             problems.push(problem(field, format!("must be a G code 0 to 999.9 with one decimal, is {code}")));
         } else if language.dialect.carries_out_g_code(code) {
             problems.push(problem(field, format!("G{code} has a meaning of its own in this dialect")));
         }
-    }
-    if codes.on == codes.off {
-        problems.push(problem("path_vibration.off", "must differ from the code that switches it on"));
-    }
-    if [codes.on, codes.off].contains(&switch.code) {
-        problems.push(problem("thread_vibration.code", "must differ from the codes of vibration along the path"));
+        if let Some((other, _)) = fields[..index].iter().find(|(_, earlier)| *earlier == code) {
+            problems.push(problem(field, format!("must differ from {other}, which is G{code} too")));
+        }
     }
     for (field, word) in [("thread_vibration.on_p", switch.on_p), ("thread_vibration.off_p", switch.off_p)] {
         if word > MAX_SWITCH_WORD {

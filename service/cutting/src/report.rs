@@ -4,6 +4,7 @@ use feedwave_program::Finding;
 use serde::{Deserialize, Serialize};
 
 use crate::thread::ThreadSectionReport;
+use crate::tool_oscillation::OscillationSectionReport;
 use crate::{ProgramThinning, SectionReport};
 
 /// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
@@ -17,6 +18,9 @@ pub struct ValidationReport {
     /// One report per thread, in order; the first ones where there are very many.
     #[serde(default)]
     pub threads: Vec<ThreadSectionReport>,
+    /// One report per oscillation, tool, feed and spindle speed, in order; the first ones where there are very many.
+    #[serde(default)]
+    pub oscillations: Vec<OscillationSectionReport>,
     /// What thinning did, where it was switched on.
     #[serde(default)]
     pub thinning: Option<ProgramThinning>,
@@ -51,6 +55,9 @@ pub struct ProgramSummary {
     /// Threading passes.
     #[serde(default)]
     pub thread_passes: u64,
+    /// Reports on oscillations, listed or not.
+    #[serde(default)]
+    pub oscillation_count: u64,
     /// Bytes of the program.
     pub bytes: u64,
     /// Lines read.

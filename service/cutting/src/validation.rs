@@ -171,6 +171,7 @@ impl Validation {
             findings_not_listed: findings.dropped(),
             section_count: analysis.section_count,
             thread_count: analysis.thread_count,
+            oscillation_count: analysis.oscillation_count,
             thread_passes: analysis.thread_passes,
             bytes: pipeline.input_offset(),
             lines: u64::from(pipeline.interpreter_state().lines_read()),
@@ -193,6 +194,7 @@ impl Validation {
             findings: findings.into_sorted(),
             sections: analysis.sections,
             threads: analysis.threads,
+            oscillations: analysis.oscillations,
             thinning,
             summary,
         }

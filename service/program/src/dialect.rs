@@ -250,6 +250,7 @@ impl CodeTable {
         let dialect = Dialect::of(settings.dialect);
         let thread_vibration = Meaning::FunctionSwitch(Function::ThreadVibration);
         let functions = function_codes(Function::PathVibration, settings.path_vibration)
+            .chain(function_codes(Function::ToolOscillation, settings.tool_oscillation))
             .chain(function_code(settings.thread_vibration.code, thread_vibration));
         let switches = function_codes(Function::Thinning, settings.thinning);
         let mut table = Self {

@@ -284,6 +284,9 @@ pub enum Function {
     ThreadVibration,
     /// Thinning of five-axis blocks.
     Thinning,
+    /// Oscillation of a rotary tool in step with its rotation: on with the number of a condition (`P`), and optionally the
+    /// amplitudes along the feed (`A`) and the tool axis (`Q`), the depth of cut (`D`) and the leading edge (`L`).
+    ToolOscillation,
 }
 
 /// A block that switches a machining function. The words are those of the function's table in the dialect,

@@ -149,6 +149,8 @@ pub struct LanguageSettings {
     pub block_delete: bool,
     /// Codes of vibration along the path.
     pub path_vibration: FunctionCodes,
+    /// Codes of the oscillation of a rotary tool.
+    pub tool_oscillation: FunctionCodes,
     /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well.
     pub thinning: FunctionCodes,
     /// Code of vibration in threads.
@@ -181,6 +183,7 @@ impl Default for LanguageSettings {
             dwell_p_unit: DwellUnit::Milliseconds,
             block_delete: false,
             path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
+            tool_oscillation: FunctionCodes { on: 202.0, off: 203.0 },
             thinning: FunctionCodes { on: 33.0, off: 34.0 },
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,

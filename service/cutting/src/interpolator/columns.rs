@@ -5,6 +5,7 @@ use std::ops::Range;
 use feedwave_motion::{Element, Machine, PlannedMotion};
 use feedwave_program::{Axis, Position};
 
+use super::oscillation::OscillationScratch;
 use super::{Activity, ActivityKind, Interpolator, Section};
 use crate::setpoint::ServoColumns;
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
@@ -14,7 +15,7 @@ use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
 pub(super) struct ColumnMap {
     pub(super) axis: Axis,
     /// −1 where the workpiece carries the axis.
-    sign: f64,
+    pub(super) sign: f64,
     /// 1 where the work offset is added.
     offset_share: f64,
 }
@@ -60,12 +61,19 @@ pub(super) struct Scratch {
     vibration: Vec<f64>,
     /// Arc length after superposition, mm.
     combined: Vec<f64>,
+    oscillation: OscillationScratch,
 }
 
 impl Scratch {
     pub(super) fn new() -> Self {
         let column = || vec![0.0; BLOCK_LENGTH];
-        Self { s: column(), speed: column(), vibration: column(), combined: column() }
+        Self {
+            s: column(),
+            speed: column(),
+            vibration: column(),
+            combined: column(),
+            oscillation: OscillationScratch::new(),
+        }
     }
 }
 
@@ -160,6 +168,10 @@ impl Interpolator {
 
         let Some(section) = &mut state.section else {
             fill_axes(columns, element, s, &mut block.axes, start);
+            if let Some(run) = &state.oscillation {
+                let place_mm = state.track.section_place(item);
+                run.superpose(columns, element, place_mm, s, &mut scratch.oscillation, block, start);
+            }
             if let Some(servo) = &mut block.servo {
                 still(servo, start);
             }

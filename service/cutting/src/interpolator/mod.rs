@@ -9,6 +9,7 @@
 mod clock;
 mod columns;
 mod feed_override;
+mod oscillation;
 mod track;
 
 use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch, TANGENT_TOLERANCE_RAD};
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use self::clock::Clock;
 use self::columns::{ColumnMap, Scratch};
+pub(crate) use self::oscillation::OscillationRun;
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};
 use crate::path_vibration::direction_change;
@@ -108,6 +110,7 @@ pub(crate) struct State {
     activity: Option<Activity>,
     after: After,
     section: Option<Section>,
+    oscillation: Option<Box<OscillationRun>>,
     rest: Rest,
     spindle: Spindle,
     /// Spindle angle at `clock`, revolutions, signed.
@@ -210,6 +213,7 @@ impl Interpolator {
             }),
             after: After::Continue,
             section: None,
+            oscillation: None,
             rest: Rest { position, work_offset, line: 0 },
             spindle: Spindle::STOPPED,
             spindle_rev: 0.0,
@@ -390,7 +394,7 @@ impl Interpolator {
     fn begin(&mut self) -> bool {
         let Some(item) = self.state.track.current() else { return false };
         if let (Some(index), Planned::Motion(motion)) = (self.state.resume, item) {
-            if index >= motion.stretches.len() {
+            if index >= motion.stretches.len() || !self.reach_is_known() {
                 return false;
             }
             self.state.resume = None;
@@ -406,6 +410,9 @@ impl Interpolator {
                 {
                     return false;
                 }
+                if !self.reach_is_known() {
+                    return false;
+                }
                 self.begin_stretch(0);
             }
             Planned::Barrier(Barrier::SectionStart(condition)) => {
@@ -416,6 +423,15 @@ impl Interpolator {
                 // The clamp holds a positive offset at the end point; a negative one would be cut off.
                 let wait_s = self.state.section.map_or(0.0, |section| self.wait_for_zero_s(section, true));
                 self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
+            }
+            Planned::Barrier(Barrier::OscillationStart(run)) => {
+                let run = run.clone();
+                self.state.oscillation = Some(run);
+                self.state.track.advance(0.0);
+            }
+            Planned::Barrier(Barrier::OscillationEnd) => {
+                self.state.oscillation = None;
+                self.state.track.advance(0.0);
             }
             &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
                 self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
@@ -428,6 +444,12 @@ impl Interpolator {
             Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
         }
         true
+    }
+
+    /// Whether the path is known as far ahead as the oscillation is blended out over.
+    fn reach_is_known(&self) -> bool {
+        let run = self.state.oscillation.as_ref();
+        run.is_none_or(|run| self.state.track.is_known_ahead(run.ramp_mm))
     }
 
     fn begin_stretch(&mut self, index: usize) {

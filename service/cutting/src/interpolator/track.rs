@@ -6,6 +6,8 @@ use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
 use feedwave_program::Spindle;
 use serde::{Deserialize, Serialize};
 
+use super::OscillationRun;
+
 /// What separates motions; the path is at rest at each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Barrier {
@@ -13,6 +15,10 @@ pub(crate) enum Barrier {
     SectionStart(SectionStart),
     /// The vibrating section ends.
     SectionEnd,
+    /// A part of the path on which the tool oscillates starts.
+    OscillationStart(Box<OscillationRun>),
+    /// That part ends.
+    OscillationEnd,
     /// Stand still.
     Dwell {
         /// For so long, s.
@@ -24,6 +30,13 @@ pub(crate) enum Barrier {
     Spindle(Spindle),
     /// The program ends.
     End,
+}
+
+impl Barrier {
+    /// Whether the path of a section ends here.
+    fn ends_section(&self) -> bool {
+        matches!(self, Self::SectionEnd | Self::OscillationEnd)
+    }
 }
 
 /// What the generator needs to know of a vibrating section.
@@ -94,8 +107,8 @@ impl Item {
 impl Track {
     pub(super) fn push(&mut self, planned: Planned<Barrier>) {
         match &planned {
-            Planned::Barrier(Barrier::SectionStart(_)) => self.known_mm = 0.0,
-            Planned::Barrier(Barrier::SectionEnd) => self.end_is_known = true,
+            Planned::Barrier(Barrier::SectionStart(_) | Barrier::OscillationStart(_)) => self.known_mm = 0.0,
+            Planned::Barrier(barrier) if barrier.ends_section() => self.end_is_known = true,
             _ => {}
         }
         if let Some(last) = self.items.back_mut()
@@ -130,7 +143,7 @@ impl Track {
     /// Takes back every item from this one on; those that were only shown have no stretches.
     pub(super) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<Barrier>> {
         let from = from.min(self.items.len());
-        let is_end = |item: &Item| matches!(item.planned, Planned::Barrier(Barrier::SectionEnd));
+        let is_end = |item: &Item| matches!(&item.planned, Planned::Barrier(barrier) if barrier.ends_section());
         self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
         self.end_is_shown = false;
         self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
@@ -152,7 +165,7 @@ impl Track {
                         self.shown = shown;
                     }
                 }
-                Ahead::Barrier(Barrier::SectionEnd) => {
+                Ahead::Barrier(barrier) if barrier.ends_section() => {
                     self.end_is_known = true;
                     self.end_is_shown = true;
                     return;
@@ -184,9 +197,14 @@ impl Track {
         self.items.get(item).map_or(self.known_mm, |item| item.start_mm)
     }
 
+    /// Distance of the start of an item from the start of its section, and the section's length where it is known, mm.
+    pub(super) fn section_place(&self, item: usize) -> (f64, Option<f64>) {
+        (self.start_mm(item), self.end_is_known.then_some(self.known_mm))
+    }
+
     /// Takes the next item; what lies further behind than `keep_mm` is forgotten.
     pub(super) fn advance(&mut self, keep_mm: f64) {
-        if matches!(self.current(), Some(Planned::Barrier(Barrier::SectionEnd))) {
+        if matches!(self.current(), Some(Planned::Barrier(barrier)) if barrier.ends_section()) {
             self.end_is_known = false;
         }
         self.current += 1;

@@ -1,9 +1,11 @@
 //! How the tool is to oscillate, and the named conditions a machine keeps ("accuracy", "speed").
 
+use feedwave_motion::ProfileProblem;
 use serde::{Deserialize, Serialize};
 
 use super::curve::monotone_value;
 use super::{MAX_EDGES, ToolGeometry, Waveform};
+use crate::MAX_AMPLITUDE_MM;
 
 /// Most conditions kept.
 pub const MAX_CONDITIONS: usize = 64;
@@ -250,6 +252,52 @@ pub fn find_condition(conditions: &[NamedCondition], number: u32, tool: u32) -> 
     let of_number = |condition: &&NamedCondition| condition.number == number;
     let for_tool = conditions.iter().filter(of_number).find(|condition| condition.tools.contains(&tool));
     for_tool.or_else(|| conditions.iter().filter(of_number).find(|condition| condition.tools.is_empty()))
+}
+
+/// What makes a machine's conditions unusable, each with the path of the field in the profile.
+#[must_use]
+pub fn condition_problems(conditions: &[NamedCondition]) -> Vec<ProfileProblem> {
+    let mut problems = Vec::new();
+    let mut problem = |field: String, message: String| problems.push(ProfileProblem { field, message });
+    if conditions.len() > MAX_CONDITIONS {
+        problem(
+            "tool_oscillation".to_owned(),
+            format!("has {} conditions, at most {MAX_CONDITIONS}", conditions.len()),
+        );
+    }
+    for (index, named) in conditions.iter().enumerate() {
+        let field = format!("tool_oscillation[{index}]");
+        let same_tools = |other: &NamedCondition| {
+            other.number == named.number
+                && (other.tools.iter().any(|tool| named.tools.contains(tool))
+                    || (other.tools.is_empty() && named.tools.is_empty()))
+        };
+        if conditions[..index].iter().any(same_tools) {
+            problem(format!("{field}.number"), format!("{} is another condition's for the same tool", named.number));
+        }
+        let condition = &named.condition;
+        let directions =
+            [("feed", Some(&condition.feed)), ("axial", Some(&condition.axial)), ("cross", condition.cross.as_ref())];
+        for (name, direction) in directions.iter().filter_map(|(name, direction)| Some((name, (*direction)?))) {
+            if let Err(error) = direction.waveform.compile() {
+                problem(format!("{field}.condition.{name}.waveform"), error.to_string());
+            }
+            if !(0.0..=MAX_AMPLITUDE_MM).contains(&direction.amplitude_mm) {
+                let message = format!("must be 0 to {MAX_AMPLITUDE_MM} mm, is {}", direction.amplitude_mm);
+                problem(format!("{field}.condition.{name}.amplitude_mm"), message);
+            }
+            if !(-360.0..=360.0).contains(&direction.phase_deg) {
+                let message = format!("must be within 360 degrees, is {}", direction.phase_deg);
+                problem(format!("{field}.condition.{name}.phase_deg"), message);
+            }
+        }
+        for (place, table) in named.tables.iter().enumerate() {
+            if let Some(message) = table.problem() {
+                problem(format!("{field}.tables[{place}]"), message.to_owned());
+            }
+        }
+    }
+    problems
 }
 
 /// Number of periods per revolution nearest to `wanted` that divides the number of edges.

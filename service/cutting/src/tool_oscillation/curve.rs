@@ -1,6 +1,8 @@
 //! Monotone cubic interpolation (F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17, 1980): a curve through points
 //! that never overshoots them, so that its extremes are among the points.
 
+use serde::{Deserialize, Serialize};
+
 use super::waveform::WavePeaks;
 
 /// Slopes at the points that keep every interval monotone. `wraps` says that the last interval leads to the first point.
@@ -38,7 +40,7 @@ fn slopes(secants: &[f64], wraps: bool) -> Vec<f64> {
 }
 
 /// A polynomial over one interval: value = c₀ + c₁·x + c₂·x² + c₃·x³, x from the interval's start.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Piece {
     length: f64,
     coefficients: [f64; 4],
@@ -71,7 +73,7 @@ impl Piece {
 }
 
 /// A periodic curve of period 1 through points (phase, value).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct PeriodicCurve {
     phases: Vec<f64>,
     pieces: Vec<Piece>,

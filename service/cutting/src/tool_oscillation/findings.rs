@@ -6,10 +6,9 @@ use super::condition::{MAX_RAMP_PERIODS, OscillationPeriod, nearest_periods_per_
 use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
 use super::{OscillationDirection, Waveform};
+use crate::MAX_AMPLITUDE_MM;
 use crate::wording::{decimal, round_down, round_up};
 
-/// Largest amplitude, mm.
-const MAX_AMPLITUDE_MM: f64 = 10.0;
 /// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.
 const PERIOD_TOLERANCE: f64 = 1e-5;
 /// Most periods per revolution.

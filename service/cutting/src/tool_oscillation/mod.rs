@@ -17,14 +17,14 @@ mod waveform;
 pub use condition::{
     ConditionTable, DirectionOscillation, Interpolation, LeadingEdge, MAX_CONDITIONS, MAX_RAMP_PERIODS,
     MAX_TABLE_POINTS, NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation, TableQuantity,
-    find_condition, nearest_periods_per_rev,
+    condition_problems, find_condition, nearest_periods_per_rev,
 };
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
 pub use motion::{BLEND_STEEPNESS, DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, blend, ramp_mm};
 pub use removal::{EdgePass, EdgeReport, OscillationCut, RemovedLayer, plane_section};
 pub use report::{
     DirectionLimits, DirectionLoad, FloorReport, OscillationDirection, OscillationJob, OscillationLimits,
-    OscillationReport, PlainEdge, judge,
+    OscillationReport, OscillationSectionReport, PlainEdge, judge, synchronise,
 };
 pub use tool::{CuttingEdge, MAX_EDGES, ToolError, ToolGeometry};
 pub use waveform::{MAX_HOLD_SHARE, MAX_WAVE_POINTS, MIN_WAVE_POINT_TURNS, Wave, WavePeaks, Waveform, WaveformError};

@@ -7,6 +7,8 @@
 //! x̂ is the feed direction and ẑ the tool axis, τ the phase in turns, E the blend at the ends. **w is positive where the
 //! tool is retracted**; the protrusion is −w.
 
+use serde::{Deserialize, Serialize};
+
 use super::waveform::{Wave, WavePeaks};
 use super::{DirectionOscillation, OscillationCondition, ToolGeometry};
 
@@ -30,7 +32,7 @@ impl ToolOffset {
 }
 
 /// One direction of the oscillation, ready for evaluation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DirectionMotion {
     /// Amplitude, mm.
     pub amplitude_mm: f64,
@@ -49,6 +51,17 @@ impl DirectionMotion {
     #[must_use]
     pub fn offset_mm(&self, turns: f64) -> f64 {
         self.amplitude_mm * self.wave.value(turns + self.phase_turns)
+    }
+
+    /// [`DirectionMotion::offset_mm`] of every phase of `turns` into the same place of `offsets`.
+    ///
+    /// # Panics
+    /// When the lengths differ: the caller's columns are out of step.
+    pub fn fill_offset_mm(&self, turns: &[f64], offsets: &mut [f64]) {
+        self.wave.fill_shifted(self.phase_turns, turns, offsets);
+        for offset in offsets {
+            *offset *= self.amplitude_mm;
+        }
     }
 
     /// Middle of the lowest stretch, turns within [0, 1), and its length.
@@ -75,7 +88,7 @@ impl DirectionMotion {
 }
 
 /// Peaks of the motion in one direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DirectionPeaks {
     /// mm/s
     pub velocity_mm_per_s: f64,
@@ -88,7 +101,7 @@ pub struct DirectionPeaks {
 }
 
 /// A synchronised oscillation of one tool.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolOscillation {
     /// Periods per revolution M.
     pub periods_per_rev: u32,

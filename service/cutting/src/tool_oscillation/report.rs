@@ -145,17 +145,29 @@ pub struct OscillationReport {
     pub feasible: bool,
 }
 
+/// An oscillation of a program at one feed and spindle speed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OscillationSectionReport {
+    /// Line that switches it on.
+    pub on_line: u32,
+    /// Line of the first block at this feed and spindle speed.
+    pub line: u32,
+    /// Tool number.
+    pub tool: u32,
+    /// Name of the condition.
+    pub condition: String,
+    /// How the tool is used.
+    pub cut: OscillationCut,
+    /// What can be said about it.
+    #[serde(flatten)]
+    pub report: OscillationReport,
+}
+
 /// Judges a pass: the report where its quantities are possible, and the findings, errors among them.
 #[must_use]
 pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Finding>) {
     let mut found = Vec::new();
-    findings::input(job, &mut found);
-    if !found.is_empty() {
-        return (None, found);
-    }
-    let Some(periods_per_rev) = findings::period(job, &mut found) else { return (None, found) };
-    let oscillation = ToolOscillation::new(job.tool, job.condition, periods_per_rev, job.leading_edge);
-    let Some(oscillation) = oscillation else { return (None, found) };
+    let Some(oscillation) = synchronise(job, &mut found) else { return (None, found) };
 
     let mut report = figures(job, &oscillation);
     if let Some(area) = &job.floor {
@@ -172,6 +184,18 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
     findings::conditions(job, &report, &mut found);
     report.feasible = found.iter().all(|finding| finding.severity != Severity::Error);
     (Some(report), found)
+}
+
+/// The oscillation in step with the spindle; `None`, with findings, where a quantity is impossible.
+#[must_use]
+pub fn synchronise(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> Option<ToolOscillation> {
+    let before = findings.len();
+    findings::input(job, findings);
+    if findings.len() > before {
+        return None;
+    }
+    let periods_per_rev = findings::period(job, findings)?;
+    ToolOscillation::new(job.tool, job.condition, periods_per_rev, job.leading_edge)
 }
 
 /// The same motion without oscillation.

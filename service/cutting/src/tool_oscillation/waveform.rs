@@ -80,10 +80,10 @@ pub struct WavePeaks {
 }
 
 /// A waveform ready for evaluation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wave(Shape);
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Shape {
     Sine,
     /// Quarter ramp, turns.
@@ -162,19 +162,24 @@ impl Wave {
     /// # Panics
     /// When the lengths differ: the caller's columns are out of step.
     pub fn fill(&self, turns: &[f64], values: &mut [f64]) {
+        self.fill_shifted(0.0, turns, values);
+    }
+
+    /// The same `ahead` turns further on.
+    pub(super) fn fill_shifted(&self, ahead: f64, turns: &[f64], values: &mut [f64]) {
         assert_eq!(turns.len(), values.len(), "one phase for each value");
         let pairs = values.iter_mut().zip(turns);
         match &self.0 {
-            Shape::Sine => pairs.for_each(|(value, &turns)| *value = sin_turns(turns)),
+            Shape::Sine => pairs.for_each(|(value, &turns)| *value = sin_turns(turns + ahead)),
             Shape::HeldPeak(quarter_ramp) => {
                 let stretch = 0.25 / quarter_ramp;
-                pairs.for_each(|(value, &turns)| *value = held_peak(turns, stretch));
+                pairs.for_each(|(value, &turns)| *value = held_peak(turns + ahead, stretch));
             }
             Shape::JerkLimited(quarter_ramp) => {
                 let per_ramp = 1.0 / quarter_ramp;
-                pairs.for_each(|(value, &turns)| *value = jerk_limited(turns, per_ramp));
+                pairs.for_each(|(value, &turns)| *value = jerk_limited(turns + ahead, per_ramp));
             }
-            Shape::Table(curve) => pairs.for_each(|(value, &turns)| *value = curve.value(turns)),
+            Shape::Table(curve) => pairs.for_each(|(value, &turns)| *value = curve.value(turns + ahead)),
         }
     }
 

@@ -38,6 +38,12 @@ pub fn config() -> PipelineConfig {
     }
     profile.kinematics = Some(trunnion());
     assert_eq!(profile.problems(), []);
-    let tools = vec![Tool { number: 1, name: String::new(), max_rev_per_min: None, length_mm: Some(LENGTH_MM) }];
+    let tools = vec![Tool {
+        number: 1,
+        name: String::new(),
+        max_rev_per_min: None,
+        length_mm: Some(LENGTH_MM),
+        geometry: None,
+    }];
     PipelineConfig { tools, ..PipelineConfig::new(profile) }
 }

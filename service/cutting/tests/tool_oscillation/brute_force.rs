@@ -82,7 +82,7 @@ fn the_floor_is_that_of_small_steps() {
         let mut brute = vec![f32::INFINITY; field.heights_mm.len()];
         // From before the front reaches the strip until the trailing half has left it.
         let (first, last) = (-14.0, 18.0);
-        let steps_per_rev = 4_000;
+        let steps_per_rev = 2_500;
         let steps = ((last - first) * f64::from(steps_per_rev)) as u32;
         for step in 0..=steps {
             let turns = first + f64::from(step) / f64::from(steps_per_rev);
@@ -92,8 +92,8 @@ fn the_floor_is_that_of_small_steps() {
                 if !ahead && !trailing {
                     continue;
                 }
-                for part in 0..=120 {
-                    let from_edge_mm = 0.4 * f64::from(part) / 120.0;
+                for part in 0..=80 {
+                    let from_edge_mm = 0.4 * f64::from(part) / 80.0;
                     let [x, y, z] = point(&tool, &oscillation, &cut, edge, turns, from_edge_mm);
                     let (column, row) = ((x / 0.02).floor(), ((y + 1.95) / 0.02).floor());
                     // What passes a cell near its middle.

@@ -1,8 +1,11 @@
 //! Oscillation of a rotary tool, from the specification page's worked example to an independent simulation.
 
 mod brute_force;
+#[path = "../common/mod.rs"]
+mod common;
 mod conditions;
 mod example;
+mod program;
 mod waveforms;
 
 use feedwave_cutting::tool_oscillation::{

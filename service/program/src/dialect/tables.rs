@@ -209,9 +209,18 @@ pub(crate) const fn function_words(function: Function, on: bool) -> &'static [Fu
     const PATH_VIBRATION: &[FunctionWordRule] = &[word(b'F', false, false), word(b'A', true, false)];
     // X is a radius here as everywhere.
     const THREAD_VIBRATION: &[FunctionWordRule] = &[word(b'X', true, true), word(b'Q', false, true)];
+    const TOOL_OSCILLATION: &[FunctionWordRule] = &[
+        word(b'P', false, false),
+        word(b'A', true, false),
+        word(b'Q', true, false),
+        word(b'D', true, false),
+        word(b'L', false, false),
+    ];
     match (function, on) {
         (Function::PathVibration, true) => PATH_VIBRATION,
         (Function::ThreadVibration, true) => THREAD_VIBRATION,
-        (Function::PathVibration | Function::ThreadVibration, false) | (Function::Thinning, _) => &[],
+        (Function::ToolOscillation, true) => TOOL_OSCILLATION,
+        (Function::PathVibration | Function::ThreadVibration | Function::ToolOscillation, false)
+        | (Function::Thinning, _) => &[],
     }
 }

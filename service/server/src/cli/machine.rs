@@ -42,7 +42,7 @@ fn tool(text: &str) -> Result<Tool, String> {
     let number = number.ok_or("the number must be 1 to 9999")?;
     let length_mm = length.trim().parse::<f64>().ok().filter(|length| length.is_finite() && *length > 0.0);
     let length_mm = Some(length_mm.ok_or("the length must be a positive number of millimetres")?);
-    Ok(Tool { number, name: String::new(), max_rev_per_min: None, length_mm })
+    Ok(Tool { number, name: String::new(), max_rev_per_min: None, length_mm, geometry: None })
 }
 
 /// A generic machine.

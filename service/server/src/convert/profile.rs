@@ -74,6 +74,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
         },
         pole_tolerance_deg: profile.pole_tolerance_deg,
         thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
+        tool_oscillation: Vec::new(),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
@@ -203,6 +204,7 @@ fn language_from_proto(
             proto::ThreadEWord::PreciseLead => ThreadEWord::PreciseLead,
         },
         thinning: language.thinning.map_or(usual.thinning, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        tool_oscillation: usual.tool_oscillation,
         work_offsets,
         reference_position: position(&language.reference_position, usual.reference_position),
         initial_position: position(&language.initial_position, usual.initial_position),

@@ -41,6 +41,7 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
         name: tool.display_name.clone(),
         max_rev_per_min: tool.max_rev_per_min,
         length_mm: tool.length_mm,
+        geometry: None,
     }
 }
 

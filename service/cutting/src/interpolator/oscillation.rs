@@ -1,0 +1,211 @@
+//! Superposition of the oscillation of a rotary tool: offsets along the feed direction, across it and along the tool axis,
+//! with the phase from the spindle angle.
+//!
+//! The offsets are blended in and out by the place on the path, so that they are 0 at both ends of the section and the tool
+//! never leaves it in the feed direction; nothing depends on time, on the feed or on its override.
+
+use core::f64::consts::TAU;
+
+use feedwave_motion::{Arc, Curve, Element};
+use feedwave_program::Axis;
+use serde::{Deserialize, Serialize};
+
+use super::columns::ColumnMap;
+use crate::tool_oscillation::{ToolOscillation, blend};
+use crate::{BLOCK_LENGTH, SetpointBlock, sin_turns};
+
+/// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OscillationRun {
+    pub(crate) oscillation: ToolOscillation,
+    /// Whether the spindle turns clockwise, seen from it.
+    pub(crate) clockwise: bool,
+    /// Length of path over which the oscillation is blended in and out, mm.
+    pub(crate) ramp_mm: f64,
+}
+
+/// Buffers of one block.
+#[derive(Clone, Debug)]
+pub(super) struct OscillationScratch {
+    /// Phase, turns.
+    turns: Vec<f64>,
+    /// Offset in one direction, mm.
+    offset: Vec<f64>,
+    /// Share of the oscillation, 0 to 1.
+    share: Vec<f64>,
+    /// Feed direction in X and Y.
+    direction: [Vec<f64>; 2],
+}
+
+impl OscillationScratch {
+    pub(super) fn new() -> Self {
+        let column = || vec![0.0; BLOCK_LENGTH];
+        Self { turns: column(), offset: column(), share: column(), direction: [column(), column()] }
+    }
+}
+
+impl OscillationRun {
+    /// Adds the oscillation to the columns from `start` on, whose commanded arc lengths in `element` are `s`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the columns and their buffers are separate fields of the interpolator"
+    )]
+    pub(super) fn superpose(
+        &self,
+        columns: &[ColumnMap],
+        element: &Element,
+        (before_mm, section_mm): (f64, Option<f64>),
+        s: &[f64],
+        scratch: &mut OscillationScratch,
+        block: &mut SetpointBlock,
+        start: usize,
+    ) {
+        let count = s.len();
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y] } = scratch;
+        let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
+        let (along_x, along_y) = (&mut along_x[..count], &mut along_y[..count]);
+
+        self.fill_share(before_mm, section_mm, s, share);
+        let angles_deg = &block.spindle_angle_deg[start..start + count];
+        self.fill_direction_and_phase(element, s, angles_deg, along_x, along_y, turns);
+
+        // Along the feed.
+        self.fill_offset(&self.oscillation.feed, turns, share, offset);
+        block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            let column = &mut column[start..start + count];
+            match map.axis {
+                Axis::X => add(column, map.sign, offset, along_x),
+                Axis::Y => add(column, map.sign, offset, along_y),
+                _ => {}
+            }
+        }
+        // Across it, along (x, y, 0) × (0, 0, 1) = (y, −x, 0).
+        if let Some(cross) = &self.oscillation.cross {
+            self.fill_offset(cross, turns, share, offset);
+            for (map, column) in columns.iter().zip(&mut block.axes) {
+                let column = &mut column[start..start + count];
+                match map.axis {
+                    Axis::X => add(column, map.sign, offset, along_y),
+                    Axis::Y => add(column, -map.sign, offset, along_x),
+                    _ => {}
+                }
+            }
+        }
+        // Along the tool axis, positive away from the work.
+        self.fill_offset(&self.oscillation.axial, turns, share, offset);
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            if map.axis == Axis::Z {
+                for (value, offset) in column[start..start + count].iter_mut().zip(&*offset) {
+                    *value += map.sign * offset;
+                }
+            }
+        }
+    }
+
+    /// How much of the oscillation there is at every place: 0 at the ends of the section, 1 further inside.
+    fn fill_share(&self, before_mm: f64, section_mm: Option<f64>, s: &[f64], share: &mut [f64]) {
+        let per_mm = 1.0 / self.ramp_mm;
+        let left_mm = |s: f64| section_mm.map_or(f64::INFINITY, |section_mm| section_mm - (before_mm + s));
+        // `s` ascends.
+        if let (Some(&first), Some(&last)) = (s.first(), s.last())
+            && before_mm + first >= self.ramp_mm
+            && left_mm(last) >= self.ramp_mm
+        {
+            share.fill(1.0);
+            return;
+        }
+        for (share, &s) in share.iter_mut().zip(s) {
+            *share = blend((before_mm + s) * per_mm) * blend(left_mm(s) * per_mm);
+        }
+    }
+
+    fn fill_direction_and_phase(
+        &self,
+        element: &Element,
+        s: &[f64],
+        angles_deg: &[f64],
+        along_x: &mut [f64],
+        along_y: &mut [f64],
+        turns: &mut [f64],
+    ) {
+        // The spindle angle counts down where it turns counter-clockwise; azimuths from X to Y are counter-clockwise.
+        let rotation = if self.clockwise { 1.0 } else { -1.0 };
+        let feed_turns = |x: f64, y: f64| -rotation * libm::atan2(y, x) / TAU;
+        if element.curve == Curve::Line {
+            let tangent = element.tangent(0.0);
+            let [x, y] = unit(tangent[Axis::X.index()], tangent[Axis::Y.index()]);
+            let feed_turns = feed_turns(x, y);
+            along_x.fill(x);
+            along_y.fill(y);
+            for (turns, angle_deg) in turns.iter_mut().zip(angles_deg) {
+                *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns);
+            }
+            return;
+        }
+        if let Curve::Arc(arc) = &element.curve
+            && let Some(heading) = Heading::of(arc, element.length)
+        {
+            for (((x, y), turns), (s, angle_deg)) in
+                along_x.iter_mut().zip(along_y).zip(turns).zip(s.iter().zip(angles_deg))
+            {
+                let heading = heading.start_turns + heading.per_mm * s;
+                (*x, *y) = (sin_turns(heading + 0.25), sin_turns(heading));
+                *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, -rotation * heading);
+            }
+            return;
+        }
+        element.fill_tangent(Axis::X, s, along_x);
+        element.fill_tangent(Axis::Y, s, along_y);
+        for (((x, y), turns), angle_deg) in along_x.iter_mut().zip(along_y).zip(turns).zip(angles_deg) {
+            [*x, *y] = unit(*x, *y);
+            *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns(*x, *y));
+        }
+    }
+
+    fn fill_offset(
+        &self,
+        motion: &crate::tool_oscillation::DirectionMotion,
+        turns: &mut [f64],
+        share: &[f64],
+        offset: &mut [f64],
+    ) {
+        motion.fill_offset_mm(turns, offset);
+        for (offset, share) in offset.iter_mut().zip(share) {
+            *offset *= share;
+        }
+    }
+}
+
+/// Azimuth of the path on an arc in the work plane, turns from X to Y: it changes evenly.
+struct Heading {
+    start_turns: f64,
+    per_mm: f64,
+}
+
+impl Heading {
+    /// `None` for an arc in another plane.
+    fn of(arc: &Arc, length_mm: f64) -> Option<Self> {
+        if (arc.first, arc.second) != (Axis::X, Axis::Y) {
+            return None;
+        }
+        // Where the radius changes, the path goes outwards by nearly the same angle everywhere.
+        let around_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm) * arc.sweep_rad.abs();
+        let outwards_rad = libm::atan2(arc.end_radius_mm - arc.start_radius_mm, around_mm);
+        let side = arc.sweep_rad.signum();
+        let start_rad = arc.start_angle_rad + side * (0.25 * TAU - outwards_rad);
+        Some(Self { start_turns: start_rad / TAU, per_mm: arc.sweep_rad / TAU / length_mm })
+    }
+}
+
+fn add(column: &mut [f64], sign: f64, offset: &[f64], direction: &[f64]) {
+    for ((value, offset), direction) in column.iter_mut().zip(offset).zip(direction) {
+        *value += sign * (offset * direction);
+    }
+}
+
+/// The direction in the work plane; X where there is none, which the builder refuses.
+fn unit(x: f64, y: f64) -> [f64; 2] {
+    let length = (x * x + y * y).sqrt();
+    if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
+}

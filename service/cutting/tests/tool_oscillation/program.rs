@@ -1,0 +1,218 @@
+//! Oscillation in programs: setpoints against the page's formula, step by step from their own spindle angle and path position.
+
+use feedwave_cutting::tool_oscillation::{NamedCondition, OscillationPeriod, ToolOscillation, Waveform, blend};
+use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};
+use feedwave_program::Severity;
+
+use super::common::{Setpoints, resume, run, snapshots, validate};
+use super::{condition, tool};
+
+const DEPTH_MM: f64 = 1.0;
+/// Two periods of 1 mm.
+const RAMP_MM: f64 = 2.0;
+
+fn config() -> PipelineConfig {
+    let mut profile = MachineProfile::mill();
+    let named = |number, name: &str| NamedCondition {
+        name: name.to_owned(),
+        number,
+        tools: Vec::new(),
+        condition: condition(),
+        tables: Vec::new(),
+    };
+    let mut smooth = named(2, "smooth");
+    smooth.condition.axial.waveform = Waveform::JerkLimitedHeldPeak { hold_share: 0.3 };
+    let mut odd = named(3, "odd");
+    odd.condition.period = OscillationPeriod::PerRevolution(3);
+    profile.tool_oscillation = vec![named(1, "accuracy"), smooth, odd];
+    PipelineConfig {
+        tools: vec![
+            Tool { number: 4, name: String::new(), max_rev_per_min: None, length_mm: None, geometry: Some(tool()) },
+            Tool { number: 5, name: String::new(), max_rev_per_min: None, length_mm: None, geometry: None },
+        ],
+        ..PipelineConfig::new(profile)
+    }
+}
+
+fn program(path: &str) -> String {
+    format!("G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D{DEPTH_MM}\n{path}\nG203\nM30\n")
+}
+
+/// Command and feed direction at a distance along the path.
+type Path = dyn Fn(f64) -> ([f64; 2], [f64; 2]);
+
+/// Every setpoint of the section of `length_mm` is the command plus the oscillation at its own spindle angle.
+#[track_caller]
+fn assert_oscillates(setpoints: &Setpoints, clockwise: bool, length_mm: f64, path: &Path) {
+    let oscillation = ToolOscillation::new(&tool(), &condition(), 1, 1).expect("possible");
+    let base_mm = setpoints.path.last().expect("setpoints") - length_mm;
+    let mut whole = 0;
+    for index in 0..setpoints.len() {
+        let along_mm = setpoints.path[index] - base_mm;
+        if along_mm <= 0.0 {
+            continue;
+        }
+        let share = blend(along_mm / RAMP_MM) * blend((length_mm - along_mm) / RAMP_MM);
+        whole += u32::from(share == 1.0);
+        let ([x, y], [dx, dy]) = path(along_mm);
+        let azimuth_deg = libm::atan2(dy, dx).to_degrees();
+        // An edge points ahead when the spindle has turned it there.
+        let turned_deg =
+            if clockwise { setpoints.spindle[index] + azimuth_deg } else { -setpoints.spindle[index] - azimuth_deg };
+        let offset = oscillation.offset(turned_deg / 360.0);
+        let expected = [
+            x + share * offset.feed_mm * dx,
+            y + share * offset.feed_mm * dy,
+            -DEPTH_MM + share * offset.retraction_mm,
+        ];
+        for (column, expected) in setpoints.axes.iter().zip(expected) {
+            assert!(
+                (column[index] - expected).abs() < 1e-8,
+                "setpoint {index}: {} instead of {expected}",
+                column[index]
+            );
+        }
+        assert!((setpoints.vibration[index] - share * offset.feed_mm).abs() < 1e-8);
+    }
+    assert!(whole > 100, "{whole} setpoints of the whole oscillation");
+}
+
+#[track_caller]
+fn refused(program: &str, code: &str) -> ValidationReport {
+    let report = validate(program, &config());
+    let found = report.findings.iter().find(|finding| finding.code == code);
+    let found = found.unwrap_or_else(|| panic!("no {code} among {:#?}", report.findings));
+    assert_eq!(found.severity, Severity::Error);
+    assert!(!found.suggestions.is_empty());
+    assert!(!report.is_accepted());
+    report
+}
+
+#[test]
+fn a_line_oscillates_in_step_with_the_spindle() {
+    for (path, azimuth_deg, length_mm) in [
+        ("G1 X30 F600", 0.0f64, 30.0),
+        ("G1 Y-20 F600", -90.0, 20.0),
+        ("G1 X-12 Y16 F600", 126.869_897_645_844_02, 20.0),
+    ] {
+        let (sin, cos) = libm::sincos(azimuth_deg.to_radians());
+        let line = move |s: f64| ([s * cos, s * sin], [cos, sin]);
+        for (spindle, clockwise) in [("M3 ", true), ("M4 ", false)] {
+            let setpoints = run(&program(path).replace("M3 ", spindle), &config());
+            assert_oscillates(&setpoints, clockwise, length_mm, &line);
+            // Both ends are exact, and the tool never passes them.
+            for index in 0..setpoints.len() {
+                let along = setpoints.axes[0][index] * cos + setpoints.axes[1][index] * sin;
+                assert!((-1e-9..=length_mm + 1e-9).contains(&along), "{along}");
+            }
+            let last = setpoints.len() - 1;
+            assert!((setpoints.axes[0][last] - length_mm * cos).abs() < 1e-9);
+            assert_eq!(setpoints.axes[2][last], -DEPTH_MM);
+        }
+    }
+}
+
+#[test]
+fn the_feed_direction_follows_an_arc() {
+    let setpoints = run(&program("G3 X0 Y80 I0 J40 F600"), &config());
+    let circle = |s: f64| {
+        let (sin, cos) = libm::sincos(s / 40.0);
+        ([40.0 * sin, 40.0 - 40.0 * cos], [cos, sin])
+    };
+    assert_oscillates(&setpoints, true, 40.0 * core::f64::consts::PI, &circle);
+}
+
+#[test]
+fn an_override_keeps_the_step() {
+    let line = |s: f64| ([s, 0.0], [1.0, 0.0]);
+    let changes = [(1_500, 1.7), (2_000, 0.4), (2_600, 0.0), (3_100, 2.0)];
+    let overrides = changes.map(|(index, ratio)| OverrideChange { index, ratio }).to_vec();
+    let setpoints = run(&program("G1 X30 F600"), &PipelineConfig { overrides, ..config() });
+    assert!((2_700..3_000).any(|index| setpoints.feed[index] == 0.0 && setpoints.vibration[index] != 0.0));
+    assert_oscillates(&setpoints, true, 30.0, &line);
+}
+
+#[test]
+fn the_oscillation_rests_at_corners() {
+    let setpoints = run(&program("G1 X15 F600\nG1 Y15"), &config());
+    let corner = (0..setpoints.len()).min_by(|a, b| {
+        let distance = |index: &usize| libm::hypot(setpoints.axes[0][*index] - 15.0, setpoints.axes[1][*index]);
+        distance(a).total_cmp(&distance(b))
+    });
+    let corner = corner.expect("setpoints");
+    assert!(setpoints.vibration[corner].abs() < 1e-6);
+    for index in 0..setpoints.len() {
+        assert!(setpoints.axes[0][index] < 15.0 + 1e-9 && setpoints.axes[1][index] > -1e-9);
+    }
+    assert!(setpoints.vibration.iter().any(|offset| *offset > 0.399));
+}
+
+#[test]
+fn axes_stay_within_their_limits() {
+    let mut config = config();
+    for axis in &mut config.profile.machine.axes {
+        (axis.max_velocity_per_s, axis.max_acceleration_per_s2, axis.max_jerk_per_s3) = (60.0, 4_500.0, 1_200_000.0);
+    }
+    let text = program("G1 X30 F600\nG3 X30 Y40 I0 J20").replace("P1", "P2");
+    let report = validate(&text, &config);
+    assert!(report.is_accepted(), "{:#?}", report.findings);
+    for axis in &report.summary.axes {
+        assert!(axis.peak_velocity_per_s <= 60.0 * 1.000_1, "{axis:?}");
+        assert!(axis.peak_acceleration_per_s2 <= 4_500.0 * 1.000_1, "{axis:?}");
+        assert!(axis.peak_jerk_per_s3 <= 1_200_000.0 * 1.001, "{axis:?}");
+    }
+    let [one] = &report.oscillations[..] else { panic!("{:#?}", report.oscillations) };
+    assert_eq!((one.on_line, one.line, one.tool, one.condition.as_str()), (4, 5, 4, "smooth"));
+    assert_eq!(one.report.finishing_edges, [4]);
+    assert_eq!(report.summary.oscillation_count, 1);
+}
+
+#[test]
+fn a_resumed_stream_continues_to_the_bit() {
+    let (text, config) = (program("G1 X12 F600\nG2 X12 Y-20 I0 J-10"), config());
+    let whole = run(&text, &config);
+    let taken = snapshots(text.as_bytes(), &config);
+    assert!(taken.len() > 3);
+    for (index, offset, snapshot) in &taken {
+        let (first, resumed) = resume(text.as_bytes(), &config, *offset, snapshot);
+        assert_eq!(first, *index);
+        for k in 0..resumed.len() {
+            assert_eq!(resumed.bits(k), whole.bits(first as usize + k));
+        }
+    }
+}
+
+#[test]
+fn words_override_the_condition() {
+    let text = program("G1 X20 F600").replace("P1", "P1 A0.2 Q0.01 L3");
+    let report = validate(&text, &config());
+    let one = &report.oscillations[0].report;
+    assert_eq!((one.loads[0].amplitude_mm, one.loads[1].amplitude_mm), (0.2, 0.01));
+    assert_eq!((one.leading_edge, &one.finishing_edges[..]), (3, &[2][..]));
+    let setpoints = run(&text, &config());
+    let oscillating = setpoints.axes[2].iter().zip(&setpoints.vibration).filter(|(_, offset)| **offset != 0.0);
+    let highest = oscillating.map(|(z, _)| *z).fold(f64::NEG_INFINITY, f64::max);
+    assert!((highest + 0.99).abs() < 1e-9, "{highest}");
+}
+
+#[test]
+fn contradictions_are_refused_before_anything_moves() {
+    let line = "G1 X30 F600";
+    refused(&program(line).replace("P1", "P9"), "OSC-CONDITION-UNKNOWN");
+    refused(&program(line).replace("P1", ""), "OSC-WORD");
+    refused(&program(line).replace("P1", "P1 L7"), "OSC-LEADING-EDGE");
+    refused(&program(line).replace("P1", "P1 A-0.4"), "OSC-VALUE");
+    refused(&program(line).replace("P1", "P3"), "OSC-EDGES-PERIOD");
+    refused(&program(line).replace("T4", "T5"), "OSC-TOOL-UNKNOWN");
+    refused(&program(line).replace("M3 S600\n", ""), "OSC-SPINDLE-STOPPED");
+    refused(&program("G1 Z-5 F600"), "OSC-PLUNGE");
+    refused(&program("G1 X30 F1200"), "OSC-STEP-LONG");
+    refused(&program("G1 X30 F600\nG2 X31 Y-1 R1"), "OSC-TURNING");
+    refused(&program("G202 P1\nG1 X30 F600"), "OSC-NESTED");
+    refused(&program(line).replace("G202 P1 D1", "G4 P1"), "OSC-OFF-WITHOUT-ON");
+    refused(&program("G200 F50 A0.01\nG1 X30 F600\nG201"), "OSC-WITH-VIBRATION");
+    refused(&program(line).replace("D1", "D4.98"), "OSC-DEPTH");
+    refused(&program("G1 X30 F600 B10"), "AXIS-MISSING");
+    let report = validate(&program("G1 X1.5 F600"), &config());
+    assert!(report.findings.iter().any(|finding| finding.code == "OSC-SECTION-SHORT"));
+}
