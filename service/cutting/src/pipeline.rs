@@ -71,7 +71,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 7;
+const SNAPSHOT_VERSION: u8 = 8;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -199,7 +199,7 @@ impl Pipeline {
         for (value, offset) in position.iter_mut().zip(work_offset) {
             *value -= offset;
         }
-        let interpolator = Interpolator::new(
+        let mut interpolator = Interpolator::new(
             &config.profile.machine,
             config.period_s(),
             config.generation_mode,
@@ -211,6 +211,9 @@ impl Pipeline {
         let is_validation = analysis.is_some();
         // A description that is not sound is refused before it gets here; without one, five-axis moves are findings.
         let kinematics = config.profile.kinematics.as_ref().and_then(|it| Kinematics::new(it).ok()).map(Arc::new);
+        if let (Frame::Work, Some(kinematics)) = (config.frame, &kinematics) {
+            interpolator = interpolator.with_tool_direction(&config.profile.machine, kinematics);
+        }
         let look_ahead = config.profile.look_ahead_blocks as usize;
         let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
         Self {
@@ -249,18 +252,12 @@ impl Pipeline {
             return Err(SnapshotError(format!("layout version {} is not {SNAPSHOT_VERSION}", snapshot.version)));
         }
         let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter);
-        let interpolator = Interpolator::with_state(
-            &config.profile.machine,
-            config.period_s(),
-            config.generation_mode,
-            config.frame,
-            snapshot.interpolator,
-        );
         let mut fresh = Self::new(config);
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;
+        fresh.interpolator.state = snapshot.interpolator;
         let Snapshot { offset, planner, overrides, .. } = snapshot;
-        Ok(Self { offset, interpreter, planner, interpolator, overrides, ..fresh })
+        Ok(Self { offset, interpreter, planner, overrides, ..fresh })
     }
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
@@ -309,7 +306,8 @@ impl Pipeline {
     #[must_use]
     pub fn new_block(&self) -> SetpointBlock {
         let servo = self.config.generation_mode == GenerationMode::ServoSide;
-        SetpointBlock::for_machine(&self.config.profile.machine, servo)
+        let block = SetpointBlock::for_machine(&self.config.profile.machine, servo);
+        if self.interpolator.shows_tool_direction() { block.with_tool_direction() } else { block }
     }
 
     /// Gives the pipeline more of the program. Call when it asks ([`Step::NeedInput`]); pieces of 64 KiB to

@@ -11,7 +11,7 @@ pub enum Frame {
     /// Machine coordinates: work offsets added, sign of workpiece-carried axes applied.
     #[default]
     Machine,
-    /// Work coordinates as programmed (X a radius).
+    /// Work coordinates as programmed (X a radius); while the tool is guided X, Y and Z are those of its centre point.
     Work,
 }
 
@@ -38,6 +38,9 @@ pub struct SetpointBlock {
     pub first_index: u64,
     /// One column per machine axis in the order of the profile: mm (X a radius) or degrees.
     pub axes: Vec<Vec<f64>>,
+    /// Tool direction in work coordinates, from the tip to the spindle: X, Y and Z of the unit vector. In [`Frame::Work`] on
+    /// machines whose kinematics are known; no columns otherwise.
+    pub tool_direction: Vec<Vec<f64>>,
     /// Commanded path position from the program's start, mm.
     pub path_position_mm: Vec<f64>,
     /// Commanded feed along the path, mm/min, without the vibration's share.
@@ -61,6 +64,7 @@ impl SetpointBlock {
         Self {
             first_index: 0,
             axes: axis_columns(),
+            tool_direction: Vec::new(),
             path_position_mm: column(),
             feed_mm_per_min: column(),
             vibration_offset_mm: column(),
@@ -76,10 +80,17 @@ impl SetpointBlock {
         }
     }
 
+    /// The block with columns for the tool direction.
+    #[must_use]
+    pub fn with_tool_direction(mut self) -> Self {
+        self.tool_direction = (0..3).map(|_| Vec::with_capacity(BLOCK_LENGTH)).collect();
+        self
+    }
+
     /// Empties the block, keeping its room.
     pub(crate) fn clear(&mut self, first_index: u64) {
         self.first_index = first_index;
-        let columns = self.axes.iter_mut().chain([
+        let columns = self.axes.iter_mut().chain(&mut self.tool_direction).chain([
             &mut self.path_position_mm,
             &mut self.feed_mm_per_min,
             &mut self.vibration_offset_mm,

@@ -271,6 +271,39 @@ impl Element {
         }
     }
 
+    /// [`Element::fill_axis`] in work coordinates: under five-axis motion X, Y and Z are those of the tool centre point. The
+    /// rotary axes, and every axis of other elements, are the same.
+    ///
+    /// # Panics
+    /// When `out` is shorter than `s`.
+    pub fn fill_work_axis(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        match &self.curve {
+            Curve::FiveAxis(five_axis) if axis.index() < 3 => {
+                let [start, end] = five_axis.tip_mm().map(|tip_mm| tip_mm[axis.index()]);
+                let slope = (end - start) / self.length;
+                for (out, &s) in out[..s.len()].iter_mut().zip(s) {
+                    let inside = start + slope * s.max(0.0);
+                    *out = if s >= self.length { end } else { inside };
+                }
+            }
+            _ => self.fill_axis(axis, s, out),
+        }
+    }
+
+    /// [`Element::fill_tangent`] in work coordinates, as [`Element::fill_work_axis`] has them.
+    ///
+    /// # Panics
+    /// When `out` is shorter than `s`.
+    pub fn fill_work_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
+        match &self.curve {
+            Curve::FiveAxis(five_axis) if axis.index() < 3 => {
+                let [start, end] = five_axis.tip_mm().map(|tip_mm| tip_mm[axis.index()]);
+                out[..s.len()].fill((end - start) / self.length);
+            }
+            _ => self.fill_tangent(axis, s, out),
+        }
+    }
+
     /// Whether the element moves this axis.
     #[must_use]
     pub fn moves(&self, axis: Axis) -> bool {

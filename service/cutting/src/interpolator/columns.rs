@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use feedwave_motion::{Element, Machine, PlannedMotion};
+use feedwave_motion::kinematics::{Kinematics, RotaryDirections, Setup, ToolPose};
+use feedwave_motion::{Curve, Element, Machine, PlannedMotion};
 use feedwave_program::{Axis, Position};
 
 use super::oscillation::OscillationScratch;
-use super::{Activity, ActivityKind, Interpolator, Section};
+use super::{Activity, ActivityKind, Interpolator, Rest, Section};
 use crate::setpoint::ServoColumns;
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
 
@@ -18,13 +19,15 @@ pub(super) struct ColumnMap {
     pub(super) sign: f64,
     /// 1 where the work offset is added.
     offset_share: f64,
+    /// Coordinates of the column.
+    frame: Frame,
 }
 
 impl ColumnMap {
     pub(super) fn of(machine: &Machine, frame: Frame) -> Vec<Self> {
         let map = |axis: &feedwave_motion::MachineAxis| match frame {
-            Frame::Machine => Self { axis: axis.axis, sign: axis.sign(), offset_share: 1.0 },
-            Frame::Work => Self { axis: axis.axis, sign: 1.0, offset_share: 0.0 },
+            Frame::Machine => Self { axis: axis.axis, sign: axis.sign(), offset_share: 1.0, frame },
+            Frame::Work => Self { axis: axis.axis, sign: 1.0, offset_share: 0.0, frame },
         };
         machine.axes.iter().map(map).collect()
     }
@@ -33,11 +36,41 @@ impl ColumnMap {
         self.sign * (work + self.offset_share * work_offset[self.axis.index()])
     }
 
-    /// Value of a point of one element, seen from another one that may have another work offset.
-    fn value_of(self, point: &Position, of: &Element, seen_from: &Element) -> f64 {
+    /// Value at the arc length `s` of one element, seen from another one that may have another work offset.
+    fn value_of(self, of: &Element, s: f64, seen_from: &Element) -> f64 {
         let index = self.axis.index();
+        let mut point = [0.0];
+        match self.frame {
+            Frame::Machine => of.fill_axis(self.axis, &[s], &mut point),
+            Frame::Work => of.fill_work_axis(self.axis, &[s], &mut point),
+        }
         let shift = of.work_offset[index] - seen_from.work_offset[index];
-        self.value(point[index] + shift, &seen_from.work_offset)
+        self.value(point[0] + shift, &seen_from.work_offset)
+    }
+
+    /// Values on an element at the arc lengths `s`.
+    fn fill(self, element: &Element, s: &[f64], out: &mut [f64]) {
+        match self.frame {
+            Frame::Machine => element.fill_axis(self.axis, s, out),
+            Frame::Work => element.fill_work_axis(self.axis, s, out),
+        }
+        self.apply(&element.work_offset, out);
+    }
+
+    /// Derivatives by arc length, without the sign.
+    fn fill_tangent(self, element: &Element, s: &[f64], out: &mut [f64]) {
+        match self.frame {
+            Frame::Machine => element.fill_tangent(self.axis, s, out),
+            Frame::Work => element.fill_work_tangent(self.axis, s, out),
+        }
+    }
+
+    /// Value at rest.
+    fn at_rest(self, rest: &Rest) -> f64 {
+        match (self.frame, &rest.tool) {
+            (Frame::Work, Some((tip_mm, _))) if self.axis.index() < 3 => tip_mm[self.axis.index()],
+            _ => self.value(rest.position[self.axis.index()], &rest.work_offset),
+        }
     }
 
     fn apply(self, work_offset: &Position, column: &mut [f64]) {
@@ -136,7 +169,10 @@ impl Interpolator {
     fn emit_rest(&self, block: &mut SetpointBlock, start: usize, line: u32) {
         let rest = &self.state.rest;
         for (map, column) in self.settings.columns.iter().zip(&mut block.axes) {
-            column[start..].fill(map.value(rest.position[map.axis.index()], &rest.work_offset));
+            column[start..].fill(map.at_rest(rest));
+        }
+        if let Some(tool) = &self.settings.tool {
+            tool.fill(block, start..block.len(), &rest.work_offset, rest.tool.as_ref().map(|(_, setup)| setup));
         }
         block.path_position_mm[start..].fill(self.state.path_base_mm);
         block.line[start..].fill(line);
@@ -149,7 +185,7 @@ impl Interpolator {
     fn emit_motion(&mut self, block: &mut SetpointBlock, start: usize, item: usize) {
         let state = &mut self.state;
         let scratch = &mut self.scratch;
-        let columns = &self.settings.columns;
+        let (columns, tool) = (&self.settings.columns, self.settings.tool.as_ref());
         let Some(motion) = state.track.motion(item) else { return };
         let element = &motion.element;
         let count = block.len() - start;
@@ -167,7 +203,7 @@ impl Interpolator {
         block.line[start..].fill(element.source.line);
 
         let Some(section) = &mut state.section else {
-            fill_axes(columns, element, s, &mut block.axes, start);
+            fill_axes(columns, tool, element, s, block, start);
             if let Some(run) = &state.oscillation {
                 let place_mm = state.track.section_place(item);
                 run.superpose(columns, element, place_mm, s, &mut scratch.oscillation, block, start);
@@ -193,7 +229,7 @@ impl Interpolator {
             }
             block.vibration_offset_mm[start..].copy_from_slice(vibration);
             if within {
-                fill_axes(columns, element, combined, &mut block.axes, start);
+                fill_axes(columns, tool, element, combined, block, start);
                 return;
             }
             // Samples that leave the element, forwards or backwards, go to its neighbours in runs.
@@ -216,13 +252,13 @@ impl Interpolator {
                 }
                 if let Some(run_motion) = state.track.motion(run_item) {
                     let run = &combined[run_start..k];
-                    fill_axes(columns, &run_motion.element, run, &mut block.axes, start + run_start);
+                    fill_axes(columns, tool, &run_motion.element, run, block, start + run_start);
                 }
             }
             return;
         }
 
-        fill_axes(columns, element, s, &mut block.axes, start);
+        fill_axes(columns, tool, element, s, block, start);
         let amplitude_mm = section.condition.amplitude_mm;
         let within_mm = amplitude_mm;
         let ends = SectionEnds {
@@ -234,7 +270,7 @@ impl Interpolator {
         let free = ends.free(element, s);
         let amplitudes = &mut scratch.combined[free.clone()];
         for (column, map) in columns.iter().enumerate() {
-            element.fill_tangent(map.axis, &s[free.clone()], amplitudes);
+            map.fill_tangent(element, &s[free.clone()], amplitudes);
             for amplitude in amplitudes.iter_mut() {
                 *amplitude = map.sign * (amplitude_mm * *amplitude);
             }
@@ -254,13 +290,14 @@ impl Interpolator {
             *offset = amplitude_mm * wave;
         }
         for k in (0..free.start).chain(free.end..count) {
-            let tangent = element.tangent(s[k]);
             let wave = vibration[k];
             // Wanted and clamped offsets of the axes, projected onto the tangent.
             let (mut wanted_sum, mut clamped_sum) = (0.0, 0.0);
             let mut clamped = false;
             for (column, map) in columns.iter().enumerate() {
-                let direction = tangent[map.axis.index()];
+                let mut direction = [0.0];
+                map.fill_tangent(element, &s[k..=k], &mut direction);
+                let [direction] = direction;
                 let command = &mut block.axes[column][start + k];
                 let [low, high] = ends.clamp(*map, element, s[k], direction, *command);
                 let forwards = map.sign * direction;
@@ -321,7 +358,7 @@ impl SectionEnds<'_> {
         if let Some((first, before_mm)) = self.first
             && before_mm + s < self.within_mm
         {
-            let limit = map.value_of(&first.element.start, &first.element, element);
+            let limit = map.value_of(&first.element, 0.0, element);
             if forwards > 0.0 {
                 bounds[0] = limit.min(command);
             } else if forwards < 0.0 {
@@ -331,7 +368,7 @@ impl SectionEnds<'_> {
         if let Some((last, after_mm)) = self.last
             && after_mm + (element.length - s) < self.within_mm
         {
-            let limit = map.value_of(&last.element.end, &last.element, element);
+            let limit = map.value_of(&last.element, last.element.length, element);
             if forwards > 0.0 {
                 bounds[1] = limit.max(command);
             } else if forwards < 0.0 {
@@ -353,11 +390,53 @@ fn fill_wave(section: &Section, period_s: f64, first: u64, out: &mut [f64]) {
     }
 }
 
-fn fill_axes(columns: &[ColumnMap], element: &Element, s: &[f64], axes: &mut [Vec<f64>], start: usize) {
-    for (map, column) in columns.iter().zip(axes) {
-        let out = &mut column[start..start + s.len()];
-        element.fill_axis(map.axis, s, out);
-        map.apply(&element.work_offset, out);
+fn fill_axes(
+    columns: &[ColumnMap],
+    tool: Option<&ToolColumns>,
+    element: &Element,
+    s: &[f64],
+    block: &mut SetpointBlock,
+    start: usize,
+) {
+    let rows = start..start + s.len();
+    for (map, column) in columns.iter().zip(&mut block.axes) {
+        map.fill(element, s, &mut column[rows.clone()]);
+    }
+    if let Some(tool) = tool {
+        let setup = match &element.curve {
+            Curve::FiveAxis(five_axis) => Some(five_axis.setup()),
+            _ => None,
+        };
+        tool.fill(block, rows, &element.work_offset, setup);
+    }
+}
+
+/// The tool direction from the columns of the rotary axes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ToolColumns {
+    directions: RotaryDirections,
+    /// The rotary axes of the chain: program axis and column.
+    rotary: [(Axis, usize); 2],
+}
+
+impl ToolColumns {
+    /// For a machine that has both rotary axes.
+    pub(super) fn of(machine: &Machine, kinematics: &Kinematics) -> Option<Self> {
+        let [first, second] = kinematics.letters().1;
+        let place = |axis: Axis| machine.column_of(axis).map(|column| (axis, column));
+        Some(Self { directions: kinematics.rotary_directions(), rotary: [place(first)?, place(second)?] })
+    }
+
+    /// Fills rows whose axes are there, in work coordinates: those of a guided tool, or parallel to the chain's.
+    fn fill(&self, block: &mut SetpointBlock, rows: Range<usize>, work_offset: &Position, setup: Option<&Setup>) {
+        let [x, y, z] = block.tool_direction.as_mut_slice() else { return };
+        for row in rows {
+            let rotary_rad =
+                self.rotary.map(|(axis, column)| (block.axes[column][row] + work_offset[axis.index()]).to_radians());
+            let direction = self.directions.at(rotary_rad);
+            let on_work = |setup: &Setup| setup.to_work(&ToolPose { tip_mm: [0.0; 3], direction }).direction;
+            [x[row], y[row], z[row]] = setup.map_or(direction, on_work);
+        }
     }
 }
 
@@ -373,7 +452,7 @@ fn still(servo: &mut ServoColumns, start: usize) {
 
 /// Makes every column `length` long; new values are zero.
 fn grow(block: &mut SetpointBlock, length: usize) {
-    let columns = block.axes.iter_mut().chain([
+    let columns = block.axes.iter_mut().chain(&mut block.tool_direction).chain([
         &mut block.path_position_mm,
         &mut block.feed_mm_per_min,
         &mut block.vibration_offset_mm,

@@ -12,12 +12,14 @@ mod feed_override;
 mod oscillation;
 mod track;
 
+use feedwave_motion::kinematics::vector::Vec3;
+use feedwave_motion::kinematics::{Kinematics, Setup};
 use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch, TANGENT_TOLERANCE_RAD};
 use feedwave_program::{Position, Spindle, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
 use self::clock::Clock;
-use self::columns::{ColumnMap, Scratch};
+use self::columns::{ColumnMap, Scratch, ToolColumns};
 pub(crate) use self::oscillation::OscillationRun;
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};
@@ -86,7 +88,7 @@ pub(crate) struct SectionSamples {
 #[derive(Clone, Debug)]
 pub(crate) struct Interpolator {
     settings: Settings,
-    state: State,
+    pub(crate) state: State,
     scratch: Scratch,
 }
 
@@ -95,6 +97,8 @@ struct Settings {
     period_s: f64,
     mode: GenerationMode,
     columns: Vec<ColumnMap>,
+    /// Where the direction of the tool is asked for.
+    tool: Option<ToolColumns>,
     /// Highest spindle speed of the machine, rev/s.
     top_rev_per_s: f64,
 }
@@ -186,6 +190,8 @@ struct Rest {
     position: Position,
     work_offset: Position,
     line: u32,
+    /// Centre point of a guided tool, work coordinates, mm, and what it was guided with.
+    tool: Option<(Vec3, Setup)>,
 }
 
 impl Interpolator {
@@ -214,7 +220,7 @@ impl Interpolator {
             after: After::Continue,
             section: None,
             oscillation: None,
-            rest: Rest { position, work_offset, line: 0 },
+            rest: Rest { position, work_offset, line: 0, tool: None },
             spindle: Spindle::STOPPED,
             spindle_rev: 0.0,
             path_base_mm: 0.0,
@@ -225,20 +231,23 @@ impl Interpolator {
             pause: None,
             ended: false,
         };
-        Self::with_state(machine, period_s, mode, frame, state)
-    }
-
-    /// An interpolator that continues from a state.
-    pub(crate) fn with_state(
-        machine: &Machine,
-        period_s: f64,
-        mode: GenerationMode,
-        frame: Frame,
-        state: State,
-    ) -> Self {
         let columns = ColumnMap::of(machine, frame);
         let top_rev_per_s = machine.max_spindle_rev_per_min / 60.0;
-        Self { settings: Settings { period_s, mode, columns, top_rev_per_s }, state, scratch: Scratch::new() }
+        Self {
+            settings: Settings { period_s, mode, columns, tool: None, top_rev_per_s },
+            state,
+            scratch: Scratch::new(),
+        }
+    }
+
+    /// Shows the direction of the tool, as far as the machine has the axes.
+    pub(crate) fn with_tool_direction(mut self, machine: &Machine, kinematics: &Kinematics) -> Self {
+        self.settings.tool = ToolColumns::of(machine, kinematics);
+        self
+    }
+
+    pub(crate) const fn shows_tool_direction(&self) -> bool {
+        self.settings.tool.is_some()
     }
 
     pub(crate) fn state(&self) -> &State {
@@ -384,7 +393,12 @@ impl Interpolator {
         if let Some(motion) = state.track.motion(state.track.current_index()) {
             let element = &motion.element;
             state.path_base_mm += element.length;
-            state.rest = Rest { position: element.end, work_offset: element.work_offset, line: element.source.line };
+            let tool = match &element.curve {
+                Curve::FiveAxis(five_axis) => Some((five_axis.tip_mm()[1], *five_axis.setup())),
+                _ => None,
+            };
+            let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
+            state.rest = Rest { position, work_offset, line, tool };
         }
         let keep_mm = state.section.map_or(0.0, |section| section.condition.amplitude_mm);
         state.track.advance(keep_mm);

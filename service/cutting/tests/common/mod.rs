@@ -9,6 +9,7 @@ use feedwave_cutting::{Pipeline, PipelineConfig, SetpointBlock, Step, Validation
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Setpoints {
     pub axes: Vec<Vec<f64>>,
+    pub tool_direction: Vec<Vec<f64>>,
     pub path: Vec<f64>,
     pub feed: Vec<f64>,
     pub vibration: Vec<f64>,
@@ -30,6 +31,7 @@ impl Setpoints {
         }
         assert_eq!(block.first_index, self.len() as u64, "blocks follow each other");
         extend(&mut self.axes, &block.axes);
+        extend(&mut self.tool_direction, &block.tool_direction);
         self.path.extend_from_slice(&block.path_position_mm);
         self.feed.extend_from_slice(&block.feed_mm_per_min);
         self.vibration.extend_from_slice(&block.vibration_offset_mm);
@@ -49,7 +51,12 @@ impl Setpoints {
 
     /// Bits of every column of setpoint `index`, for exact comparison.
     pub fn bits(&self, index: usize) -> Vec<u64> {
-        let columns = self.axes.iter().chain([&self.path, &self.feed, &self.vibration, &self.spindle]);
+        let columns = self.axes.iter().chain(&self.tool_direction).chain([
+            &self.path,
+            &self.feed,
+            &self.vibration,
+            &self.spindle,
+        ]);
         columns.map(|column| column[index].to_bits()).chain([u64::from(self.line[index])]).collect()
     }
 }

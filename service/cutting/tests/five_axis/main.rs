@@ -11,9 +11,9 @@ mod refusals;
 use std::collections::BTreeSet;
 
 use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
-use feedwave_cutting::PipelineConfig;
 use feedwave_cutting::thinning::ThinningSettings;
-use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
+use feedwave_cutting::{Frame, PipelineConfig};
+use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};
 use feedwave_motion::kinematics::{BranchPreference, Kinematics, Setup, ToolPose};
 use machine::{LENGTH_MM, config};
 
@@ -156,6 +156,36 @@ fn every_setpoint_is_on_its_segment() {
     assert!(seen > 500, "{seen}");
     let last = poses.last().expect("setpoints");
     assert!(norm(sub(last.tip_mm, corners[3])) < 1e-9, "{last:?}");
+}
+
+#[test]
+fn work_coordinates_are_those_of_the_tool_centre_point_with_its_direction() {
+    let mut config = config();
+    config.profile.language.work_offsets[0][..3].copy_from_slice(&[30.0, -40.0, 55.0]);
+    let program =
+        "G43.5 H1 G0 X0 Y0 Z30 I0.3 J-0.3 K1\nG1 X20 Y5 Z20 I-0.1 J-0.5 K1 F3000\nG4 P50\nX25 I-.4 K.9\nM30\n";
+    let machine = run(program, &config);
+    assert!(machine.tool_direction.is_empty());
+    let in_work = PipelineConfig { frame: Frame::Work, ..config.clone() };
+    let work = run(program, &in_work);
+    // From the first guided block on; the cut, and the rests within it.
+    let first = machine.line.iter().position(|&line| line == 2).expect("cut");
+    assert!(machine.line[first..].contains(&3));
+    for (index, pose) in poses(&machine, &config).iter().enumerate().skip(first) {
+        let [tip, direction] = [&work.axes, &work.tool_direction].map(|columns| [0, 1, 2].map(|k| columns[k][index]));
+        assert!(norm(sub(tip, pose.tip_mm)) < 1e-9, "{index}: {tip:?} {pose:?}");
+        assert!(angle(direction, pose.direction) < 1e-12, "{index}: {direction:?} {pose:?}");
+        for rotary in [3, 4] {
+            assert_eq!(work.axes[rotary][index], machine.axes[rotary][index]);
+        }
+    }
+    // A stream in work coordinates starts from a checkpoint of the machine's.
+    for (_, offset, snapshot) in snapshots(program.as_bytes(), &config).iter().step_by(2) {
+        let (first, rest) = resume(program.as_bytes(), &in_work, *offset, snapshot);
+        for place in 0..rest.len() {
+            assert_eq!(rest.bits(place), work.bits(first as usize + place), "setpoint {place} from {first}");
+        }
+    }
 }
 
 #[test]

@@ -17,6 +17,7 @@ fn block(first_index: u64, rows: u32) -> SetpointBlock {
     SetpointBlock {
         first_index,
         axes: vec![column(0.1), vec![90.0; rows as usize]],
+        tool_direction: Vec::new(),
         path_position_mm: column(1.0 / 3.0),
         feed_mm_per_min: vec![0.1 + 0.2; rows as usize],
         vibration_offset_mm: column(-1e-9),

@@ -20,6 +20,7 @@ fn block(first_index: u64, rows: usize) -> SetpointBlock {
             rows.clone().map(|_| 10.0).collect(),
             rows.clone().map(|time_s| 2.0 - time_s - offset(time_s)).collect(),
         ],
+        tool_direction: Vec::new(),
         path_position_mm: rows.clone().collect(),
         feed_mm_per_min: rows.clone().map(|_| 60.0).collect(),
         vibration_offset_mm: rows.clone().map(offset).collect(),
