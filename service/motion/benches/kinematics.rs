@@ -9,6 +9,7 @@ use feedwave_motion::kinematics::{
     BranchPreference, ChainAxis, DirectionPath, FiveAxisBlock, FiveAxisSegment, GreatCircle, Kinematics,
     KinematicsDescription, Setup, Toward, Wrap,
 };
+use feedwave_motion::{Machine, MachineAxis, PathMotion, limit_pieces};
 use feedwave_program::{Axis, SourceSpan};
 
 const SETPOINTS: u32 = 4_096;
@@ -75,6 +76,8 @@ fn poses(criterion: &mut Criterion) {
             });
         });
     }
+    let limits =
+        Machine { axes: axes.map(|axis| MachineAxis::new(axis, 300.0, 3_000.0, 1e6)).to_vec(), ..Machine::mill() };
     // One degree in a millimetre.
     let angles = Toward::Angles([0.8, 30.6]);
     let vector = Toward::Vector(add_scaled(start.direction, [0.6, 0.0, 0.8], 0.02));
@@ -82,6 +85,11 @@ fn poses(criterion: &mut Criterion) {
     for (name, toward) in [("blocks, great circle", vector), ("blocks, angles", angles)] {
         let block = block([0.8, 0.6, 0.1], toward);
         group.bench_function(name, |bencher| bencher.iter(|| machine.elements(&setup, &start, black_box(&block))));
+        let element = machine.elements(&setup, &start, &block).expect("possible").elements.remove(0);
+        let name = format!("{name}: limits");
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| limit_pieces(black_box(&element), &limits, PathMotion::ZERO, 200.0));
+        });
     }
     group.finish();
 }

@@ -159,8 +159,8 @@ pub(crate) const FIVE_AXIS_FIT_MM: f64 = 1e-10;
 /// Largest error of the polynomials of a rotary axis, rad: it does not move the tool centre point, which the linear axes
 /// follow, but would show as a step where elements meet.
 pub(crate) const FIVE_AXIS_FIT_RAD: f64 = 2e-12;
-/// Largest share of a fit's error by which its last two terms may count.
-pub(crate) const FIVE_AXIS_TAIL: f64 = 100.0;
+/// Largest ratio of the last term of a fit to its largest error: the terms fall by more from one to the next but one.
+pub(crate) const FIVE_AXIS_TAIL: f64 = 1e4;
 /// Most times that a five-axis element is halved for its polynomials.
 pub(crate) const MAX_FIVE_AXIS_HALVINGS: u32 = 40;
 /// Most polynomial pieces of a five-axis element.

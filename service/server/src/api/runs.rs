@@ -108,7 +108,9 @@ impl Api {
         let config = pipeline_config(&detail, &run_settings(&attached.run)?)?;
         let mut violations = Violations::default();
         let conditions = config.generation_mode == GenerationMode::ServoSide;
-        let columns = ColumnSet::select(&mut violations, &start.columns, &config.profile.machine, conditions, encoding);
+        let directions = config.frame == Frame::Work && config.profile.kinematics.is_some();
+        let machine = &config.profile.machine;
+        let columns = ColumnSet::select(&mut violations, &start.columns, machine, conditions, directions, encoding);
         violations.finish()?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
         let plan = LivePlan { config, columns, first_index: start.start_index, clock_ns: start.clock_ns };

@@ -86,8 +86,10 @@ fn check(request: &StreamSetpointsRequest, detail: &JobDetail) -> Result<Checked
     let expanded = servo_side && fields.servo_output == proto::ServoOutput::Expanded;
     let expand = expanded.then_some(config.profile.vibration.servo_substeps);
     let machine = &config.profile.machine;
+    let conditions = servo_side && !expanded;
+    let directions = config.frame == Frame::Work && config.profile.kinematics.is_some() && !expanded;
     let columns =
-        ColumnSet::select(&mut violations, &request.columns, machine, servo_side && !expanded, fields.encoding);
+        ColumnSet::select(&mut violations, &request.columns, machine, conditions, directions, fields.encoding);
     violations.finish()?;
 
     let is_own_plan = config.interpolation_period_us == own.interpolation_period_us

@@ -280,6 +280,8 @@ impl Decoder {
     /// The columns of a file for this stream.
     pub(super) fn layout(&self) -> Layout {
         let layout = Layout::new(&self.axes, self.period_us);
+        let has_direction = self.columns.iter().any(|column| column.kind() == ColumnKind::ToolDirection);
+        let layout = if has_direction { layout.with_tool_direction() } else { layout };
         if self.has_servo_conditions() { layout.with_servo_conditions(&self.axes) } else { layout }
     }
 
@@ -306,6 +308,7 @@ impl Decoder {
                 ColumnKind::Feed => block.feed_mm_per_min = values,
                 ColumnKind::VibrationOffset => block.vibration_offset_mm = values,
                 ColumnKind::SpindleAngle => block.spindle_angle_deg = values,
+                ColumnKind::ToolDirection => block.tool_direction.push(values),
                 ColumnKind::ServoAmplitude => servo.amplitude_mm.push(values),
                 ColumnKind::ServoFrequency => servo.frequency_hz = values,
                 ColumnKind::ServoPhase => servo.phase_turns = values,

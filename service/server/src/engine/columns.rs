@@ -30,7 +30,10 @@ const USUAL_KINDS: [Kind; 5] =
 const SERVO_KINDS: [Kind; 5] =
     [Kind::ServoAmplitude, Kind::ServoFrequency, Kind::ServoPhase, Kind::ServoClampLow, Kind::ServoClampHigh];
 
-/// One column: its kind and, where the kind comes once per axis, the axis.
+/// Axes of a vector in work coordinates.
+const VECTOR_AXES: [&str; 3] = ["x", "y", "z"];
+
+/// One column: its kind and, where the kind comes once per axis (of the machine, or of a vector), the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ColumnSource {
     kind: Kind,
@@ -51,26 +54,28 @@ const fn is_per_axis(kind: Kind) -> bool {
     matches!(kind, Kind::AxisPosition | Kind::ServoAmplitude | Kind::ServoClampLow | Kind::ServoClampHigh)
 }
 
-/// Steps per unit: a nanometre, a microdegree, a microhertz, a billionth of a turn.
+/// Steps per unit: a nanometre, a microdegree, a microhertz, a billionth of a turn or of a unit vector.
 const fn steps_per_unit(kind: Kind) -> f64 {
     match kind {
-        Kind::ServoPhase => 1e9,
+        Kind::ServoPhase | Kind::ToolDirection => 1e9,
         _ => 1e6,
     }
 }
 
 impl ColumnSet {
     /// The columns that a client wants; all that there are where it names none. What a stream without conditions
-    /// for the drives does not have is a violation.
+    /// for the drives or directions of the tool does not have is a violation.
     pub fn select(
         violations: &mut Violations,
         wanted: &[i32],
         machine: &Machine,
         conditions: bool,
+        directions: bool,
         encoding: proto::Encoding,
     ) -> Self {
         let servo_kinds: &[Kind] = if conditions { &SERVO_KINDS } else { &[] };
-        let available: Vec<Kind> = USUAL_KINDS.iter().chain(servo_kinds).copied().collect();
+        let direction_kind = directions.then_some(Kind::ToolDirection);
+        let available: Vec<Kind> = USUAL_KINDS.iter().chain(servo_kinds).copied().chain(direction_kind).collect();
         for (index, value) in wanted.iter().enumerate() {
             let field = format!("columns[{index}]");
             match Kind::try_from(*value) {
@@ -78,13 +83,20 @@ impl ColumnSet {
                 Ok(kind) if SERVO_KINDS.contains(&kind) => {
                     violations.add(field, "only servo-side mode with conditions as its output has this column");
                 }
+                Ok(Kind::ToolDirection) => {
+                    violations.add(field, "only work coordinates of a machine with kinematics have this column");
+                }
                 _ => violations.add(field, format!("{value} is not a column")),
             }
         }
         let kinds = available.into_iter().filter(|kind| wanted.is_empty() || wanted.contains(&i32::from(*kind)));
         let sources: Vec<ColumnSource> = kinds
             .flat_map(|kind| {
-                let count = if is_per_axis(kind) { machine.axes.len() } else { 1 };
+                let count = match kind {
+                    Kind::ToolDirection => VECTOR_AXES.len(),
+                    _ if is_per_axis(kind) => machine.axes.len(),
+                    _ => 1,
+                };
                 (0..count).map(move |axis| ColumnSource { kind, axis })
             })
             .collect();
@@ -128,6 +140,7 @@ impl ColumnSource {
             Kind::ServoPhase => ("vibration_phase_turns".to_owned(), "turns"),
             Kind::ServoClampLow => (format!("{lower}_clamp_low_mm"), "mm"),
             Kind::ServoClampHigh => (format!("{lower}_clamp_high_mm"), "mm"),
+            Kind::ToolDirection => (format!("tool_direction_{}", VECTOR_AXES[self.axis]), ""),
             Kind::Unspecified => (String::new(), ""),
         };
         let resolution = match encoding {
@@ -144,6 +157,7 @@ impl ColumnSource {
             (Kind::Feed, _) => &block.feed_mm_per_min,
             (Kind::VibrationOffset, _) => &block.vibration_offset_mm,
             (Kind::SpindleAngle, _) => &block.spindle_angle_deg,
+            (Kind::ToolDirection, _) => &block.tool_direction[self.axis],
             (Kind::ServoAmplitude, Some(servo)) => &servo.amplitude_mm[self.axis],
             (Kind::ServoFrequency, Some(servo)) => &servo.frequency_hz,
             (Kind::ServoPhase, Some(servo)) => &servo.phase_turns,

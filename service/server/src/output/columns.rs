@@ -27,6 +27,7 @@ pub(super) enum Source {
     Feed,
     VibrationOffset,
     SpindleAngle,
+    ToolDirection(usize),
     ServoAmplitude(usize),
     ServoFrequency,
     ServoPhase,
@@ -46,6 +47,7 @@ impl Source {
             Self::Feed => Some(&block.feed_mm_per_min),
             Self::VibrationOffset => Some(&block.vibration_offset_mm),
             Self::SpindleAngle => Some(&block.spindle_angle_deg),
+            Self::ToolDirection(axis) => block.tool_direction.get(axis).map(Vec::as_slice),
             Self::ServoAmplitude(axis) => servo.map(|servo| servo.amplitude_mm[axis].as_slice()),
             Self::ServoFrequency => servo.map(|servo| servo.frequency_hz.as_slice()),
             Self::ServoPhase => servo.map(|servo| servo.phase_turns.as_slice()),
@@ -92,6 +94,16 @@ impl Layout {
         add("spindle_angle_deg", "deg", Source::SpindleAngle);
         add("source_line", "", Source::Line);
         Self { columns, period_us }
+    }
+
+    /// Adds the tool direction in work coordinates.
+    #[must_use]
+    pub fn with_tool_direction(mut self) -> Self {
+        for (index, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let name = format!("tool_direction_{axis}");
+            self.columns.push(Column { name, unit: "", source: Source::ToolDirection(index) });
+        }
+        self
     }
 
     /// Adds the vibration conditions that a drive needs to generate the vibration itself.

@@ -13,7 +13,7 @@ use crate::kinematics::direction::{GreatCircle, OppositeDirections};
 use crate::kinematics::inverse::way;
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::vector::{Vec3, norm, sub, unit};
-use crate::tolerance::{MAX_POLE_TOLERANCE_RAD, POLE_RAD, SAME_START_RAD};
+use crate::tolerance::{MAX_POLE_TOLERANCE_RAD, POLE_RAD, SAME_POINT_MM, SAME_START_RAD};
 use crate::{Curve, Element};
 
 /// Where a five-axis block starts or ends.
@@ -326,7 +326,8 @@ impl Kinematics {
         turn_deg: f64,
     ) -> Result<Option<Element>, FiveAxisRefusal> {
         let length_mm = norm(sub(end.tip_mm, start.tip_mm));
-        let length = if length_mm > 0.0 { length_mm } else { turn_deg };
+        // A shorter way is none: derivatives by it would say nothing.
+        let length = if length_mm > SAME_POINT_MM { length_mm } else { turn_deg };
         if !(length > 0.0 && length.is_finite()) {
             return Ok(None);
         }

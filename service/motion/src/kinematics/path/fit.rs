@@ -143,7 +143,8 @@ impl Fit<'_> {
                 return Ok(None);
             }
         }
-        let tail = |series: &Series<N>| series.0[N - 1].abs() + series.0[N - 2].abs();
+        // Errors that cancel out at both ends belong to series that have not settled.
+        let tail = |series: &Series<N>| series.0[N - 1].abs();
         let is_settled = linear.iter().all(|series| tail(series) <= FIVE_AXIS_TAIL * FIVE_AXIS_FIT_MM)
             && rotary.iter().all(|series| tail(series) <= FIVE_AXIS_TAIL * FIVE_AXIS_FIT_RAD);
         if !is_settled {

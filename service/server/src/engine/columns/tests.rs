@@ -26,7 +26,7 @@ fn block(machine: &Machine, count: usize) -> SetpointBlock {
 fn select(wanted: &[Kind], conditions: bool, encoding: proto::Encoding) -> Result<ColumnSet, Violations> {
     let wanted: Vec<i32> = wanted.iter().map(|kind| i32::from(*kind)).collect();
     let mut violations = Violations::default();
-    let set = ColumnSet::select(&mut violations, &wanted, &Machine::lathe(), conditions, encoding);
+    let set = ColumnSet::select(&mut violations, &wanted, &Machine::lathe(), conditions, false, encoding);
     if violations.is_empty() { Ok(set) } else { Err(violations) }
 }
 
@@ -42,6 +42,17 @@ fn without_a_wish_all_columns_are_sent_in_their_order() {
     let with_conditions = select(&[], true, proto::Encoding::PackedDouble).unwrap();
     assert_eq!(names(&with_conditions)[..6], usual);
     assert_eq!(names(&with_conditions).len(), 6 + 2 + 1 + 1 + 2 + 2);
+}
+
+#[test]
+fn work_coordinates_of_a_five_axis_machine_have_the_tool_direction() {
+    let mut violations = Violations::default();
+    let encoding = proto::Encoding::PackedDouble;
+    let set = ColumnSet::select(&mut violations, &[], &Machine::lathe(), false, true, encoding);
+    assert!(violations.is_empty());
+    assert_eq!(names(&set)[6..], ["tool_direction_x", "tool_direction_y", "tool_direction_z"]);
+    let without = select(&[Kind::ToolDirection], false, encoding).unwrap_err();
+    assert_eq!(without.as_slice()[0].field, "columns[0]");
 }
 
 #[test]

@@ -60,6 +60,7 @@ impl Engine {
                 &[],
                 &config.profile.machine,
                 false,
+                false,
                 proto::Encoding::PackedDouble,
             );
             let plan = LivePlan { config, columns, first_index: run.setpoints.sent, clock_ns: None };
