@@ -6,6 +6,8 @@ use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
 use feedwave_program::Spindle;
 use serde::{Deserialize, Serialize};
 
+use super::ThreadRun;
+
 /// What separates motions; the path is at rest at each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Barrier {
@@ -20,6 +22,8 @@ pub(crate) enum Barrier {
         /// Source line of the dwell.
         line: u32,
     },
+    /// A threading pass.
+    Thread(Box<ThreadRun>),
     /// The spindle's state changes.
     Spindle(Spindle),
     /// The program ends.
