@@ -124,7 +124,7 @@ impl PassWay {
             return None;
         }
         way.changes_deg = way.changes(machine);
-        way.check_length(first.span, findings).then_some(way)
+        Some(way)
     }
 
     pub(super) fn rev_per_s(&self) -> f64 {
@@ -162,12 +162,17 @@ impl PassWay {
         changes.collect()
     }
 
-    /// Whether every part leaves room for the changes of speed at its ends.
-    fn check_length(&self, span: SourceSpan, findings: &mut FindingLog) -> bool {
+    /// Whether every part leaves room for the changes of speed at its ends; with `judged` the thread's own report says so
+    /// of a pass of one part.
+    pub(super) fn check_length(&self, judged: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        let is_reported = judged && self.parts.len() == 1;
         for ((part, ends), speed) in self.parts.iter().zip(self.changes_deg.windows(2)).zip(self.speeds()) {
             let needed_deg = 0.5 * (ends[0] + ends[1]);
             if part.angle_deg >= needed_deg {
                 continue;
+            }
+            if is_reported {
+                return false;
             }
             let mm_per_deg = speed[2] / (360.0 * self.rev_per_s);
             let message = format!(

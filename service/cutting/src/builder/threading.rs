@@ -180,12 +180,13 @@ impl Builder {
             }
             self.close_thread(config, findings);
             way.check_speeds(0.0, false, machine, first.span, findings);
-            return Some(Pass { way, vibration: still });
+            return way.check_length(false, first.span, findings).then_some(Pass { way, vibration: still });
         }
         let vibration = self.join(first, &way, still, config, findings)?;
         let peak_mm_per_s = peak_velocity(&vibration, way.rev_per_s());
         way.check_speeds(peak_mm_per_s, true, machine, first.span, findings);
-        Some(Pass { way, vibration })
+        let judged = self.analysis.is_some();
+        way.check_length(judged, first.span, findings).then_some(Pass { way, vibration })
     }
 
     /// Adds a pass to its thread and says how it vibrates.
