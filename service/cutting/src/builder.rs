@@ -313,7 +313,7 @@ impl Builder {
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
             self.open_section(config, planner);
-            self.check_speed(mv, span, config, findings);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
         } else {
             self.close_section(planner);
         }
