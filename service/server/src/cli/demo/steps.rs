@@ -103,9 +103,10 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     draw(stage, &cured_program, &profile, others, out)
 }
 
-/// A lathe whose tool changes well away from the work.
+/// A lathe whose tool changes well away from the work, and whose threading tool bears no thick finishing chips.
 fn profile() -> MachineProfile {
     let mut profile = MachineProfile::lathe();
+    profile.thread_vibration.max_finishing_thickness_mm = Some(threading::FINISHING_MM);
     let (x, z) = (feedwave_program::Axis::X.index(), feedwave_program::Axis::Z.index());
     for position in [&mut profile.language.initial_position, &mut profile.language.reference_position] {
         (position[x], position[z]) = TOOL_CHANGE_MM;
