@@ -299,10 +299,21 @@ async fn follow(
 async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_stream() {
     let server = Server::start().await;
     let mut clients = server.connect().await;
-    let outcome = clients.submit(PROGRAM_A).await;
-    let thread = only_thread(&outcome).thread.clone().expect("a thread");
+    // The finishing pass goes on in a second part, which makes it a thread of its own.
+    let (whole, parts) = ("G32 Z60.0 F2.5 Q297.648 A0.0", "G32 Z70.0 F2.5 Q297.648 A0.0\nG32 X7.5 Z60.0 F2.5");
+    assert!(PROGRAM_A.contains(whole));
+    let outcome = clients.submit(&PROGRAM_A.replace(whole, parts)).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
     let setpoints = work_setpoints(&mut clients, &outcome.job.name).await;
-    for (index, pass) in (0_u32..).zip(&thread.passes) {
+    let threads = (0_u32..).zip(&outcome.report.threads);
+    let passes: Vec<_> = threads
+        .flat_map(|(number, section)| {
+            let passes = section.thread.as_ref().expect("a thread").passes.iter();
+            (0_u32..).zip(passes).map(move |(index, pass)| (number, index, pass))
+        })
+        .collect();
+    assert_eq!(passes.len(), 4);
+    for (thread, index, pass) in passes {
         let streamed: Vec<[f64; 3]> =
             of_line(&setpoints, pass.line).into_iter().filter(|point| point[2] < 100.0).collect();
         // The turn in which the pass started: Z began to move Q after its reference point, within one turn.
@@ -322,7 +333,7 @@ async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_st
             .collect();
         let start = FollowSpindleStart {
             job: outcome.job.name.clone(),
-            thread: 0,
+            thread,
             pass: index,
             angle_kind: SpindleAngleKind::Unwrapped.into(),
             reference_angle_deg: Some(reference_deg),

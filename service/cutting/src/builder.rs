@@ -21,7 +21,7 @@ use self::threading::Threads;
 use crate::cut::Cut;
 use crate::five_axis::{Guide, GuideState, Guided, no_kinematics};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
-use crate::thread::ThreadSectionReport;
+use crate::thread::{ThreadPath, ThreadSectionReport};
 use crate::{
     GenerationMode, PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans,
     condition_from_command,
@@ -73,6 +73,10 @@ pub(crate) struct Analysis {
     pub(crate) threads: Vec<ThreadSectionReport>,
     pub(crate) thread_count: u64,
     pub(crate) thread_passes: u64,
+    /// Thread and pass whose way is wanted, counted from 0.
+    pub(crate) wanted_pass: Option<(u64, usize)>,
+    /// That way.
+    pub(crate) wanted_path: Option<ThreadPath>,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
     pub(crate) path_length_mm: f64,

@@ -136,6 +136,11 @@ impl Builder {
         self.state.radius_mm = last.end()[X];
         if let Some(analysis) = &mut self.analysis {
             analysis.add_pass(run.path.length_mm(), blocks.len(), pass.way.rev_per_s());
+            let open = self.state.threads.open.as_ref();
+            let place = open.and_then(|open| Some((analysis.thread_count, open.job.passes.len().checked_sub(1)?)));
+            if place.is_some() && place == analysis.wanted_pass {
+                analysis.wanted_path = Some(run.path.clone());
+            }
         }
         planner.push_barrier(Barrier::Thread(Box::new(run)));
     }

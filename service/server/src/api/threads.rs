@@ -1,6 +1,6 @@
 //! `feedwave.v1.Threads`.
 
-use feedwave_cutting::thread::{ThreadFollower, ThreadPath};
+use feedwave_cutting::thread::ThreadFollower;
 use feedwave_store::{JobState, Jobs as _};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -125,9 +125,10 @@ impl Api {
         let thread = convert::thread_from_proto(thread);
         let pass = thread.passes.get(start.pass as usize);
         let pass = pass.ok_or_else(|| beyond("start.pass", start.pass, thread.passes.len()))?;
+        // As it is planned, chamfers and parts included, which the thread of the report does not have.
+        let path = self.engine.thread_path(&detail, start.thread, start.pass).await?;
         let usual_deg = engine::job_config(&detail)?.profile.thread_vibration.reference_angle_deg;
         let reference_angle_deg = start.reference_angle_deg.unwrap_or(usual_deg);
-        let path = ThreadPath::of_pass(&thread, pass);
         let followed = FollowedPass {
             line: pass.span.line,
             rotation: convert::rotation_to_proto(thread.geometry.rotation).into(),
