@@ -3,10 +3,11 @@
 use feedwave::proto::follow_spindle_request::Message as Follow;
 use feedwave::proto::follow_spindle_response::Message as Followed;
 use feedwave::proto::plan_thread_request::{Advance, On};
+use feedwave::proto::validate_program_request::On as ValidateOn;
 use feedwave::proto::{
-    ColumnKind, FollowSpindleRequest, FollowSpindleStart, FollowedPass, FollowedPositions, Frame, InfeedPattern,
-    JobState, PassMethod, PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles,
-    StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport,
+    ColumnKind, FollowSpindleRequest, FollowSpindleStart, FollowedPass, FollowedPositions, Frame, GetMachineRequest,
+    InfeedPattern, JobState, PassMethod, PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles,
+    StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport, ValidateProgramRequest,
 };
 use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 use tonic::{Code, Status};
@@ -234,8 +235,10 @@ async fn contradictions_are_refused_before_anything_moves() {
     let server = Server::start().await;
     let mut clients = server.connect().await;
     for (from, to, code, refused) in [
-        ("Q325.584", "Q400.0", "THREAD-START-ANGLE", true),
-        ("Q1.2", "Q0.9", "THREAD-FIRST-PASS", false),
+        ("Q325.584", "Q400.0", "PRG-THREAD-ANGLE", true),
+        // An amplitude below the infeed of every pass, and of the first one alone.
+        ("Q1.2", "Q0.9", "THREAD-MODE-WORD", true),
+        ("F2.5 Q0.0", "F2.5 Q0.0 A1.8", "THREAD-FIRST-PASS", false),
         ("F2.5 Q299.088", "F2.5 Q299.088 A0.4", "THREAD-AMPLITUDE-SMALL", false),
         ("F2.5 Q325.584", "F2.5 Q325.584 R0.0", "THREAD-PHASE-EQUAL", false),
     ] {
@@ -246,6 +249,27 @@ async fn contradictions_are_refused_before_anything_moves() {
         assert!(finding.line > 0 && !finding.values.is_empty() && !finding.suggestions.is_empty(), "{finding:?}");
         assert_eq!(outcome.job.state() == JobState::Rejected, refused, "{:?}", outcome.codes());
     }
+}
+
+#[tokio::test]
+async fn a_start_too_close_to_the_work_is_refused_on_a_machine_that_knows_the_approach() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let lathe = GetMachineRequest { name: "machines/lathe".to_owned() };
+    let lathe = clients.machines.get_machine(lathe).await.unwrap().into_inner().machine.expect("a machine");
+    let mut profile = lathe.profile.expect("a profile");
+    let settings = profile.thread_vibration.as_mut().expect("every value is stated");
+    assert_eq!((settings.vibrations_per_rev, settings.even_phase_shift_deg), (Some(2.0), Some(180.0)));
+    settings.approach_mm = Some(0.01);
+    let request = ValidateProgramRequest {
+        inline_program: PROGRAM_A.into(),
+        on: Some(ValidateOn::Profile(profile)),
+        ..ValidateProgramRequest::default()
+    };
+    let report = clients.jobs.validate_program(request).await.unwrap().into_inner().report.expect("a report");
+    let short = report.findings.iter().filter(|finding| finding.code == "THREAD-APPROACH-SHORT");
+    assert_eq!(short.map(|finding| finding.line).collect::<Vec<_>>(), [11, 16, 21, 26]);
+    assert_eq!(report.summary.expect("a summary").setpoint_count, 0, "nothing moves");
 }
 
 #[tokio::test]
