@@ -1,9 +1,16 @@
 //! Threads turned with vibration: planned, judged, streamed and followed, all through the built binary.
 
+use feedwave::proto::follow_spindle_request::Message as Follow;
+use feedwave::proto::follow_spindle_response::Message as Followed;
 use feedwave::proto::plan_thread_request::{Advance, On};
-use feedwave::proto::{InfeedPattern, PassMethod, PlanThreadRequest, PlanThreadResponse, ThreadHand};
-use feedwave_tests::{Clients, Server};
-use tonic::Code;
+use feedwave::proto::validate_program_request::On as ValidateOn;
+use feedwave::proto::{
+    ColumnKind, FollowSpindleRequest, FollowSpindleStart, FollowedPass, FollowedPositions, Frame, GetMachineRequest,
+    InfeedPattern, JobState, PassMethod, PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles,
+    StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport, ValidateProgramRequest,
+};
+use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
+use tonic::{Code, Status};
 
 use crate::status::{assert_error, violated_fields};
 
@@ -103,4 +110,305 @@ async fn every_wrong_field_of_a_thread_is_named_at_once() {
     let status = clients.threads.plan_thread(PlanThreadRequest::default()).await.unwrap_err();
     let fields = violated_fields(&status);
     assert!(["on", "advance", "depth_mm", "first_depth_mm"].iter().all(|field| fields.contains(&(*field).to_owned())));
+}
+
+/// Programs A and B of the thread vibration page.
+const PROGRAM_A: &str = include_str!("../fixtures/thread-a.nc");
+const PROGRAM_B: &str = include_str!("../fixtures/thread-b.nc");
+
+fn only_thread(outcome: &Outcome) -> &ThreadSectionReport {
+    let [thread] = outcome.report.threads.as_slice() else { panic!("{:?}", outcome.report.threads) };
+    thread
+}
+
+fn passes(thread: &ThreadSectionReport) -> &[ThreadPassReport] {
+    &thread.report.as_ref().expect("a report").passes
+}
+
+fn broken(pass: &ThreadPassReport) -> (bool, bool) {
+    (pass.depth.expect("depth").broken, pass.section.expect("section").broken)
+}
+
+#[track_caller]
+fn assert_near(value: f64, expected: f64, tolerance: f64) {
+    assert!((value - expected).abs() <= tolerance, "{value} is not {expected} within {tolerance}");
+}
+
+#[tokio::test]
+async fn program_a_is_judged_with_the_numbers_of_the_page() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let outcome = clients.submit(PROGRAM_A).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
+    let section = only_thread(&outcome);
+    assert_eq!(section.ratio, Some(1.2));
+    let thread = section.thread.as_ref().expect("a thread");
+    let amplitudes: Vec<f64> = thread.passes.iter().map(|pass| 2.0 * pass.amplitude_mm).collect();
+    for (amplitude_mm, expected_mm) in amplitudes.iter().zip([2.4, 0.9936, 0.7632, 0.0]) {
+        assert_near(*amplitude_mm, expected_mm, 1e-9);
+    }
+    let angles: Vec<f64> = thread.passes.iter().map(|pass| pass.start_angle_deg).collect();
+    assert_eq!(angles, [0.0, 325.584, 299.088, 297.648]);
+    let reports = passes(section);
+    assert_near(reports[1].phase_advance_deg, 651.168, 1e-9);
+    assert_near(reports[2].phase_advance_deg, 598.176, 1e-9);
+    // The ratio breaks the chip in the model of the depth only, but for the first pass, which has no flank.
+    let chips: Vec<_> = reports[..3].iter().map(broken).collect();
+    assert_eq!(chips, [(true, true), (true, false), (true, false)]);
+    let report = section.report.as_ref().expect("a report");
+    assert_near(report.least_section_ratio.expect("a ratio"), 2.0, 0.01);
+    let crests = report.crests.expect("crests");
+    assert_near(crests.crest_mm, 0.35, 0.005);
+    assert_near(crests.finishing_infeed_mm, 0.018, 1e-9);
+    let codes = outcome.codes();
+    for code in ["THREAD-CHIP-RIBBON", "THREAD-CRESTS"] {
+        assert!(codes.contains(&code), "{code} is not in {codes:?}");
+    }
+    let summary = outcome.report.summary.as_ref().expect("a summary");
+    assert_eq!((summary.thread_count, summary.thread_passes), (1, 4));
+}
+
+#[tokio::test]
+async fn program_b_cuts_one_depth_three_times_and_breaks_its_chip() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let outcome = clients.submit(PROGRAM_B).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
+    let reports = passes(only_thread(&outcome));
+    let prepared: Vec<f64> = reports[..3].iter().map(|pass| pass.prepared_phase_deg).collect();
+    assert_eq!(prepared, [0.0, 240.0, 120.0]);
+    for pass in &reports[..3] {
+        assert_near(2.0 * pass.amplitude_mm, 3.6, 1e-9);
+        assert_eq!(broken(pass), (true, true));
+    }
+}
+
+/// The setpoints of a job in work coordinates.
+async fn work_setpoints(clients: &mut Clients, job: &str) -> Setpoints {
+    let request =
+        StreamSetpointsRequest { job: job.to_owned(), frame: Frame::Work.into(), ..StreamSetpointsRequest::default() };
+    stream(clients, request).await.unwrap_or_else(|status| panic!("{status:?}"))
+}
+
+/// The setpoints of one line: spindle angle, X on the radius, Z.
+fn of_line(setpoints: &Setpoints, line: u32) -> Vec<[f64; 3]> {
+    let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));
+    let angle_deg = setpoints.of_kind(ColumnKind::SpindleAngle);
+    let rows = (0..setpoints.len()).filter(|row| setpoints.lines[*row] == line);
+    rows.map(|row| [angle_deg[row], x[row], z[row]]).collect()
+}
+
+#[tokio::test]
+async fn setpoints_follow_the_spindle_angle_in_lead_and_phase() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let outcome = clients.submit(PROGRAM_A).await;
+    let thread = only_thread(&outcome).thread.clone().expect("a thread");
+    let setpoints = work_setpoints(&mut clients, &outcome.job.name).await;
+    for pass in &thread.passes {
+        let points = of_line(&setpoints, pass.line);
+        let deepest_mm = 5.0 - pass.depth_mm;
+        let (mut exact, mut largest_mm) = (0, 0.0_f64);
+        for pair in points.windows(2) {
+            let [[before_deg, _, before_z], [angle_deg, x, z]] = [pair[0], pair[1]];
+            // Never deeper than programmed, never out further than the amplitude.
+            let retreat_mm = x - deepest_mm;
+            assert!((-1e-9..=pass.amplitude_mm + 1e-9).contains(&retreat_mm), "{retreat_mm}");
+            largest_mm = largest_mm.max(retreat_mm);
+            if before_z < 99.0 && z > 61.0 {
+                assert_near((before_z - z) / (angle_deg - before_deg) * 360.0, 2.5, 1e-6);
+                // The phase at this angle, whatever start angle the pass has: psi = D·theta − shift.
+                let phase_deg = 2.0 * angle_deg - pass.phase_shift_deg;
+                let expected_mm = 0.5 * pass.amplitude_mm * (1.0 - phase_deg.to_radians().cos());
+                assert_near(retreat_mm, expected_mm, 1e-7);
+                exact += 1;
+            }
+        }
+        // 38 mm of thread are 15.2 revolutions of 200 setpoints.
+        assert!(exact > 3_000, "{exact}");
+        assert_near(largest_mm, pass.amplitude_mm, 1e-3 * pass.amplitude_mm.max(1e-3));
+    }
+}
+
+#[tokio::test]
+async fn contradictions_are_refused_before_anything_moves() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    for (from, to, code, refused) in [
+        ("Q325.584", "Q400.0", "PRG-THREAD-ANGLE", true),
+        // An amplitude below the infeed of every pass, and of the first one alone.
+        ("Q1.2", "Q0.9", "THREAD-MODE-WORD", true),
+        ("F2.5 Q0.0", "F2.5 Q0.0 A1.8", "THREAD-FIRST-PASS", false),
+        ("F2.5 Q299.088", "F2.5 Q299.088 A0.4", "THREAD-AMPLITUDE-SMALL", false),
+        ("F2.5 Q325.584", "F2.5 Q325.584 R0.0", "THREAD-PHASE-EQUAL", false),
+    ] {
+        assert!(PROGRAM_A.contains(from));
+        let outcome = clients.submit(&PROGRAM_A.replace(from, to)).await;
+        let finding = outcome.report.findings.iter().find(|finding| finding.code == code);
+        let finding = finding.unwrap_or_else(|| panic!("{code} is not in {:?}", outcome.codes()));
+        assert!(finding.line > 0 && !finding.values.is_empty() && !finding.suggestions.is_empty(), "{finding:?}");
+        assert_eq!(outcome.job.state() == JobState::Rejected, refused, "{:?}", outcome.codes());
+    }
+}
+
+#[tokio::test]
+async fn a_start_too_close_to_the_work_is_refused_on_a_machine_that_knows_the_approach() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let lathe = GetMachineRequest { name: "machines/lathe".to_owned() };
+    let lathe = clients.machines.get_machine(lathe).await.unwrap().into_inner().machine.expect("a machine");
+    let mut profile = lathe.profile.expect("a profile");
+    let settings = profile.thread_vibration.as_mut().expect("every value is stated");
+    assert_eq!((settings.vibrations_per_rev, settings.even_phase_shift_deg), (Some(2.0), Some(180.0)));
+    settings.approach_mm = Some(0.01);
+    let request = ValidateProgramRequest {
+        inline_program: PROGRAM_A.into(),
+        on: Some(ValidateOn::Profile(profile)),
+        ..ValidateProgramRequest::default()
+    };
+    let report = clients.jobs.validate_program(request).await.unwrap().into_inner().report.expect("a report");
+    let short = report.findings.iter().filter(|finding| finding.code == "THREAD-APPROACH-SHORT");
+    assert_eq!(short.map(|finding| finding.line).collect::<Vec<_>>(), [11, 16, 21, 26]);
+    assert_eq!(report.summary.expect("a summary").setpoint_count, 0, "nothing moves");
+}
+
+#[tokio::test]
+async fn a_planned_program_is_accepted_and_breaks_its_chip() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    for (method, infeed) in [
+        (PassMethod::StartAngle, InfeedPattern::Flank),
+        (PassMethod::StartPosition, InfeedPattern::ModifiedFlank),
+        (PassMethod::StartAngle, InfeedPattern::Radial),
+        (PassMethod::StartPosition, InfeedPattern::AlternatingFlank),
+    ] {
+        let request = PlanThreadRequest { method: method.into(), infeed: infeed.into(), ..thread_of_program_a() };
+        let planned = plan(&mut clients, request).await;
+        let thread = planned.thread.expect("a thread");
+        let outcome = clients.submit(&planned.program).await;
+        assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
+        let section = only_thread(&outcome);
+        let judged = section.thread.as_ref().expect("a thread");
+        assert_eq!(judged.passes.len(), thread.passes.len());
+        for ((own, planned), report) in judged.passes.iter().zip(&thread.passes).zip(passes(section)) {
+            assert_near(own.depth_mm, planned.depth_mm, 1e-6);
+            assert_near(own.amplitude_mm, planned.amplitude_mm, 1e-4);
+            assert_near(own.phase_shift_deg, planned.phase_shift_deg, 1e-3);
+            assert!(own.amplitude_mm == 0.0 || broken(report) == (true, true), "{infeed:?}: {report:?}");
+        }
+    }
+}
+
+async fn follow(
+    clients: &mut Clients,
+    messages: Vec<Follow>,
+) -> Result<(FollowedPass, Vec<FollowedPositions>), Status> {
+    let messages: Vec<_> =
+        messages.into_iter().map(|message| FollowSpindleRequest { message: Some(message) }).collect();
+    let mut answers = clients.threads.follow_spindle(futures_util::stream::iter(messages)).await?.into_inner();
+    let Some(Followed::FollowedPass(pass)) = answers.message().await?.and_then(|first| first.message) else {
+        panic!("the first message is the pass")
+    };
+    let mut batches = Vec::new();
+    while let Some(message) = answers.message().await? {
+        match message.message {
+            Some(Followed::Positions(positions)) => batches.push(positions),
+            other => panic!("after the pass come positions, not {other:?}"),
+        }
+    }
+    Ok((pass, batches))
+}
+
+#[tokio::test]
+async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_stream() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    // The finishing pass goes on in a second part, which makes it a thread of its own.
+    let (whole, parts) = ("G32 Z60.0 F2.5 Q297.648 A0.0", "G32 Z70.0 F2.5 Q297.648 A0.0\nG32 X7.5 Z60.0 F2.5");
+    assert!(PROGRAM_A.contains(whole));
+    let outcome = clients.submit(&PROGRAM_A.replace(whole, parts)).await;
+    assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
+    let setpoints = work_setpoints(&mut clients, &outcome.job.name).await;
+    let threads = (0_u32..).zip(&outcome.report.threads);
+    let passes: Vec<_> = threads
+        .flat_map(|(number, section)| {
+            let passes = section.thread.as_ref().expect("a thread").passes.iter();
+            (0_u32..).zip(passes).map(move |(index, pass)| (number, index, pass))
+        })
+        .collect();
+    assert_eq!(passes.len(), 4);
+    for (thread, index, pass) in passes {
+        let streamed: Vec<[f64; 3]> =
+            of_line(&setpoints, pass.line).into_iter().filter(|point| point[2] < 100.0).collect();
+        // The turn in which the pass started: Z began to move Q after its reference point, within one turn.
+        let reference_deg = 360.0 * ((streamed[0][0] - pass.start_angle_deg) / 360.0).round();
+        // Every angle of the stream, and between each two of them the spindle runs on, stops, and turns back a little.
+        let angles: Vec<f64> = streamed
+            .windows(2)
+            .flat_map(|pair| {
+                let step_deg = pair[1][0] - pair[0][0];
+                [0.0, 0.9, 0.9, 0.3].map(|share| pair[0][0] + share * step_deg)
+            })
+            .collect();
+        let encoder: Vec<f64> = std::iter::once(reference_deg - 1.0)
+            .chain((0..3).map(|step| reference_deg + pass.start_angle_deg * f64::from(step) / 3.0))
+            .chain(angles.iter().copied())
+            .map(|angle_deg| angle_deg.rem_euclid(360.0))
+            .collect();
+        let start = FollowSpindleStart {
+            job: outcome.job.name.clone(),
+            thread,
+            pass: index,
+            angle_kind: SpindleAngleKind::Unwrapped.into(),
+            reference_angle_deg: Some(reference_deg),
+        };
+        let mut messages = vec![Follow::Start(start.clone())];
+        messages.extend(angles.chunks(777).map(|angles| Follow::Angles(SpindleAngles { angles_deg: angles.to_vec() })));
+        let (followed, batches) = follow(&mut clients, messages).await.unwrap();
+        assert_eq!((followed.line, followed.reference_angle_deg), (pass.line, reference_deg));
+        assert!(followed.lead_start_deg <= pass.start_angle_deg && followed.lead_end_deg <= followed.rest_deg);
+        let x: Vec<f64> = batches.iter().flat_map(|batch| batch.x_mm.iter().copied()).collect();
+        let z: Vec<f64> = batches.iter().flat_map(|batch| batch.z_mm.iter().copied()).collect();
+        assert_eq!((x.len(), z.len()), (angles.len(), angles.len()));
+        for (row, [_, streamed_x, streamed_z]) in streamed[..streamed.len() - 1].iter().enumerate() {
+            assert_near(x[4 * row], *streamed_x, 1e-9);
+            assert_near(z[4 * row], *streamed_z, 1e-9);
+        }
+        // The encoder, which counts its turns from the passage of the reference point, gives the same.
+        let start =
+            FollowSpindleStart { angle_kind: SpindleAngleKind::Encoder.into(), reference_angle_deg: None, ..start };
+        let message = Follow::Angles(SpindleAngles { angles_deg: encoder.clone() });
+        let (_, batches) = follow(&mut clients, vec![Follow::Start(start), message]).await.unwrap();
+        let [batch] = batches.as_slice() else { panic!("{} batches", batches.len()) };
+        for (own, other) in batch.x_mm[4..].iter().zip(&x).chain(batch.z_mm[4..].iter().zip(&z)) {
+            assert_near(*own, *other, 1e-7);
+        }
+    }
+}
+
+#[tokio::test]
+async fn following_is_refused_with_the_field_that_is_wrong() {
+    let server = Server::start().await;
+    let mut clients = server.connect().await;
+    let outcome = clients.submit(PROGRAM_A).await;
+    let start = FollowSpindleStart { job: outcome.job.name.clone(), ..FollowSpindleStart::default() };
+    let angles = |angles_deg: Vec<f64>| Follow::Angles(SpindleAngles { angles_deg });
+    for (messages, field) in [
+        (vec![angles(vec![0.0])], "message"),
+        (vec![Follow::Start(FollowSpindleStart { job: "thread".to_owned(), ..start.clone() })], "start.job"),
+        (vec![Follow::Start(FollowSpindleStart { thread: 1, ..start.clone() })], "start.thread"),
+        (vec![Follow::Start(FollowSpindleStart { pass: 4, ..start.clone() })], "start.pass"),
+        (vec![Follow::Start(FollowSpindleStart { angle_kind: 9, ..start.clone() })], "start.angle_kind"),
+        (vec![Follow::Start(start.clone()), angles(Vec::new())], "angles.angles_deg"),
+        (vec![Follow::Start(start.clone()), angles(vec![0.0; 65_537])], "angles.angles_deg"),
+        (vec![Follow::Start(start.clone()), angles(vec![0.0, f64::NAN])], "angles.angles_deg[1]"),
+        (vec![Follow::Start(start.clone()), Follow::Start(start.clone())], "message"),
+    ] {
+        let status = follow(&mut clients, messages).await.unwrap_err();
+        assert_eq!(violated_fields(&status), [field]);
+    }
+    let rejected = clients.submit(&PROGRAM_A.replace("Q325.584", "Q400.0")).await;
+    let start = FollowSpindleStart { job: rejected.job.name, ..FollowSpindleStart::default() };
+    let status = follow(&mut clients, vec![Follow::Start(start)]).await.unwrap_err();
+    assert_error(&status, Code::FailedPrecondition, "JOB_NOT_READY");
 }

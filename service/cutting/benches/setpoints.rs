@@ -11,8 +11,8 @@ use feedwave_cutting::{BLOCK_LENGTH, GenerationMode, MachineProfile, Pipeline, P
 const BLOCKS: usize = 256;
 
 /// A pipeline in the middle of the program's long block.
-fn running(program: &str, mode: GenerationMode) -> Pipeline {
-    let config = PipelineConfig { generation_mode: mode, ..PipelineConfig::new(MachineProfile::mill()) };
+fn running(program: &str, profile: MachineProfile, mode: GenerationMode) -> Pipeline {
+    let config = PipelineConfig { generation_mode: mode, ..PipelineConfig::new(profile) };
     let mut pipeline = Pipeline::new(Arc::new(config));
     pipeline.push(program.as_bytes());
     pipeline.finish_input();
@@ -56,7 +56,31 @@ fn interpolation(criterion: &mut Criterion) {
         ("arc, vibrating tangentially", vibrating_arc, GenerationMode::Tangential),
     ];
     for (name, program, mode) in cases {
-        let start = running(program, mode);
+        let start = running(program, MachineProfile::mill(), mode);
+        group.bench_function(BenchmarkId::from_parameter(name), |bencher| {
+            bencher.iter_batched_ref(
+                || (start.clone(), start.new_block()),
+                |(pipeline, block)| {
+                    for _ in 0..BLOCKS {
+                        assert_eq!(pipeline.next_block(block), Step::Block);
+                        black_box(&block);
+                    }
+                },
+                criterion::BatchSize::LargeInput,
+            );
+        });
+    }
+    group.finish();
+}
+
+/// Threading passes: X and Z over the spindle angle.
+fn threads(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("setpoints of a thread");
+    group.throughput(Throughput::Elements((BLOCKS * BLOCK_LENGTH) as u64));
+    let plain = "G97 S60 M3\nG0 X20 Z0\nG32 Z-2000 F1.5\nM30\n";
+    let vibrating = "G97 S60 M3\nG165 P3 X20.2 Q1.2\nG0 X20 Z0\nG32 Z-2000 F1.5\nG165 P0\nM30\n";
+    for (name, program) in [("plain", plain), ("vibrating", vibrating)] {
+        let start = running(program, MachineProfile::lathe(), GenerationMode::AlongPath);
         group.bench_function(BenchmarkId::from_parameter(name), |bencher| {
             bencher.iter_batched_ref(
                 || (start.clone(), start.new_block()),
@@ -128,5 +152,5 @@ fn validation(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, interpolation, first_block, validation);
+criterion_group!(benches, interpolation, threads, first_block, validation);
 criterion_main!(benches);

@@ -2,6 +2,8 @@
 //! about them.
 
 mod oscillation;
+mod thread_pass;
+mod threading;
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -17,10 +19,11 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use self::oscillation::ActiveOscillation;
+use self::threading::Threads;
 use crate::cut::Cut;
 use crate::five_axis::{Guide, GuideState, Guided, no_kinematics};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
-use crate::thread::ThreadSectionReport;
+use crate::thread::{ThreadPath, ThreadSectionReport};
 use crate::tool_oscillation::OscillationSectionReport;
 use crate::{
     GenerationMode, PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans,
@@ -47,6 +50,7 @@ pub(crate) struct BuilderState {
     spindle: Spindle,
     smoother: PathSmoother<Cut>,
     guide: GuideState,
+    threads: Threads,
     /// X radius where the last move ended, mm.
     radius_mm: f64,
     feed_limited_reported: bool,
@@ -77,6 +81,10 @@ pub(crate) struct Analysis {
     pub(crate) oscillations: Vec<OscillationSectionReport>,
     pub(crate) oscillation_count: u64,
     pub(crate) thread_passes: u64,
+    /// Thread and pass whose way is wanted, counted from 0.
+    pub(crate) wanted_pass: Option<(u64, usize)>,
+    /// That way.
+    pub(crate) wanted_path: Option<ThreadPath>,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
     pub(crate) path_length_mm: f64,
@@ -127,6 +135,7 @@ impl BuilderState {
             unusable_vibration: false,
             spindle: Spindle::STOPPED,
             smoother: PathSmoother::default(),
+            threads: Threads::default(),
             radius_mm: 0.0,
             feed_limited_reported: false,
             speed_limit_reported: false,
@@ -162,11 +171,16 @@ impl Builder {
             // Everything but another cut happens on the programmed point, and in the section that it belongs to.
             self.flush(config, planner, findings);
         }
+        if self.state.threads.is_waiting() && !matches!(operation.kind, OperationKind::Thread(_)) {
+            // A pass goes on only in the very next block.
+            self.flush_threads(config, planner, findings);
+        }
         match &operation.kind {
+            OperationKind::Move(mv) if self.holds_rapid(mv, operation.span, config) => {}
             OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
-            OperationKind::Thread(_) => {
-                let message = "threading passes are not carried out yet";
-                findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
+            OperationKind::Thread(mv) => {
+                self.close_section(planner, findings);
+                self.thread(mv, operation.span, config, planner, findings);
             }
             OperationKind::Guided(guided) => self.guided(guided, operation.span, config, planner, findings),
             OperationKind::Dwell(time) => {
@@ -208,10 +222,7 @@ impl Builder {
                 Function::ToolOscillation => {
                     self.switch_oscillation(command, operation.span, planner, findings);
                 }
-                Function::ThreadVibration => {
-                    let message = "thread vibration is not carried out yet";
-                    findings.push(Finding::error("UNSUPPORTED-CODE", operation.span, message));
-                }
+                Function::ThreadVibration => self.switch_thread_vibration(command, operation.span, config, findings),
             },
             OperationKind::Stop { .. } => {
                 self.close_section(planner, findings);
@@ -219,6 +230,7 @@ impl Builder {
             }
             OperationKind::End => {
                 self.close_section(planner, findings);
+                self.end_threads(config, findings);
                 if let Some(vibration) = self.state.vibration.take() {
                     findings.push(
                         Finding::warning(
@@ -258,9 +270,7 @@ impl Builder {
             return;
         };
         if let Some(axis) = missing_axis(&element, machine) {
-            let letter = axis.letter();
-            let finding = Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"));
-            findings.push(finding.suggest("remove the word, or add the axis to the machine profile"));
+            findings.push(missing(axis, span));
             return;
         }
         check_travel(&element, machine, findings);
@@ -268,7 +278,7 @@ impl Builder {
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting {
             self.open_section(config, planner);
-            self.check_speed(mv, span, config, findings);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);
         }
@@ -324,7 +334,7 @@ impl Builder {
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
             self.open_section(config, planner);
-            self.check_speed(mv, span, config, findings);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);
         }
@@ -533,20 +543,27 @@ impl Builder {
     }
 
     /// Spindle speed against the machine's and the tool's limit; once per tool.
-    fn check_speed(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
+    fn check_speed(
+        &mut self,
+        spindle: &Spindle,
+        tool: u32,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) {
         if self.state.speed_limit_reported {
             return;
         }
         let tool_limit = config
             .tools
             .iter()
-            .find(|tool| tool.number == mv.tool)
+            .find(|listed| listed.number == tool)
             .and_then(|tool| tool.max_rev_per_min)
             .unwrap_or(f64::INFINITY);
         let limit = tool_limit.min(config.profile.machine.max_spindle_rev_per_min);
         // Constant surface speed is clamped by the machine; a constant speed is what the program insists on.
-        if let SpindleSpeed::Constant { rev_per_min } = mv.spindle.speed
-            && mv.spindle.is_turning()
+        if let SpindleSpeed::Constant { rev_per_min } = spindle.speed
+            && spindle.is_turning()
             && rev_per_min > limit
         {
             self.state.speed_limit_reported = true;
@@ -602,6 +619,12 @@ fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfi
         return false;
     }
     true
+}
+
+fn missing(axis: Axis, span: SourceSpan) -> Finding {
+    let letter = axis.letter();
+    Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"))
+        .suggest("remove the word, or add the axis to the machine profile")
 }
 
 fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {

@@ -6,6 +6,7 @@ use feedwave_program::Severity;
 
 use crate::builder::Analysis;
 use crate::five_axis::report_findings;
+use crate::thread::ThreadPath;
 use crate::{
     AxisSummary, Frame, LimitTimes, PeakPlace, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step,
     ValidationReport,
@@ -72,6 +73,21 @@ impl Validation {
         let pipeline = Pipeline::with_analysis(config, Some(Analysis::default()));
         let block = pipeline.new_block();
         Self { pipeline, block, axes, stopped: false, ended: false, setpoint_count: 0 }
+    }
+
+    /// Keeps the way of one pass: both numbers count from 0, in the order of the report's threads and of their passes.
+    #[must_use]
+    pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
+        if let Some(analysis) = &mut self.pipeline.builder.analysis {
+            analysis.wanted_pass = Some((thread, pass));
+        }
+        self
+    }
+
+    /// The way that is kept, as soon as its pass is planned, which is before its setpoints come.
+    #[must_use]
+    pub fn kept_path(&self) -> Option<&ThreadPath> {
+        self.pipeline.builder.analysis.as_ref()?.wanted_path.as_ref()
     }
 
     /// See [`Pipeline::push`].

@@ -19,7 +19,7 @@ pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
-pub use thread::{thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
+pub use thread::{rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
 pub use thread_request::thread_request_from_proto;
 pub use tool::{check_tool, tool_for_pipeline};
 

@@ -73,7 +73,7 @@ impl ColumnMap {
         }
     }
 
-    fn apply(self, work_offset: &Position, column: &mut [f64]) {
+    pub(super) fn apply(self, work_offset: &Position, column: &mut [f64]) {
         let offset = self.offset_share * work_offset[self.axis.index()];
         if self.sign != 1.0 || offset != 0.0 {
             for value in column {
@@ -87,13 +87,13 @@ impl ColumnMap {
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     /// Commanded arc length in the element, mm.
-    s: Vec<f64>,
+    pub(super) s: Vec<f64>,
     /// Commanded speed, mm/s.
-    speed: Vec<f64>,
+    pub(super) speed: Vec<f64>,
     /// Vibration wave, then a(t), mm.
-    vibration: Vec<f64>,
+    pub(super) vibration: Vec<f64>,
     /// Arc length after superposition, mm.
-    combined: Vec<f64>,
+    pub(super) combined: Vec<f64>,
     oscillation: OscillationScratch,
 }
 
@@ -128,6 +128,12 @@ impl Interpolator {
 
         match activity.kind {
             ActivityKind::Hold { line } => self.emit_rest(block, start, line),
+            ActivityKind::ThreadPreparation { line } => self.emit_preparation(block, start, first, line),
+            ActivityKind::Thread { .. } => {
+                let (lead_s, rev_per_s) = (state.clock.lead_s, activity.spindle_rev_per_s.abs());
+                let turned_rev = |k: usize| rev_per_s * ((first + k as u64) as f64 * period_s - lead_s);
+                self.emit_thread(block, start, turned_rev);
+            }
             ActivityKind::Stretch(index) => {
                 let item = state.track.current_index();
                 if let Some(motion) = state.track.motion(item) {
@@ -166,7 +172,7 @@ impl Interpolator {
         self.state.next += count as u64;
     }
 
-    fn emit_rest(&self, block: &mut SetpointBlock, start: usize, line: u32) {
+    pub(super) fn emit_rest(&self, block: &mut SetpointBlock, start: usize, line: u32) {
         let rest = &self.state.rest;
         for (map, column) in self.settings.columns.iter().zip(&mut block.axes) {
             column[start..].fill(map.at_rest(rest));
@@ -441,7 +447,7 @@ impl ToolColumns {
 }
 
 /// No vibration for the drives.
-fn still(servo: &mut ServoColumns, start: usize) {
+pub(super) fn still(servo: &mut ServoColumns, start: usize) {
     for column in &mut servo.clamp_low_mm {
         column[start..].fill(f64::NEG_INFINITY);
     }

@@ -38,9 +38,8 @@ impl Interpolator {
             },
             // Nothing is under way: the current item has not been begun.
             ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
-            ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
-                (self.withdraw(planner, current + 1), 0.0)
-            }
+            // A pass that has begun is cut to its end.
+            _ => (self.withdraw(planner, current + 1), 0.0),
         };
         if planner.restart(speed, ratio, path).is_err() {
             (self.state, *planner) = before;

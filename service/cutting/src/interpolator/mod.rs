@@ -10,6 +10,7 @@ mod clock;
 mod columns;
 mod feed_override;
 mod oscillation;
+mod threading;
 mod track;
 
 use feedwave_motion::kinematics::vector::Vec3;
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use self::clock::Clock;
 use self::columns::{ColumnMap, Scratch, ToolColumns};
 pub(crate) use self::oscillation::OscillationRun;
+pub(crate) use self::threading::ThreadRun;
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};
 use crate::path_vibration::direction_change;
@@ -155,6 +157,10 @@ enum ActivityKind {
     VibratingHold,
     /// At rest.
     Hold { line: u32 },
+    /// X on its way to the vibration position of the current pass.
+    ThreadPreparation { line: u32 },
+    /// The current pass, from this spindle angle to the reference point on, degrees in the direction of rotation.
+    Thread { start_deg: f64 },
     /// At rest within the current motion, at arc length `s` mm: feed hold.
     FeedHold { s: f64 },
 }
@@ -166,6 +172,10 @@ enum After {
     Continue,
     /// The next item; a wait for the vibration at a junction is over.
     LeaveMotion,
+    /// The pass whose preparatory movement is done.
+    RunThread,
+    /// The next item; the pass is over.
+    LeaveThread,
     /// The section starts.
     OpenSection(SectionStart),
     /// The wait for the vibration is over: align to the grid.
@@ -340,14 +350,17 @@ impl Interpolator {
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
                 state.shares.limits.rest_s += activity.duration_s;
             }
+            ActivityKind::ThreadPreparation { .. } | ActivityKind::Thread { .. } => self.share_thread(activity),
         }
-        match std::mem::replace(&mut state.after, After::Continue) {
+        match std::mem::replace(&mut self.state.after, After::Continue) {
             After::Continue => {
                 if let ActivityKind::Stretch(index) = activity.kind {
                     self.after_stretch(index);
                 }
             }
             After::LeaveMotion => self.leave_motion(),
+            After::RunThread => self.run_thread(),
+            After::LeaveThread => self.leave_thread(),
             After::OpenSection(condition) => {
                 let start_period = self.state.clock.period;
                 self.state.section = Some(Section { start_period, condition, samples: SectionSamples::default() });
@@ -455,6 +468,7 @@ impl Interpolator {
                 let keep_mm = self.state.section.map_or(0.0, |section| section.condition.amplitude_mm);
                 self.state.track.advance(keep_mm);
             }
+            Planned::Barrier(Barrier::Thread(_)) => self.begin_thread(),
             Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
         }
         true

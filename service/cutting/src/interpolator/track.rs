@@ -6,7 +6,7 @@ use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
 use feedwave_program::Spindle;
 use serde::{Deserialize, Serialize};
 
-use super::OscillationRun;
+use super::{OscillationRun, ThreadRun};
 
 /// What separates motions; the path is at rest at each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +26,8 @@ pub(crate) enum Barrier {
         /// Source line of the dwell.
         line: u32,
     },
+    /// A threading pass.
+    Thread(Box<ThreadRun>),
     /// The spindle's state changes.
     Spindle(Spindle),
     /// The program ends.

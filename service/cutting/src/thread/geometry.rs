@@ -88,7 +88,7 @@ impl ThreadGeometry {
 
     /// +1 where deeper means a smaller radius, −1 where it means a larger one.
     #[must_use]
-    pub(super) fn inwards(&self) -> f64 {
+    pub(crate) fn inwards(&self) -> f64 {
         match self.side {
             ThreadSide::External => 1.0,
             ThreadSide::Internal => -1.0,

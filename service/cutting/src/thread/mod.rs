@@ -6,10 +6,12 @@
 
 mod chip;
 mod findings;
+mod follower;
 mod geometry;
 mod infeed;
 mod job;
 mod parameters;
+mod path;
 mod planner;
 mod program_text;
 mod report;
@@ -20,9 +22,12 @@ mod tests;
 mod wave;
 
 pub use chip::{ChipLevel, Clearance, ThreadChip};
+pub use follower::{NotAnAngle, ThreadFollower};
 pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
 pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};
+pub use path::{MAX_THREAD_PARTS, ThreadPath, ThreadPlace};
+pub(crate) use path::{PathColumns, PathPart, PathVibration};
 pub use planner::{PassMethod, ThreadPlan, ThreadRequest, plan_thread};
 pub use program_text::{ThreadTextOptions, thread_program_text};
 pub use report::{

@@ -74,6 +74,6 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
         line(&words);
     }
     line(&["G0".to_owned(), clear]);
-    text.push_str("G165 P0\n");
+    text.push_str("G165 P0\nM5\nM30\n");
     text
 }

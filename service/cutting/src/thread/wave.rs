@@ -29,12 +29,14 @@ pub struct RetreatWave {
 
 impl RetreatWave {
     /// Phase ψ = D·θ − Δ at a spindle angle from the thread-start reference point, degrees, not reduced.
+    #[inline]
     #[must_use]
     pub fn phase_deg(&self, spindle_angle_deg: f64) -> f64 {
         self.vibrations_per_rev * spindle_angle_deg - self.phase_shift_deg
     }
 
     /// Retreat at a vibration phase, mm, within 0 and A.
+    #[inline]
     #[must_use]
     pub fn at_phase_mm(&self, phase_deg: f64) -> f64 {
         // (1 − cos ψ)/2 = sin²(ψ/2), which cannot leave 0 to 1 by rounding.

@@ -1,14 +1,27 @@
 //! `feedwave.v1.Threads`.
 
-use tonic::{Request, Response, Status, async_trait};
+use feedwave_cutting::thread::ThreadFollower;
+use feedwave_store::{JobState, Jobs as _};
+use futures_util::{StreamExt as _, stream};
+use tonic::{Request, Response, Status, Streaming, async_trait};
 
+use super::guarded::{Guarded, deadline};
+use super::jobs::{ResponseStream, job_id};
 use super::{Api, answer};
 use crate::convert;
 use crate::error::{Error, Result, Violations};
-use crate::names;
+use crate::proto::follow_spindle_request::Message as RequestMessage;
+use crate::proto::follow_spindle_response::Message;
 use crate::proto::plan_thread_request::On;
 use crate::proto::threads_server::Threads;
-use crate::proto::{PlanThreadRequest, PlanThreadResponse};
+use crate::proto::{
+    FollowSpindleRequest, FollowSpindleResponse, FollowSpindleStart, FollowedPass, FollowedPositions,
+    PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, ValidationReport,
+};
+use crate::{engine, json, names};
+
+/// Angles of one batch.
+const MAX_ANGLES: usize = 65_536;
 
 impl Api {
     /// Plans the passes of a thread.
@@ -41,8 +54,142 @@ impl Api {
     }
 }
 
+/// A pass that is being followed.
+struct Following {
+    follower: ThreadFollower,
+    kind: SpindleAngleKind,
+    /// Positions given.
+    given: u64,
+}
+
+impl Following {
+    /// The positions of one batch.
+    fn positions(&mut self, angles_deg: &[f64]) -> Result<FollowedPositions> {
+        if !(1..=MAX_ANGLES).contains(&angles_deg.len()) {
+            let description = format!("must list 1 to {MAX_ANGLES} angles, lists {}", angles_deg.len());
+            return Err(Error::invalid("angles.angles_deg", description));
+        }
+        let mut positions = FollowedPositions { first_index: self.given, ..FollowedPositions::default() };
+        for column in
+            [&mut positions.x_mm, &mut positions.z_mm, &mut positions.path_position_mm, &mut positions.retreat_mm]
+        {
+            column.reserve_exact(angles_deg.len());
+        }
+        for (index, &angle_deg) in angles_deg.iter().enumerate() {
+            let place = match self.kind {
+                SpindleAngleKind::Unwrapped => self.follower.unwrapped(angle_deg),
+                SpindleAngleKind::Encoder | SpindleAngleKind::Unspecified => self.follower.encoder(angle_deg),
+            };
+            let place = place.map_err(|error| {
+                Error::invalid(format!("angles.angles_deg[{index}]"), format!("{error}: {angle_deg}"))
+            })?;
+            positions.x_mm.push(place.radius_mm);
+            positions.z_mm.push(place.z_mm);
+            positions.path_position_mm.push(place.path_mm);
+            positions.retreat_mm.push(place.retreat_mm);
+        }
+        self.given += angles_deg.len() as u64;
+        positions.over = self.follower.is_over();
+        Ok(positions)
+    }
+}
+
+/// The next batch of a client; `None` when it has ended the call.
+async fn next_angles(messages: &mut Streaming<FollowSpindleRequest>) -> Result<Option<Vec<f64>>> {
+    match messages.message().await {
+        Ok(None) => Ok(None),
+        Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Angles(angles)) })) => Ok(Some(angles.angles_deg)),
+        Ok(Some(_)) => Err(Error::invalid("message", "after the start every message must carry angles")),
+        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+    }
+}
+
+impl Api {
+    /// The pass that a client wants to follow, as it is told of it.
+    async fn follow(&self, start: &FollowSpindleStart, id: uuid::Uuid) -> Result<(Following, FollowedPass)> {
+        let mut violations = Violations::default();
+        let kind = convert::enumeration(&mut violations, "start.angle_kind", start.angle_kind);
+        if let Some(angle_deg) = start.reference_angle_deg.filter(|angle_deg| !angle_deg.is_finite()) {
+            violations.add("start.reference_angle_deg", format!("must be a finite number, is {angle_deg}"));
+        }
+        violations.finish()?;
+        let detail = self.store.job_detail(id).await?;
+        if detail.job.state != JobState::Ready {
+            let subject = names::job(id);
+            let message = format!("{subject} is {}, only a ready job can be followed", detail.job.state);
+            return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
+        }
+        let report: ValidationReport = json::from_stored(self.store.report(id).await?.report.get())?;
+        let thread = report.threads.get(start.thread as usize).and_then(|section| section.thread.as_ref());
+        let thread = thread.ok_or_else(|| beyond("start.thread", start.thread, report.threads.len()))?;
+        let thread = convert::thread_from_proto(thread);
+        let pass = thread.passes.get(start.pass as usize);
+        let pass = pass.ok_or_else(|| beyond("start.pass", start.pass, thread.passes.len()))?;
+        // As it is planned, chamfers and parts included, which the thread of the report does not have.
+        let path = self.engine.thread_path(&detail, start.thread, start.pass).await?;
+        let usual_deg = engine::job_config(&detail)?.profile.thread_vibration.reference_angle_deg;
+        let reference_angle_deg = start.reference_angle_deg.unwrap_or(usual_deg);
+        let followed = FollowedPass {
+            line: pass.span.line,
+            rotation: convert::rotation_to_proto(thread.geometry.rotation).into(),
+            reference_angle_deg,
+            lead_start_deg: path.lead_start_deg(),
+            lead_end_deg: path.lead_end_deg(),
+            rest_deg: path.rest_deg(),
+        };
+        let follower = ThreadFollower::new(path, thread.geometry.rotation, reference_angle_deg);
+        Ok((Following { follower, kind: kind.unwrap_or_default(), given: 0 }, followed))
+    }
+
+    async fn start_following(
+        &self,
+        request: Request<Streaming<FollowSpindleRequest>>,
+    ) -> Result<ResponseStream<FollowSpindleResponse>> {
+        let deadline = deadline(request.metadata());
+        let mut messages = request.into_inner();
+        let start = match messages.message().await {
+            Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Start(start)) })) => start,
+            Ok(_) => return Err(Error::invalid("message", "the first message must be the start")),
+            Err(status) => {
+                return Err(Error::Transport { code: status.code(), message: status.message().to_owned() });
+            }
+        };
+        let id = job_id("start.job", &start.job)?;
+        // Registered before the state is read, so that a cancellation in between is not missed.
+        let guard = self.engine.enter(id);
+        let cancelled = guard.token().clone();
+        let (following, followed) = self.follow(&start, id).await?;
+        tracing::info!(job = %names::job(id), thread = start.thread, pass = start.pass, "follow the spindle");
+        let first = FollowSpindleResponse { message: Some(Message::FollowedPass(followed)) };
+        // A batch is read when the answer to the one before has been taken: a slow reader slows its sender.
+        let answers = stream::try_unfold((messages, following, guard), async |(mut messages, mut following, guard)| {
+            let Some(angles_deg) = next_angles(&mut messages).await? else { return Ok(None) };
+            let positions = Message::Positions(following.positions(&angles_deg)?);
+            Ok(Some((FollowSpindleResponse { message: Some(positions) }, (messages, following, guard))))
+        });
+        let answers = stream::once(std::future::ready(Ok(first))).chain(answers);
+        let guarded = Guarded::new(Box::pin(answers), deadline)
+            .ends_with(self.engine.draining(), Error::Draining)
+            .ends_with(&cancelled, Error::JobCancelled { job: names::job(id) });
+        Ok(Box::pin(guarded))
+    }
+}
+
+fn beyond(field: &str, index: u32, count: usize) -> Error {
+    Error::invalid(field, format!("counts from 0: there are {count} in the report, asked for is {index}"))
+}
+
 #[async_trait]
 impl Threads for Api {
+    type FollowSpindleStream = ResponseStream<FollowSpindleResponse>;
+
+    async fn follow_spindle(
+        &self,
+        request: Request<Streaming<FollowSpindleRequest>>,
+    ) -> Result<Response<Self::FollowSpindleStream>, Status> {
+        Ok(Response::new(self.start_following(request).await?))
+    }
+
     async fn plan_thread(&self, request: Request<PlanThreadRequest>) -> Result<Response<PlanThreadResponse>, Status> {
         answer(request, async |request| self.plan_thread(request).await).await
     }

@@ -2,6 +2,7 @@
 
 mod milling;
 mod steps;
+mod threading;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

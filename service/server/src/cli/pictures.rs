@@ -133,6 +133,10 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                             smoother.push(part, step.path_control, cut, &mut draw);
                         }
                     }
+                    OperationKind::Thread(pass) => {
+                        smoother.flush(&mut draw);
+                        trace.line(Stretch::Cutting, point(&pass.start), point(&pass.end));
+                    }
                     other => {
                         smoother.flush(&mut draw);
                         if let OperationKind::Function(command) = other

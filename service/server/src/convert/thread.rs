@@ -73,11 +73,16 @@ fn geometry_to_proto(geometry: &ThreadGeometry) -> proto::ThreadGeometry {
         taper: geometry.taper,
         lead_mm: geometry.lead_mm,
         starts: geometry.starts,
-        rotation: match geometry.rotation {
-            SpindleRotation::Forward => proto::SpindleRotation::Forward,
-            SpindleRotation::Reverse => proto::SpindleRotation::Reverse,
-        }
-        .into(),
+        rotation: rotation_to_proto(geometry.rotation).into(),
+    }
+}
+
+/// A direction of the spindle as the contract has it.
+#[must_use]
+pub const fn rotation_to_proto(rotation: SpindleRotation) -> proto::SpindleRotation {
+    match rotation {
+        SpindleRotation::Forward => proto::SpindleRotation::Forward,
+        SpindleRotation::Reverse => proto::SpindleRotation::Reverse,
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use feedwave_cutting::thread::{ThreadPlan, ThreadRequest, plan_thread};
+use feedwave_cutting::thread::{ThreadPath, ThreadPlan, ThreadRequest, plan_thread};
 use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationReport};
 use feedwave_program::Finding;
+use feedwave_store::JobDetail;
 
 use super::source::Source;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Setpoints between the first checkpoints: what a stream generates in vain when it starts in between, some
 /// milliseconds.
@@ -62,10 +63,8 @@ impl super::Engine {
     /// Plans the passes of a thread: some milliseconds of arithmetic.
     ///
     /// # Errors
-    /// [`crate::error::Error::Internal`] where no thread can be had for it.
+    /// [`Error::Internal`] where no thread can be had for it.
     pub async fn plan_thread(&self, request: ThreadRequest) -> Result<Result<ThreadPlan, Vec<Finding>>> {
-        use crate::error::Error;
-
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = place;
@@ -74,12 +73,51 @@ impl super::Engine {
         run.await.map_err(Error::internal)
     }
 
+    /// The way of one pass of a stored job's thread: the program is planned up to it, as for its report. Both numbers count
+    /// from 0, in the order of the report's threads and of their passes. Dropping the future ends the work.
+    ///
+    /// # Errors
+    /// [`Error::Draining`] when the service ends first, those of the store, and [`Error::Internal`] where the program has no
+    /// such pass.
+    pub async fn thread_path(&self, detail: &JobDetail, thread: u32, pass: u32) -> Result<ThreadPath> {
+        let config = Arc::new(super::job_config(detail)?);
+        let (id, size_bytes) = (detail.job.program_id, detail.job.program_size_bytes);
+        let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
+        let token = self.inner.draining.child_token();
+        let cancel_when_dropped = token.clone().drop_guard();
+        let mut source = Source::stored(self.inner.store.clone(), id, size_bytes, 0);
+        let run = self.inner.tasks.spawn_blocking(move || {
+            let _held = place;
+            let mut validation = Validation::new(config).keeping_path(u64::from(thread), pass as usize);
+            loop {
+                if let Some(path) = validation.kept_path() {
+                    return Ok(path.clone());
+                }
+                if token.is_cancelled() {
+                    return Err(Error::Draining);
+                }
+                match validation.step() {
+                    Step::NeedInput => match source.next()? {
+                        Some(bytes) => validation.push(&bytes),
+                        None => validation.finish_input(),
+                    },
+                    Step::Block => {}
+                    Step::Finished | Step::Refused => {
+                        return Err(Error::internal(format!("no pass {pass} of thread {thread} was planned")));
+                    }
+                }
+            }
+        });
+        let path = run.await.map_err(Error::internal)?;
+        drop(cancel_when_dropped);
+        path
+    }
+
     /// Validates a program without storing anything. Dropping the future ends the work.
     ///
     /// # Errors
-    /// [`crate::error::Error::Draining`] when the service ends first.
+    /// [`Error::Draining`] when the service ends first.
     pub async fn validate_program(&self, config: PipelineConfig, program: bytes::Bytes) -> Result<ValidationReport> {
-        use crate::error::Error;
         use crate::observability::metrics::GaugeGuard;
 
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;

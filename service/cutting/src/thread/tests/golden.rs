@@ -140,6 +140,8 @@ G0 X6.5
 G32 Z60.0 F2.5 Q297.648 A0.0
 G0 X14.0
 G165 P0
+M5
+M30
 ";
     assert_eq!(text, expected);
 }

@@ -15,7 +15,7 @@ use super::super::report;
 use super::super::source::Source;
 use super::super::stream::{self, Event};
 use super::super::terminal::{count, counted, number};
-use super::{Stage, milling};
+use super::{Stage, milling, threading};
 use crate::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
 use crate::convert::profile_to_proto;
 use crate::lifecycle::{RunningServer, Server};
@@ -97,14 +97,16 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     let setpoints = stream_all(stage, &mut client, &cured, &profile, out).await?;
     resume(stage, &mut client, &cured, &setpoints).await?;
     compare_local(stage, &cured_program, &profile, &setpoints)?;
-    let milling = milling::all(stage, &mut client, out).await?;
+    let mut others = threading::all(stage, &mut client, MACHINE, &profile, out).await?;
+    others.extend(milling::all(stage, &mut client, out).await?);
     list(stage, &mut client).await?;
-    draw(stage, &cured_program, &profile, milling, out)
+    draw(stage, &cured_program, &profile, others, out)
 }
 
-/// A lathe whose tool changes well away from the work.
+/// A lathe whose tool changes well away from the work, and whose threading tool bears no thick finishing chips.
 fn profile() -> MachineProfile {
     let mut profile = MachineProfile::lathe();
+    profile.thread_vibration.max_finishing_thickness_mm = Some(threading::FINISHING_MM);
     let (x, z) = (feedwave_program::Axis::X.index(), feedwave_program::Axis::Z.index());
     for position in [&mut profile.language.initial_position, &mut profile.language.reference_position] {
         (position[x], position[z]) = TOOL_CHANGE_MM;
@@ -238,12 +240,16 @@ pub(super) async fn read(
     from: u64,
     overrides: Vec<FeedOverrideChange>,
 ) -> Result<(Vec<SetpointBlock>, u64), CliError> {
-    let request = StreamSetpointsRequest {
-        overrides,
-        job: job.name.clone(),
-        start: Some(Start::StartIndex(from)),
-        ..StreamSetpointsRequest::default()
-    };
+    let start = Some(Start::StartIndex(from));
+    let job = job.name.clone();
+    read_request(client, StreamSetpointsRequest { overrides, job, start, ..StreamSetpointsRequest::default() }).await
+}
+
+/// The setpoints that a request asks for, and how many were announced.
+pub(super) async fn read_request(
+    client: &mut Client,
+    request: StreamSetpointsRequest,
+) -> Result<(Vec<SetpointBlock>, u64), CliError> {
     let mut blocks = Vec::new();
     let mut announced = 0;
     stream::read(client, request, u64::MAX, |event| {
@@ -356,14 +362,14 @@ async fn list(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
         let (warnings, setpoints) = (count(summary.warnings), count(summary.setpoint_count));
         stage.say(&format!("{:<22} {state:<9} {warnings:>9} {setpoints:>10}  {}", job.display_name, job.name))?;
     }
-    stage.check(jobs.len() == 5, "five jobs are stored with their programs and reports")
+    stage.check(jobs.len() == 7, "seven jobs are stored with their programs and reports")
 }
 
 fn draw(
     stage: &mut Stage,
     cured: &str,
     profile: &MachineProfile,
-    milling: Vec<PathBuf>,
+    others: Vec<PathBuf>,
     out: &Path,
 ) -> Result<(), CliError> {
     stage.step("Pictures")?;
@@ -380,7 +386,7 @@ fn draw(
         let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
         written.extend(plan::draw(&mut source, &config, &report, &vibration, &out.join(directory))?);
     }
-    written.extend(milling);
+    written.extend(others);
     for path in written.iter().filter(|path| path.extension().is_none_or(|extension| extension != "svg")) {
         stage.say(&path.display().to_string())?;
     }

@@ -1,0 +1,362 @@
+//! The way of the tool through one pass over the spindle angle: what the generator runs and a follower plays.
+//!
+//! Programmed are straight parts, each with its lead. Where the speed along them changes, at the start, between parts,
+//! where the tool is pulled out and at the end, it changes as 3s² − 2s³ over an angle with its middle at the vertex:
+//! beyond that angle the way is the programmed one exactly, since what is missing before the vertex is caught up after
+//! it. The run-up is such a change from rest, the run-down one to rest.
+
+use core::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::{RetreatWave, StartUp, ThreadJob, ThreadPass};
+
+/// X on the radius, Z and the length of the path, mm.
+type Place = [f64; 3];
+
+/// Most parts of one pass.
+pub const MAX_THREAD_PARTS: usize = 100;
+
+/// Where the tool is, as a pure function of the spindle angle from the thread-start reference point in the direction of
+/// rotation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadPath {
+    start: Place,
+    /// In order of the angle, without gaps; the last one ends at `lead_end_deg`.
+    pieces: Vec<Piece>,
+    end: Place,
+    lead_end_deg: f64,
+    wave: RetreatWave,
+    start_up: StartUp,
+    /// Sign of X in which the tool retreats; 0 without vibration.
+    outwards: f64,
+    /// Where the vibration has ended.
+    rest_deg: f64,
+}
+
+/// A piece of the way: at `at + slope·t`, and with a change of the slope `at + slope·t + change·L·s³(1 − s/2)` with
+/// s = t/L, where t is the angle from `origin_deg`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Piece {
+    start_deg: f64,
+    origin_deg: f64,
+    at: Place,
+    /// mm per degree.
+    slope: Place,
+    change: Place,
+    /// Angle of the change; 0 for a straight piece.
+    length_deg: f64,
+    line: u32,
+}
+
+/// Where the tool is on a [`ThreadPath`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadPlace {
+    /// X on the radius with the retreat, mm.
+    pub radius_mm: f64,
+    /// Z, mm.
+    pub z_mm: f64,
+    /// Length of the path behind it, mm, without the vibration.
+    pub path_mm: f64,
+    /// Retreat from the programmed depth, mm on the radius, within 0 and A.
+    pub retreat_mm: f64,
+}
+
+/// A straight part of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PathPart {
+    /// X on the radius and Z of its end, mm.
+    pub(crate) end: [f64; 2],
+    /// Spindle angle that it takes, degrees.
+    pub(crate) angle_deg: f64,
+    pub(crate) line: u32,
+}
+
+impl PathPart {
+    /// The part to `end` with a lead along whichever axis travels further.
+    pub(crate) fn new(start: [f64; 2], end: [f64; 2], lead_mm: f64, line: u32) -> Self {
+        let way_mm = (end[0] - start[0]).abs().max((end[1] - start[1]).abs());
+        Self { end, angle_deg: 360.0 * way_mm / lead_mm, line }
+    }
+
+    /// Travel per degree of the spindle of X, Z and the path, mm.
+    pub(crate) fn slope(&self, start: [f64; 2]) -> Place {
+        let [x, z] = [self.end[0] - start[0], self.end[1] - start[1]];
+        [x, z, libm::hypot(x, z)].map(|way_mm| way_mm / self.angle_deg)
+    }
+}
+
+/// The vibration of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PathVibration {
+    pub(crate) wave: RetreatWave,
+    pub(crate) start_up: StartUp,
+    /// Sign of X in which the tool retreats.
+    pub(crate) outwards: f64,
+}
+
+impl Piece {
+    #[inline]
+    fn value(&self, axis: usize, angle_deg: f64) -> f64 {
+        let t = angle_deg - self.origin_deg;
+        let straight = self.at[axis] + self.slope[axis] * t;
+        if self.length_deg == 0.0 {
+            return straight;
+        }
+        let s = t / self.length_deg;
+        straight + self.change[axis] * self.length_deg * (s * s * s * (1.0 - 0.5 * s))
+    }
+
+    /// mm per degree.
+    #[inline]
+    fn rate(&self, axis: usize, angle_deg: f64) -> f64 {
+        if self.length_deg == 0.0 {
+            return self.slope[axis];
+        }
+        let s = (angle_deg - self.origin_deg) / self.length_deg;
+        self.slope[axis] + self.change[axis] * (s * s * (3.0 - 2.0 * s))
+    }
+}
+
+impl ThreadPath {
+    /// The way from `start` (X on the radius and Z, mm) through `parts`, starting at `start_angle_deg`. `changes_deg`
+    /// are the angles of the changes of speed at the start and at the end of every part; those of neighbouring vertices
+    /// must not overlap.
+    pub(crate) fn new(
+        start: [f64; 2],
+        parts: &[PathPart],
+        start_angle_deg: f64,
+        changes_deg: &[f64],
+        vibration: PathVibration,
+    ) -> Self {
+        let mut pieces = Vec::with_capacity(2 * parts.len() + 1);
+        let [mut at, mut slope] = [[start[0], start[1], 0.0], [0.0; 3]];
+        let mut vertex_deg = start_angle_deg + 0.5 * changes_deg.first().copied().unwrap_or(0.0);
+        let mut line = parts.first().map_or(0, |part| part.line);
+        let mut change = |at: Place, slope: Place, next: Place, vertex_deg: f64, length_deg: f64, line: u32| {
+            let half_deg = 0.5 * length_deg;
+            if half_deg > 0.0 {
+                pieces.push(Piece {
+                    start_deg: vertex_deg - half_deg,
+                    origin_deg: vertex_deg - half_deg,
+                    at: core::array::from_fn(|axis| at[axis] - slope[axis] * half_deg),
+                    slope,
+                    change: core::array::from_fn(|axis| next[axis] - slope[axis]),
+                    length_deg,
+                    line,
+                });
+            }
+            pieces.push(Piece {
+                start_deg: vertex_deg + half_deg,
+                origin_deg: vertex_deg,
+                at,
+                slope: next,
+                change: [0.0; 3],
+                length_deg: 0.0,
+                line,
+            });
+        };
+        for (part, &length_deg) in parts.iter().zip(changes_deg) {
+            let next = part.slope([at[0], at[1]]);
+            line = part.line;
+            change(at, slope, next, vertex_deg, length_deg, line);
+            at = [part.end[0], part.end[1], at[2] + next[2] * part.angle_deg];
+            slope = next;
+            vertex_deg += part.angle_deg;
+        }
+        let last_deg = changes_deg.get(parts.len()).copied().unwrap_or(0.0);
+        change(at, slope, [0.0; 3], vertex_deg, last_deg, line);
+        // It rests beyond.
+        pieces.pop();
+        let lead_end_deg = vertex_deg + 0.5 * last_deg;
+        let PathVibration { wave, start_up, outwards } = vibration;
+        let rest_deg = if wave.amplitude_mm > 0.0 {
+            // The vibration goes on until its retreat is zero at a whole turn of its phase, where its speed is, too.
+            let from_deg = lead_end_deg.max(wave.start_deg(start_up));
+            let turns = (wave.phase_deg(from_deg) / 360.0).ceil();
+            lead_end_deg.max((360.0 * turns + wave.phase_shift_deg) / wave.vibrations_per_rev)
+        } else {
+            lead_end_deg
+        };
+        let outwards = if wave.amplitude_mm > 0.0 { outwards } else { 0.0 };
+        Self { start: [start[0], start[1], 0.0], pieces, end: at, lead_end_deg, wave, start_up, outwards, rest_deg }
+    }
+
+    /// The way of a pass of a thread.
+    #[must_use]
+    pub fn of_pass(job: &ThreadJob, pass: &ThreadPass) -> Self {
+        let geometry = &job.geometry;
+        let length_mm = geometry.length_mm().max(pass.start_travel_mm);
+        let place = |travel_mm: f64| [geometry.radius_mm(pass.depth_mm, travel_mm), geometry.z_mm(travel_mm)];
+        let start = place(pass.start_travel_mm);
+        let part = PathPart::new(start, place(length_mm), geometry.lead_mm, pass.span.line);
+        let change_deg = job.run_up.angle_deg.min(part.angle_deg);
+        let vibration = PathVibration { wave: job.wave(pass), start_up: job.start_up, outwards: geometry.inwards() };
+        Self::new(start, &[part], pass.start_angle_deg, &[change_deg; 2], vibration)
+    }
+
+    /// Where the tool is at a spindle angle from the thread-start reference point, degrees in the direction of rotation;
+    /// negative before it.
+    #[must_use]
+    pub fn at(&self, spindle_angle_deg: f64) -> ThreadPlace {
+        let retreat_mm = self.retreat_mm(spindle_angle_deg);
+        let [x, z, path_mm] = match self.piece_at(spindle_angle_deg) {
+            Some(piece) => [0, 1, 2].map(|axis| piece.value(axis, spindle_angle_deg)),
+            None => self.beyond(spindle_angle_deg),
+        };
+        ThreadPlace { radius_mm: x + self.outwards * retreat_mm, z_mm: z, path_mm, retreat_mm }
+    }
+
+    /// Retreat at a spindle angle, mm on the radius.
+    #[must_use]
+    pub fn retreat_mm(&self, spindle_angle_deg: f64) -> f64 {
+        if spindle_angle_deg >= self.rest_deg {
+            return 0.0;
+        }
+        self.wave.retreat_mm(self.start_up, spindle_angle_deg)
+    }
+
+    /// Spindle angle at which the lead axis starts, degrees.
+    #[must_use]
+    pub fn lead_start_deg(&self) -> f64 {
+        self.pieces.first().map_or(self.lead_end_deg, |piece| piece.start_deg)
+    }
+
+    /// Spindle angle at which the lead axis has come to rest, degrees.
+    #[must_use]
+    pub fn lead_end_deg(&self) -> f64 {
+        self.lead_end_deg
+    }
+
+    /// Spindle angle at which everything has come to rest, degrees.
+    #[must_use]
+    pub fn rest_deg(&self) -> f64 {
+        self.rest_deg
+    }
+
+    /// Angle over which the speed of the lead axis changes, all changes together, degrees.
+    pub(crate) fn changing_deg(&self) -> f64 {
+        self.pieces.iter().map(|piece| piece.length_deg).sum()
+    }
+
+    /// Length of the path, mm.
+    #[must_use]
+    pub fn length_mm(&self) -> f64 {
+        self.end[2]
+    }
+
+    /// Source line of the last part.
+    pub(crate) fn last_line(&self) -> u32 {
+        self.line(f64::INFINITY)
+    }
+
+    /// Source line at a spindle angle before or after the lead axis moves.
+    fn line(&self, angle_deg: f64) -> u32 {
+        let line = if angle_deg >= self.lead_end_deg { self.pieces.last() } else { self.pieces.first() };
+        line.map_or(0, |piece| piece.line)
+    }
+
+    fn piece_at(&self, angle_deg: f64) -> Option<&Piece> {
+        if angle_deg >= self.lead_end_deg {
+            return None;
+        }
+        let after = self.pieces.partition_point(|piece| piece.start_deg <= angle_deg);
+        self.pieces.get(after.checked_sub(1)?)
+    }
+
+    /// Where the lead axis rests before its start or after its end.
+    fn beyond(&self, angle_deg: f64) -> Place {
+        if angle_deg >= self.lead_end_deg { self.end } else { self.start }
+    }
+
+    /// [`ThreadPath::at`] of ascending angles, column by column, with the speed along the path in mm per degree and the
+    /// source lines.
+    pub(crate) fn fill(&self, angles_deg: &[f64], columns: PathColumns<'_>) {
+        let PathColumns { x, z, path_mm, speed, retreat_mm, line } = columns;
+        let mut done = 0;
+        while done < angles_deg.len() {
+            let angle_deg = angles_deg[done];
+            let after = self.pieces.partition_point(|piece| piece.start_deg <= angle_deg);
+            let next_deg = match self.pieces.get(after) {
+                _ if angle_deg >= self.lead_end_deg => f64::INFINITY,
+                Some(next) => next.start_deg.min(self.lead_end_deg),
+                None => self.lead_end_deg,
+            };
+            let count = angles_deg[done..].partition_point(|angle_deg| *angle_deg < next_deg).max(1);
+            let rows = done..done + count;
+            match self.piece_at(angle_deg) {
+                Some(piece) => {
+                    let angles_deg = &angles_deg[rows.clone()];
+                    for (axis, column) in [(0, &mut *x), (1, &mut *z), (2, &mut *path_mm)] {
+                        fill_column(piece, axis, angles_deg, &mut column[rows.clone()]);
+                    }
+                    for (speed, angle_deg) in speed[rows.clone()].iter_mut().zip(angles_deg) {
+                        *speed = piece.rate(2, *angle_deg);
+                    }
+                    line[rows].fill(piece.line);
+                }
+                None => {
+                    let place = self.beyond(angle_deg);
+                    x[rows.clone()].fill(place[0]);
+                    z[rows.clone()].fill(place[1]);
+                    path_mm[rows.clone()].fill(place[2]);
+                    speed[rows.clone()].fill(0.0);
+                    line[rows].fill(self.line(angle_deg));
+                }
+            }
+            done += count;
+        }
+        self.fill_retreat(angles_deg, retreat_mm);
+        if self.outwards != 0.0 {
+            for (x, retreat_mm) in x.iter_mut().zip(&*retreat_mm) {
+                *x += self.outwards * retreat_mm;
+            }
+        }
+    }
+
+    fn fill_retreat(&self, angles_deg: &[f64], retreat_mm: &mut [f64]) {
+        let Range { start, end } = self.vibrating(angles_deg);
+        if let Some(first_deg) = angles_deg.first() {
+            retreat_mm[..start].fill(self.retreat_mm(first_deg.min(self.wave.start_deg(self.start_up))));
+        }
+        for (retreat_mm, angle_deg) in retreat_mm[start..end].iter_mut().zip(&angles_deg[start..end]) {
+            *retreat_mm = self.wave.at_phase_mm(self.wave.phase_deg(*angle_deg));
+        }
+        retreat_mm[end..].fill(0.0);
+    }
+
+    /// The angles between start and end of the vibration.
+    fn vibrating(&self, angles_deg: &[f64]) -> Range<usize> {
+        let end = angles_deg.partition_point(|angle_deg| *angle_deg < self.rest_deg);
+        if self.outwards == 0.0 {
+            return end..end;
+        }
+        let start_deg = self.wave.start_deg(self.start_up);
+        angles_deg[..end].partition_point(|angle_deg| *angle_deg < start_deg)..end
+    }
+}
+
+/// Columns that [`ThreadPath::fill`] fills, each as long as the angles.
+pub(crate) struct PathColumns<'a> {
+    pub(crate) x: &'a mut [f64],
+    pub(crate) z: &'a mut [f64],
+    pub(crate) path_mm: &'a mut [f64],
+    /// mm per degree.
+    pub(crate) speed: &'a mut [f64],
+    pub(crate) retreat_mm: &'a mut [f64],
+    pub(crate) line: &'a mut [u32],
+}
+
+fn fill_column(piece: &Piece, axis: usize, angles_deg: &[f64], column: &mut [f64]) {
+    // Most of a thread: without the branch of each value, so that the loop vectorises.
+    if piece.length_deg == 0.0 {
+        let (at, slope, origin_deg) = (piece.at[axis], piece.slope[axis], piece.origin_deg);
+        for (value, angle_deg) in column.iter_mut().zip(angles_deg) {
+            *value = at + slope * (angle_deg - origin_deg);
+        }
+        return;
+    }
+    for (value, angle_deg) in column.iter_mut().zip(angles_deg) {
+        *value = piece.value(axis, *angle_deg);
+    }
+}

@@ -1,0 +1,474 @@
+//! Threads through the whole pipeline, against the numbers and conditions of the specification.
+
+mod common;
+
+use std::f64::consts::PI;
+
+use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
+use feedwave_cutting::thread::{SpindleRotation, StartUp, ThreadFollower, ThreadPath, ThreadSectionReport};
+use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, ValidationReport};
+use proptest::prelude::*;
+
+const PROGRAM_A: &str = include_str!("../../../tests/fixtures/thread-a.nc");
+const PROGRAM_B: &str = include_str!("../../../tests/fixtures/thread-b.nc");
+
+fn lathe() -> PipelineConfig {
+    PipelineConfig::new(MachineProfile::lathe())
+}
+
+/// Of the page's programs X vibrates by more than 1 mm.
+fn delayed() -> PipelineConfig {
+    let mut config = lathe();
+    config.profile.thread_vibration.start_up = StartUp::Delayed;
+    config
+}
+
+fn accepted(program: &str, config: &PipelineConfig) -> ValidationReport {
+    let report = validate(program, config);
+    assert!(report.is_accepted(), "{:#?}", report.findings);
+    report
+}
+
+fn codes(report: &ValidationReport) -> Vec<String> {
+    report.findings.iter().map(|finding| finding.code.to_string()).collect()
+}
+
+/// Lines with threading passes.
+fn lines(section: &ThreadSectionReport) -> Vec<u32> {
+    section.job.passes.iter().map(|pass| pass.span.line).collect()
+}
+
+/// Setpoints of a line in which the spindle is past the reference point and the path moves.
+fn cutting(setpoints: &Setpoints, line: u32) -> Vec<usize> {
+    (0..setpoints.len()).filter(|&k| setpoints.line[k] == line && setpoints.feed[k] > 0.0).collect()
+}
+
+fn near(value: f64, expected: f64, tolerance: f64) -> bool {
+    (value - expected).abs() <= tolerance
+}
+
+/// Retreat of the page: (A/2)·(1 − cos ψ), ψ = D·θ − Δ with D = 2.
+fn wave(amplitude_mm: f64, spindle_deg: f64, shift_deg: f64) -> f64 {
+    0.5 * amplitude_mm * (1.0 - ((2.0 * spindle_deg - shift_deg).rem_euclid(360.0) * PI / 180.0).cos())
+}
+
+#[test]
+fn program_a_is_cut_as_the_page_says() {
+    let report = accepted(PROGRAM_A, &lathe());
+    assert_eq!(report.threads.len(), 1);
+    assert_eq!((report.summary.thread_count, report.summary.thread_passes), (1, 4));
+    let section = &report.threads[0];
+    assert!(section.on_line.is_some() && !section.work_diameter_assumed);
+    let setpoints = run(PROGRAM_A, &lathe());
+    let expected = [
+        (8.0, 2.4, 0.0, 0.0),
+        (7.172, 0.9936, 180.0, 325.584),
+        (6.536, 0.7632, 0.0, 299.088),
+        (6.5, 0.0, 180.0, 297.648),
+    ];
+    for ((pass, line), (x, amplitude, shift_deg, start_deg)) in
+        section.job.passes.iter().zip(lines(section)).zip(expected)
+    {
+        assert!(near(pass.depth_mm, 0.5 * (10.0 - x), 1e-9));
+        assert!(near(2.0 * pass.amplitude_mm, amplitude, 1e-9), "{}", pass.amplitude_mm);
+        assert_eq!((pass.phase_shift_deg, pass.start_angle_deg), (shift_deg, start_deg));
+        let samples = cutting(&setpoints, line);
+        assert!(samples.len() > 1_000);
+        let mut exact = 0;
+        for &k in &samples {
+            let retreat_mm = wave(0.5 * amplitude, setpoints.spindle[k], shift_deg);
+            assert!(near(setpoints.vibration[k], retreat_mm, 1e-9), "setpoint {k}");
+            assert!(near(setpoints.axes[0][k], 0.5 * x + retreat_mm, 1e-9), "setpoint {k}");
+            if (setpoints.feed[k] - 2.5 * 300.0).abs() < 1e-6 {
+                // The lead axis lags behind by half its run-up, in every pass.
+                let turns = (100.0 - setpoints.axes[1][k]) / 2.5 + 0.5 * section.job.run_up.angle_deg / 360.0;
+                let angle_deg = (turns * 360.0 + start_deg - setpoints.spindle[k]).rem_euclid(360.0);
+                assert!(angle_deg.min(360.0 - angle_deg) < 1e-6, "setpoint {k}: {angle_deg}");
+                exact += 1;
+            }
+        }
+        assert!(exact > 1_000);
+    }
+    assert_eq!(setpoints.axes[1].last(), Some(&100.0));
+    let ribbons = codes(&report).iter().filter(|code| *code == "THREAD-CHIP-RIBBON").count();
+    assert_eq!(ribbons, 2);
+    assert!(codes(&report).contains(&"THREAD-CRESTS".to_owned()));
+}
+
+#[test]
+fn program_b_cuts_one_path_with_three_phases() {
+    for config in [lathe(), delayed()] {
+        let report = accepted(PROGRAM_B, &config);
+        let section = &report.threads[0];
+        let shifts: Vec<_> = section.job.passes.iter().map(|pass| pass.phase_shift_deg).collect();
+        assert_eq!(shifts[..3], [0.0, 120.0, 240.0]);
+        assert!(section.job.passes[..3].iter().all(|pass| near(pass.amplitude_mm, 1.8, 1e-9)));
+        let prepared: Vec<_> = section.report.passes[..3].iter().map(|pass| pass.prepared_phase_deg).collect();
+        assert_eq!(prepared, [0.0, 240.0, 120.0]);
+        let setpoints = run(PROGRAM_B, &config);
+        for (line, shift_deg) in lines(section).into_iter().zip([0.0, 120.0, 240.0]) {
+            let samples = cutting(&setpoints, line);
+            // Start-up B vibrates from a third of a turn of the wave later at the latest.
+            for &k in samples.iter().skip(200) {
+                assert!(near(setpoints.vibration[k], wave(1.8, setpoints.spindle[k], shift_deg), 1e-9));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_preparatory_movement_is_done_before_the_reference_point() {
+    let setpoints = run(PROGRAM_B, &lathe());
+    let section = &accepted(PROGRAM_B, &lathe()).threads[0];
+    let line = lines(section)[1];
+    let first = cutting(&setpoints, line)[0];
+    // The retreat of phase 240°: (A/2)·(1 − cos 240°).
+    let prepared_mm = 0.9 * 1.5;
+    let reference_deg = (setpoints.spindle[first] / 360.0).floor() * 360.0;
+    let waiting = (0..first).rev().find(|&k| setpoints.spindle[k] <= reference_deg).expect("it waits");
+    assert!(near(setpoints.vibration[waiting], prepared_mm, 1e-9));
+    assert_eq!(setpoints.axes[1][waiting], 100.0);
+    let moving = (0..waiting).rev().find(|&k| setpoints.vibration[k] < prepared_mm - 1e-9).expect("it moves there");
+    assert!(setpoints.axes[0][moving] >= 3.5 && setpoints.line[moving] == line);
+}
+
+#[test]
+fn a_combined_preparatory_movement_is_part_of_the_rapid() {
+    let mut config = lathe();
+    config.profile.thread_vibration.combined_preparation = true;
+    let (combined, separate) = (run(PROGRAM_B, &config), run(PROGRAM_B, &lathe()));
+    let section = &accepted(PROGRAM_B, &config).threads[0];
+    let line = lines(section)[1];
+    let deepest = |setpoints: &Setpoints, line: u32| {
+        let rows = (0..setpoints.len()).filter(|&k| setpoints.line[k] == line);
+        rows.map(|k| setpoints.axes[0][k]).fold(f64::INFINITY, f64::min)
+    };
+    assert!(near(deepest(&combined, line - 1), 3.5 + 1.35, 0.01), "{}", deepest(&combined, line - 1));
+    assert!(near(deepest(&separate, line - 1), 3.5, 0.01));
+    // The pass is the same.
+    let (a, b) = (cutting(&combined, line), cutting(&separate, line));
+    assert!(near(combined.axes[0][a[500]] - 3.5, combined.vibration[a[500]], 1e-12));
+    assert!(near(wave(1.8, combined.spindle[a[500]], 120.0), combined.vibration[a[500]], 1e-9));
+    assert!(a.len().abs_diff(b.len()) <= 1);
+}
+
+#[test]
+fn a_follower_is_where_the_pipeline_is_at_the_same_angle() {
+    for (config, program) in [
+        (lathe(), PROGRAM_A.to_owned()),
+        (delayed(), PROGRAM_B.to_owned()),
+        (lathe(), PROGRAM_A.replace("S300 M3", "S300 M4")),
+    ] {
+        let setpoints = run(&program, &config);
+        let section = &accepted(&program, &config).threads[0];
+        let rotation = section.job.geometry.rotation;
+        let sign = if rotation == SpindleRotation::Forward { 1.0 } else { -1.0 };
+        for (pass, line) in section.job.passes.iter().zip(lines(section)) {
+            let samples = cutting(&setpoints, line);
+            let start_deg = setpoints.spindle[samples[0]] - sign * pass.start_angle_deg;
+            let reference_deg = sign * (sign * start_deg / 360.0).floor() * 360.0;
+            let path = ThreadPath::of_pass(&section.job, pass);
+            let mut by_angle = ThreadFollower::new(path.clone(), rotation, reference_deg);
+            let mut by_encoder = ThreadFollower::new(path, rotation, 0.0);
+            by_encoder.encoder(reference_deg - sign * 1.0).expect("an angle");
+            for k in samples[0] - 1..samples[samples.len() - 1] + 1 {
+                let place = by_angle.unwrapped(setpoints.spindle[k]).expect("an angle");
+                assert!(near(place.radius_mm, setpoints.axes[0][k], 1e-9), "line {line}, setpoint {k}");
+                assert!(near(place.z_mm, setpoints.axes[1][k], 1e-9), "line {line}, setpoint {k}");
+                assert!(near(place.retreat_mm, setpoints.vibration[k], 1e-9), "line {line}, setpoint {k}");
+            }
+            for k in samples {
+                let turned = by_encoder.encoder(setpoints.spindle[k].rem_euclid(360.0)).expect("an angle");
+                if pass.start_angle_deg == 0.0 {
+                    assert!(near(turned.z_mm, setpoints.axes[1][k], 1e-9), "line {line}, setpoint {k}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_feed_override_does_not_act_on_a_pass_and_feed_hold_waits_for_its_end() {
+    let program = "G97 S600 M3\nG0 X14 Z10\nG165 P3 X10 Q1.2\nG0 X8\nG32 Z-20 F2.5\nG0 X14\nG165 P0\nM30\n";
+    let plain = run(program, &lathe());
+    let first = cutting(&plain, 5)[100] as u64;
+    let halved = PipelineConfig { overrides: vec![OverrideChange { index: first, ratio: 0.5 }], ..lathe() };
+    let changed = run(program, &halved);
+    let end = *cutting(&plain, 5).last().expect("a pass");
+    for k in 0..=end {
+        assert_eq!(plain.bits(k), changed.bits(k), "setpoint {k}");
+    }
+    let resumes = end as u64 + 5_000;
+    let overrides = vec![OverrideChange { index: first, ratio: 0.0 }, OverrideChange { index: resumes, ratio: 1.0 }];
+    let held = run(program, &PipelineConfig { overrides, ..lathe() });
+    for k in 0..=end {
+        assert_eq!(plain.bits(k), held.bits(k), "setpoint {k}");
+    }
+    for k in end + 300..resumes as usize {
+        assert_eq!((held.axes[0][k], held.axes[1][k]), (4.0, -20.0), "setpoint {k}");
+    }
+    assert_eq!(held.axes[0].last(), Some(&7.0));
+    // A hold before the pass keeps it from starting.
+    let before = plain.line.iter().position(|&line| line == 5).expect("line 5") as u64 - 20;
+    let overrides = vec![OverrideChange { index: before, ratio: 0.0 }, OverrideChange { index: 9_000, ratio: 1.0 }];
+    let held = run(program, &PipelineConfig { overrides, ..lathe() });
+    assert!(cutting(&held, 5).first().is_some_and(|&k| k >= 9_000));
+    assert_eq!(held.axes[0].last(), Some(&7.0));
+}
+
+#[test]
+fn parts_of_one_thread_run_through_and_end_exactly() {
+    let program = "G97 S600 M3\nG0 X20 Z5\nG32 Z-20 F2\nG32 X22 Z-40 F2\nG32 Z-50 F4\nG0 X30\nM30\n";
+    let setpoints = run(program, &lathe());
+    let moving: Vec<usize> = (0..setpoints.len()).filter(|&k| (3..=5).contains(&setpoints.line[k])).collect();
+    let started = moving.iter().position(|&k| setpoints.feed[k] > 0.0).expect("it starts");
+    let last = *moving.last().expect("a pass");
+    for &k in &moving[started..] {
+        let is_inside = setpoints.axes[1][k] < 4.0 && setpoints.axes[1][k] > -49.0;
+        assert!(!is_inside || setpoints.feed[k] > 2.0 * 600.0 - 1e-6, "setpoint {k} waits: {}", setpoints.feed[k]);
+    }
+    assert!(near(setpoints.axes[0][last], 11.0, 1e-6) && near(setpoints.axes[1][last], -50.0, 0.01));
+    assert_eq!((setpoints.axes[0].last(), setpoints.axes[1].last()), (Some(&15.0), Some(&-50.0)));
+    let report = accepted(program, &lathe());
+    let shares = report.summary.cutting_time_s + report.summary.rapid_time_s + report.summary.rest_time_s;
+    assert!(near(shares, report.summary.duration_s, 1e-9));
+    assert!(near(report.summary.path_length_mm, *setpoints.path.last().expect("setpoints"), 1e-9));
+}
+
+#[test]
+fn a_thread_without_vibration_is_judged_with_an_assumed_work_diameter() {
+    let program = "G97 S600 M3\nG0 X24 Z5\nG92 X19.3 Z-30 F2\nX18.9\nX18.6\nX18.4\nG0 X30\nM30\n";
+    let report = accepted(program, &lathe());
+    let [section] = &report.threads[..] else { panic!("{} threads", report.threads.len()) };
+    assert!(section.work_diameter_assumed && section.ratio.is_none() && section.on_line.is_none());
+    assert_eq!(section.job.passes.len(), 4);
+    assert!(near(section.job.geometry.work_diameter_mm, 19.7, 1e-9), "{}", section.job.geometry.work_diameter_mm);
+}
+
+#[test]
+fn conditions_are_refused_before_anything_moves() {
+    let program =
+        |pass: &str| format!("G97 S600 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\nG0 X8\n{pass}\nG0 X14\nG165 P0\nM30\n");
+    let refused = |text: &str, code: &str| {
+        let report = validate(text, &lathe());
+        assert!(!report.is_accepted() && report.summary.setpoint_count == 0, "{code}: {:?}", codes(&report));
+        let finding = report.findings.iter().find(|finding| finding.code == code);
+        let finding = finding.unwrap_or_else(|| panic!("{code} is missing: {:?}", codes(&report)));
+        assert!(!finding.suggestions.is_empty() && finding.span.line > 0, "{code}");
+    };
+    refused(&program("G32 Z60 F2.5").replace("S600", "S4000"), "THREAD-VIBRATION-ACCELERATION");
+    refused(&program("G32 Z60 F20 A0.0").replace("S600", "S4000"), "THREAD-LEAD-SPEED");
+    refused(&program("G32 Z60 F0.5 A0.0\nG32 X12 Z40 F20").replace("S600", "S4000"), "THREAD-AXIS-SPEED");
+    refused(&program("G32 Z99.99 F2.5 A0.0"), "THREAD-LENGTH-SHORT");
+    refused(&program("G32 X40 Z99 F2.5"), "THREAD-LEAD-X");
+    refused(&program("G32 Z60 F2.5").replace("Q1.2", "Q0.9"), "THREAD-MODE-WORD");
+    refused(&program("G32 Z60 F2.5").replace("P3 X10", "P3"), "PRG-FUNCTION-WORD-MISSING");
+    refused(&program("G32 Z60 F2.5\nG32 Z50 F2.5 R120"), "THREAD-PART-VIBRATION");
+    refused(&program("G32 Z60 F2.5").replace("G0 X8\n", "G0 X8\nG165 P3 X10 Q1.2\n"), "THREAD-NESTED");
+    refused("G97 S600 M3\nG0 X8 Z100\nG32 Z60 F2.5 A2.4\nM30\n", "THREAD-VIBRATION-OFF");
+    refused("G97 S600 M3\nG165 P0\nM30\n", "THREAD-OFF-WITHOUT-ON");
+    refused("G97 S600 M3\nG0 X8 Z100\nG200 F50 A0.03\nG32 Z60 F2.5\nG201\nM30\n", "VIB-THREAD");
+    let mut limited = lathe();
+    limited.profile.thread_vibration.approach_mm = Some(0.001);
+    assert!(codes(&validate(&program("G32 Z60 F2.5"), &limited)).contains(&"THREAD-APPROACH-SHORT".to_owned()));
+    limited.profile.machine.axes[0].travel_max = Some(5.1);
+    assert!(codes(&validate(&program("G32 Z60 F2.5"), &limited)).contains(&"AXIS-TRAVEL".to_owned()));
+}
+
+#[test]
+fn what_spoils_the_chip_is_said() {
+    let program = |passes: &str| format!("G97 S300 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\n{passes}G165 P0\nM30\n");
+    let pass = |words: &str| format!("G0 X{words}\nG0 X14\nG0 Z100\n");
+    let two = |first: &str, second: &str| codes(&validate(&program(&(pass(first) + &pass(second))), &lathe()));
+    assert!(two("9\nG32 Z60 F2.5", "8.4\nG32 Z60 F2.5 R0").contains(&"THREAD-PHASE-EQUAL".to_owned()));
+    assert!(two("9\nG32 Z60 F2.5", "8.4\nG32 Z60 F2.5 A0.5").contains(&"THREAD-AMPLITUDE-SMALL".to_owned()));
+    assert!(two("9\nG32 Z60 F2.5 A0.9", "8.4\nG32 Z60 F2.5").contains(&"THREAD-FIRST-PASS".to_owned()));
+    assert!(two("9\nG32 Z60 F2.5", "9\nG32 Z60 F2.5").contains(&"THREAD-NO-INFEED".to_owned()));
+    let changed = two("9\nG32 Z60 F2.5\nG97 S200", "8.4\nG32 Z60 F2.5");
+    assert!(changed.contains(&"THREAD-SPEED-CHANGED".to_owned()), "{changed:?}");
+}
+
+#[test]
+fn every_start_of_a_thread_has_its_own_infeed() {
+    let pass = |x: f64, q: f64| format!("G0 X{x}\nG32 Z60 F5 Q{q}\nG0 X14\nG0 Z100\n");
+    let by_depth = pass(9.4, 0.0) + &pass(9.4, 180.0) + &pass(9.0, 0.0) + &pass(9.0, 180.0);
+    let by_start = pass(9.4, 0.0) + &pass(9.0, 0.0) + &pass(9.4, 180.0) + &pass(9.0, 180.0);
+    for (passes, starts) in [(by_depth, [0, 1, 0, 1]), (by_start, [0, 0, 1, 1])] {
+        let text = format!("G97 S300 M3\nG0 X14 Z100\nG165 P3 X10 Q1.5\n{passes}G165 P0\nM30\n");
+        let report = accepted(&text, &lathe());
+        let job = &report.threads[0].job;
+        assert_eq!(job.geometry.starts, 2);
+        assert_eq!(job.passes.iter().map(|pass| pass.start).collect::<Vec<_>>(), starts);
+        for (index, pass) in job.passes.iter().enumerate() {
+            let infeed_mm = if near(pass.depth_mm, 0.3, 1e-9) { 0.3 } else { 0.2 };
+            assert!(near(job.infeed_mm(index), infeed_mm, 1e-9));
+            assert!(near(pass.amplitude_mm, 1.5 * infeed_mm, 1e-9));
+            assert_eq!(pass.phase_shift_deg, if infeed_mm == 0.3 { 0.0 } else { 180.0 });
+        }
+    }
+}
+
+/// A random thread.
+#[derive(Clone, Debug)]
+struct Thread {
+    passes: Vec<(f64, f64, f64)>,
+    lead_mm: f64,
+    taper_mm: f64,
+    rev_per_min: u32,
+    reverse: bool,
+    vibrates: bool,
+    delayed: bool,
+    combined: bool,
+    inside: bool,
+}
+
+fn threads() -> impl Strategy<Value = Thread> {
+    let pass = (0.01..0.15_f64, prop_oneof![Just(0.0), 0.0..359.0_f64], -0.4..0.4_f64);
+    (
+        prop::collection::vec(pass, 1..5),
+        0.5..4.0_f64,
+        prop_oneof![Just(0.0), -1.0..1.0_f64],
+        100..900_u32,
+        any::<[bool; 5]>(),
+    )
+        .prop_map(|(passes, lead_mm, taper_mm, rev_per_min, flags)| Thread {
+            passes,
+            lead_mm,
+            taper_mm,
+            rev_per_min,
+            reverse: flags[0],
+            vibrates: flags[1],
+            delayed: flags[2],
+            combined: flags[3],
+            inside: flags[4],
+        })
+}
+
+impl Thread {
+    fn text(&self) -> String {
+        let spindle = if self.reverse { "M4" } else { "M3" };
+        let mut text = format!("G97 S{} {spindle}\nG0 X30. Z10.\n", self.rev_per_min);
+        if self.vibrates {
+            text += "G165 P3 X30. Q1.3\n";
+        }
+        let mut depth = 0.0;
+        let clear = if self.inside { 24.0 } else { 36.0 };
+        for (infeed, start_deg, shift_mm) in &self.passes {
+            depth += infeed;
+            let x = if self.inside { 30.0 + 2.0 * depth } else { 30.0 - 2.0 * depth };
+            text += &format!("G0 X{clear:.1}\nG0 Z{:.3}\nG0 X{x:.4}\n", 10.0 + shift_mm);
+            text += &format!("G32 X{:.4} Z-15. F{:.4} Q{start_deg:.3}\n", x + self.taper_mm, self.lead_mm);
+        }
+        text += &format!("G0 X{clear:.1}\n");
+        if self.vibrates {
+            text += "G165 P0\n";
+        }
+        text + "M30\n"
+    }
+
+    fn config(&self) -> PipelineConfig {
+        let mut config = lathe();
+        let settings = &mut config.profile.thread_vibration;
+        settings.start_up = if self.delayed { StartUp::Delayed } else { StartUp::Preparatory };
+        settings.combined_preparation = self.combined;
+        config
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn a_stream_resumed_in_a_thread_is_the_original(thread in threads(), choice in any::<prop::sample::Index>(), piece in 1..100_usize) {
+        let (program, config) = (thread.text(), thread.config());
+        let original = run(&program, &config);
+        prop_assert!(original == run_in_pieces(program.as_bytes(), &config, piece));
+        let taken = snapshots(program.as_bytes(), &config);
+        let (index, offset, snapshot) = choice.get(&taken);
+        let (first, resumed) = resume(program.as_bytes(), &config, *offset, snapshot);
+        prop_assert_eq!(first, *index);
+        prop_assert_eq!(first as usize + resumed.len(), original.len());
+        for k in 0..resumed.len() {
+            prop_assert_eq!(original.bits(first as usize + k), resumed.bits(k), "setpoint {}", first as usize + k);
+        }
+    }
+
+    #[test]
+    fn limits_hold_and_figures_agree(thread in threads()) {
+        let (program, config) = (thread.text(), thread.config());
+        let report = validate(&program, &config);
+        prop_assert!(report.is_accepted(), "{:?}", report.findings);
+        let setpoints = run(&program, &config);
+        let period_s = config.period_s();
+        let summary = &report.summary;
+        prop_assert!(near(summary.cutting_time_s + summary.rapid_time_s + summary.rest_time_s, summary.duration_s, 1e-6));
+        prop_assert!(near(summary.path_length_mm, *setpoints.path.last().unwrap(), 1e-6));
+        for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
+            for (k, window) in column.windows(3).enumerate() {
+                let velocity = (window[1] - window[0]) / period_s;
+                prop_assert!(velocity.abs() <= axis.max_velocity_per_s * (1.0 + 1e-6), "velocity {velocity} at {k}");
+                let acceleration = (window[2] - 2.0 * window[1] + window[0]) / (period_s * period_s);
+                // The step where the vibration starts is the start-up's own.
+                let step = 1.3 * 0.15 * PI * 2.0 * f64::from(thread.rev_per_min) / 60.0 / period_s;
+                let allowed = if thread.vibrates && axis.name == "X" { step } else { 0.0 };
+                prop_assert!(
+                    acceleration.abs() <= axis.max_acceleration_per_s2 * (1.0 + 1e-6) + 1e-13 / (period_s * period_s) + allowed,
+                    "acceleration {acceleration} of {} at {k}, line {}", axis.name, setpoints.line[k]
+                );
+            }
+        }
+        // Never deeper than programmed, and at rest without retreat.
+        prop_assert!(setpoints.vibration.iter().all(|offset| *offset >= 0.0));
+        prop_assert_eq!(*setpoints.vibration.last().unwrap(), 0.0);
+    }
+
+    #[test]
+    fn the_phase_at_a_spindle_angle_depends_on_nothing_else(thread in threads()) {
+        prop_assume!(thread.vibrates);
+        let (program, config) = (thread.text(), thread.config());
+        let setpoints = run(&program, &config);
+        let report = validate(&program, &config);
+        let sign = if thread.reverse { -1.0 } else { 1.0 };
+        let passes = report.threads.iter().flat_map(|section| &section.job.passes);
+        let mut compared = 0;
+        for pass in passes {
+            let line = pass.span.line;
+            let samples = cutting(&setpoints, line);
+            let started_deg = sign * setpoints.spindle[samples[0]] + 360.0;
+            for k in samples {
+                let turned_deg = sign * setpoints.spindle[k];
+                if turned_deg > started_deg {
+                    let expected = wave(pass.amplitude_mm, turned_deg, pass.phase_shift_deg);
+                    prop_assert!(near(setpoints.vibration[k], expected, 1e-9), "setpoint {k}");
+                    compared += 1;
+                }
+            }
+        }
+        prop_assert!(compared > 0);
+    }
+
+    #[test]
+    fn a_follower_plays_any_spindle(thread in threads(), steps in prop::collection::vec(-20.0..170.0_f64, 1..400)) {
+        let report = validate(&thread.text(), &thread.config());
+        let job = &report.threads[0].job;
+        let pass = job.passes[0];
+        let path = ThreadPath::of_pass(job, &pass);
+        let sign = if thread.reverse { -1.0 } else { 1.0 };
+        let mut follower = ThreadFollower::new(path.clone(), job.geometry.rotation, 17.0);
+        // The first reading is before the reference point.
+        let mut angle_deg = -1.0;
+        follower.encoder(17.0 + sign * angle_deg).unwrap();
+        for step_deg in steps {
+            angle_deg += step_deg;
+            let place = follower.encoder((17.0 + sign * angle_deg).rem_euclid(360.0)).unwrap();
+            let expected = path.at(angle_deg);
+            prop_assert!(near(place.radius_mm, expected.radius_mm, 1e-6) && near(place.z_mm, expected.z_mm, 1e-6));
+            let ideal = job.position(&pass, angle_deg);
+            prop_assert!(near(ideal.z_mm, expected.z_mm, 1e-9));
+            if angle_deg < path.lead_end_deg() {
+                prop_assert!(near(ideal.radius_mm, expected.radius_mm, 1e-9));
+            }
+        }
+        prop_assert!(follower.encoder(f64::NAN).is_err());
+    }
+}
