@@ -285,6 +285,12 @@ impl Decoder {
         if self.has_servo_conditions() { layout.with_servo_conditions(&self.axes) } else { layout }
     }
 
+    /// Where the linear axes X and Y are among the axes, where there are both.
+    pub(super) fn xy(&self) -> Option<[usize; 2]> {
+        let of = |name: &str| self.axes.iter().position(|axis| !axis.rotary && axis.name == name);
+        Some([of("X")?, of("Y")?])
+    }
+
     fn has_servo_conditions(&self) -> bool {
         self.columns.iter().any(|column| column.kind() == ColumnKind::ServoFrequency)
     }

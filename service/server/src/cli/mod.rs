@@ -15,6 +15,7 @@ mod pictures;
 mod plan;
 mod replay;
 mod report;
+mod run;
 mod source;
 mod stream;
 mod submit;
@@ -65,6 +66,11 @@ pub enum Command {
     /// Writes CSV to standard output, or a file. When the connection breaks, the stream is taken up at the next setpoint:
     /// values do not depend on where a stream starts, so the result is the same to the last bit.
     Stream(stream::Args),
+    /// Run a job on a simulated machine, whose telemetry changes its feed
+    ///
+    /// The machine follows the setpoints that the service hands out, and what its sensors say goes back on the same stream.
+    /// Decisions are shown as they are made; at last the feed override over time and how the run ended.
+    Run(run::Args),
     /// Show the decisions of a job or a run
     ///
     /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
@@ -95,6 +101,7 @@ impl Command {
             Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
+            Self::Run(args) => run::run(args).await,
             Self::Decisions(args) => decisions::run(args).await,
             Self::Replay(args) => replay::run(args).await,
             Self::Demo(args) => demo::run(args).await,

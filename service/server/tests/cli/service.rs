@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::{code, feedwave, fixture, stderr, stdout};
 
 /// A service that ends with the test.
-struct Service {
+pub(super) struct Service {
     runtime: tokio::runtime::Runtime,
     server: Option<RunningServer>,
     address: SocketAddr,
@@ -20,7 +20,7 @@ struct Service {
 }
 
 impl Service {
-    fn start() -> Self {
+    pub(super) fn start() -> Self {
         let directory = tempfile::tempdir().unwrap();
         let free_port = SocketAddr::from(([127, 0, 0, 1], 0));
         let config = Config {
@@ -34,7 +34,7 @@ impl Service {
         Self { address: server.grpc_addr(), runtime, server: Some(server), _directory: directory }
     }
 
-    fn run(&self, arguments: &[&str]) -> Output {
+    pub(super) fn run(&self, arguments: &[&str]) -> Output {
         run_against(self.address, arguments)
     }
 }
