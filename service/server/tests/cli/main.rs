@@ -56,7 +56,7 @@ fn json_has_the_documented_keys_and_the_trap_with_its_cure() {
     let (report, code) = validate_json(&fixture("spec-trap.nc"));
     assert_eq!(code, 0, "a warning does not refuse the program");
     let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
-    assert_eq!(keys, ["findings", "sections", "summary", "threads"]);
+    assert_eq!(keys, ["findings", "oscillations", "sections", "summary", "thinning", "threads"]);
 
     let finding = &report["findings"][0];
     let mut keys: Vec<_> = finding.as_object().unwrap().keys().map(String::as_str).collect();
@@ -403,7 +403,7 @@ fn the_demo_holds_what_it_claims_and_draws_it() {
     let output = run(&[&"demo", &"--out", &out]);
     let text = stdout(&output);
     assert_eq!(code(&output), 0, "{text}{}", stderr(&output));
-    assert!(text.contains("all 21 checks hold") && !text.contains('✗'), "{text}");
+    assert!(text.contains("all 28 checks hold") && !text.contains('✗'), "{text}");
     assert!(text.contains("D = 3.000") && text.contains("G200 F41.667 A0.05"), "{text}");
     for file in
         ["as-programmed/chip-line-32.png", "as-programmed/chip-line-32.svg", "cured/position.png", "milling/motion.png"]

@@ -36,7 +36,8 @@ fn the_program_is_the_result_and_the_passes_are_told_beside_it() {
     let output = plan(&[]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let program = stdout(&output);
-    assert!(program.contains("G165 P3 X10.0 Q1.2") && program.trim_end().ends_with("G165 P0"), "{program}");
+    let off_and_end = program.contains("\nG165 P0\n") && program.trim_end().ends_with("M30");
+    assert!(program.contains("G165 P3 X10.0 Q1.2") && off_and_end, "{program}");
     let passes = program.lines().filter(|line| line.starts_with("G32 ")).count();
     let told = stderr(&output);
     for wanted in [&*format!("Thread in {passes} passes"), "amplitude A, mm", "full section", "crests"] {
