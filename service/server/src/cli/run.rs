@@ -7,6 +7,7 @@
 mod machine;
 mod summary;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use feedwave_cutting::SetpointBlock;
@@ -20,14 +21,16 @@ use super::client::{Client, Decoder, ServerArgs};
 use super::decisions::{heading, line};
 use super::terminal::{print, tell};
 use super::{CliError, EXIT_REFUSED};
+use crate::plot::{RunTrace, write_run};
+use crate::proto::decision_inputs::Evidence;
 use crate::proto::run_request::Message as Request;
 use crate::proto::run_response::Message;
 use crate::proto::run_start::Target;
 use crate::proto::runs_client::RunsClient;
 use crate::proto::telemetry_client::TelemetryClient;
 use crate::proto::{
-    ChannelPair, GetMonitoringRequest, MonitorState, MonitoringConfig, RunCredit, RunReceipt, RunRequest, RunResponse,
-    RunStart, RunStarted, RunState, SetMonitoringRequest, TelemetryBatch,
+    ChannelPair, GetMonitoringRequest, MonitorState, MonitoringConfig, ProcessProperty, RunCredit, RunReceipt,
+    RunRequest, RunResponse, RunStart, RunStarted, RunState, SetMonitoringRequest, TelemetryBatch,
 };
 use machine::MachineArgs;
 use summary::Summary;
@@ -62,6 +65,9 @@ pub struct Args {
     simulate: bool,
     #[command(flatten)]
     machine: MachineArgs,
+    /// Directory for a picture of deflection, limits and feed override over time, SVG and PNG; created where there is none
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
 }
 
 /// Runs it.
@@ -73,18 +79,34 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         return Err(CliError::trouble("only a simulated machine can be run from the command line: add --simulate"));
     }
     let mut description = args.machine.description()?;
+    if let Some(directory) = &args.plots {
+        std::fs::create_dir_all(directory).map_err(|error| CliError::file(directory, &error))?;
+    }
     let client = args.server.connect().await?;
     let job = if args.job.contains('/') { args.job } else { format!("jobs/{}", args.job) };
     let monitoring = monitoring(&client, &job, &description).await?;
     let open = Open::begin(&client, &job).await?;
     description.interpolation_period_us = open.period_us as u32;
     let machine = Simulator::new(description).map_err(|violations| machine::refused(&violations))?;
-    let mut run = Run { client, machine, open, summary: Summary::default() };
+    let mut trace = RunTrace { subtitle: format!("{job} \u{b7} {}", open.name), ..RunTrace::default() };
+    let rules = monitoring
+        .rules
+        .as_ref()
+        .filter(|rules| matches!(rules.property(), ProcessProperty::Unspecified | ProcessProperty::Deviation));
+    trace.limits_mm = rules.and_then(|rules| rules.feed).map(|feed| [feed.lower, feed.upper]);
+    trace.feed_percent.push(0.0, 100.0);
+    let mut run = Run { client, machine, open, summary: Summary::default(), trace, feed: 1.0 };
     print(&format!("{}\n{}\n", run.open.name, heading()))?;
     let idle_speeds = monitoring.idle_run_up.map(|run_up| run_up.speeds_rpm).unwrap_or_default();
     run.idle(args.machine.idle_rpm, &idle_speeds).await?;
     run.follow().await?;
     print(&run.summary.text(&run.open.name, run.open.period_us))?;
+    if let Some(directory) = &args.plots {
+        run.trace.feed_percent.push(run.machine.clock_ns() as f64 * 1e-9, 100.0 * run.feed);
+        for path in write_run(&run.trace, directory).map_err(CliError::trouble)? {
+            tell(&format!("wrote {}\n", path.display()));
+        }
+    }
     let finished = run.summary.end.as_ref().is_some_and(|end| end.state() == RunState::Finished);
     Ok(if finished { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
 }
@@ -180,6 +202,9 @@ struct Run {
     machine: Simulator,
     open: Open,
     summary: Summary,
+    trace: RunTrace,
+    /// Feed override decided last.
+    feed: f64,
 }
 
 impl Run {
@@ -250,6 +275,14 @@ impl Run {
                 print(&format!("{}\n", line(&decision)))?;
                 if let Some(after) = decision.outcome.and_then(|outcome| outcome.after) {
                     self.machine.set_spindle_override(after.spindle).map_err(|error| unable(&error))?;
+                    let time_s = decision.sensor_time_ns as f64 * 1e-9;
+                    self.trace.feed_percent.push(time_s, 100.0 * self.feed);
+                    self.trace.feed_percent.push(time_s, 100.0 * after.feed);
+                    self.feed = after.feed;
+                    let evidence = decision.inputs.as_ref().and_then(|inputs| inputs.evidence.as_ref());
+                    if let Some(Evidence::Process(process)) = evidence {
+                        self.trace.measured_mm.push(time_s, process.max_deviation);
+                    }
                 }
                 self.summary.decided(&decision);
             }
@@ -278,6 +311,8 @@ impl Run {
             line: &block.line,
         };
         self.machine.push(&setpoints, &mut sink).map_err(|error| unable(&error))?;
+        let time_s = self.machine.clock_ns() as f64 * 1e-9;
+        self.trace.true_mm.push(time_s, self.machine.take_peak_deflection_mm());
         // The run may end with these setpoints, and their telemetry belongs to it.
         self.machine.flush(&mut sink);
         Ok(batches)

@@ -30,7 +30,10 @@ fn overrides(text: &str) -> Vec<[f64; 3]> {
 fn too_high_a_feed_comes_down_until_the_deflection_is_inside_the_limits() {
     let service = Service::start();
     let job = slot(&service);
-    let output = service.run(&["run", &job, "--simulate", "--cut", "3:0.75", "--seed", "7"]);
+    let pictures = tempfile::tempdir().unwrap();
+    let plots = pictures.path().join("plots");
+    let plots_option = plots.to_str().unwrap();
+    let output = service.run(&["run", &job, "--simulate", "--cut", "3:0.75", "--seed", "7", "--plots", plots_option]);
     assert_eq!(code(&output), 0, "{}{}", stdout(&output), stderr(&output));
     assert!(stderr(&output).contains("had no monitoring; set: deflection between 0.003 and 0.01 mm"));
     let text = stdout(&output);
@@ -46,6 +49,10 @@ fn too_high_a_feed_comes_down_until_the_deflection_is_inside_the_limits() {
     // Once inside the limits, nothing changes any more.
     let (_, inside) = text.split_once("within limits").unwrap();
     assert!(!inside.contains("above limit"), "{text}");
+
+    let picture = std::fs::read_to_string(plots.join("run.svg")).unwrap();
+    assert!(picture.contains("limits") && picture.contains("feed override, %"));
+    assert!(plots.join("run.png").is_file());
 
     let name = text.lines().next().unwrap();
     let replayed = service.run(&["replay", name]);
