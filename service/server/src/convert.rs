@@ -5,6 +5,8 @@ mod decision;
 mod feed_override;
 mod five_axis;
 mod monitoring;
+mod oscillation;
+mod oscillation_report;
 mod profile;
 mod report;
 mod thread;

@@ -276,6 +276,36 @@ pub fn condition_problems(conditions: &[NamedCondition]) -> Vec<ProfileProblem> 
             problem(format!("{field}.number"), format!("{} is another condition's for the same tool", named.number));
         }
         let condition = &named.condition;
+        match condition.period {
+            OscillationPeriod::PerRevolution(0) => {
+                problem(format!("{field}.condition.period"), "must be at least 1 per revolution, is 0".to_owned());
+            }
+            OscillationPeriod::Seconds(seconds) if !(1e-6..=1e3).contains(&seconds) => {
+                problem(format!("{field}.condition.period"), format!("must be 0.000001 to 1000 s, is {seconds}"));
+            }
+            OscillationPeriod::PerRevolution(_) | OscillationPeriod::Seconds(_) => {}
+        }
+        if !(1..=MAX_RAMP_PERIODS).contains(&condition.ramp_periods) {
+            let message = format!("must be 1 to {MAX_RAMP_PERIODS}, is {}", condition.ramp_periods);
+            problem(format!("{field}.condition.ramp_periods"), message);
+        }
+        let leading = &condition.leading_edge;
+        if !(1..=MAX_EDGES as u32).contains(&leading.edge) {
+            let message = format!("must be 1 to {MAX_EDGES}, is {}", leading.edge);
+            problem(format!("{field}.condition.leading_edge.edge"), message);
+        }
+        if !(-360.0..=360.0).contains(&leading.phase_deg) {
+            let message = format!("must be within 360 degrees, is {}", leading.phase_deg);
+            problem(format!("{field}.condition.leading_edge.phase_deg"), message);
+        }
+        let is_interval = match leading.rotation {
+            RoleRotation::Fixed => true,
+            RoleRotation::EveryParts(parts) => parts > 0,
+            RoleRotation::EverySeconds(seconds) => seconds.is_finite() && seconds > 0.0,
+        };
+        if !is_interval {
+            problem(format!("{field}.condition.leading_edge.rotation"), "must be positive and finite".to_owned());
+        }
         let directions =
             [("feed", Some(&condition.feed)), ("axial", Some(&condition.axial)), ("cross", condition.cross.as_ref())];
         for (name, direction) in directions.iter().filter_map(|(name, direction)| Some((name, (*direction)?))) {

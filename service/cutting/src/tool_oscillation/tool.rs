@@ -80,42 +80,51 @@ impl ToolGeometry {
     /// # Errors
     /// The first value that is out of its range.
     pub fn check(&self) -> Result<(), ToolError> {
-        let error = |name, range, value, unit| Err(ToolError { name, range, value, unit });
-        if !(1..=MAX_EDGES).contains(&self.edges.len()) {
-            return error("number of edges", "1 to 64", self.edges.len() as f64, "");
-        }
-        if !(self.radius_mm > 0.0 && self.radius_mm <= 1_000.0) {
-            return error("radius", "positive and at most 1000 mm", self.radius_mm, " mm");
-        }
-        if !(self.radial_edge_length_mm > 0.0 && self.radial_edge_length_mm <= self.radius_mm) {
-            let range = "positive and at most the radius";
-            return error("radial edge length", range, self.radial_edge_length_mm, " mm");
-        }
-        if !(self.axial_edge_height_mm > 0.0 && self.axial_edge_height_mm <= 1_000.0) {
-            return error("axial edge height", "positive and at most 1000 mm", self.axial_edge_height_mm, " mm");
-        }
-        if !(0.0..=45.0).contains(&self.end_relief_deg) {
-            return error("end relief", "0 to 45 degrees", self.end_relief_deg, " degrees");
-        }
+        self.problems().into_iter().next().map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// Every value that is out of its range, with the path of its field.
+    #[must_use]
+    pub fn problems(&self) -> Vec<(String, ToolError)> {
+        let mut problems = Vec::new();
+        let mut require = |holds: bool, field: String, name, range, value: f64, unit| {
+            if !holds {
+                problems.push((field, ToolError { name, range, value, unit }));
+            }
+        };
+        let count = self.edges.len();
+        require((1..=MAX_EDGES).contains(&count), "edges".to_owned(), "number of edges", "1 to 64", count as f64, "");
+        let (radius, length, height) = (self.radius_mm, self.radial_edge_length_mm, self.axial_edge_height_mm);
+        let range = "positive and at most 1000 mm";
+        require(radius > 0.0 && radius <= 1_000.0, "radius_mm".to_owned(), "radius", range, radius, " mm");
+        let is_length = length > 0.0 && length <= radius;
+        let length_range = "positive and at most the radius";
+        require(is_length, "radial_edge_length_mm".to_owned(), "radial edge length", length_range, length, " mm");
+        let is_height = height > 0.0 && height <= 1_000.0;
+        require(is_height, "axial_edge_height_mm".to_owned(), "axial edge height", range, height, " mm");
+        let relief = self.end_relief_deg;
+        let is_relief = (0.0..=45.0).contains(&relief);
+        require(is_relief, "end_relief_deg".to_owned(), "end relief", "0 to 45 degrees", relief, " degrees");
         let mut before = f64::NEG_INFINITY;
-        let first = self.edges[0].angle_deg;
-        for edge in &self.edges {
-            let in_order = edge.angle_deg >= before + 0.01;
-            if !((0.0..360.0).contains(&edge.angle_deg) && in_order && edge.angle_deg <= first + 359.99) {
-                let range = "within 0 and 360 degrees and at least 0.01 beyond that of the edge before";
-                return error("edge angle", range, edge.angle_deg, " degrees");
-            }
-            before = edge.angle_deg;
-            for (name, set_over_mm) in
-                [("radial set-over", edge.radial_set_over_mm), ("axial set-over", edge.axial_set_over_mm)]
-            {
-                let most_mm = 0.5 * self.radial_edge_length_mm.min(self.axial_edge_height_mm);
-                if set_over_mm.is_nan() || set_over_mm.abs() > most_mm {
-                    return error(name, "at most half an edge's length and height", set_over_mm, " mm");
-                }
+        let first = self.edges.first().map_or(0.0, |edge| edge.angle_deg);
+        // More edges than there may be are one problem.
+        for (index, edge) in self.edges.iter().enumerate().take(MAX_EDGES) {
+            let angle = edge.angle_deg;
+            let in_order = angle >= before + 0.01 && angle <= first + 359.99;
+            let range = "within 0 and 360 degrees and at least 0.01 beyond that of the edge before";
+            let holds = (0.0..360.0).contains(&angle) && in_order;
+            require(holds, format!("edges[{index}].angle_deg"), "edge angle", range, angle, " degrees");
+            before = angle;
+            for (field, name, set_over_mm) in [
+                ("radial_set_over_mm", "radial set-over", edge.radial_set_over_mm),
+                ("axial_set_over_mm", "axial set-over", edge.axial_set_over_mm),
+            ] {
+                let holds = set_over_mm.abs() <= 0.5 * length.min(height);
+                let range = "at most half an edge's length and height";
+                require(holds, format!("edges[{index}].{field}"), name, range, set_over_mm, " mm");
             }
         }
-        Ok(())
+        problems
     }
 
     /// Number of edges z.

@@ -1,6 +1,7 @@
 //! A validation report for people: findings, vibrating sections, summary. The same text whether the report came from
 //! this machine or from a service.
 
+mod oscillation;
 mod section;
 mod thinning;
 mod thread;
@@ -24,6 +25,10 @@ pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style)
         text.push_str(&thread::section_text(number, section, style));
         text.push('\n');
     }
+    for (number, section) in (1..).zip(&report.oscillations) {
+        text.push_str(&oscillation::section_text(number, section, style));
+        text.push('\n');
+    }
     if let Some(thinning) = &report.thinning {
         text.push_str(&thinning::text(thinning, style));
         text.push('\n');
@@ -33,6 +38,7 @@ pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style)
         let listed = [
             (summary.section_count, report.sections.len(), "vibrating section"),
             (summary.thread_count, report.threads.len(), "thread"),
+            (summary.oscillation_count, report.oscillations.len(), "oscillation"),
         ];
         for (count, listed, noun) in listed {
             let not_listed = count.saturating_sub(listed as u64);

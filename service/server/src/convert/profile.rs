@@ -9,6 +9,7 @@ use feedwave_program::{
 };
 
 use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
+use super::oscillation::{condition_to_proto, conditions_from_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
 use crate::error::Violations;
@@ -35,8 +36,12 @@ pub fn profile_from_proto(
     converted.filter(|_| sound)
 }
 
-/// Positions are indexed in the pipeline and have one field per letter in the contract.
+/// Positions are indexed in the pipeline and have one field per letter in the contract; a condition of tool oscillation
+/// has its name and its tables beside its values.
 fn contract_field(field: &str) -> String {
+    if field.starts_with("tool_oscillation[") {
+        return field.replacen(".condition.", ".", 1);
+    }
     let position = |prefix: &str| field.starts_with("language.") && prefix.ends_with(['n', ']']);
     let Some((prefix, index)) = field.strip_suffix(']').and_then(|field| field.rsplit_once('[')) else {
         return field.to_owned();
@@ -58,6 +63,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
     let vibration = vibration_from_proto(violations, profile.vibration.unwrap_or_default());
     let thread_vibration = thread_vibration_from_proto(violations, profile.thread_vibration.unwrap_or_default());
     let kinematics = profile.kinematics.as_ref().map(|kinematics| kinematics_from_proto(violations, kinematics));
+    let tool_oscillation = conditions_from_proto(violations, &profile.tool_oscillation);
     let following = profile.following.unwrap_or_default();
     Some(MachineProfile {
         language: language?,
@@ -74,7 +80,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
         },
         pole_tolerance_deg: profile.pole_tolerance_deg,
         thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
-        tool_oscillation: Vec::new(),
+        tool_oscillation: tool_oscillation?,
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
@@ -204,7 +210,9 @@ fn language_from_proto(
             proto::ThreadEWord::PreciseLead => ThreadEWord::PreciseLead,
         },
         thinning: language.thinning.map_or(usual.thinning, |codes| FunctionCodes { on: codes.on, off: codes.off }),
-        tool_oscillation: usual.tool_oscillation,
+        tool_oscillation: language
+            .tool_oscillation
+            .map_or(usual.tool_oscillation, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         work_offsets,
         reference_position: position(&language.reference_position, usual.reference_position),
         initial_position: position(&language.initial_position, usual.initial_position),
@@ -283,6 +291,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         kinematics: profile.kinematics.as_ref().map(kinematics_to_proto),
         thinning: Some(thinning_to_proto(&profile.thinning)),
         pole_tolerance_deg: profile.pole_tolerance_deg,
+        tool_oscillation: profile.tool_oscillation.iter().map(condition_to_proto).collect(),
     }
 }
 
@@ -370,6 +379,10 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         }),
         thread_e_word: thread_e_word.into(),
         thinning: Some(proto::FunctionCodes { on: language.thinning.on, off: language.thinning.off }),
+        tool_oscillation: Some(proto::FunctionCodes {
+            on: language.tool_oscillation.on,
+            off: language.tool_oscillation.off,
+        }),
     }
 }
 
@@ -385,6 +398,10 @@ fn position_to_proto(position: &Position) -> proto::AxisPosition {
 
 #[cfg(test)]
 mod tests {
+    use feedwave_cutting::tool_oscillation::{
+        ConditionTable, DirectionOscillation, Interpolation, LeadingEdge, NamedCondition, OscillationCondition,
+        OscillationPeriod, RoleRotation, TableQuantity, Waveform,
+    };
     use feedwave_motion::kinematics::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
 
     use super::*;
@@ -414,7 +431,7 @@ mod tests {
         lathe.language.thread_e_word = ThreadEWord::PreciseLead;
         lathe.following.filter_length_s = Some(0.02);
         lathe.look_ahead_blocks = 100;
-        for profile in [lathe, five_axis_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
+        for profile in [lathe, five_axis_mill(), oscillating_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
             assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
         }
     }
@@ -444,6 +461,89 @@ mod tests {
         mill.pole_tolerance_deg = 0.5;
         mill.language.thinning = FunctionCodes { on: 133.0, off: 134.0 };
         mill
+    }
+
+    /// A mill with every kind of waveform, period, rotation and table.
+    fn oscillating_mill() -> MachineProfile {
+        let direction = |amplitude_mm, waveform, phase_deg| DirectionOscillation { amplitude_mm, waveform, phase_deg };
+        let table = |quantity, interpolation| ConditionTable {
+            quantity,
+            interpolation,
+            feed_mm_per_min: vec![300.0, 600.0, 900.0],
+            spindle_rev_per_min: vec![500.0, 700.0],
+            values: vec![vec![0.1, 0.2, 0.3], vec![0.2, 0.3, 0.4]],
+        };
+        let first = NamedCondition {
+            name: "accuracy".to_owned(),
+            number: 1,
+            tools: vec![4, 7],
+            condition: OscillationCondition {
+                period: OscillationPeriod::PerRevolution(2),
+                feed: direction(0.4, Waveform::Sine, 0.0),
+                axial: direction(0.03, Waveform::HeldPeak { hold_share: 0.3 }, -12.5),
+                cross: Some(direction(
+                    0.1,
+                    Waveform::Table { points: vec![[0.0, 0.5], [0.25, 1.0], [0.75, -1.0]] },
+                    3.0,
+                )),
+                leading_edge: LeadingEdge { edge: 3, phase_deg: 30.0, rotation: RoleRotation::EveryParts(5) },
+                ramp_periods: 4,
+                may_overrun: true,
+            },
+            tables: vec![
+                table(TableQuantity::FeedAmplitude, Interpolation::Linear),
+                table(TableQuantity::AxialAmplitude, Interpolation::Monotone),
+                table(TableQuantity::CrossAmplitude, Interpolation::Linear),
+                table(TableQuantity::AxialHoldShare, Interpolation::Monotone),
+            ],
+        };
+        let mut second = NamedCondition { name: "speed".to_owned(), tools: Vec::new(), ..first.clone() };
+        second.condition.period = OscillationPeriod::Seconds(0.05);
+        second.condition.axial.waveform = Waveform::JerkLimitedHeldPeak { hold_share: 0.25 };
+        second.condition.cross = None;
+        second.condition.leading_edge.rotation = RoleRotation::EverySeconds(600.0);
+        second.tables.clear();
+        let mut mill = MachineProfile::mill();
+        mill.tool_oscillation = vec![first, second];
+        mill.language.tool_oscillation = FunctionCodes { on: 302.1, off: 303.0 };
+        mill
+    }
+
+    #[test]
+    fn oscillation_conditions_are_checked_with_their_fields() {
+        let mut profile = profile_to_proto(&oscillating_mill());
+        let [first, second] = profile.tool_oscillation.as_mut_slice() else { panic!("two conditions") };
+        (first.period, first.axial) = (None, None);
+        first.tables[2].quantity = 0;
+        second.name = "\n".to_owned();
+        let fields: Vec<String> = from_proto(&profile).unwrap_err().into_iter().map(|(field, _)| field).collect();
+        let field = |place: &str| format!("profile.tool_oscillation{place}");
+        assert_eq!(fields, ["[0].period", "[0].axial", "[0].tables[2].quantity", "[1].name"].map(field));
+
+        let mut profile = profile_to_proto(&oscillating_mill());
+        let [first, second] = profile.tool_oscillation.as_mut_slice() else { panic!("two conditions") };
+        first.feed.as_mut().unwrap().amplitude_mm = f64::NAN;
+        first.cross.as_mut().unwrap().waveform = Some(proto::Waveform {
+            kind: Some(proto::waveform::Kind::HeldPeak(proto::HeldPeakWave { hold_share: 0.5 })),
+        });
+        first.ramp_periods = Some(0);
+        first.tables[1].rows.pop();
+        second.period = Some(proto::oscillation_condition::Period::PeriodS(-1.0));
+        second.leading_edge.as_mut().unwrap().phase_deg = 400.0;
+        second.leading_edge.as_mut().unwrap().rotation = Some(proto::leading_edge::Rotation::EveryParts(0));
+        profile.language.as_mut().unwrap().tool_oscillation = Some(proto::FunctionCodes { on: 1.0, off: 203.0 });
+        let found: Vec<String> = from_proto(&profile).unwrap_err().into_iter().map(|(field, _)| field).collect();
+        for place in [
+            "[0].ramp_periods",
+            "[0].feed.amplitude_mm",
+            "[0].cross.waveform",
+            "[0].tables[1]",
+            "[1].period",
+            "[1].leading_edge.phase_deg",
+            "[1].leading_edge.rotation",
+        ] {
+            assert!(found.contains(&field(place)), "{place} not in {found:?}");
+        }
     }
 
     #[test]

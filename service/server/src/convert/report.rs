@@ -7,6 +7,7 @@ use feedwave_cutting::{
 use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
 
 use super::five_axis::thinning_report_to_proto;
+use super::oscillation_report::oscillation_section_to_proto;
 use super::thread::thread_section_to_proto;
 use crate::convert::generation_mode_to_proto;
 use crate::proto;
@@ -19,6 +20,7 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
         sections: report.sections.iter().map(section).collect(),
         threads: report.threads.iter().map(thread_section_to_proto).collect(),
         thinning: report.thinning.as_ref().map(thinning_report_to_proto),
+        oscillations: report.oscillations.iter().map(oscillation_section_to_proto).collect(),
         summary: Some(summary_to_proto(&report.summary)),
     }
 }
@@ -34,6 +36,7 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         section_count: summary.section_count,
         thread_count: summary.thread_count,
         thread_passes: summary.thread_passes,
+        oscillation_count: summary.oscillation_count,
         bytes: summary.bytes,
         lines: summary.lines,
         moves: summary.moves,

@@ -1,5 +1,6 @@
 //! Tools.
 
+use super::oscillation::geometry_from_proto;
 use crate::convert::{check_display_name, enumeration};
 use crate::error::Violations;
 use crate::proto;
@@ -30,6 +31,9 @@ pub fn check_tool(tool: &proto::Tool) -> Violations {
     if tool.edge_count == Some(0) {
         violations.add("edge_count", "must be at least 1");
     }
+    for (field, error) in tool.geometry.iter().flat_map(|geometry| geometry_from_proto(geometry).problems()) {
+        violations.add(format!("geometry.{field}"), error.to_string());
+    }
     violations
 }
 
@@ -41,7 +45,7 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
         name: tool.display_name.clone(),
         max_rev_per_min: tool.max_rev_per_min,
         length_mm: tool.length_mm,
-        geometry: None,
+        geometry: tool.geometry.as_ref().map(geometry_from_proto),
     }
 }
 
@@ -67,6 +71,51 @@ mod tests {
             fields,
             ["number", "display_name", "kind", "max_rev_per_min", "nose_radius_mm", "length_mm", "edge_count"]
         );
+    }
+
+    #[test]
+    fn cutting_edges_are_checked_one_by_one() {
+        let edge = |angle_deg, axial_set_over_mm| proto::CuttingEdge {
+            angle_deg,
+            radial_set_over_mm: 0.1,
+            axial_set_over_mm,
+            finishing: angle_deg == 0.0,
+        };
+        let mut geometry = proto::ToolGeometry {
+            edges: vec![edge(0.0, 0.02), edge(90.0, 0.0), edge(200.0, -0.1)],
+            radius_mm: 60.0,
+            radial_edge_length_mm: 1.5,
+            axial_edge_height_mm: 5.0,
+            end_relief_deg: 0.5,
+        };
+        let tool = |geometry: &proto::ToolGeometry| proto::Tool {
+            number: 4,
+            geometry: Some(geometry.clone()),
+            ..Default::default()
+        };
+        assert!(check_tool(&tool(&geometry)).is_empty());
+        let converted = tool_for_pipeline(&tool(&geometry)).geometry.unwrap();
+        assert_eq!((converted.radius_mm, converted.radial_edge_length_mm), (60.0, 1.5));
+        assert_eq!((converted.axial_edge_height_mm, converted.end_relief_deg), (5.0, 0.5));
+        let edges: Vec<_> = converted.edges.iter().map(|edge| (edge.angle_deg, edge.axial_set_over_mm)).collect();
+        assert_eq!(edges, [(0.0, 0.02), (90.0, 0.0), (200.0, -0.1)]);
+        assert!(converted.edges[0].finishing && !converted.edges[1].finishing);
+        assert!(converted.edges.iter().all(|edge| edge.radial_set_over_mm == 0.1));
+
+        geometry.edges[1].angle_deg = 0.0;
+        geometry.edges[2].axial_set_over_mm = f64::NAN;
+        geometry.axial_edge_height_mm = -1.0;
+        geometry.end_relief_deg = 50.0;
+        let violations = check_tool(&tool(&geometry));
+        let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
+        for field in ["axial_edge_height_mm", "end_relief_deg", "edges[1].angle_deg", "edges[2].axial_set_over_mm"] {
+            assert!(fields.contains(&format!("geometry.{field}").as_str()), "{field} not in {fields:?}");
+        }
+        let violations = check_tool(&tool(&proto::ToolGeometry::default()));
+        let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
+        let lengths = ["radius_mm", "radial_edge_length_mm", "axial_edge_height_mm"];
+        assert_eq!(fields[0], "geometry.edges");
+        assert_eq!(fields[1..], lengths.map(|field| format!("geometry.{field}")));
     }
 
     #[test]

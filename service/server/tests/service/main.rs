@@ -4,6 +4,7 @@
 mod five_axis;
 mod jobs;
 mod operation;
+mod oscillation;
 mod runs;
 mod setpoints;
 mod support;

@@ -1,0 +1,140 @@
+//! One tool oscillation for people: how it is in step, what it asks of the axes, what every edge removes, the floor.
+
+use super::super::terminal::{Style, number};
+use super::Rows;
+use crate::proto::{
+    OscillationDirection, OscillationEdge, OscillationFloor, OscillationLoad, OscillationSectionReport, RemovedLayer,
+};
+
+/// Edges listed; the JSON has all.
+const LISTED_EDGES: usize = 16;
+
+pub(super) fn section_text(position: usize, section: &OscillationSectionReport, style: Style) -> String {
+    let mut rows = Rows::new(style);
+    let (on_line, line) = (section.on_line, section.line);
+    let condition = &section.condition;
+    rows.heading(&format!("Oscillation {position}: {condition}, on in line {on_line}, from line {line}"));
+    let cut = section.cut.unwrap_or_default();
+    rows.row(
+        "cut",
+        format!(
+            "tool {}, {} mm/min at {} rev/min ({}), {} mm deep",
+            section.tool,
+            number(cut.feed_mm_per_min, 5),
+            number(cut.spindle_rev_per_min, 5),
+            if cut.clockwise { "M3" } else { "M4" },
+            number(cut.depth_mm, 4)
+        ),
+    );
+    rows.row(
+        "period",
+        format!(
+            "{} ms: M = {} per revolution, N = {} edges per period; {} mm of feed",
+            number(section.period_s * 1e3, 5),
+            section.periods_per_rev,
+            number(section.edges_per_period, 4),
+            number(section.feed_per_period_mm, 4)
+        ),
+    );
+    rows.row(
+        "protrusion",
+        format!(
+            "held for {} of the period, {} needed; {} degrees after the largest retreat",
+            number(section.hold_share, 4),
+            number(section.required_hold_share, 4),
+            // Rounding leaves far less than anyone can set.
+            number((section.phase_error_deg * 1e6).round() / 1e6, 4)
+        ),
+    );
+    let finishing: Vec<String> = section.finishing_edges.iter().map(u32::to_string).collect();
+    rows.row("roles", format!("edge {} leads, edge {} finishes", section.leading_edge, finishing.join(", ")));
+    rows.row("blend", format!("over {} mm of path at both ends", number(section.ramp_mm, 4)));
+    rows.row(
+        "volume",
+        format!(
+            "{} mm³ per revolution, {} without oscillation",
+            number(section.volume_mm3_per_rev, 4),
+            number(section.plain_volume_mm3_per_rev, 4)
+        ),
+    );
+    load_table(&mut rows, &section.loads);
+    rows.text.push('\n');
+    edge_table(&mut rows, section);
+    if let Some(floor) = &section.floor {
+        floor_row(&mut rows, floor);
+    }
+    rows.text
+}
+
+fn load_table(rows: &mut Rows, loads: &[OscillationLoad]) {
+    let head = ["direction", "amplitude, mm", "mm/s", "mm/s²", "mm/s³", "step, mm/s²", "of the limit"];
+    let mut table = vec![head.map(str::to_owned).to_vec()];
+    table.extend(loads.iter().map(|load| {
+        let direction = match load.direction() {
+            OscillationDirection::Axial => "axial",
+            OscillationDirection::Cross => "across",
+            OscillationDirection::Feed | OscillationDirection::Unspecified => "feed",
+        };
+        vec![
+            direction.to_owned(),
+            number(load.amplitude_mm, 4),
+            number(load.velocity_with_feed_mm_per_s, 4),
+            number(load.acceleration_mm_per_s2, 4),
+            number(load.jerk_mm_per_s3, 4),
+            number(load.acceleration_step_mm_per_s2, 4),
+            format!("{} %", number(load.utilisation * 100.0, 3)),
+        ]
+    }));
+    rows.table(&table);
+}
+
+/// What every edge removes while it points in the feed direction.
+fn edge_table(rows: &mut Rows, section: &OscillationSectionReport) {
+    let head = ["edge", "feed, mm", "axial, mm", "layers, mm", "area, mm²", "chip, mm", "share", "duty", "plain", ""];
+    let mut table = vec![head.map(str::to_owned).to_vec()];
+    let row = |(index, edge): (usize, &OscillationEdge)| {
+        let plain = section.plain_edges.get(index);
+        let layers: Vec<String> = edge.layers.iter().map(layer_text).collect();
+        vec![
+            edge.edge.to_string(),
+            number(edge.feed_offset_mm, 4),
+            number(edge.retraction_mm, 4),
+            if layers.is_empty() { "none".to_owned() } else { layers.join(", ") },
+            number(edge.area_mm2, 4),
+            number(edge.max_chip_mm, 3),
+            percent(edge.volume_share),
+            percent(edge.duty),
+            plain.map_or_else(String::new, |plain| percent(plain.volume_share)),
+            if edge.finishes { "finishes" } else { "" }.to_owned(),
+        ]
+    };
+    table.extend(section.edges.iter().enumerate().take(LISTED_EDGES).map(row));
+    rows.table(&table);
+    let more = section.edges.len().saturating_sub(LISTED_EDGES);
+    if more > 0 {
+        rows.row("", format!("and {more} more"));
+    }
+}
+
+fn layer_text(layer: &RemovedLayer) -> String {
+    let reach = number(layer.to_mm - layer.from_mm, 4);
+    format!("{} to {} × {reach}", number(layer.low_mm, 4), number(layer.high_mm, 4))
+}
+
+fn percent(share: f64) -> String {
+    format!("{} %", number(share * 100.0, 3))
+}
+
+fn floor_row(rows: &mut Rows, floor: &OscillationFloor) {
+    let (with, without) = (floor.oscillating.unwrap_or_default(), floor.plain.unwrap_or_default());
+    rows.row(
+        "floor",
+        format!(
+            "{} mm peak to valley, {} mm mean; {} and {} mm without oscillation",
+            number(with.peak_to_valley_mm, 3),
+            number(with.mean_mm, 3),
+            number(without.peak_to_valley_mm, 3),
+            number(without.mean_mm, 3)
+        ),
+    );
+}
