@@ -24,6 +24,12 @@ impl Style {
         Self::of(&io::stderr())
     }
 
+    /// Without colours, wherever the text goes.
+    #[cfg(test)]
+    pub(super) const fn plain() -> Self {
+        Self { coloured: false }
+    }
+
     fn of(stream: &impl IsTerminal) -> Self {
         let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
         let dumb = set("TERM").is_some_and(|term| term == "dumb");

@@ -138,3 +138,64 @@ fn floor_row(rows: &mut Rows, floor: &OscillationFloor) {
         ),
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::proto::{FloorRoughness, OscillationCut, PlainEdge};
+
+    #[test]
+    fn every_edge_has_its_row() {
+        let edge = |edge, retraction_mm, finishes| OscillationEdge {
+            edge,
+            retraction_mm,
+            layers: vec![RemovedLayer { low_mm: retraction_mm, high_mm: 1.0, from_mm: -0.65, to_mm: 0.35 }],
+            volume_share: 0.5,
+            finishes,
+            ..Default::default()
+        };
+        let section = OscillationSectionReport {
+            on_line: 4,
+            line: 5,
+            tool: 7,
+            condition: "accuracy".to_owned(),
+            cut: Some(OscillationCut { feed_mm_per_min: 600.0, clockwise: true, ..Default::default() }),
+            periods_per_rev: 1,
+            edges_per_period: 2.0,
+            hold_share: 0.3,
+            required_hold_share: 0.25,
+            phase_error_deg: -1e-13,
+            leading_edge: 1,
+            finishing_edges: vec![2],
+            loads: vec![OscillationLoad {
+                direction: OscillationDirection::Axial.into(),
+                acceleration_step_mm_per_s2: 740.22,
+                utilisation: 0.25,
+                ..Default::default()
+            }],
+            edges: vec![edge(1, 0.03, false), edge(2, -0.03, true)],
+            plain_edges: vec![PlainEdge { volume_share: 0.25, ..Default::default() }],
+            floor: Some(OscillationFloor {
+                oscillating: Some(FloorRoughness { peak_to_valley_mm: 0.0088, ..Default::default() }),
+                ..Default::default()
+            }),
+            ..Default::default()
+        };
+        let text = section_text(1, &section, Style::plain());
+        let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        for expected in [
+            "Oscillation 1: accuracy, on in line 4, from line 5",
+            "M = 1 per revolution, N = 2 edges per period",
+            "held for 0.3 of the period, 0.25 needed; 0 degrees after",
+            "edge 1 leads, edge 2 finishes",
+            "740.2 25 %",
+            "0.03 to 1 × 1",
+            "-0.03 to 1 × 1",
+            "50 % 0 % 25 %",
+            "0.0088 mm peak to valley",
+        ] {
+            assert!(squeezed.contains(expected), "no {expected:?} in\n{text}");
+        }
+        assert_eq!(text.matches("finishes").count(), 2);
+    }
+}
