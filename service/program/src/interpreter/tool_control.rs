@@ -187,12 +187,11 @@ impl Execution<'_> {
             | Motion::Thread
             | Motion::ThreadCycle => {
                 self.used = u32::MAX;
-                let is_thread = matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
                 let span = self.block.span();
-                if mode != ToolMode::Off {
-                    self.not_permitted(span, "an arc, a spline or a thread");
-                } else if is_thread || held_before.meets(AxisSet::LINEAR) {
+                if mode == ToolMode::Off {
                     self.held_start(span);
+                } else {
+                    self.not_permitted(span, "an arc, a spline or a thread");
                 }
                 return self.state.position = end;
             }

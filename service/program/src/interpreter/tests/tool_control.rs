@@ -68,6 +68,13 @@ fn plain_motion_returns_axis_by_axis() {
          ! 3:8+2 PRG-TOOL-CONTROL-HELD
          ! 4:1+20 PRG-TOOL-CONTROL-HELD",
     );
+    // Nothing but G0 and G1 places the rotary axes after vectors.
+    check(
+        &mill(),
+        "G43.5 H1\nG49\nG0 X1 Y1 Z1\nG2 X2 Y2 R5 F100",
+        "guided axes H0 rapid -> X1 Y1 Z1 ~ABC
+         ! 4:1+16 PRG-TOOL-CONTROL-HELD",
+    );
 }
 
 #[test]
