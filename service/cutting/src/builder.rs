@@ -1,42 +1,38 @@
 //! From operations to planner input: elements with their limits, speeds and barriers, and what there is to say
 //! about them.
 
+mod checks;
+mod guided;
 mod oscillation;
 mod thread_pass;
 mod threading;
 
 use std::collections::{BTreeSet, VecDeque};
 
-use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{
-    Curve, Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
-    Stretches, limit_pieces, missing_axis, stretches, top_command, travel_exceeded,
+    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
+    limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, GuidedMove, Move, MoveKind, Operation,
-    OperationKind, PathControl, Position, SourceSpan, Spindle, SpindleSpeed,
+    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
+    PathControl, Position, SourceSpan, Spindle,
 };
 use serde::{Deserialize, Serialize};
 
+use self::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
 use self::oscillation::ActiveOscillation;
 use self::threading::Threads;
 use crate::cut::Cut;
-use crate::five_axis::{Guide, GuideState, Guided, no_kinematics};
+use crate::five_axis::{Guide, GuideState};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
 use crate::thread::{ThreadPath, ThreadSectionReport};
 use crate::tool_oscillation::OscillationSectionReport;
 use crate::{
-    GenerationMode, PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans,
-    condition_from_command,
+    PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
 };
 
-/// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
-const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
 /// Section reports kept in full; further sections are counted.
 const MAX_SECTION_REPORTS: usize = 1_000;
-
-/// Different tools listed; a program can name a billion.
-const MAX_LISTED_TOOLS: usize = 1_000;
 
 /// Modal state between operations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -310,54 +306,6 @@ impl Builder {
         self.run_smoothed(config, planner, findings);
     }
 
-    /// A move of a guided tool.
-    fn guided(
-        &mut self,
-        guided: &GuidedMove,
-        span: SourceSpan,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-        findings: &mut FindingLog,
-    ) {
-        let Some(guide) = &self.guide else {
-            if self.state.guide.is_first_refusal(guided.length_offset) {
-                findings.push(no_kinematics(span));
-            }
-            return;
-        };
-        let motion = match guide.carry_out(guided, span, &mut self.state.guide, config, findings) {
-            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
-            Some(Guided::Elements(motion)) => motion,
-            None => return,
-        };
-        let mv = &guided.step;
-        let cutting = mv.kind == MoveKind::Cutting;
-        if cutting && !motion.elements.is_empty() {
-            self.open_section(config, planner);
-            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
-        } else {
-            self.close_section(planner, findings);
-        }
-        if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
-            return;
-        }
-        if let Some(analysis) = &mut self.analysis {
-            analysis.moves += 1;
-            analysis.cutting_moves += u64::from(cutting);
-        }
-        // Corners are not rounded under tool centre point control: the path rests, or steps as the machine permits.
-        let control = match mv.path_control {
-            PathControl::Continuous { .. } => PathControl::ExactPath,
-            control => control,
-        };
-        for element in motion.elements {
-            check_travel(&element, &config.profile.machine, findings);
-            let cut = Cut::of(mv, &element);
-            self.state.smoother.push(element, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
-        }
-        self.run_smoothed(config, planner, findings);
-    }
-
     /// Plans what came out of the smoother.
     fn run_smoothed(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
         let mut smoothed = std::mem::take(&mut self.smoothed);
@@ -524,130 +472,4 @@ impl Builder {
             analysis.previous = Some(element.clone());
         }
     }
-
-    fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
-        if let Some(analysis) = &mut self.analysis
-            && analysis.tools.len() < MAX_LISTED_TOOLS
-        {
-            analysis.tools.insert(number);
-        }
-        self.state.speed_limit_reported = false;
-        if number != 0 && !config.tools.is_empty() && !config.tools.iter().any(|tool| tool.number == number) {
-            let known: Vec<String> = config.tools.iter().map(|tool| format!("T{}", tool.number)).collect();
-            findings.push(
-                Finding::error("TOOL-UNKNOWN", span, format!("tool {number} is not among the job's tools"))
-                    .with_value("tool", f64::from(number), "")
-                    .suggest(format!("the job has {}", known.join(", "))),
-            );
-        }
-    }
-
-    /// Spindle speed against the machine's and the tool's limit; once per tool.
-    fn check_speed(
-        &mut self,
-        spindle: &Spindle,
-        tool: u32,
-        span: SourceSpan,
-        config: &PipelineConfig,
-        findings: &mut FindingLog,
-    ) {
-        if self.state.speed_limit_reported {
-            return;
-        }
-        let tool_limit = config
-            .tools
-            .iter()
-            .find(|listed| listed.number == tool)
-            .and_then(|tool| tool.max_rev_per_min)
-            .unwrap_or(f64::INFINITY);
-        let limit = tool_limit.min(config.profile.machine.max_spindle_rev_per_min);
-        // Constant surface speed is clamped by the machine; a constant speed is what the program insists on.
-        if let SpindleSpeed::Constant { rev_per_min } = spindle.speed
-            && spindle.is_turning()
-            && rev_per_min > limit
-        {
-            self.state.speed_limit_reported = true;
-            let message = format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min");
-            findings.push(
-                Finding::error("SPINDLE-SPEED", span, message)
-                    .with_value("spindle_speed", rev_per_min, "rev/min")
-                    .with_value("limit", limit, "rev/min")
-                    .suggest_value("lower the speed", Some(format!("S{limit}")), "spindle_speed", limit, "rev/min"),
-            );
-        }
-    }
-
-    fn check_feed(&mut self, stretches: &Stretches, length_mm: f64, span: SourceSpan, findings: &mut FindingLog) {
-        let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
-        let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
-        let duration_s = length_mm / slowest;
-        if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
-            findings.push(too_long(span, duration_s));
-        }
-        let limit = stretches.iter().map(|stretch| stretch.limits.velocity).fold(f64::INFINITY, f64::min);
-        if fastest > limit && !self.state.feed_limited_reported {
-            self.state.feed_limited_reported = true;
-            let wanted = fastest * 60.0;
-            let allowed = limit * 60.0;
-            let message = format!(
-                "the programmed feed {wanted:.1} mm/min is limited to {allowed:.1} mm/min by the axes here (first place)"
-            );
-            findings.push(
-                Finding::info("FEED-LIMITED", span, message)
-                    .with_value("feed", wanted, "mm/min")
-                    .with_value("limit", allowed, "mm/min")
-                    .suggest_value("program what the axes can follow", None, "feed", allowed, "mm/min"),
-            );
-        }
-    }
-}
-
-/// Whether a guided cut may vibrate along its path, or a finding.
-fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
-    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip_mm()[0] == it.tip_mm()[1]);
-    if motion.elements.iter().any(rests) {
-        let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
-        let finding = Finding::error("VIB-ROTARY-ONLY", span, message);
-        findings.push(finding.suggest("switch the vibration off for this block"));
-        return false;
-    }
-    if config.generation_mode != GenerationMode::AlongPath {
-        let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
-                       leave the path";
-        findings
-            .push(Finding::error("VIB-FIVE-AXIS", span, message).suggest("choose the generation mode along the path"));
-        return false;
-    }
-    true
-}
-
-fn missing(axis: Axis, span: SourceSpan) -> Finding {
-    let letter = axis.letter();
-    Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"))
-        .suggest("remove the word, or add the axis to the machine profile")
-}
-
-fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
-    if let Some(exceeded) = travel_exceeded(element, machine) {
-        let letter = exceeded.axis.letter();
-        let message = format!(
-            "{letter} would reach {:.3}, beyond its travel limit {:.3} (machine coordinates)",
-            exceeded.value, exceeded.limit
-        );
-        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
-        findings.push(
-            Finding::error("AXIS-TRAVEL", element.source, message)
-                .with_value("position", exceeded.value, unit)
-                .with_value("limit", exceeded.limit, unit)
-                .suggest("check the work offset and the programmed coordinate"),
-        );
-    }
-}
-
-fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
-    let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
-    Finding::error("PLAN-TOO-LONG", span, message)
-        .with_value("duration", duration_s, "s")
-        .with_value("limit", MAX_BLOCK_DURATION_S, "s")
-        .suggest("check the decimal point of the feed or dwell")
 }

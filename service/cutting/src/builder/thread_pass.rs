@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
 use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
 
-use super::{MAX_BLOCK_DURATION_S, check_travel, too_long};
+use super::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
 use crate::interpolator::ThreadRun;
 use crate::thread::{PathPart, PathVibration, RunUp, ThreadPath, ThreadVibrationSettings};
 

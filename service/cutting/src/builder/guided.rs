@@ -1,0 +1,81 @@
+//! Moves under tool centre point control.
+
+use feedwave_motion::kinematics::FiveAxisMotion;
+use feedwave_motion::{Curve, Element, Planner};
+use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
+
+use super::Builder;
+use super::checks::check_travel;
+use crate::cut::Cut;
+use crate::five_axis::{Guided, no_kinematics};
+use crate::interpolator::Barrier;
+use crate::{GenerationMode, PipelineConfig};
+
+impl Builder {
+    /// A move of a guided tool.
+    pub(super) fn guided(
+        &mut self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let Some(guide) = &self.guide else {
+            if self.state.guide.is_first_refusal(guided.length_offset) {
+                findings.push(no_kinematics(span));
+            }
+            return;
+        };
+        let motion = match guide.carry_out(guided, span, &mut self.state.guide, config, findings) {
+            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
+            Some(Guided::Elements(motion)) => motion,
+            None => return,
+        };
+        let mv = &guided.step;
+        let cutting = mv.kind == MoveKind::Cutting;
+        if cutting && !motion.elements.is_empty() {
+            self.open_section(config, planner);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
+        } else {
+            self.close_section(planner, findings);
+        }
+        if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
+            return;
+        }
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += u64::from(cutting);
+        }
+        // Corners are not rounded under tool centre point control: the path rests, or steps as the machine permits.
+        let control = match mv.path_control {
+            PathControl::Continuous { .. } => PathControl::ExactPath,
+            control => control,
+        };
+        for element in motion.elements {
+            check_travel(&element, &config.profile.machine, findings);
+            let cut = Cut::of(mv, &element);
+            self.state.smoother.push(element, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+        }
+        self.run_smoothed(config, planner, findings);
+    }
+}
+
+/// Whether a guided cut may vibrate along its path, or a finding.
+fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
+    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip_mm()[0] == it.tip_mm()[1]);
+    if motion.elements.iter().any(rests) {
+        let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
+        let finding = Finding::error("VIB-ROTARY-ONLY", span, message);
+        findings.push(finding.suggest("switch the vibration off for this block"));
+        return false;
+    }
+    if config.generation_mode != GenerationMode::AlongPath {
+        let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
+                       leave the path";
+        findings
+            .push(Finding::error("VIB-FIVE-AXIS", span, message).suggest("choose the generation mode along the path"));
+        return false;
+    }
+    true
+}
