@@ -18,6 +18,7 @@ use std::sync::Arc;
 use feedwave_cutting::{MachineProfile, PipelineConfig};
 use feedwave_store::{CheckpointSet, JobDetail, Store};
 use tokio::sync::{Notify, Semaphore};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use uuid::Uuid;
@@ -157,6 +158,14 @@ fn stored_profile(profile: &proto::MachineProfile) -> Result<MachineProfile> {
     let mut violations = Violations::default();
     convert::profile_from_proto(&mut violations, "profile", profile)
         .ok_or_else(|| Error::internal(format!("a stored profile is refused: {:?}", violations.as_slice())))
+}
+
+/// Waits until an instant; for ever where there is none.
+async fn until(instant: Option<impl Into<Instant>>) {
+    match instant {
+        Some(instant) => tokio::time::sleep_until(instant.into()).await,
+        None => std::future::pending().await,
+    }
 }
 
 /// Which stored checkpoints fit a run of the pipeline over a job.

@@ -18,7 +18,7 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 use super::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
 use super::expand::Expander;
 use super::source::Source;
-use super::{Engine, JobGuard, checkpoint_set};
+use super::{Engine, JobGuard, checkpoint_set, until};
 use crate::error::{Error, Result};
 use crate::names;
 use crate::observability::metrics::GaugeGuard;
@@ -125,17 +125,11 @@ impl Ends {
 
     /// Waits until one of them is reached.
     async fn wait(&self) {
-        let deadline = async {
-            match self.deadline {
-                Some(deadline) => tokio::time::sleep_until(deadline).await,
-                None => std::future::pending().await,
-            }
-        };
         tokio::select! {
             () = self.left.cancelled() => {}
             () = self.job.cancelled() => {}
             () = self.draining.cancelled() => {}
-            () = deadline => {}
+            () = until(self.deadline) => {}
         }
     }
 }

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::session::Session;
-use super::{Engine, JobGuard};
+use super::{Engine, JobGuard, until};
 use crate::error::{Error, Result};
 use crate::names;
 use crate::observability::metrics::{GaugeGuard, Metrics};
@@ -200,13 +200,7 @@ impl Worker {
         if let Ok(input) = self.input.try_recv() {
             return Wake::Input(Some(input));
         }
-        let at = |instant: Option<Instant>| async move {
-            match instant {
-                Some(instant) => tokio::time::sleep_until(instant.into()).await,
-                None => std::future::pending().await,
-            }
-        };
-        let (silence, commit) = (at(self.session.silence_at()), at(self.session.commit_at()));
+        let (silence, commit) = (until(self.session.silence_at()), until(self.session.commit_at()));
         let (input, ends, open) = (&mut self.input, &self.ends, self.open);
         self.runtime.block_on(async {
             tokio::select! {

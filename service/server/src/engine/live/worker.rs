@@ -14,6 +14,7 @@ use super::setpoints::{Next, Setpoints};
 use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
 use crate::engine::session::Session;
 use crate::engine::telemetry::RunEnds;
+use crate::engine::until;
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
 use crate::proto;
@@ -157,13 +158,7 @@ impl Worker {
         if let Ok(input) = self.input.try_recv() {
             return Wake::Input(Some(input));
         }
-        let at = |instant: Option<Instant>| async move {
-            match instant {
-                Some(instant) => tokio::time::sleep_until(instant.into()).await,
-                None => std::future::pending().await,
-            }
-        };
-        let (silence, commit) = (at(self.session.silence_at()), at(self.commit_at()));
+        let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
         let (input, ends, open, room) = (&mut self.input, &self.ends, self.open, self.room.clone());
         self.runtime.block_on(async {
