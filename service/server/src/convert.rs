@@ -23,7 +23,7 @@ pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
 pub use thread::{rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
 pub use thread_request::thread_request_from_proto;
-pub use tool::{check_tool, tool_for_pipeline};
+pub use tool::{check_tool, tool_for_pipeline, tool_to_proto};
 
 use crate::error::Violations;
 use crate::proto;

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use feedwave_cutting::{
-    DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig, Tool,
+    DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig,
 };
 use figment::Figment;
-use figment::providers::{Format as _, Serialized, Toml};
+use figment::providers::Serialized;
 
-use super::CliError;
+use super::tools::ToolArgs;
+use super::{CliError, data_file};
 use crate::output::AxisColumn;
 
 /// Options that say which machine.
@@ -29,20 +30,8 @@ pub(super) struct MachineArgs {
     /// How vibration along the path is generated [default: what the profile says, or along-path]
     #[arg(long, value_enum, value_name = "MODE")]
     mode: Option<Mode>,
-    /// A tool and its length from the gauge point, such as 1=120.5; may be repeated. H of G43.4 and G43.5 means these
-    /// lengths, and with any of them other tools are unknown
-    #[arg(long = "tool", value_name = "NUMBER=MM", value_parser = tool)]
-    tools: Vec<Tool>,
-}
-
-/// A tool with its length, as the command line writes it.
-fn tool(text: &str) -> Result<Tool, String> {
-    let (number, length) = text.split_once('=').ok_or("write it as NUMBER=MM, such as 1=120.5")?;
-    let number = number.trim().parse::<u32>().ok().filter(|number| (1..=9_999).contains(number));
-    let number = number.ok_or("the number must be 1 to 9999")?;
-    let length_mm = length.trim().parse::<f64>().ok().filter(|length| length.is_finite() && *length > 0.0);
-    let length_mm = Some(length_mm.ok_or("the length must be a positive number of millimetres")?);
-    Ok(Tool { number, name: String::new(), max_rev_per_min: None, length_mm, geometry: None })
+    #[command(flatten)]
+    tools: ToolArgs,
 }
 
 /// A generic machine.
@@ -85,7 +74,7 @@ impl MachineArgs {
         let mut config = PipelineConfig::new(profile);
         config.interpolation_period_us = self.period_us;
         config.frame = frame;
-        config.tools.clone_from(&self.tools);
+        config.tools = self.tools.read()?;
         if let Some(mode) = self.mode {
             config.generation_mode = mode.into();
         }
@@ -101,39 +90,19 @@ fn generic(kind: Kind) -> MachineProfile {
 }
 
 fn read_profile(path: &Path, kind: Option<Kind>) -> Result<MachineProfile, CliError> {
-    let name = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| CliError::file(path, &error))?;
-    let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-    let stated = if is_json {
-        let value: serde_json::Value =
-            serde_json::from_str(&text).map_err(|error| CliError::trouble(format!("{name}: {error}")))?;
-        Figment::from(Serialized::defaults(value))
-    } else {
-        Figment::from(Toml::string(&text))
-    };
+    let stated = data_file::read(path)?;
     // A profile that says what kind of machine it is need not be told so again.
     let stated_kind = stated.extract_inner::<String>("machine.kind").ok();
     let kind = kind.unwrap_or(if stated_kind.as_deref() == Some("mill") { Kind::Mill } else { Kind::Lathe });
     let profile: MachineProfile = Figment::from(Serialized::defaults(generic(kind)))
         .merge(stated)
         .extract()
-        .map_err(|error| CliError::trouble(problems_of(path, error)))?;
+        .map_err(|error| data_file::not_as_expected(path, error))?;
     let problems = profile.problems();
     if problems.is_empty() {
         return Ok(profile);
     }
-    let lines = problems.iter().map(|problem| format!("{name}: {}: {}", problem.field, problem.message));
-    Err(CliError::trouble(lines.collect::<Vec<_>>().join("\n")))
-}
-
-/// Every problem of a profile that does not have the right form, one a line.
-fn problems_of(path: &Path, error: figment::Error) -> String {
-    let lines = error.into_iter().map(|problem| {
-        let key = problem.path.join(".");
-        let separator = if key.is_empty() { "" } else { ": " };
-        format!("{}: {key}{separator}{}", path.display(), problem.kind)
-    });
-    lines.collect::<Vec<_>>().join("\n")
+    Err(data_file::wrong(path, problems.iter().map(|problem| (problem.field.as_str(), problem.message.as_str()))))
 }
 
 /// The axis columns of a machine's setpoints.
@@ -151,15 +120,6 @@ mod tests {
         let path = directory.path().join(name);
         std::fs::write(&path, text).unwrap();
         read_profile(&path, None).map_err(|error| error.message.replace(&path.display().to_string(), name))
-    }
-
-    #[test]
-    fn tools_are_numbers_with_lengths() {
-        let one = tool("1=120.5").unwrap();
-        assert_eq!((one.number, one.length_mm), (1, Some(120.5)));
-        for wrong in ["1", "=5", "0=5", "10000=5", "1=", "1=0", "1=-2", "1=nan", "x=1"] {
-            assert!(tool(wrong).is_err(), "{wrong}");
-        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! that stops reading (`| head`) ends a command quietly.
 
 mod client;
+mod data_file;
 mod decisions;
 mod demo;
 mod findings;
@@ -21,6 +22,7 @@ mod stream;
 mod submit;
 mod terminal;
 mod thread_plan;
+mod tools;
 mod validate;
 
 use std::io;
