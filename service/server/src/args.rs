@@ -56,7 +56,7 @@ pub enum Command {
     Serve(serve::Args),
     /// The subcommands for people at a terminal.
     #[command(flatten)]
-    Tool(cli::Command),
+    Tool(Box<cli::Command>),
     /// Ask a running service over gRPC whether it serves; exit code 0 if so, 1 if not
     Healthcheck(healthcheck::Args),
 }

@@ -11,7 +11,7 @@ use crate::convert::{check_tool, tool_to_proto};
 /// Options that say which tools there are. Without any of them every tool is taken for known.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ToolArgs {
-    /// Tool library, TOML or JSON: `tools`, each with number, name, `max_rev_per_min`, `length_mm` and geometry (its
+    /// Tool library, TOML or JSON: `tools`, each with number, name, max_rev_per_min, length_mm and geometry (its
     /// cutting edges, which G202 needs); with any tool stated, others are unknown
     #[arg(long = "tools", value_name = "FILE")]
     library: Option<PathBuf>,
