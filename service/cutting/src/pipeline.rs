@@ -6,6 +6,7 @@ use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
 use feedwave_program::{
     Finding, FindingLog, Function, Interpreter, InterpreterState, LineOutcome, Operation, OperationKind, SourceSpan,
+    ToolLength,
 };
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,13 @@ impl PipelineConfig {
         }
     }
 
+    /// The lengths of the tools that have one.
+    #[must_use]
+    pub fn tool_lengths(&self) -> Vec<ToolLength> {
+        let length = |tool: &Tool| Some(ToolLength { number: tool.number, length_mm: tool.length_mm? });
+        self.tools.iter().filter_map(length).collect()
+    }
+
     /// Interpolation period, s.
     #[must_use]
     pub fn period_s(&self) -> f64 {
@@ -71,7 +79,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 9;
+const SNAPSHOT_VERSION: u8 = 10;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -193,7 +201,7 @@ impl Pipeline {
 
     pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
         let language = &config.profile.language;
-        let interpreter = Interpreter::new(language.clone());
+        let interpreter = Interpreter::new(language.clone()).with_tool_lengths(config.tool_lengths());
         let work_offset = language.work_offsets[0];
         let mut position = language.initial_position;
         for (value, offset) in position.iter_mut().zip(work_offset) {
@@ -251,7 +259,8 @@ impl Pipeline {
         if snapshot.version != SNAPSHOT_VERSION {
             return Err(SnapshotError(format!("layout version {} is not {SNAPSHOT_VERSION}", snapshot.version)));
         }
-        let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter);
+        let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter)
+            .with_tool_lengths(config.tool_lengths());
         let mut fresh = Self::new(config);
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;

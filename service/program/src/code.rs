@@ -71,6 +71,10 @@ finding_codes! {
     THREAD_CYCLE_PASSES = "PRG-THREAD-CYCLE-PASSES": "a threading cycle of too many passes";
     MACHINE_MOTION = "PRG-MACHINE-MOTION": "G53 without straight motion or with incremental words";
     REFERENCE_AXIS = "PRG-REFERENCE-AXIS": "G28 without an axis";
+    LENGTH_NUMBER = "PRG-LENGTH-NUMBER": "tool length compensation without the number of a tool length";
+    LENGTH_OTHER_TOOL = "PRG-LENGTH-OTHER-TOOL": "the length of another tool than the one in the spindle";
+    LENGTH_WHILE_CUTTING = "PRG-LENGTH-WHILE-CUTTING": "a cutting block that changes the tool length";
+    TOOL_LENGTH = "PRG-TOOL-LENGTH": "the number of a tool length that is not known";
     TOOL_CONTROL_LENGTH = "PRG-TOOL-CONTROL-LENGTH": "tool centre point control without the number of a tool length";
     TOOL_CONTROL_NESTED = "PRG-TOOL-CONTROL-NESTED": "tool centre point control is switched on while it is on";
     TOOL_CONTROL_OFF = "PRG-TOOL-CONTROL-OFF": "thinning without tool centre point control";

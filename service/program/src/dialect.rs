@@ -111,11 +111,15 @@ pub(crate) enum Meaning {
     Reference,
     MachineCoordinates,
     WorkOffset(u8),
+    /// `G43`, and `G44` with the length subtracted.
+    LengthCompensation {
+        negative: bool,
+    },
     /// `G43.4` with angles, `G43.5` with vectors.
     ToolControl {
         vectors: bool,
     },
-    /// `G49`
+    /// `G49`, for the length as well.
     ToolControlOff,
     Distance {
         absolute: bool,

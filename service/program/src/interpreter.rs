@@ -2,6 +2,7 @@
 
 mod arc;
 mod execute;
+mod length;
 mod motion;
 mod spindle;
 mod spline;
@@ -47,8 +48,18 @@ pub struct Interpreter {
     settings: LanguageSettings,
     state: InterpreterState,
     table: CodeTable,
+    tool_lengths: Vec<ToolLength>,
     /// Storage of the present line's words, reused.
     block: Block,
+}
+
+/// The length of a tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolLength {
+    /// Number of the tool, which is also that of its length (`H`).
+    pub number: u32,
+    /// From the machine's control point to the tip, mm.
+    pub length_mm: f64,
 }
 
 /// A UTF-8 byte order mark.
@@ -65,7 +76,28 @@ impl Interpreter {
     /// An interpreter that goes on where another one with the same settings stood when `state` was taken.
     #[must_use]
     pub fn restore(settings: LanguageSettings, state: InterpreterState) -> Self {
-        Self { table: CodeTable::new(&settings), settings, state, block: Block::default() }
+        let table = CodeTable::new(&settings);
+        Self { table, settings, state, tool_lengths: Vec::new(), block: Block::default() }
+    }
+
+    /// With the lengths of the job's tools, for `G43` and `G44`; of several with one number the first counts. A restored
+    /// interpreter goes on identically with the same ones.
+    #[must_use]
+    pub fn with_tool_lengths(mut self, tool_lengths: Vec<ToolLength>) -> Self {
+        self.tool_lengths = tool_lengths;
+        self
+    }
+
+    /// Reads a whole program that is in memory, or what is left of one.
+    #[must_use]
+    pub fn read_all(mut self, source: &[u8]) -> (Vec<Operation>, FindingLog) {
+        let mut operations = Vec::new();
+        let mut findings = FindingLog::default();
+        let mut rest = source;
+        while let LineOutcome::Consumed(length) = self.read_line(rest, true, &mut operations, &mut findings) {
+            rest = &rest[length..];
+        }
+        (operations, findings)
     }
 
     /// What is remembered between lines.
@@ -175,6 +207,7 @@ impl Interpreter {
         let mut execution = Execution {
             settings: &self.settings,
             table: &self.table,
+            tool_lengths: &self.tool_lengths,
             state: &mut self.state,
             block: &self.block,
             operations,
@@ -260,14 +293,7 @@ impl Interpreter {
 /// Reads a whole program that is in memory.
 #[must_use]
 pub fn interpret(source: &[u8], settings: LanguageSettings) -> (Vec<Operation>, FindingLog) {
-    let mut interpreter = Interpreter::new(settings);
-    let mut operations = Vec::new();
-    let mut findings = FindingLog::default();
-    let mut rest = source;
-    while let LineOutcome::Consumed(length) = interpreter.read_line(rest, true, &mut operations, &mut findings) {
-        rest = &rest[length..];
-    }
-    (operations, findings)
+    Interpreter::new(settings).read_all(source)
 }
 
 /// Offset of the first line feed, eight bytes at a time.

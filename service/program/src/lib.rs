@@ -22,7 +22,7 @@ pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use code::FINDING_CODES;
 pub use finding::{Finding, FindingLog, NamedValue, Severity, SourceSpan, Suggestion};
 pub use guided::{AxisSet, GuidedMove, ToolGuide};
-pub use interpreter::{Interpreter, LineOutcome, interpret};
+pub use interpreter::{Interpreter, LineOutcome, ToolLength, interpret};
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,

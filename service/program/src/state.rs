@@ -53,6 +53,20 @@ pub struct InterpreterState {
     /// The NURBS that is open, between `G5.2` and `G5.3`.
     pub(crate) nurbs: Option<Box<Nurbs>>,
     pub(crate) tool_control: ToolControl,
+    pub(crate) length: LengthCompensation,
+}
+
+/// Tool length compensation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LengthCompensation {
+    /// `H`, 0 where it is off.
+    pub(crate) number: u32,
+    /// `G44`
+    pub(crate) negative: bool,
+    /// What machine Z is more than work Z and the work offset, mm.
+    pub(crate) along_z_mm: f64,
+    /// Line that switched it on.
+    pub(crate) on_line: u32,
 }
 
 /// Tool centre point control.
@@ -225,6 +239,7 @@ impl InterpreterState {
             spline_exit: None,
             nurbs: None,
             tool_control: ToolControl::default(),
+            length: LengthCompensation::default(),
         }
     }
 

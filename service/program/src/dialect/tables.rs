@@ -35,8 +35,6 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(400, Group::CutterCompensation, Meaning::AlreadySo),
     code(410, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(420, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
-    code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-    code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
     code(520, Group::NonModal, Meaning::Unsupported("local coordinate system")),
     code(530, Group::NonModal, Meaning::MachineCoordinates),
     code(540, Group::WorkOffset, Meaning::WorkOffset(0)),
@@ -142,6 +140,8 @@ pub(super) static LATHE: Dialect = Dialect {
     g_codes: &[
         code(320, Group::Motion, Meaning::Thread),
         code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
+        code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
+        code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
         code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
         code(490, Group::LengthCompensation, Meaning::AlreadySo),
         code(500, Group::NonModal, Meaning::SpeedClamp),
@@ -170,6 +170,8 @@ pub(super) static MILL: Dialect = Dialect {
     g_codes: &[
         code(150, Group::PolarCoordinates, Meaning::AlreadySo),
         code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
+        code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
+        code(440, Group::LengthCompensation, Meaning::LengthCompensation { negative: true }),
         code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
         code(435, Group::LengthCompensation, Meaning::ToolControl { vectors: true }),
         code(490, Group::LengthCompensation, Meaning::ToolControlOff),

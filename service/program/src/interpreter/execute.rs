@@ -7,7 +7,7 @@ use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
     FunctionWord, LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode,
-    Severity, SourceSpan, XWord,
+    Severity, SourceSpan, ToolLength, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -24,6 +24,7 @@ pub(super) const LEAST_RATE: f64 = 1e-9;
 pub(super) struct Execution<'a> {
     pub(super) settings: &'a LanguageSettings,
     pub(super) table: &'a CodeTable,
+    pub(super) tool_lengths: &'a [ToolLength],
     pub(super) state: &'a mut InterpreterState,
     pub(super) block: &'a Block,
     pub(super) operations: &'a mut Vec<Operation>,
@@ -60,6 +61,7 @@ impl Execution<'_> {
             self.coolant();
             self.dwell();
             self.modes();
+            self.length_compensation();
             if let Some((span, command)) = function {
                 self.emit(span, OperationKind::Function(command));
             }

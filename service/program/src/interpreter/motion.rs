@@ -154,7 +154,7 @@ impl Execution<'_> {
         let over = self.target(axes, Frame::Work);
         rapid(self, over);
         self.state.position = over;
-        let offset = &self.settings.work_offsets[usize::from(self.state.work_offset)];
+        let offset = self.machine_offset();
         let mut home = over;
         for place in set_bits(axes) {
             if let Letter::Axis(axis) | Letter::Increment(axis) = self.table.dialect.letters[place] {
@@ -216,8 +216,7 @@ impl Execution<'_> {
             if increment {
                 *target += value;
             } else if frame == Frame::Machine {
-                let offset = &self.settings.work_offsets[usize::from(self.state.work_offset)];
-                *target = value - offset[axis.index()];
+                *target = value - self.machine_offset()[axis.index()];
             } else {
                 *target = value;
             }
@@ -298,7 +297,7 @@ impl Execution<'_> {
             kind,
             start: self.state.position,
             end,
-            work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
+            work_offset: self.machine_offset(),
             arc: None,
             spline: None,
             path_control: self.path_control(),

@@ -302,7 +302,7 @@ impl Execution<'_> {
         let step = ThreadMove {
             start: self.state.position,
             end,
-            work_offset: self.settings.work_offsets[usize::from(self.state.work_offset)],
+            work_offset: self.machine_offset(),
             lead_mm: cut.lead_mm,
             start_angle_deg: cut.start_angle_deg,
             thread_start: 0,

@@ -43,6 +43,9 @@ impl Execution<'_> {
                     .suggest("switch it off with G49 before it is switched on with another form or length")
             });
         }
+        if self.state.length.number != 0 {
+            return self.length_nested(span, "tool length compensation", self.state.length.on_line);
+        }
         if !is_on {
             let Some(length_offset) = self.length_offset(length, span) else { return };
             let mode = if vectors { ToolMode::Vectors } else { ToolMode::Angles };

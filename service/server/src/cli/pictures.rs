@@ -108,7 +108,7 @@ fn windows(indices: &Range<u64>, section: &SectionReport, period_s: f64) -> [(St
 /// of their corners.
 fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<(), CliError> {
     source.rewind()?;
-    let mut interpreter = Interpreter::new(config.profile.language.clone());
+    let mut interpreter = Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths());
     let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
     let (mut unread, mut ended) = (Vec::new(), false);
     let mut smoother = PathSmoother::default();

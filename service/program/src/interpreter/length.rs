@@ -1,0 +1,124 @@
+//! Tool length compensation: `G43 H`, `G44 H`, `G49`.
+//!
+//! The length is along Z whatever the plane of arcs, and part of the offset of every move: machine Z = work Z + work offset +
+//! length, so that work coordinates are those of the tip, and machine coordinates those of the machine's control point.
+//! Switching moves nothing (on some controls `G43` without an axis word moves Z by the length): the same place has other
+//! coordinates, and the next word of Z says where the tip goes.
+
+use super::execute::Execution;
+use crate::code;
+use crate::dialect::{Group, Meaning};
+use crate::state::{LengthCompensation, Motion, ToolMode};
+use crate::{Axis, Finding, Position, Severity, SourceSpan};
+
+impl Execution<'_> {
+    /// `G43`, `G44`, and `G49` for both.
+    pub(super) fn length_compensation(&mut self) {
+        match self.code(Group::LengthCompensation) {
+            Some((Meaning::LengthCompensation { negative }, span)) => self.length_on(negative, span),
+            Some((Meaning::ToolControlOff, span)) if self.state.length.number != 0 => {
+                self.switch_length(LengthCompensation::default(), span);
+            }
+            _ => {}
+        }
+    }
+
+    fn length_on(&mut self, negative: bool, span: SourceSpan) {
+        let word = self.take(b'H');
+        if self.state.tool_control.mode != ToolMode::Off {
+            let on_line = self.state.tool_control.on_line;
+            return self.length_nested(span, "tool centre point control", on_line);
+        }
+        let number = match word {
+            Some(word) => match self.whole(&word) {
+                Some(number) => number,
+                None => return,
+            },
+            // H is modal, as the length is.
+            None => self.state.length.number,
+        };
+        if number == 0 {
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::LENGTH_NUMBER, span, "the number H of the tool length is missing or 0")
+                    .suggest("add H with the number of the tool, such as H1")
+                    .suggest("switch the compensation off with G49")
+            });
+        }
+        let tool = self.state.tool;
+        if tool != 0 && tool != number {
+            self.findings.push_with(Severity::Warning, || {
+                let message = format!("H{number} is the length of another tool than T{tool}, which is in the spindle");
+                Finding::warning(code::LENGTH_OTHER_TOOL, span, message)
+                    .with_value("length_offset", f64::from(number), "")
+                    .with_value("tool", f64::from(tool), "")
+                    .suggest_replacement("use the length of the tool", format!("H{tool}"))
+            });
+        }
+        let length_mm = self.tool_lengths.iter().find(|length| length.number == number).map(|length| length.length_mm);
+        if length_mm.is_none() {
+            self.findings.push_with(Severity::Error, || {
+                let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
+                Finding::error(code::TOOL_LENGTH, span, message)
+                    .with_value("length_offset", f64::from(number), "")
+                    .suggest("give the tool its length, and the job the tool")
+            });
+        }
+        let length_mm = length_mm.unwrap_or(0.0);
+        let along_z_mm = if negative { -length_mm } else { length_mm };
+        self.switch_length(LengthCompensation { number, negative, along_z_mm, on_line: span.line }, span);
+    }
+
+    /// Another length from here on; the axes stay where they are.
+    fn switch_length(&mut self, next: LengthCompensation, span: SourceSpan) {
+        let change_mm = next.along_z_mm - self.state.length.along_z_mm;
+        self.state.length = next;
+        if change_mm == 0.0 {
+            return;
+        }
+        self.state.position[Axis::Z.index()] -= change_mm;
+        self.check_cut_with_change(change_mm, span);
+    }
+
+    /// A cut in the block that changes the length goes by the change as well as by what is programmed.
+    fn check_cut_with_change(&mut self, change_mm: f64, span: SourceSpan) {
+        let motion = match self.code(Group::Motion) {
+            Some((Meaning::Rapid, _)) => return,
+            Some((Meaning::Linear, _)) => Motion::Linear,
+            Some(_) => Motion::Unclear,
+            None => self.state.motion,
+        };
+        let severity = match motion {
+            Motion::None | Motion::Rapid => return,
+            Motion::Linear => Severity::Warning,
+            _ => Severity::Error,
+        };
+        if self.block.letters & self.table.axis_letters == 0 {
+            return;
+        }
+        self.findings.push_with(severity, || {
+            let message = format!("the tool length changes by {change_mm} mm in a cutting block");
+            let finding = match severity {
+                Severity::Error => Finding::error(code::LENGTH_WHILE_CUTTING, span, message),
+                _ => Finding::warning(code::LENGTH_WHILE_CUTTING, span, message),
+            };
+            finding.with_value("change", change_mm, "mm").suggest("change it in a block of its own, or with G0")
+        });
+    }
+
+    #[cold]
+    pub(super) fn length_nested(&mut self, span: SourceSpan, what: &'static str, on_line: u32) {
+        self.findings.push_with(Severity::Error, || {
+            Finding::error(code::TOOL_CONTROL_NESTED, span, format!("{what} is on, since line {on_line}"))
+                .with_value("on_line", f64::from(on_line), "")
+                .suggest("switch it off with G49 first")
+        });
+    }
+
+    /// Machine position less programmed position, per axis: work offset, and tool length along Z.
+    #[inline]
+    pub(super) fn machine_offset(&self) -> Position {
+        let mut offset = self.settings.work_offsets[usize::from(self.state.work_offset)];
+        offset[Axis::Z.index()] += self.state.length.along_z_mm;
+        offset
+    }
+}

@@ -1,0 +1,82 @@
+//! Tool length compensation: `G43`, `G44`, `G49`. T1 is 100 mm long, T2 50 mm.
+
+use super::*;
+
+/// Where the machine's Z goes in each move.
+fn machine_z(program: &str, settings: LanguageSettings) -> Vec<f64> {
+    let interpreter = Interpreter::new(settings).with_tool_lengths(tools());
+    let (operations, findings) = interpreter.read_all(program.as_bytes());
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    let z = Axis::Z.index();
+    let mut stands = None;
+    let moves = operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Move(step) => {
+            let [start, end] = [step.start[z], step.end[z]].map(|place| place + step.work_offset[z]);
+            assert!(stands.is_none_or(|stands: f64| (stands - start).abs() < 1e-12), "{stands:?} {start}");
+            stands = Some(end);
+            Some(end)
+        }
+        _ => None,
+    });
+    moves.collect()
+}
+
+#[test]
+fn the_length_is_between_the_control_point_and_the_tip() {
+    let mut settings = mill();
+    settings.work_offsets[0][Axis::Z.index()] = -300.0;
+    settings.reference_position[Axis::Z.index()] = 10.0;
+    // Machine Z = work Z + offset + length; G53 and G28 are machine positions whatever the length.
+    let program =
+        "G0 Z50\nG43 H1 Z50\nG1 Z-5 F100\nX10\nG53 G0 Z0\nX20\nG0 Z5\nG91 G28 Z0\nG90 G43 H2 Z5\nG44 Z5\nG49 Z5\n";
+    let expected =
+        [-250.0, -150.0, -205.0, -205.0, 0.0, 0.0, -195.0, -195.0, 10.0, -245.0, -345.0, -295.0].map(|z: f64| z);
+    let found = machine_z(program, settings);
+    // The return over the present place is no move.
+    let expected: Vec<f64> = expected.into_iter().enumerate().filter(|(at, _)| *at != 7).map(|(_, z)| z).collect();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn switching_moves_nothing() {
+    // The same place has other coordinates; increments count from there.
+    check(
+        &mill(),
+        "G0 X1 Z200\nG43 H1\nX2\nG91 Z-5\nG90 G2 X3 Y1 R1 F10\nG49\nG0 X0",
+        "rapid 0 -> X1 Z200
+         rapid X1 Z100 -> X2 Z100
+         rapid X2 Z100 -> X2 Z95
+         arc X2 Z95 -> X3 Y1 Z95 about 3,0 by -90 @10/min
+         rapid X3 Y1 Z195 -> Y1 Z195",
+    );
+}
+
+#[test]
+fn the_length_is_along_z_in_every_plane() {
+    check(&mill(), "G18\nG43 H2\nG0 X5", "rapid Z-50 -> X5 Z-50");
+    check(&mill(), "G19 G44 H2\nG0 X5", "rapid Z50 -> X5 Z50");
+}
+
+#[test]
+fn contradictions_are_refused() {
+    check(&mill(), "G43\nG43 H0\nG44 H1.5\nG43 H99", {
+        "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:1+3 PRG-LENGTH-NUMBER\n! 3:5+4 PRG-NUMBER-NOT-WHOLE\n! 4:1+3 PRG-TOOL-LENGTH"
+    });
+    // H is modal while the compensation is on, but no word of a block without it.
+    check(&mill(), "G43 H1\nG43\nH2", "! 3:1+2 PRG-WORD-UNUSED");
+    check(&mill(), "G43 H1\nG43.4 H1", "! 2:1+5 PRG-TOOL-CONTROL-NESTED");
+    check(&mill(), "G43.4 H1\nG43 H1", "! 2:1+3 PRG-TOOL-CONTROL-NESTED");
+    check(&mill(), "G43 G49 H1", "! 1:5+3 PRG-GROUP-CONFLICT");
+    check(&mill(), "G43 H1\nG49\nG43.4 H1\nG49\nG49", "");
+    check(&lathe(), "G43", "! 1:1+3 PRG-UNSUPPORTED-CODE");
+}
+
+#[test]
+fn another_tool_and_cuts_are_pointed_out() {
+    check(&mill(), "T2 M6\nG43 H1 G0 Z0", "tool 2.0\nrapid Z-100 -> 0\nw 2:1+3 PRG-LENGTH-OTHER-TOOL");
+    check(&mill(), "T2 M6\nG43 H2 G0 Z0", "tool 2.0\nrapid Z-50 -> 0");
+    check(&mill(), "G1 G43 H2 X1 F10", "line Z-50 -> X1 Z-50 @10/min\nw 1:4+3 PRG-LENGTH-WHILE-CUTTING");
+    check(&mill(), "G1 F10\nG43 H2\nG44 H2 X1", { "line Z50 -> X1 Z50 @10/min\nw 3:1+3 PRG-LENGTH-WHILE-CUTTING" });
+    check(&mill(), "G2 G43 H2 X1 Y1 R1 F10", "! 1:4+3 PRG-LENGTH-WHILE-CUTTING");
+    check(&mill(), "G43 H2\nG2 G43 H2 X1 Y1 R1 F10", { "arc Z-50 -> X1 Y1 Z-50 about 1,0 by -90 @10/min" });
+}
