@@ -59,9 +59,11 @@ fn the_length_is_along_z_in_every_plane() {
 
 #[test]
 fn contradictions_are_refused() {
-    check(&mill(), "G43\nG43 H0\nG44 H1.5\nG43 H99", {
-        "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:1+3 PRG-LENGTH-NUMBER\n! 3:5+4 PRG-NUMBER-NOT-WHOLE\n! 4:1+3 PRG-TOOL-LENGTH"
-    });
+    check(
+        &mill(),
+        "G43\nG43 H0\nG44 H1.5\nG43 H99",
+        "! 1:1+3 PRG-LENGTH-NUMBER\n! 2:1+3 PRG-LENGTH-NUMBER\n! 3:5+4 PRG-NUMBER-NOT-WHOLE\n! 4:1+3 PRG-TOOL-LENGTH",
+    );
     // H is modal while the compensation is on, but no word of a block without it.
     check(&mill(), "G43 H1\nG43\nH2", "! 3:1+2 PRG-WORD-UNUSED");
     check(&mill(), "G43 H1\nG43.4 H1", "! 2:1+5 PRG-TOOL-CONTROL-NESTED");
@@ -76,7 +78,7 @@ fn another_tool_and_cuts_are_pointed_out() {
     check(&mill(), "T2 M6\nG43 H1 G0 Z0", "tool 2.0\nrapid Z-100 -> 0\nw 2:1+3 PRG-LENGTH-OTHER-TOOL");
     check(&mill(), "T2 M6\nG43 H2 G0 Z0", "tool 2.0\nrapid Z-50 -> 0");
     check(&mill(), "G1 G43 H2 X1 F10", "line Z-50 -> X1 Z-50 @10/min\nw 1:4+3 PRG-LENGTH-WHILE-CUTTING");
-    check(&mill(), "G1 F10\nG43 H2\nG44 H2 X1", { "line Z50 -> X1 Z50 @10/min\nw 3:1+3 PRG-LENGTH-WHILE-CUTTING" });
+    check(&mill(), "G1 F10\nG43 H2\nG44 H2 X1", "line Z50 -> X1 Z50 @10/min\nw 3:1+3 PRG-LENGTH-WHILE-CUTTING");
     check(&mill(), "G2 G43 H2 X1 Y1 R1 F10", "! 1:4+3 PRG-LENGTH-WHILE-CUTTING");
-    check(&mill(), "G43 H2\nG2 G43 H2 X1 Y1 R1 F10", { "arc Z-50 -> X1 Y1 Z-50 about 1,0 by -90 @10/min" });
+    check(&mill(), "G43 H2\nG2 G43 H2 X1 Y1 R1 F10", "arc Z-50 -> X1 Y1 Z-50 about 1,0 by -90 @10/min");
 }
