@@ -3,6 +3,7 @@
 
 mod binary;
 mod client;
+mod freeform;
 mod memory;
 mod programs;
 mod server;
@@ -11,6 +12,7 @@ mod web;
 
 pub use binary::feedwave_binary;
 pub use client::{Clients, Outcome, sha256_hex, upload, upload_messages};
+pub use freeform::{Directions, Freeform};
 pub use memory::{MemoryUse, measure_memory};
 pub use programs::{SHAFT, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, long_dwell, many_blocks};
 pub use server::{Home, Server};

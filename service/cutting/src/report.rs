@@ -116,6 +116,8 @@ pub struct LimitTimes {
 pub struct AxisSummary {
     /// Column name.
     pub name: String,
+    /// Whether its figures are in degrees rather than millimetres.
+    pub rotary: bool,
     /// Smallest machine position, mm or degrees.
     pub min: f64,
     /// Largest machine position, mm or degrees.

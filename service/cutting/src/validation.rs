@@ -31,6 +31,7 @@ pub struct Validation {
 #[derive(Clone, Debug)]
 struct AxisTrace {
     name: String,
+    rotary: bool,
     min: f64,
     max: f64,
     /// Peaks of the first, second and third derivative.
@@ -63,6 +64,7 @@ impl Validation {
         };
         let trace = |axis: &feedwave_motion::MachineAxis| AxisTrace {
             name: axis.name.clone(),
+            rotary: axis.axis.is_rotary(),
             min: f64::INFINITY,
             max: f64::NEG_INFINITY,
             peaks: [Peak::default(); 3],
@@ -241,6 +243,7 @@ impl AxisTrace {
         let [velocity, acceleration, jerk] = self.peaks;
         AxisSummary {
             name: self.name,
+            rotary: self.rotary,
             min: self.min,
             max: self.max,
             peak_velocity_per_s: velocity.value,

@@ -82,7 +82,7 @@ pub struct Args {
 pub(super) enum FrameArg {
     /// With work offsets, as the machine's axes stand
     Machine,
-    /// As programmed; X is a radius
+    /// As programmed; X is a radius. Of a five-axis machine the tool centre point, and columns of the tool direction
     Work,
 }
 
@@ -173,6 +173,9 @@ fn write(
     let axes = axis_columns(&config.profile);
     let divisor = substeps.unwrap_or(1);
     let mut layout = Layout::new(&axes, f64::from(config.interpolation_period_us) / f64::from(divisor));
+    if config.frame == Frame::Work && config.profile.kinematics.is_some() {
+        layout = layout.with_tool_direction();
+    }
     if config.generation_mode == GenerationMode::ServoSide && substeps.is_none() {
         layout = layout.with_servo_conditions(&axes);
     }

@@ -171,19 +171,24 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));
     }
     if !summary.axes.is_empty() {
-        let head = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²", "jerk, m/s³"];
-        let mut table = vec![head.map(str::to_owned).to_vec()];
-        table.extend(summary.axes.iter().map(|axis| {
-            vec![
-                axis.name.clone(),
-                number(axis.min, 7),
-                number(axis.max, 7),
-                number(axis.peak_velocity_per_s * 60.0, 5),
-                number(axis.peak_acceleration_per_s2 / 1e3, 4),
-                number(axis.peak_jerk_per_s3 / 1e3, 4),
-            ]
-        }));
-        rows.table(&table);
+        let linear = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²", "jerk, m/s³"];
+        let rotary = ["axis", "from, °", "to, °", "velocity, °/min", "acceleration, °/s²", "jerk, °/s³"];
+        for (is_rotary, head, per) in [(false, linear, 1e3), (true, rotary, 1.0)] {
+            let mut table = vec![head.map(str::to_owned).to_vec()];
+            table.extend(summary.axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
+                vec![
+                    axis.name.clone(),
+                    number(axis.min, 7),
+                    number(axis.max, 7),
+                    number(axis.peak_velocity_per_s * 60.0, 5),
+                    number(axis.peak_acceleration_per_s2 / per, 4),
+                    number(axis.peak_jerk_per_s3 / per, 4),
+                ]
+            }));
+            if table.len() > 1 {
+                rows.table(&table);
+            }
+        }
         for axis in &summary.axes {
             let places = [&axis.peak_velocity_at, &axis.peak_acceleration_at, &axis.peak_jerk_at];
             let names = ["velocity", "acceleration", "jerk"];

@@ -66,6 +66,7 @@ const fn limit_times(times: &LimitTimes) -> proto::LimitTimes {
 fn axis_summary(axis: &AxisSummary) -> proto::AxisSummary {
     proto::AxisSummary {
         name: axis.name.clone(),
+        rotary: axis.rotary,
         min: axis.min,
         max: axis.max,
         peak_velocity_per_s: axis.peak_velocity_per_s,

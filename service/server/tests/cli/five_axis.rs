@@ -1,0 +1,122 @@
+//! Five-axis programs on the command line: files in machine and work coordinates, and the report.
+
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::record::Field;
+use serde_json::Value;
+
+use crate::{code, feedwave, fixture, rows, stderr, stdout};
+
+/// The freeform program on the five-axis mill.
+fn on_mill(command: &str, arguments: &[&str]) -> std::process::Output {
+    let (program, profile) = (fixture("freeform.nc"), fixture("five-axis-mill.toml"));
+    let mut call = feedwave();
+    call.arg(command).arg(program).arg("--profile").arg(profile).args(["--tool", "1=120"]).args(arguments);
+    call.output().unwrap()
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+/// Values by letter of a block of the program.
+fn words(line: &str) -> impl Fn(char) -> Option<f64> + '_ {
+    |letter| {
+        let word = line.split_whitespace().find(|word| word.starts_with(letter))?;
+        word[1..].parse().ok()
+    }
+}
+
+#[test]
+fn work_coordinates_are_the_tool_centre_point_and_its_direction() {
+    let output = on_mill("plan", &["--out", "-", "--frame", "work"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let csv = stdout(&output);
+    let header: Vec<_> = csv.lines().next().unwrap().split(',').collect();
+    assert_eq!(header[2..7], ["X_mm", "Y_mm", "Z_mm", "A_deg", "C_deg"]);
+    assert_eq!(header[11..], ["source_line", "tool_direction_x", "tool_direction_y", "tool_direction_z"]);
+
+    // Where each line of the program ends: words are modal.
+    let program = std::fs::read_to_string(fixture("freeform.nc")).unwrap();
+    let mut place = [0.0; 3];
+    let ends: Vec<[f64; 3]> = program
+        .lines()
+        .map(|line| {
+            let word = words(line);
+            for (letter, value) in ['X', 'Y', 'Z'].into_iter().zip(&mut place) {
+                *value = word(letter).unwrap_or(*value);
+            }
+            place
+        })
+        .collect();
+    let end_of = |line: usize| ends[line - 1];
+    let guided = 9..program.lines().position(|line| line == "M34").unwrap();
+    // Thinned blocks: each setpoint is on the segment from the end of the kept block before to the end of its own.
+    let (mut lines, mut farthest_mm, mut turned_deg) = (Vec::new(), 0.0_f64, 0.0_f64);
+    for row in rows(&csv) {
+        let line = row[11] as usize;
+        if !guided.contains(&line) {
+            continue;
+        }
+        if lines.last() != Some(&line) {
+            lines.push(line);
+        }
+        let direction: [f64; 3] = std::array::from_fn(|axis| row[12 + axis]);
+        assert!((norm(direction) - 1.0).abs() < 1e-12);
+        // v = Rz(C)·Rx(A)·z
+        let ((a_sine, a_cosine), (c_sine, c_cosine)) = (row[5].to_radians().sin_cos(), row[6].to_radians().sin_cos());
+        let expected = [c_sine * a_sine, -c_cosine * a_sine, a_cosine];
+        turned_deg = turned_deg.max(norm(std::array::from_fn(|axis| direction[axis] - expected[axis])).to_degrees());
+        let [.., before, this] = lines[..] else { continue };
+        if end_of(before) == end_of(this) {
+            continue;
+        }
+        let (start, end) = (end_of(before), end_of(this));
+        let way: [f64; 3] = std::array::from_fn(|axis| end[axis] - start[axis]);
+        let from_start: [f64; 3] = std::array::from_fn(|axis| row[2 + axis] - start[axis]);
+        let share = (0..3).map(|axis| way[axis] * from_start[axis]).sum::<f64>() / norm(way).powi(2);
+        assert!((-1e-9..=1.0 + 1e-9).contains(&share), "line {line}: {share}");
+        farthest_mm = farthest_mm.max(norm(std::array::from_fn(|axis| from_start[axis] - share * way[axis])));
+    }
+    assert!(lines.len() > 200 && lines.is_sorted());
+    assert!(farthest_mm < 1e-9 && turned_deg < 1e-9, "{farthest_mm} mm, {turned_deg} degrees");
+}
+
+#[test]
+fn parquet_has_the_tool_direction_too() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("part.parquet");
+    let arguments = ["--frame", "work", "--from-index", "9000", "--count", "1000", "--out"];
+    let output = on_mill("plan", &[&arguments[..], &[path.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let csv = on_mill("plan", &[&arguments[..], &["-"]].concat());
+    let wanted = rows(&stdout(&csv));
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut count = 0;
+    for (row, wanted) in reader.get_row_iter(None).unwrap().zip(&wanted) {
+        for ((name, field), wanted) in row.unwrap().get_column_iter().zip(wanted) {
+            if let Field::Double(value) = field {
+                assert_eq!(value.to_bits(), wanted.to_bits(), "{name}");
+            }
+        }
+        count += 1;
+    }
+    assert_eq!((count, wanted.len(), wanted[0].len()), (1_000, 1_000, 15));
+}
+
+#[test]
+fn the_report_says_what_thinning_did_and_has_units_of_rotary_axes() {
+    let output = on_mill("validate", &[]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(text.contains("2 627 read in 13 groups") && text.contains("velocity, °/min"), "{text}");
+    let output = on_mill("validate", &["--format", "json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let figures = &report["thinning"]["figures"];
+    let sum = |of: &str| figures["rotary"][of].as_array().unwrap().iter().map(|count| count.as_u64().unwrap()).sum();
+    let (before, after): (u64, u64) = (sum("reversals_before"), sum("reversals_after"));
+    assert!(after * 10 < before, "{before} reversals before, {after} after");
+    let deviation_mm = figures["position_deviation_mm"].as_f64().unwrap();
+    assert!(deviation_mm > 0.005 && deviation_mm < 0.01, "{deviation_mm}");
+    let rotary: Vec<_> = report["summary"]["axes"].as_array().unwrap().iter().map(|axis| &axis["rotary"]).collect();
+    assert_eq!(rotary, [false, false, false, true, true]);
+}
