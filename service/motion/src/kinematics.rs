@@ -25,7 +25,7 @@ mod path;
 mod range;
 pub mod vector;
 
-pub use branch::{CutFailure, CutStart};
+pub use branch::{CutFailure, CutSearch, CutStart};
 pub use chain::{JointValues, Kinematics, KinematicsError, Setup, ToolPose, WorkFrame};
 pub use description::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
 pub use direction::{DirectionPath, FiveAxisSegment, GreatCircle, OppositeDirections, RotaryDirections};

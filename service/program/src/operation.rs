@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{GuidedMove, Plane, Position, SourceSpan};
 
 /// One step of the program.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Operation {
     /// The words that ask for it.
     pub span: SourceSpan,
@@ -18,7 +18,7 @@ pub struct Operation {
 }
 
 /// What an [`Operation`] does.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "most operations are moves, and a box would allocate once per block")]
 pub enum OperationKind {
     /// Axis motion.
@@ -291,7 +291,7 @@ pub enum Function {
 
 /// A block that switches a machining function. The words are those of the function's table in the dialect,
 /// lengths in mm; their meaning and validity are the function's own business.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FunctionCommand {
     /// Which function.
     pub function: Function,
@@ -312,7 +312,7 @@ impl FunctionCommand {
 }
 
 /// One word of a [`FunctionCommand`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FunctionWord {
     /// Upper-case address letter.
     pub letter: char,

@@ -246,16 +246,20 @@ impl FiveAxis {
     pub(crate) fn check_range(&self, axis: Axis, [low, high]: [f64; 2]) -> Result<(), FiveAxisRefusal> {
         let Some(place) = self.place(axis) else { return Ok(()) };
         let [least, most] = self.extent(place);
-        let excess_rad = (low - least.to_radians()).max(most.to_radians() - high);
-        if excess_rad <= SAME_START_RAD {
+        let [least, most] = [least, most].map(f64::to_radians);
+        if (low - least).max(most - high) <= SAME_START_RAD {
             return Ok(());
         }
+        let value_rad = if low - least > most - high { least } else { most };
         // The end of the first piece that is outside tells about where.
         let outside = |piece: &&FiveAxisPiece| {
             let end = horner(&piece.of(place), 1.0).to_radians();
             end < low || end > high
         };
         let share = self.pieces.iter().find(outside).map_or(0.5, |piece| piece.end() / self.length());
-        Err(FiveAxisRefusal::Pose { share, reason: KinematicsError::OutOfRange { axis, excess_rad } })
+        Err(FiveAxisRefusal::Pose {
+            share,
+            reason: KinematicsError::OutOfRange { axis, value_rad, range_rad: [low, high] },
+        })
     }
 }

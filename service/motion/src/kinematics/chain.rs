@@ -9,8 +9,8 @@ use super::vector::{Vec3, add, add_scaled, cross, dot, rotate, scale, sub, unit}
 use crate::machine::ProfileProblem;
 
 /// Smallest volume that the directions of the linear axes may span in a pose (1 for orthogonal ones): with less, rounding
-/// in travels a thousand times the distance would cost the precision of the tool centre point, 1e-9 mm.
-pub(super) const LEAST_VOLUME: f64 = 1e-3;
+/// in travels a hundred times the distance would cost the precision of the tool centre point, 1e-9 mm.
+pub(super) const LEAST_VOLUME: f64 = 1e-2;
 /// How far the columns of a rotation may be from unit length and right angles: CAM posts print six decimals.
 const ROTATION_TOLERANCE: f64 = 1e-5;
 
@@ -116,12 +116,17 @@ pub enum KinematicsError {
         missing_rad: f64,
     },
     /// Both inverse solutions are outside the range of a rotary axis.
-    #[error("{} would have to turn {:.6} degrees beyond its range", axis.letter(), excess_rad.to_degrees())]
+    #[error(
+        "{} would have to turn to {:.6} degrees, beyond its range from {:.6} to {:.6}",
+        axis.letter(), value_rad.to_degrees(), range_rad[0].to_degrees(), range_rad[1].to_degrees()
+    )]
     OutOfRange {
         /// The rotary axis.
         axis: Axis,
-        /// How far the better of the two solutions is outside, rad.
-        excess_rad: f64,
+        /// Where it would be in the better of the two solutions, rad.
+        value_rad: f64,
+        /// Its range, rad.
+        range_rad: [f64; 2],
     },
     /// In this pose the linear axes cannot move the tool in every direction.
     #[error("the linear axes do not span space in this pose")]
@@ -132,6 +137,17 @@ pub enum KinematicsError {
     /// The directions of a work frame are not perpendicular unit vectors.
     #[error("the directions of the work coordinates are not perpendicular unit vectors")]
     NotARotation,
+}
+
+impl KinematicsError {
+    /// How far outside its range a rotary axis would be, rad; 0 for every other reason.
+    #[must_use]
+    pub fn excess_rad(&self) -> f64 {
+        match self {
+            Self::OutOfRange { value_rad, range_rad: [low, high], .. } => (low - value_rad).max(value_rad - high),
+            _ => 0.0,
+        }
+    }
 }
 
 /// One compiled axis.

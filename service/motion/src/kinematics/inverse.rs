@@ -118,9 +118,8 @@ impl Kinematics {
             *value = if free {
                 joint.range.map_or(reference, |[low, high]| reference.clamp(low, high))
             } else {
-                joint
-                    .nearest_in_range(*value, reference)
-                    .map_err(|excess_rad| KinematicsError::OutOfRange { axis: joint.axis, excess_rad })?
+                let outside = |value| joint.refusal(value).unwrap_or(KinematicsError::Degenerate);
+                joint.nearest_in_range(*value, reference).map_err(outside)?
             };
         }
         Ok(values)
@@ -202,13 +201,21 @@ impl Kinematics {
         Ok(InverseSolution { joints, pole_distance_rad: solution.pole_distance_rad, singular: solution.singular })
     }
 
-    /// Whether a branch may start a cut before another one by the profile's preference.
-    pub(super) fn prefers(&self, values_rad: [f64; 2], other_rad: [f64; 2]) -> bool {
+    /// The solution that the profile prefers to start a cut with.
+    #[must_use]
+    pub const fn preferred(&self) -> BranchPreference {
+        self.preferred
+    }
+}
+
+impl BranchPreference {
+    /// Whether these rotary values may start a cut before other ones.
+    pub(super) fn prefers(self, values_rad: [f64; 2], other_rad: [f64; 2]) -> bool {
         let second = |values: [f64; 2]| nearest_turn(values[1], 0.0);
-        match self.preferred {
-            BranchPreference::Nearest => false,
-            BranchPreference::Larger => second(values_rad) > second(other_rad) + SINGULAR_RAD,
-            BranchPreference::Smaller => second(values_rad) < second(other_rad) - SINGULAR_RAD,
+        match self {
+            Self::Nearest => false,
+            Self::Larger => second(values_rad) > second(other_rad) + SINGULAR_RAD,
+            Self::Smaller => second(values_rad) < second(other_rad) - SINGULAR_RAD,
         }
     }
 }
@@ -219,11 +226,5 @@ pub(super) fn way(values: [f64; 2], reference: [f64; 2]) -> f64 {
 }
 
 fn less_excess(a: KinematicsError, b: KinematicsError) -> KinematicsError {
-    match (a, b) {
-        (
-            KinematicsError::OutOfRange { excess_rad: left, .. },
-            KinematicsError::OutOfRange { excess_rad: right, .. },
-        ) if right < left => b,
-        _ => a,
-    }
+    if b.excess_rad() < a.excess_rad() { b } else { a }
 }

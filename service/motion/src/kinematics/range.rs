@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::chain::{Joint, JointValues, Kinematics};
+use super::chain::{Joint, JointValues, Kinematics, KinematicsError};
 use super::description::Wrap;
 
 /// How far beyond a range still counts as at its end, rad or mm: what rounding adds to a value at the end.
@@ -22,7 +22,14 @@ impl Joint {
         if excess <= RANGE_SLACK { 0.0 } else { excess }
     }
 
-    /// `angle` plus the turns that bring it nearest to `reference` while it stays in range, if any do.
+    /// Why a rotary axis cannot be at a value; nothing where it can.
+    pub(super) fn refusal(&self, value: f64) -> Option<KinematicsError> {
+        let range_rad = self.range.filter(|_| self.excess(value) > 0.0)?;
+        Some(KinematicsError::OutOfRange { axis: self.axis, value_rad: value, range_rad })
+    }
+
+    /// `angle` plus the turns that bring it nearest to `reference` while it stays in range, or else the value that is
+    /// least outside.
     pub(super) fn nearest_in_range(&self, angle: f64, reference: f64) -> Result<f64, f64> {
         let nearest = nearest_turn(angle, reference);
         let Some([low, high]) = self.range.filter(|_| self.excess(nearest) > 0.0) else {
@@ -36,7 +43,7 @@ impl Joint {
         match candidates.map(|candidate| self.excess(candidate)) {
             [_, 0.0] => Ok(candidates[1]),
             [0.0, _] => Ok(candidates[0]),
-            [first, second] => Err(first.min(second)),
+            [first, second] => Err(candidates[usize::from(second < first)]),
         }
     }
 }

@@ -147,9 +147,9 @@ fn ranges_that_exclude_both_branches_say_by_how_much() {
     let mut description = table_table_bc();
     description.chain[1].range = Some([-20.0, 20.0]);
     let error = compiled(&description).nearest_rotary(tilted(50.0, 10.0), [0.0; 2]).expect_err("out of range");
-    let KinematicsError::OutOfRange { axis, excess_rad } = error else { panic!("{error:?}") };
-    assert_eq!(axis, Axis::B);
-    assert_near(&[excess_rad.to_degrees()], &[30.0], 1e-9);
+    let KinematicsError::OutOfRange { axis, value_rad, range_rad } = error else { panic!("{error:?}") };
+    assert_eq!((axis, range_rad), (Axis::B, [-20.0_f64, 20.0].map(f64::to_radians)));
+    assert_near(&[value_rad.abs().to_degrees(), error.excess_rad().to_degrees()], &[50.0, 30.0], 1e-9);
 }
 
 #[test]

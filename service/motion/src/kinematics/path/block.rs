@@ -131,10 +131,7 @@ impl Kinematics {
         setup: &Setup,
     ) -> Result<FiveAxisPoint, KinematicsError> {
         let joints = self.joints_at(tip_mm, rotary_deg.map(f64::to_radians), setup)?;
-        let outside = |(axis, excess): (Axis, f64)| {
-            axis.is_rotary().then_some(KinematicsError::OutOfRange { axis, excess_rad: excess })
-        };
-        if let Some(reason) = self.out_of_range(&joints).find_map(outside) {
+        if let Some(reason) = self.excess_of(joints.rotary_rad) {
             return Err(reason);
         }
         let (linear, rotary) = self.letters();
@@ -184,29 +181,40 @@ impl Kinematics {
         }
     }
 
-    /// Where the rotary axes arrive along the great circle between two directions (chain coordinates), rad; `None` between
-    /// opposite ones.
+    /// Where the rotary axes arrive along the great circle between two directions (chain coordinates) that are not
+    /// opposite, rad.
+    ///
+    /// # Errors
+    /// [`KinematicsError::Unreachable`], and [`KinematicsError::OutOfRange`] where an axis leaves its range on the way.
     pub(in crate::kinematics) fn followed(
         &self,
         [from, to]: [Vec3; 2],
         pole_tolerance_rad: f64,
         from_rad: [f64; 2],
-    ) -> Result<Option<[f64; 2]>, KinematicsError> {
-        if GreatCircle::new(from, to).is_err() {
-            return Ok(None);
-        }
+    ) -> Result<[f64; 2], KinematicsError> {
         let follow = |tolerance_rad: f64| {
             let Some(turning) = Turning::new(self, [from, to], tolerance_rad, from_rad)? else {
                 return Ok(from_rad);
             };
             let needed_rad = turning.at(0.0)?;
-            turning.end([0, 1].map(|axis| nearest_turn(needed_rad[axis], from_rad[axis])))
+            let needed_rad = [0, 1].map(|axis| nearest_turn(needed_rad[axis], from_rad[axis]));
+            // The second axis turns back where the pole is nearest.
+            for share in turning.nearest_share().into_iter().chain([1.0]) {
+                let reached_rad = turning.reached(needed_rad, share)?;
+                if let Some(reason) = self.excess_of(reached_rad) {
+                    return Err(reason);
+                }
+                if share == 1.0 {
+                    return Ok(reached_rad);
+                }
+            }
+            Ok(needed_rad)
         };
-        let through = follow(pole_tolerance_rad.clamp(0.0, MAX_POLE_TOLERANCE_RAD))?;
-        if pole_tolerance_rad > POLE_RAD && self.excess_of(through).is_some() {
-            return follow(0.0).map(Some);
+        let through = follow(pole_tolerance_rad.clamp(0.0, MAX_POLE_TOLERANCE_RAD));
+        if pole_tolerance_rad > POLE_RAD && matches!(through, Err(KinematicsError::OutOfRange { .. })) {
+            return follow(0.0).or(through);
         }
-        Ok(Some(through))
+        through
     }
 
     fn rotary_deg(&self, position: &Position) -> [f64; 2] {
@@ -273,7 +281,7 @@ impl Kinematics {
         if way(needed_rad, from_rad) > SAME_START_RAD {
             return self.after_turn(setup, start, block, &turning, needed_rad);
         }
-        let end_rad = turning.end(from_rad).map_err(FiveAxisRefusal::at(1.0))?;
+        let end_rad = turning.reached(from_rad, 1.0).map_err(FiveAxisRefusal::at(1.0))?;
         let end = self.point_with(block.end_mm, end_rad.map(f64::to_degrees), &start.position, setup);
         let end = FiveAxisPoint { direction: target, ..end.map_err(FiveAxisRefusal::at(1.0))? };
         let turn_deg = turning.angle_rad.to_degrees();

@@ -188,14 +188,20 @@ impl Turning {
         self.bent.is_some() && self.start_rad.abs() <= POLE_RAD
     }
 
-    /// Values at the end, followed from `start_rad`, rad. Nothing that the first axis' angle is made of passes ±π on the
-    /// way; the second one's may, slowly.
-    pub(super) fn end(&self, start_rad: [f64; 2]) -> Result<[f64; 2], KinematicsError> {
-        let steps = 1 + (self.angle_rad * STEPS_PER_RAD) as u32;
+    /// Share of the angle at which the pole is nearest, where that is on the way.
+    pub(super) fn nearest_share(&self) -> Option<f64> {
+        let share = -self.start_rad / self.angle_rad;
+        (share > 0.0 && share < 1.0).then_some(share)
+    }
+
+    /// Values at a share of the angle, followed from `start_rad`, rad. Nothing that the first axis' angle is made of passes
+    /// ±π on the way; the second one's may, slowly.
+    pub(super) fn reached(&self, start_rad: [f64; 2], share: f64) -> Result<[f64; 2], KinematicsError> {
+        let steps = 1 + (self.angle_rad * share * STEPS_PER_RAD) as u32;
         let [first, mut second] = start_rad;
         let mut turned = 0.0;
         for step in 0..=steps {
-            let values = self.at(f64::from(step) / f64::from(steps))?;
+            let values = self.at(share * f64::from(step) / f64::from(steps))?;
             second = nearest_turn(values[1], second);
             if step == 0 {
                 turned = values[0];
