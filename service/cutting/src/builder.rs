@@ -23,7 +23,7 @@ use self::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
 use self::oscillation::ActiveOscillation;
 use self::threading::Threads;
 use crate::cut::Cut;
-use crate::five_axis::{Guide, GuideState};
+use crate::five_axis::{Ahead, Chosen, Guide, GuideState};
 use crate::interpolator::{Barrier, SectionSamples, SectionStart};
 use crate::thread::{ThreadPath, ThreadSectionReport};
 use crate::tool_oscillation::OscillationSectionReport;
@@ -116,6 +116,8 @@ pub(crate) struct Builder {
     pub(crate) analysis: Option<Analysis>,
     /// The way from the tool to the axes, on machines that have kinematics.
     guide: Option<Guide>,
+    /// The inverse solution for the next operation, where it was looked ahead for.
+    pub(crate) chosen: Option<Chosen>,
     /// Elements on their way from the smoother to the planner; empty between operations.
     smoothed: Vec<Smoothed<Cut>>,
 }
@@ -141,12 +143,19 @@ impl BuilderState {
 
 impl Builder {
     pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
-        Self { state, analysis, guide, smoothed: Vec::new() }
+        Self { state, analysis, guide, chosen: None, smoothed: Vec::new() }
     }
 
-    /// A builder in the same state that analyses nothing.
+    /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
+    /// out.
     pub(crate) fn beside(&self) -> Self {
-        Self { analysis: None, smoothed: Vec::new(), state: self.state.clone(), guide: self.guide.clone() }
+        Self::new(self.state.clone(), None, self.guide.as_ref().map(Guide::without_ranges))
+    }
+
+    /// What to look ahead for before an operation; nothing for most.
+    pub(crate) fn ahead(&self, operation: &Operation, config: &PipelineConfig) -> Option<Ahead> {
+        let OperationKind::Guided(guided) = &operation.kind else { return None };
+        self.guide.as_ref()?.ahead(guided, operation.span.line, &self.state.guide, config)
     }
 
     /// Plans what path smoothing holds back.

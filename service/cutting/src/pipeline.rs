@@ -1,5 +1,6 @@
 //! The whole way from program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use feedwave_motion::kinematics::Kinematics;
@@ -11,7 +12,7 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use crate::builder::{Analysis, Builder, BuilderState};
-use crate::five_axis::{Guide, StageState, ThinningStage, TimedPlans};
+use crate::five_axis::{Guide, Scout, StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
 use crate::tool_oscillation::ToolGeometry;
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
@@ -159,6 +160,10 @@ pub struct Pipeline {
     interpreter: Interpreter,
     operations: Vec<Operation>,
     pub(crate) thinning: ThinningStage,
+    /// Operations on their way to the builder; empty between lines, but while more has to be known of what follows.
+    waiting: VecDeque<Operation>,
+    /// Looks ahead for the first of them. It is no part of the state: another one sees the same.
+    scout: Option<Box<Scout>>,
     /// Plans of the thinned parts for their times; while validating only.
     pub(crate) timed: Option<TimedPlans>,
     pub(crate) builder: Builder,
@@ -186,6 +191,7 @@ struct Snapshot {
     offset: u64,
     interpreter: InterpreterState,
     thinning: StageState,
+    waiting: VecDeque<Operation>,
     builder: BuilderState,
     planner: Planner<Barrier>,
     interpolator: interpolator::State,
@@ -237,6 +243,8 @@ impl Pipeline {
                 kinematics.clone(),
                 is_validation,
             ),
+            waiting: VecDeque::new(),
+            scout: None,
             timed: is_validation.then(TimedPlans::default),
             builder: Builder::new(BuilderState::at(language.initial_position), analysis, kinematics.map(Guide::new)),
             planner: Planner::new(settings),
@@ -264,6 +272,7 @@ impl Pipeline {
         let mut fresh = Self::new(config);
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;
+        fresh.waiting = snapshot.waiting;
         fresh.interpolator.state = snapshot.interpolator;
         let Snapshot { offset, planner, overrides, .. } = snapshot;
         Ok(Self { offset, interpreter, planner, overrides, ..fresh })
@@ -278,6 +287,7 @@ impl Pipeline {
             offset: self.offset,
             interpreter: self.interpreter.state().clone(),
             thinning: self.thinning.state.clone(),
+            waiting: self.waiting.clone(),
             builder: self.builder.state.clone(),
             planner: self.planner.clone(),
             interpolator: self.interpolator.state().clone(),
@@ -480,6 +490,9 @@ impl Pipeline {
 
     /// Reads one line into the planner; `false` when more input is needed first.
     pub(crate) fn read_line(&mut self) -> bool {
+        if !self.waiting.is_empty() {
+            return self.hand_on();
+        }
         let unread = &self.input[self.consumed..];
         let outcome = self.interpreter.read_line(unread, self.input_finished, &mut self.operations, &mut self.findings);
         let more = match outcome {
@@ -496,7 +509,7 @@ impl Pipeline {
             self.operation(operation);
         }
         self.operations = operations;
-        more
+        (self.waiting.is_empty() || self.hand_on()) && more
     }
 
     #[inline]
@@ -505,12 +518,15 @@ impl Pipeline {
         if self.thinning.is_on() || matches!(&operation.kind, OperationKind::Function(command) if is_switch(command)) {
             return self.thin(operation);
         }
+        if !self.waiting.is_empty() || matches!(operation.kind, OperationKind::Guided(_)) {
+            return self.waiting.push_back(operation);
+        }
         self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
     }
 
     /// Passes an operation through the thinning stage.
     fn thin(&mut self, operation: Operation) {
-        let Self { config, thinning, timed, builder, planner, findings, .. } = self;
+        let Self { config, thinning, waiting, timed, .. } = self;
         let ends = operation.kind == OperationKind::End;
         if let Some(timed) = timed {
             timed.before(&operation, config);
@@ -519,14 +535,38 @@ impl Pipeline {
             if let Some(timed) = timed {
                 timed.after(&operation, config);
             }
-            builder.operation(&operation, config, planner, findings);
+            waiting.push_back(operation);
         });
-        let Some(timed) = timed else { return };
-        if ends || !thinning.is_on() {
+        if let (Some(timed), true) = (timed, ends || !thinning.is_on()) {
             timed.stop(config);
-        } else if !timed.are_running() {
-            timed.start(builder, config);
         }
+    }
+
+    /// Hands on what waits for the builder; `false` when more input is needed to look ahead.
+    fn hand_on(&mut self) -> bool {
+        while let Some(operation) = self.waiting.front() {
+            if self.scout.is_none()
+                && let Some(ahead) = self.builder.ahead(operation, &self.config)
+            {
+                let scout = Scout::new(ahead, &self.interpreter, &self.thinning, self.waiting.iter().skip(1));
+                self.scout = Some(Box::new(scout));
+            }
+            if let Some(scout) = &mut self.scout {
+                let chosen = scout.look(&self.input[self.consumed..], self.input_finished);
+                if chosen.is_none() {
+                    return false;
+                }
+                self.builder.chosen = chosen;
+                self.scout = None;
+            }
+            if let Some(operation) = self.waiting.pop_front() {
+                self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+            }
+        }
+        if let Some(timed) = self.timed.as_mut().filter(|timed| self.thinning.is_on() && !timed.are_running()) {
+            timed.start(&self.builder, &self.config);
+        }
+        true
     }
 
     /// What thinning did, where it was switched on.

@@ -27,7 +27,8 @@ impl Builder {
             }
             return;
         };
-        let motion = match guide.carry_out(guided, span, &mut self.state.guide, config, findings) {
+        let chosen = self.chosen.take();
+        let motion = match guide.carry_out(guided, span, chosen, &mut self.state.guide, config, findings) {
             Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
             Some(Guided::Elements(motion)) => motion,
             None => return,

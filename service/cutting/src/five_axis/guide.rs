@@ -4,20 +4,25 @@ use std::sync::Arc;
 
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
-    FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, JointValues, Kinematics, KinematicsError, Setup,
-    Toward,
+    BranchPreference, CutSearch, FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, JointValues,
+    Kinematics, KinematicsError, Setup, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
 };
 use serde::{Deserialize, Serialize};
 
+use super::ahead::{Ahead, Chosen, CutNote};
 use crate::PipelineConfig;
 
 /// Blocks that pass a pole within this angle are looked at, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
 /// Directions closer to the line of the first rotary axis than this are taken along it, rad, as the elements take them.
 const POLE_RAD: f64 = 1e-7;
+/// Rotary values closer than this are the same solution, rad.
+const SAME_SOLUTION_RAD: f64 = 1e-6;
+/// Turn of the first rotary axis by which a rapid to another solution differs from an ordinary one, degrees.
+const BRANCH_TURN_DEG: f64 = 90.0;
 /// Turn of the first rotary axis within one block near a pole that is worth a finding, degrees.
 const POLE_TURN_DEG: f64 = 10.0;
 
@@ -28,6 +33,12 @@ pub(crate) struct GuideState {
     position: Position,
     /// The tool there, while it is guided.
     tool: Option<Tool>,
+    /// The move before was a cut.
+    cutting: bool,
+    /// The cut in hand, where it was looked ahead over.
+    cut: Option<CutNote>,
+    /// A rotary axis has left its range, which was reported: what follows in the cut says nothing new.
+    ran_out: bool,
     /// The block before passed a pole, which was reported.
     near_pole: bool,
     /// Number of the tool length with which guided moves were refused for want of data, which was reported.
@@ -58,7 +69,7 @@ pub(crate) enum Guided {
 
 impl GuideState {
     pub(crate) const fn at(position: Position) -> Self {
-        Self { position, tool: None, near_pole: false, refused: None }
+        Self { position, tool: None, cutting: false, cut: None, ran_out: false, near_pole: false, refused: None }
     }
 
     /// Whether a refusal for want of data is the first one with this tool length: the blocks after it say nothing new.
@@ -69,7 +80,7 @@ impl GuideState {
     /// The axes have moved without being guided.
     pub(crate) fn moved(&mut self, step: &Move) {
         self.position = std::array::from_fn(|axis| step.end[axis] + step.work_offset[axis]);
-        self.tool = None;
+        (self.tool, self.cutting, self.cut) = (None, false, None);
     }
 }
 
@@ -78,11 +89,61 @@ impl Guide {
         Self { kinematics }
     }
 
-    /// Carries a guided move out; nothing after a finding.
+    /// A guide for times alone: its rotary axes never run out.
+    pub(crate) fn without_ranges(&self) -> Self {
+        Self { kinematics: Arc::new(Kinematics::clone(&self.kinematics).without_rotary_ranges()) }
+    }
+
+    /// What to look ahead for at a move where the inverse solution is free: a rapid that tilts the tool, or a move that
+    /// leaves a pole. Nothing at every other move.
+    pub(crate) fn ahead(
+        &self,
+        guided: &GuidedMove,
+        line: u32,
+        state: &GuideState,
+        config: &PipelineConfig,
+    ) -> Option<Ahead> {
+        let ToolGuide::Vector { end: Some(target), .. } = guided.guide else { return None };
+        let tool = state.tool.as_ref().filter(|tool| tool.is_for(guided));
+        if tool.is_some_and(|tool| tool.point.direction == target) {
+            return None;
+        }
+        let setup = match tool {
+            Some(tool) => tool.setup,
+            None => self.setup(guided, SourceSpan::default(), config).ok()?,
+        };
+        let direction = tool
+            .map_or_else(|| self.kinematics.point_at(&state.position, &setup).direction, |tool| tool.point.direction);
+        let stand_rad = self.kinematics.from_position(&state.position).rotary_rad;
+        let is_rapid = guided.step.kind == MoveKind::Rapid;
+        if angle(target, direction) <= POLE_RAD
+            || !(is_rapid || self.kinematics.pole_distance_rad(stand_rad) <= POLE_RAD)
+        {
+            return None;
+        }
+        let tolerance_rad = config.profile.pole_tolerance_deg.to_radians();
+        let mut ahead = Ahead {
+            kinematics: Arc::clone(&self.kinematics),
+            search: CutSearch::new(setup, stand_rad, tolerance_rad),
+            // Within a cut the axes turn no further than they have to.
+            preferred: if state.cutting && !is_rapid { BranchPreference::Nearest } else { self.kinematics.preferred() },
+            length_offset: guided.length_offset,
+            work_offset: guided.step.work_offset,
+            direction,
+            line,
+            failed_lines: [0; 2],
+            ended: false,
+        };
+        ahead.push(target, line);
+        Some(ahead)
+    }
+
+    /// Carries a guided move out; nothing after a finding. `chosen` says where a cut starts that was looked ahead over.
     pub(crate) fn carry_out(
         &self,
         guided: &GuidedMove,
         span: SourceSpan,
+        chosen: Option<Chosen>,
         state: &mut GuideState,
         config: &PipelineConfig,
         findings: &mut FindingLog,
@@ -142,29 +203,62 @@ impl Guide {
             rapid: step.kind == MoveKind::Rapid,
         };
         let before = tool.point;
-        let motion = match self.elements(&tool.setup, &before, &block) {
+        let start_rad = chosen.as_ref().map(|chosen| chosen.start_rad);
+        let is_free_rapid = chosen.is_some() && block.rapid;
+        if let Some(chosen) = chosen {
+            state.cut = Some(chosen.cut);
+        } else if block.rapid && !matches!(guided.guide, ToolGuide::Vector { .. }) {
+            state.cut = None;
+        }
+        let motion = match self.elements(&tool.setup, &before, &block, start_rad) {
             Ok(motion) => motion,
             Err(refusal) => {
-                findings.push(refused(&refusal, span));
+                let runs_out =
+                    matches!(refusal, FiveAxisRefusal::Pose { reason: KinematicsError::OutOfRange { .. }, .. });
+                if !(std::mem::replace(&mut state.ran_out, runs_out) && runs_out) {
+                    findings.push(refused(&refusal, span, state.cut.as_ref()));
+                }
                 return None;
             }
         };
+        state.ran_out = false;
         tool.point = motion.end;
         state.position = motion.end.position;
+        state.cutting = !block.rapid;
+        if let (true, Some(cut)) = (is_free_rapid, &state.cut) {
+            self.report_turn(cut, [&before, &motion.end], span, findings);
+        }
         self.check_pole(&motion, &before, by_angles, span, state, findings);
         Some(Guided::Elements(motion))
     }
 
     /// The elements of a block. Where it tilts the tool away from a pole, in which the first rotary axis is free, that axis
-    /// turns first to the solution that the profile prefers among those within the ranges.
+    /// turns first to the solution that was chosen for what follows, or else that the profile prefers among those within the
+    /// ranges. A rapid to another solution than that at hand turns both axes evenly.
     fn elements(
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
         block: &FiveAxisBlock,
+        chosen_rad: Option<[f64; 2]>,
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
-        let Some(angles) = self.turn_in_pole(setup, start, block) else {
-            return self.kinematics.elements(setup, start, block);
+        let Some(angles) = self.turn_in_pole(setup, start, block, chosen_rad) else {
+            let motion = self.kinematics.elements(setup, start, block);
+            let (Some(chosen_rad), true, Toward::Vector(target)) = (chosen_rad, block.rapid, block.toward) else {
+                return motion;
+            };
+            let is_there = |motion: &FiveAxisMotion| {
+                let end_rad = self.kinematics.from_position(&motion.end.position).rotary_rad;
+                end_rad.iter().zip(chosen_rad).all(|(end, chosen)| (end - chosen).abs() <= SAME_SOLUTION_RAD)
+            };
+            // Which way to turn to the opposite direction is for the program to say.
+            if matches!(motion, Err(FiveAxisRefusal::Opposite(_))) || motion.as_ref().is_ok_and(is_there) {
+                return motion;
+            }
+            let block = FiveAxisBlock { toward: Toward::Angles(chosen_rad.map(f64::to_degrees)), ..*block };
+            let motion = self.kinematics.elements(setup, start, &block)?;
+            let direction = unit(target).unwrap_or(motion.end.direction);
+            return Ok(FiveAxisMotion { end: FiveAxisPoint { direction, ..motion.end }, ..motion });
         };
         let turn = FiveAxisBlock { end_mm: start.tip_mm, toward: Toward::Angles(angles), ..*block };
         let turn = self.kinematics.elements(setup, start, &turn)?;
@@ -177,17 +271,64 @@ impl Guide {
     }
 
     /// Rotary angles, degrees, to turn to before a block that leaves a pole; nothing where there is nothing to turn.
-    fn turn_in_pole(&self, setup: &Setup, start: &FiveAxisPoint, block: &FiveAxisBlock) -> Option<[f64; 2]> {
+    fn turn_in_pole(
+        &self,
+        setup: &Setup,
+        start: &FiveAxisPoint,
+        block: &FiveAxisBlock,
+        chosen_rad: Option<[f64; 2]>,
+    ) -> Option<[f64; 2]> {
         let Toward::Vector(target) = block.toward else { return None };
         let stand_rad = self.kinematics.from_position(&start.position).rotary_rad;
         if self.kinematics.pole_distance_rad(stand_rad) > POLE_RAD {
             return None;
         }
         let target = unit(target).filter(|&target| angle(target, start.direction) > POLE_RAD)?;
-        let chosen = self.kinematics.choose_start([target], setup, stand_rad).ok()?;
-        let turn_rad = chosen.start_rad[0] - stand_rad[0];
-        (chosen.singular == 0 && turn_rad.abs() > POLE_RAD)
-            .then(|| [chosen.start_rad[0].to_degrees(), stand_rad[1].to_degrees()])
+        let start_rad = match chosen_rad {
+            Some(chosen_rad) => chosen_rad,
+            None => {
+                let chosen = self.kinematics.choose_start([target], setup, stand_rad).ok()?;
+                if chosen.singular == 0 { chosen.start_rad } else { stand_rad }
+            }
+        };
+        ((start_rad[0] - stand_rad[0]).abs() > POLE_RAD).then(|| [start_rad[0].to_degrees(), stand_rad[1].to_degrees()])
+    }
+
+    /// Names a rapid that goes to another solution because the one at hand would leave a range later.
+    fn report_turn(
+        &self,
+        cut: &CutNote,
+        [before, end]: [&FiveAxisPoint; 2],
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) {
+        let Some(other) = cut.other.filter(|other| other.line > span.line) else { return };
+        let (_, [first, second]) = self.kinematics.letters();
+        let degrees = |point: &FiveAxisPoint, axis: Axis| point.position[axis.index()];
+        if (degrees(end, first) - degrees(before, first)).abs() < BRANCH_TURN_DEG {
+            return;
+        }
+        let message = format!(
+            "{} goes from {:.3} to {:.3} degrees and {} from {:.3} to {:.3} here: otherwise {} would leave its range in line {}",
+            first.letter(),
+            degrees(before, first),
+            degrees(end, first),
+            second.letter(),
+            degrees(before, second),
+            degrees(end, second),
+            other.axis.letter(),
+            other.line
+        );
+        findings.push(
+            Finding::info("FIVE-AXIS-SOLUTION", span, message)
+                .with_value("first_axis", degrees(end, first), "deg")
+                .with_value("second_axis", degrees(end, second), "deg")
+                .with_value("other_line", f64::from(other.line), "")
+                .with_value("other_angle", other.value_deg, "deg")
+                .with_value("other_range_min", other.range_deg[0], "deg")
+                .with_value("other_range_max", other.range_deg[1], "deg")
+                .suggest("retract before this block so far that the work may turn"),
+        );
     }
 
     /// Work coordinates and tool length, or a finding.
@@ -274,16 +415,60 @@ pub(crate) fn no_kinematics(span: SourceSpan) -> Finding {
     Finding::error("FIVE-AXIS-KINEMATICS", span, message).suggest("describe the five axes in the machine profile")
 }
 
-fn refused(refusal: &FiveAxisRefusal, span: SourceSpan) -> Finding {
+/// A rotary axis that leaves its range, and how its other solution fares.
+fn out_of_range(
+    reason: &KinematicsError,
+    message: String,
+    share: f64,
+    span: SourceSpan,
+    cut: Option<&CutNote>,
+) -> Finding {
+    let KinematicsError::OutOfRange { value_rad, range_rad: [low_rad, high_rad], .. } = *reason else {
+        return Finding::error("FIVE-AXIS-RANGE", span, message);
+    };
+    let other = cut.and_then(|cut| cut.other);
+    let message = match (cut, other) {
+        (Some(cut), Some(other)) => format!(
+            "{message}; the cut begins in line {}, and begun in the other solution or a turn off it gets no further: {} would \
+             reach {:.3} degrees in line {}, beyond its range from {:.3} to {:.3}",
+            cut.line,
+            other.axis.letter(),
+            other.value_deg,
+            other.line,
+            other.range_deg[0],
+            other.range_deg[1]
+        ),
+        (Some(cut), None) => format!("{message}; the cut begins in line {}", cut.line),
+        (None, _) => message,
+    };
+    let mut finding = Finding::error("FIVE-AXIS-RANGE", span, message)
+        .with_value("share", share, "")
+        .with_value("angle", value_rad.to_degrees(), "deg")
+        .with_value("range_min", low_rad.to_degrees(), "deg")
+        .with_value("range_max", high_rad.to_degrees(), "deg")
+        .with_value("excess", reason.excess_rad().to_degrees(), "deg");
+    if let Some(cut) = cut {
+        finding = finding.with_value("cut_line", f64::from(cut.line), "");
+    }
+    if let Some(other) = other {
+        finding = finding
+            .with_value("other_line", f64::from(other.line), "")
+            .with_value("other_angle", other.value_deg, "deg")
+            .with_value("other_range_min", other.range_deg[0], "deg")
+            .with_value("other_range_max", other.range_deg[1], "deg");
+    }
+    finding = finding
+        .suggest("divide the cut before this block: retract with G0, and approach it anew with G0 and its direction");
+    finding.suggest("clamp the work in another position")
+}
+
+fn refused(refusal: &FiveAxisRefusal, span: SourceSpan, cut: Option<&CutNote>) -> Finding {
     let message = refusal.to_string();
     match *refusal {
         FiveAxisRefusal::Pose { share, reason } => {
             let finding = |code| Finding::error(code, span, message.clone()).with_value("share", share, "");
             match reason {
-                KinematicsError::OutOfRange { excess_rad, .. } => finding("FIVE-AXIS-RANGE")
-                    .with_value("excess", excess_rad.to_degrees(), "deg")
-                    .suggest("start the cut with the rotary axes in their other solution, or a turn back")
-                    .suggest("clamp the work in another position"),
+                KinematicsError::OutOfRange { .. } => out_of_range(&reason, message, share, span, cut),
                 KinematicsError::Unreachable { missing_rad } => finding("FIVE-AXIS-UNREACHABLE")
                     .with_value("missing", missing_rad.to_degrees(), "deg")
                     .suggest("clamp the work in another position"),

@@ -66,6 +66,12 @@ impl ThinningStage {
         Self { state, settings, kinematics, dropped: for_report.then(DroppedRuns::default) }
     }
 
+    /// A stage in the same state that keeps no record.
+    pub(crate) fn beside(&self) -> Self {
+        let (state, kinematics) = (self.state.clone(), self.kinematics.clone());
+        Self { state, settings: self.settings, kinematics, dropped: None }
+    }
+
     /// Whether blocks are thinned.
     pub(crate) fn is_on(&self) -> bool {
         self.state.on

@@ -1,6 +1,7 @@
 //! Five-axis programs from text to setpoints: thinning as on the page, tool centre points on their segments, the way in and out
 //! of tool centre point control, refusals, streams from the middle, and a freeform program whose flicker goes.
 
+mod ahead;
 #[path = "../common/mod.rs"]
 mod common;
 mod freeform;

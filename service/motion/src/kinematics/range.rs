@@ -49,6 +49,15 @@ impl Joint {
 }
 
 impl Kinematics {
+    /// The same machine with rotary axes that never run out.
+    #[must_use]
+    pub fn without_rotary_ranges(mut self) -> Self {
+        for rotary in self.rotary {
+            self.joints[rotary].range = None;
+        }
+        self
+    }
+
     /// The rotary axes that have a range, with it, rad.
     pub(super) fn ranges(&self) -> impl Iterator<Item = (feedwave_program::Axis, [f64; 2])> + '_ {
         self.rotary.iter().filter_map(|&index| Some((self.joints[index].axis, self.joints[index].range?)))
