@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_cutting::tool_oscillation::{
-    DirectionOscillation, FloorArea, HeightField, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationPeriod, ToolGeometry, ToolOscillation, Wave, Waveform,
+    DirectionOscillation, Engagement, FloorArea, HeightField, LeadingEdge, NamedCondition, OscillationCondition,
+    OscillationCut, OscillationPeriod, ToolGeometry, ToolOscillation, Wave, Waveform,
 };
 use feedwave_cutting::{BLOCK_LENGTH, MachineProfile, Pipeline, PipelineConfig, Step, Tool};
 
@@ -22,6 +22,7 @@ fn condition() -> OscillationCondition {
         leading_edge: LeadingEdge::default(),
         ramp_periods: 2,
         may_overrun: false,
+        engagement: Engagement::Slot,
     }
 }
 
@@ -56,7 +57,7 @@ fn floor(criterion: &mut Criterion) {
     };
     let Some(oscillation) = ToolOscillation::new(&tool, &condition(), 1, 1) else { return };
     // One second of cutting: 10 mm of feed over the whole width of the tool, by the front and the trailing half.
-    let area = FloorArea { length_mm: 10.0, width_mm: 120.0, resolution_mm: 0.01, trailing: true };
+    let area = FloorArea { length_mm: 10.0, width_mm: 120.0, across_mm: 0.0, resolution_mm: 0.01, trailing: true };
     let mut group = criterion.benchmark_group("tool oscillation floor");
     group.sample_size(10);
     group.throughput(Throughput::Elements(12_000_000));

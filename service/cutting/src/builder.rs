@@ -20,7 +20,7 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use self::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
-use self::oscillation::ActiveOscillation;
+use self::oscillation::{ActiveOscillation, Judgements};
 use self::threading::Threads;
 use crate::cut::Cut;
 use crate::five_axis::{Ahead, Chosen, Guide, GuideState};
@@ -39,6 +39,8 @@ const MAX_SECTION_REPORTS: usize = 1_000;
 pub(crate) struct BuilderState {
     vibration: Option<ActiveVibration>,
     oscillation: Option<Box<ActiveOscillation>>,
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    oscillating_cutting_time_s: f64,
     /// Tool in the spindle, 0 before the first.
     tool: u32,
     /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
@@ -76,6 +78,7 @@ pub(crate) struct Analysis {
     pub(crate) thread_count: u64,
     pub(crate) oscillations: Vec<OscillationSectionReport>,
     pub(crate) oscillation_count: u64,
+    judgements: Judgements,
     pub(crate) thread_passes: u64,
     /// Thread and pass whose way is wanted, counted from 0.
     pub(crate) wanted_pass: Option<(u64, usize)>,
@@ -129,6 +132,7 @@ impl BuilderState {
             guide: GuideState::at(position),
             vibration: None,
             oscillation: None,
+            oscillating_cutting_time_s: 0.0,
             tool: 0,
             unusable_vibration: false,
             spindle: Spindle::STOPPED,
@@ -144,6 +148,11 @@ impl BuilderState {
 impl Builder {
     pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
         Self { state, analysis, guide, chosen: None, smoothed: Vec::new() }
+    }
+
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    pub(crate) const fn oscillating_cutting_time_s(&self) -> f64 {
+        self.state.oscillating_cutting_time_s
     }
 
     /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
@@ -225,7 +234,7 @@ impl Builder {
                 }
                 Function::Thinning => {}
                 Function::ToolOscillation => {
-                    self.switch_oscillation(command, operation.span, planner, findings);
+                    self.switch_oscillation(command, operation.span, config, planner, findings);
                 }
                 Function::ThreadVibration => self.switch_thread_vibration(command, operation.span, config, findings),
             },

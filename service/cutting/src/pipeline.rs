@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::builder::{Analysis, Builder, BuilderState};
 use crate::five_axis::{Guide, Scout, StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
-use crate::tool_oscillation::ToolGeometry;
+use crate::tool_oscillation::{OscillationRequest, ToolGeometry};
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
 
 /// What a run of the pipeline is for; immutable while it runs.
@@ -32,6 +32,8 @@ pub struct PipelineConfig {
     pub overrides: Vec<OverrideChange>,
     /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
     pub tools: Vec<Tool>,
+    /// What the job asks of the oscillations of its program.
+    pub oscillation: OscillationRequest,
 }
 
 impl PipelineConfig {
@@ -46,6 +48,7 @@ impl PipelineConfig {
             frame: Frame::Machine,
             overrides: Vec::new(),
             tools: Vec::new(),
+            oscillation: OscillationRequest::default(),
         }
     }
 
@@ -80,7 +83,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 10;
+const SNAPSHOT_VERSION: u8 = 11;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

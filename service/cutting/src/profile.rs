@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::thinning::ThinningSettings;
 use crate::thread::ThreadVibrationSettings;
-use crate::tool_oscillation::{NamedCondition, condition_problems};
+use crate::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
 use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
 
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
@@ -27,6 +27,9 @@ pub struct MachineProfile {
     /// Conditions of tool oscillation that a program chooses by number.
     #[serde(default)]
     pub tool_oscillation: Vec<NamedCondition>,
+    /// How the floor that they leave is simulated for the report.
+    #[serde(default)]
+    pub oscillation_floor: FloorSettings,
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
@@ -55,6 +58,7 @@ impl MachineProfile {
             vibration: VibrationSettings::default(),
             thread_vibration: ThreadVibrationSettings::default(),
             tool_oscillation: Vec::new(),
+            oscillation_floor: FloorSettings::default(),
             following: FollowingModel::default(),
             kinematics: None,
             pole_tolerance_deg: 0.0,
@@ -77,6 +81,7 @@ impl MachineProfile {
         problems.extend(prefixed("vibration", vibration_problems(&self.vibration)));
         problems.extend(prefixed("thread_vibration", self.thread_vibration.problems()));
         problems.extend(condition_problems(&self.tool_oscillation));
+        problems.extend(prefixed("oscillation_floor", self.oscillation_floor.problems()));
         problems.extend(prefixed("following", following_problems(&self.following)));
         problems.extend(prefixed("thinning", self.thinning.validate()));
         if let Some(kinematics) = &self.kinematics {

@@ -58,6 +58,10 @@ pub struct ProgramSummary {
     /// Reports on oscillations, listed or not.
     #[serde(default)]
     pub oscillation_count: u64,
+    /// Cutting time with an oscillating tool at the programmed feed, s: added to that before the part it is that before the
+    /// next one ([`crate::tool_oscillation::OscillationRequest`]).
+    #[serde(default)]
+    pub oscillating_cutting_time_s: f64,
     /// Bytes of the program.
     pub bytes: u64,
     /// Lines read.

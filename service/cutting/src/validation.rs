@@ -179,6 +179,7 @@ impl Validation {
         let thinning = pipeline.thinning_report();
         let findings = std::mem::take(&mut pipeline.findings);
         let analysis = pipeline.builder.analysis.take().unwrap_or_default();
+        let oscillating_cutting_time_s = pipeline.builder.oscillating_cutting_time_s();
         let refused = findings.has_errors();
         let shares = pipeline.interpolator.shares();
         let if_accepted = |value: f64| if refused { 0.0 } else { value };
@@ -190,6 +191,7 @@ impl Validation {
             section_count: analysis.section_count,
             thread_count: analysis.thread_count,
             oscillation_count: analysis.oscillation_count,
+            oscillating_cutting_time_s: if_accepted(oscillating_cutting_time_s),
             thread_passes: analysis.thread_passes,
             bytes: pipeline.input_offset(),
             lines: u64::from(pipeline.interpreter_state().lines_read()),

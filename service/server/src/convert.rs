@@ -19,6 +19,7 @@ use prost_types::Timestamp;
 pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
 pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
+pub use oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
 pub use thread::{rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};

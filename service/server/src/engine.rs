@@ -141,6 +141,7 @@ pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
         generation_mode: convert::generation_mode_from_proto(settings.generation_mode())
             .ok_or_else(|| Error::internal("a stored job has no generation mode"))?,
         tools: settings.tools.iter().map(convert::tool_for_pipeline).collect(),
+        oscillation: convert::oscillation_request_from_proto(settings.oscillation.as_ref()),
         ..PipelineConfig::new(stored_profile(&profile)?)
     })
 }

@@ -5,7 +5,7 @@ use feedwave_program::{Finding, SourceSpan};
 use super::condition::{MAX_RAMP_PERIODS, OscillationPeriod, nearest_periods_per_rev};
 use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
-use super::{OscillationDirection, Waveform};
+use super::{Engagement, OscillationDirection, Waveform};
 use crate::MAX_AMPLITUDE_MM;
 use crate::wording::{decimal, round_down, round_up};
 
@@ -59,6 +59,9 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
     check("depth", cut.depth_mm, 0.0, 1_000.0, "mm");
     check("start of the engagement", cut.engagement_deg[0], -90.0, 90.0, "deg");
     check("end of the engagement", cut.engagement_deg[1], cut.engagement_deg[0].clamp(-90.0, 90.0), 90.0, "deg");
+    if let Engagement::Width { width_mm, .. } = condition.engagement {
+        check("width of the engagement", width_mm, 1e-3, 2.0 * job.tool.radius_mm, "mm");
+    }
     match condition.period {
         OscillationPeriod::PerRevolution(periods) => {
             check("number of periods per revolution", f64::from(periods), 1.0, MAX_PERIODS_PER_REV, "");

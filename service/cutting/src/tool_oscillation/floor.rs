@@ -19,17 +19,23 @@ const MAX_PASSES_PER_ROW: f64 = 20_000.0;
 const KNOT_RAD: f64 = 0.01;
 /// Most of those places.
 const MAX_KNOTS: usize = 64;
+/// Room for the rounding of computed lengths.
+const ROUNDING: f64 = 1e-9;
 /// Height of a cell that no edge has swept.
 const UNTOUCHED: f32 = f32::INFINITY;
 
-/// The part of the floor that is simulated: `length_mm` along the feed, `width_mm` across it about the middle of the cut.
+/// The part of the floor that is simulated: `length_mm` along the feed, `width_mm` across it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FloorArea {
     /// Along the feed, mm.
     pub length_mm: f64,
-    /// Across the feed, mm: at most the tool's diameter.
+    /// Across the feed, mm.
     pub width_mm: f64,
+    /// Middle of the width from the path of the tool's centre, mm, positive to the right of the feed; the area must lie
+    /// within the tool's diameter.
+    #[serde(default)]
+    pub across_mm: f64,
     /// Size of a square cell, mm.
     pub resolution_mm: f64,
     /// Whether the trailing half of the tool cuts as well; not where the spindle is tilted.
@@ -39,8 +45,8 @@ pub struct FloorArea {
 /// Why a floor is not simulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FloorError {
-    /// A length is not positive, or the area is wider than the tool.
-    #[error("length, width and resolution of the floor must be positive, and the width at most the tool's diameter")]
+    /// A length is not positive, or the tool does not sweep the whole area.
+    #[error("length, width and resolution of the floor must be positive, and the area within the tool's diameter")]
     Size,
     /// More cells than [`MAX_FLOOR_CELLS`].
     #[error("the floor has {0:.0} cells, at most {MAX_FLOOR_CELLS} are simulated: use a coarser resolution")]
@@ -89,13 +95,14 @@ impl HeightField {
         cut: &OscillationCut,
         area: &FloorArea,
     ) -> Result<Self, FloorError> {
-        let FloorArea { length_mm, width_mm, resolution_mm, .. } = *area;
+        let FloorArea { length_mm, width_mm, across_mm, resolution_mm, .. } = *area;
         let is_possible = resolution_mm > 0.0 && length_mm >= resolution_mm && width_mm >= resolution_mm;
-        if !(is_possible && width_mm <= 2.0 * tool.radius_mm && length_mm.is_finite()) {
+        let reach_mm = across_mm.abs() + 0.5 * width_mm;
+        if !(is_possible && reach_mm <= tool.radius_mm * (1.0 + ROUNDING) && length_mm.is_finite()) {
             return Err(FloorError::Size);
         }
-        let cells_along = (length_mm / resolution_mm * (1.0 + 1e-9)).floor();
-        let cells_across = (width_mm / resolution_mm * (1.0 + 1e-9)).floor();
+        let cells_along = (length_mm / resolution_mm * (1.0 + ROUNDING)).floor();
+        let cells_across = (width_mm / resolution_mm * (1.0 + ROUNDING)).floor();
         if cells_along * cells_across > MAX_FLOOR_CELLS as f64 {
             return Err(FloorError::Cells(cells_along * cells_across));
         }
@@ -108,8 +115,8 @@ impl HeightField {
         let mut heights_mm = vec![UNTOUCHED; columns * rows];
         let mut sweep = Sweep::new(tool, oscillation, cut, resolution_mm);
         for (row, cells) in heights_mm.chunks_exact_mut(columns).enumerate() {
-            let across_mm = (row as f64 + 0.5) * resolution_mm - 0.5 * cells_across * resolution_mm;
-            sweep.row(across_mm, area.trailing, cells);
+            let from_middle_mm = (row as f64 + 0.5 - 0.5 * cells_across) * resolution_mm;
+            sweep.row(across_mm + from_middle_mm, area.trailing, cells);
         }
         Ok(Self { columns, rows, resolution_mm, heights_mm })
     }

@@ -6,25 +6,36 @@
 
 mod condition;
 mod curve;
+mod engagement;
 mod findings;
 mod floor;
+mod floor_area;
 mod motion;
+mod problems;
 mod removal;
 mod report;
+mod request;
+mod table;
 mod tool;
 mod waveform;
 
 pub use condition::{
-    ConditionTable, DirectionOscillation, Interpolation, LeadingEdge, MAX_CONDITIONS, MAX_RAMP_PERIODS,
-    MAX_TABLE_POINTS, NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation, TableQuantity,
-    condition_problems, find_condition, nearest_periods_per_rev,
+    ConditionChoice, DirectionOscillation, LeadingEdge, MAX_CONDITION_TABLES, MAX_CONDITION_TOOLS, MAX_CONDITIONS,
+    MAX_RAMP_PERIODS, NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation, find_condition,
+    nearest_periods_per_rev,
 };
+pub use engagement::{Engagement, WorkSide};
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
+pub use floor_area::{FloorSettings, MAX_FLOOR_REVOLUTIONS};
 pub use motion::{BLEND_STEEPNESS, DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, blend, ramp_mm};
+pub use problems::condition_problems;
 pub use removal::{EdgePass, EdgeReport, OscillationCut, RemovedLayer, plane_section};
 pub use report::{
     DirectionLimits, DirectionLoad, FloorReport, OscillationDirection, OscillationJob, OscillationLimits,
-    OscillationReport, OscillationSectionReport, PlainEdge, judge, synchronise,
+    OscillationReport, OscillationSectionReport, PlainEdge, RoleReport, judge, synchronise,
 };
+pub use request::OscillationRequest;
+pub(crate) use request::known_names;
+pub use table::{ConditionTable, Interpolation, MAX_TABLE_POINTS, TableQuantity};
 pub use tool::{CuttingEdge, MAX_EDGES, ToolError, ToolGeometry};
 pub use waveform::{MAX_HOLD_SHARE, MAX_WAVE_POINTS, MIN_WAVE_POINT_TURNS, Wave, WavePeaks, Waveform, WaveformError};

@@ -96,9 +96,10 @@ pub struct EdgeReport {
     pub retraction_mm: f64,
     /// Offset across then, mm.
     pub cross_offset_mm: f64,
-    /// Its front along the feed, mm, from the commanded centre at the first edge's pass plus the radius.
+    /// Its front along the plane of the layers, mm, from the commanded centre at the first edge's pass plus the radius.
     pub front_mm: f64,
-    /// What it removes in the plane of feed and axis, from below.
+    /// What it removes in the plane of feed and axis, from below; where that plane is not in the work, in the nearest one
+    /// that is.
     pub layers: Vec<RemovedLayer>,
     /// Area of that, mm².
     pub area_mm2: f64,
@@ -110,7 +111,7 @@ pub struct EdgeReport {
     pub volume_share: f64,
     /// Share of the revolution during which it cuts.
     pub duty: f64,
-    /// Whether it leaves the floor behind it in the plane of feed and axis.
+    /// Whether it leaves the floor behind it in the plane of the layers.
     pub finishes: bool,
 }
 
@@ -175,6 +176,8 @@ pub fn plane_section(
 /// What every edge does, over the whole engagement.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Removal {
+    /// Azimuth of the plane of the layers, degrees.
+    pub(super) plane_deg: f64,
     pub(super) edges: Vec<EdgeReport>,
     /// Largest height of material that meets the tool above an edge, mm.
     pub(super) above_edge_mm: f64,
@@ -183,17 +186,23 @@ pub(super) struct Removal {
 }
 
 pub(super) fn removal(tool: &ToolGeometry, oscillation: &ToolOscillation, cut: &OscillationCut) -> Removal {
-    let ahead = plane_section(tool, oscillation, cut, 0.0);
+    let [first_deg, last_deg] = cut.engagement_deg;
+    let plane_deg = 0.0f64.max(first_deg).min(last_deg);
+    let ahead = plane_section(tool, oscillation, cut, plane_deg);
     let deepest_mm = ahead.iter().map(|pass| pass.end_mm).fold(f64::INFINITY, f64::min);
     let mut above_edge_mm = ahead.iter().map(|pass| pass.above_edge_mm).fold(0.0, f64::max);
     let mut edges: Vec<EdgeReport> = (0u32..)
         .zip(ahead)
-        .map(|(index, pass)| EdgeReport {
+        .map(|(index, pass)| {
+            let phase_turns = oscillation.phase_of_edge(tool, index as usize);
+            (index, phase_turns, oscillation.offset(phase_turns), pass)
+        })
+        .map(|(index, phase_turns, offset, pass)| EdgeReport {
             edge: index + 1,
-            phase_deg: 360.0 * oscillation.phase_of_edge(tool, index as usize),
-            feed_offset_mm: pass.offset.feed_mm,
-            retraction_mm: pass.offset.retraction_mm,
-            cross_offset_mm: pass.offset.cross_mm,
+            phase_deg: 360.0 * phase_turns,
+            feed_offset_mm: offset.feed_mm,
+            retraction_mm: offset.retraction_mm,
+            cross_offset_mm: offset.cross_mm,
             front_mm: pass.front_mm,
             area_mm2: pass.layers.iter().map(RemovedLayer::area_mm2).sum(),
             finishes: pass.end_mm <= deepest_mm + SAME_DEPTH_MM,
@@ -204,7 +213,6 @@ pub(super) fn removal(tool: &ToolGeometry, oscillation: &ToolOscillation, cut: &
             duty: 0.0,
         })
         .collect();
-    let [first_deg, last_deg] = cut.engagement_deg;
     let step_deg = (last_deg - first_deg) / f64::from(PLANES);
     let mut volume_mm3 = 0.0;
     for plane in 0..PLANES {
@@ -224,5 +232,5 @@ pub(super) fn removal(tool: &ToolGeometry, oscillation: &ToolOscillation, cut: &
     for edge in &mut edges {
         edge.volume_share = if volume_mm3 > 0.0 { edge.volume_share / volume_mm3 } else { 0.0 };
     }
-    Removal { edges, above_edge_mm, volume_mm3 }
+    Removal { plane_deg, edges, above_edge_mm, volume_mm3 }
 }

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
-    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, Roughness, ToolGeometry,
-    ToolOscillation, findings, ramp_mm,
+    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, RoleRotation, Roughness,
+    ToolGeometry, ToolOscillation, findings, ramp_mm,
 };
 
 /// What one direction of the machine can do.
@@ -127,6 +127,8 @@ pub struct OscillationReport {
     pub ramp_mm: f64,
     /// Load of each direction that oscillates.
     pub loads: Vec<DirectionLoad>,
+    /// Azimuth of the plane whose layers the edges have, degrees: 0 where the feed direction is in the work.
+    pub plane_deg: f64,
     /// What every edge does.
     pub edges: Vec<EdgeReport>,
     /// What every edge does without oscillation.
@@ -145,6 +147,22 @@ pub struct OscillationReport {
     pub feasible: bool,
 }
 
+/// Which edge leads, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RoleReport {
+    /// Edge that leads the first part, counted from 1.
+    pub first_edge: u32,
+    /// How the roles change.
+    pub rotation: RoleRotation,
+    /// Finished parts before this one.
+    pub parts_before: u64,
+    /// Oscillating cutting time before this section, at the programmed feed, s: that before the part and that of the
+    /// program so far.
+    pub cutting_time_before_s: f64,
+    /// How often the roles have changed: by so many edges the lead has moved on.
+    pub changes: u64,
+}
+
 /// An oscillation of a program at one feed and spindle speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OscillationSectionReport {
@@ -156,6 +174,8 @@ pub struct OscillationSectionReport {
     pub tool: u32,
     /// Name of the condition.
     pub condition: String,
+    /// How the edges share the work.
+    pub roles: RoleReport,
     /// How the tool is used.
     pub cut: OscillationCut,
     /// What can be said about it.
@@ -177,7 +197,8 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
         match (simulate(&oscillation), simulate(&plain(&oscillation))) {
             (Ok(oscillating), Ok(plain)) => report.floor = Some(FloorReport { area: *area, oscillating, plain }),
             (Err(error), _) | (_, Err(error)) => {
-                found.push(Finding::error("OSC-FLOOR", job.span, error.to_string()));
+                // What cannot be looked at forbids nothing.
+                found.push(Finding::info("OSC-FLOOR", job.span, format!("its roughness is not known: {error}")));
             }
         }
     }
@@ -212,7 +233,7 @@ fn figures(job: &OscillationJob<'_>, oscillation: &ToolOscillation) -> Oscillati
     let periods = f64::from(oscillation.periods_per_rev);
     let period_s = 60.0 / (cut.spindle_rev_per_min * periods);
     let feed_per_period_mm = cut.feed_mm_per_min / 60.0 * period_s;
-    let Removal { edges, above_edge_mm, volume_mm3 } = removal(tool, oscillation, cut);
+    let Removal { plane_deg, edges, above_edge_mm, volume_mm3 } = removal(tool, oscillation, cut);
     let without = removal(tool, &plain(oscillation), cut);
     let cross = oscillation.cross.as_ref().map(|cross| (OscillationDirection::Cross, cross));
     let directions =
@@ -244,6 +265,7 @@ fn figures(job: &OscillationJob<'_>, oscillation: &ToolOscillation) -> Oscillati
                 duty: edge.duty,
             })
             .collect(),
+        plane_deg,
         edges,
         volume_mm3_per_rev: volume_mm3,
         plain_volume_mm3_per_rev: without.volume_mm3,

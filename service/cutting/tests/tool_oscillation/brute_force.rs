@@ -75,7 +75,7 @@ fn the_floor_is_that_of_small_steps() {
     {
         let cut = cut(clockwise);
         let oscillation = ToolOscillation::new(&tool, condition, 1, 2).expect("possible");
-        let area = FloorArea { length_mm: 0.6, width_mm: 3.9, resolution_mm: 0.02, trailing };
+        let area = FloorArea { length_mm: 0.6, width_mm: 3.9, across_mm: 0.0, resolution_mm: 0.02, trailing };
         let field = HeightField::simulate(&tool, &oscillation, &cut, &area).expect("possible");
         assert_eq!((field.columns, field.rows), (30, 195));
 
@@ -168,7 +168,7 @@ fn the_layers_are_those_of_a_grid_that_is_cut_away() {
 fn impossible_areas_are_refused() {
     let (tool, cut) = (tool(), cut(true));
     let oscillation = ToolOscillation::new(&tool, &conditions()[0], 1, 1).expect("possible");
-    let area = FloorArea { length_mm: 1.0, width_mm: 3.0, resolution_mm: 0.01, trailing: true };
+    let area = FloorArea { length_mm: 1.0, width_mm: 3.0, across_mm: 0.0, resolution_mm: 0.01, trailing: true };
     let refused = |area: FloorArea, cut: &OscillationCut| {
         HeightField::simulate(&tool, &oscillation, cut, &area).expect_err("impossible")
     };

@@ -1,8 +1,9 @@
 //! Every condition of the page with its numbers and its cure.
 
 use feedwave_cutting::tool_oscillation::{
-    DirectionOscillation, NamedCondition, OscillationCondition, OscillationJob, OscillationPeriod, ToolGeometry,
-    Waveform, find_condition, judge,
+    ConditionChoice, ConditionTable, DirectionOscillation, Engagement, Interpolation, NamedCondition,
+    OscillationCondition, OscillationJob, OscillationPeriod, TableQuantity, ToolGeometry, Waveform, condition_problems,
+    find_condition, judge,
 };
 use feedwave_program::{Finding, Severity};
 
@@ -202,9 +203,60 @@ fn a_named_condition_is_found_for_its_tool() {
     };
     let kept = [named("accuracy", 1, &[], 0.4), named("accuracy", 1, &[12], 0.3), named("speed", 2, &[5], 0.6)];
     let amplitude =
-        |number, tool| find_condition(&kept, number, tool).map(|found| found.at(600.0, 600.0).feed.amplitude_mm);
-    assert_eq!(amplitude(1, 3), Some(0.4));
-    assert_eq!(amplitude(1, 12), Some(0.3));
-    assert_eq!(amplitude(2, 5), Some(0.6));
-    assert_eq!(amplitude(2, 6), None);
+        |choice, tool| find_condition(&kept, choice, tool).map(|found| found.at(600.0, 600.0).feed.amplitude_mm);
+    use ConditionChoice::{Name, Number};
+    assert_eq!(amplitude(Number(1), 3), Some(0.4));
+    assert_eq!(amplitude(Number(1), 12), Some(0.3));
+    assert_eq!(amplitude(Number(2), 5), Some(0.6));
+    assert_eq!(amplitude(Number(2), 6), None);
+    assert_eq!(amplitude(Name("accuracy"), 12), Some(0.3));
+    assert_eq!(amplitude(Name("speed"), 5), Some(0.6));
+    assert_eq!(amplitude(Name("Speed"), 5), None);
+    assert_eq!(condition_problems(&kept), []);
+}
+
+#[test]
+fn what_a_machine_keeps_is_bounded_and_unambiguous() {
+    let named = |name: &str, number, tools: std::ops::Range<u32>| NamedCondition {
+        name: name.to_owned(),
+        number,
+        tools: tools.collect(),
+        condition: condition(),
+        tables: Vec::new(),
+    };
+    let table = |quantity| ConditionTable {
+        quantity,
+        interpolation: Interpolation::Linear,
+        feed_mm_per_min: vec![100.0],
+        spindle_rev_per_min: vec![600.0],
+        values: vec![vec![0.1]],
+    };
+    let fields = |conditions: &[NamedCondition]| -> Vec<String> {
+        condition_problems(conditions).into_iter().map(|problem| problem.field).collect()
+    };
+    let many: Vec<_> = (0..65).map(|number| named(&number.to_string(), number, 0..0)).collect();
+    assert_eq!(fields(&many), ["tool_oscillation"]);
+    let mut some = vec![
+        named("a", 1, 1..257),
+        named("b", 2, 1..258),
+        named("a", 3, 256..300),
+        named("c", 1, 256..300),
+        named("d", 4, 0..0),
+        named("e", 5, 0..0),
+        named("f", 6, 0..0),
+    ];
+    some[4].tables = vec![table(TableQuantity::FeedAmplitude); 5];
+    some[5].tables = vec![table(TableQuantity::FeedAmplitude), table(TableQuantity::FeedAmplitude)];
+    some[5].tables[0].feed_mm_per_min = (0..33).map(f64::from).collect();
+    some[6].condition.engagement = Engagement::Angles { entry_deg: 40.0, exit_deg: 30.0 };
+    let expected = [
+        "tool_oscillation[1].tools",
+        "tool_oscillation[2].name",
+        "tool_oscillation[3].number",
+        "tool_oscillation[4].tables",
+        "tool_oscillation[5].tables[0]",
+        "tool_oscillation[5].tables[1].quantity",
+        "tool_oscillation[6].condition.engagement",
+    ];
+    assert_eq!(fields(&some), expected);
 }

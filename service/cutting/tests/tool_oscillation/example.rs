@@ -71,7 +71,8 @@ fn edges_remove_their_layers() {
 fn the_report_carries_the_figures() {
     let (tool, condition) = (tool(), condition());
     let mut job = job(&tool, &condition);
-    job.floor = Some(FloorArea { length_mm: 2.0, width_mm: 110.0, resolution_mm: 0.05, trailing: true });
+    job.floor =
+        Some(FloorArea { length_mm: 2.0, width_mm: 110.0, across_mm: 0.0, resolution_mm: 0.05, trailing: true });
     let (report, findings) = judge(&job);
     let report = report.expect("a report");
     assert!(report.feasible, "{findings:?}");
@@ -116,7 +117,8 @@ fn an_unheld_protrusion_leaves_a_rough_floor() {
     let (tool, mut condition) = (tool(), condition());
     condition.axial.waveform = feedwave_cutting::tool_oscillation::Waveform::Sine;
     let mut job = job(&tool, &condition);
-    job.floor = Some(FloorArea { length_mm: 2.0, width_mm: 110.0, resolution_mm: 0.05, trailing: false });
+    job.floor =
+        Some(FloorArea { length_mm: 2.0, width_mm: 110.0, across_mm: 0.0, resolution_mm: 0.05, trailing: false });
     let (report, _) = judge(&job);
     let floor = report.and_then(|report| report.floor).expect("a floor");
     // Midway between two passes the deepest one is 45° of the period off its peak.

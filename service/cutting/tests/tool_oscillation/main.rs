@@ -6,11 +6,12 @@ mod common;
 mod conditions;
 mod example;
 mod program;
+mod request;
 mod waveforms;
 
 use feedwave_cutting::tool_oscillation::{
-    DirectionLimits, DirectionOscillation, LeadingEdge, OscillationCondition, OscillationCut, OscillationJob,
-    OscillationLimits, OscillationPeriod, ToolGeometry, Waveform,
+    DirectionLimits, DirectionOscillation, Engagement, LeadingEdge, OscillationCondition, OscillationCut,
+    OscillationJob, OscillationLimits, OscillationPeriod, ToolGeometry, Waveform,
 };
 use feedwave_program::SourceSpan;
 
@@ -30,6 +31,7 @@ fn condition() -> OscillationCondition {
         leading_edge: LeadingEdge::default(),
         ramp_periods: 2,
         may_overrun: false,
+        engagement: Engagement::Slot,
     }
 }
 

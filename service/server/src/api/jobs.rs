@@ -94,6 +94,7 @@ struct CheckedSettings<'a> {
     interpolation_period_us: u32,
     generation_mode: proto::GenerationMode,
     tool_ids: Vec<&'a str>,
+    oscillation: Option<&'a proto::OscillationRequest>,
 }
 
 fn check_settings<'a>(
@@ -101,6 +102,7 @@ fn check_settings<'a>(
     interpolation_period_us: u32,
     generation_mode: i32,
     tools: &'a [String],
+    oscillation: Option<&'a proto::OscillationRequest>,
 ) -> CheckedSettings<'a> {
     let interpolation_period_us = check_period_us(violations, interpolation_period_us, DEFAULT_PERIOD_US);
     let generation_mode = enumeration(violations, "generation_mode", generation_mode).unwrap_or_default();
@@ -110,7 +112,7 @@ fn check_settings<'a>(
     let listed = tools.iter().take(MAX_TOOLS).enumerate();
     let tool_ids =
         listed.filter_map(|(index, name)| violations.check(format!("tools[{index}]"), names::parse_tool(name)));
-    CheckedSettings { interpolation_period_us, generation_mode, tool_ids: tool_ids.collect() }
+    CheckedSettings { interpolation_period_us, generation_mode, tool_ids: tool_ids.collect(), oscillation }
 }
 
 fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
@@ -138,8 +140,13 @@ impl Api {
         let machine_id = violations.check("machine", names::parse_machine(&request.machine));
         let program_id = self.check_source(&mut violations, request.source.as_ref());
         convert::check_display_name(&mut violations, "display_name", &request.display_name);
-        let checked =
-            check_settings(&mut violations, request.interpolation_period_us, request.generation_mode, &request.tools);
+        let checked = check_settings(
+            &mut violations,
+            request.interpolation_period_us,
+            request.generation_mode,
+            &request.tools,
+            request.oscillation.as_ref(),
+        );
         violations.finish()?;
         let (Some(machine_id), Some(program_id)) = (machine_id, program_id) else {
             return Err(Error::internal("a request was neither accepted nor refused"));
@@ -210,6 +217,11 @@ impl Api {
         };
         let mut tools: Vec<Tool> = Vec::with_capacity(checked.tool_ids.len());
         let mut violations = Violations::default();
+        // Which conditions there are depends on the machine.
+        let oscillation = convert::oscillation_request_from_proto(checked.oscillation);
+        for problem in oscillation.problems(&profile.tool_oscillation) {
+            violations.add(format!("oscillation.{}", problem.field), problem.message);
+        }
         for (index, id) in checked.tool_ids.iter().enumerate() {
             let tool = tools::from_record(&self.store.tool(id).await?)?;
             if let Some(other) = tools.iter().find(|other| other.number == tool.number) {
@@ -223,6 +235,7 @@ impl Api {
             interpolation_period_us: checked.interpolation_period_us,
             generation_mode: generation_mode.into(),
             tools,
+            oscillation: checked.oscillation.map(|_| convert::oscillation_request_to_proto(&oscillation)),
         })
     }
 
@@ -233,8 +246,13 @@ impl Api {
     pub async fn validate_program(&self, request: ValidateProgramRequest) -> Result<ValidateProgramResponse> {
         let mut violations = Violations::default();
         check_inline(&mut violations, request.inline_program.len(), self.limits.inline_program_bytes);
-        let checked =
-            check_settings(&mut violations, request.interpolation_period_us, request.generation_mode, &request.tools);
+        let checked = check_settings(
+            &mut violations,
+            request.interpolation_period_us,
+            request.generation_mode,
+            &request.tools,
+            request.oscillation.as_ref(),
+        );
         let mut machine_id = None;
         let mut profile = None;
         match &request.on {
@@ -264,6 +282,7 @@ impl Api {
         config.generation_mode =
             convert::generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode);
         config.tools = settings.tools.iter().map(convert::tool_for_pipeline).collect();
+        config.oscillation = convert::oscillation_request_from_proto(settings.oscillation.as_ref());
         config.overrides = overrides;
         let report = self.engine.validate_program(config, request.inline_program).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })

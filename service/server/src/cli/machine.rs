@@ -10,6 +10,7 @@ use feedwave_cutting::{
 use figment::Figment;
 use figment::providers::Serialized;
 
+use super::oscillation::OscillationArgs;
 use super::tools::ToolArgs;
 use super::{CliError, data_file};
 use crate::output::AxisColumn;
@@ -32,6 +33,8 @@ pub(super) struct MachineArgs {
     mode: Option<Mode>,
     #[command(flatten)]
     tools: ToolArgs,
+    #[command(flatten)]
+    oscillation: OscillationArgs,
 }
 
 /// A generic machine.
@@ -75,6 +78,7 @@ impl MachineArgs {
         config.interpolation_period_us = self.period_us;
         config.frame = frame;
         config.tools = self.tools.read()?;
+        config.oscillation = self.oscillation.checked(&config.profile.tool_oscillation)?;
         if let Some(mode) = self.mode {
             config.generation_mode = mode.into();
         }

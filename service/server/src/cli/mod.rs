@@ -11,6 +11,7 @@ mod demo;
 mod findings;
 mod local;
 mod machine;
+mod oscillation;
 mod overrides;
 mod pictures;
 mod plan;

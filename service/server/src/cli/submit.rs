@@ -3,13 +3,16 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use feedwave_cutting::tool_oscillation::OscillationRequest;
+
 use super::client::{Client, ServerArgs};
 use super::machine::Mode;
+use super::oscillation::OscillationArgs;
 use super::source::Source;
 use super::terminal::{Style, print, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
-use crate::convert::generation_mode_to_proto;
+use crate::convert::{generation_mode_to_proto, oscillation_request_to_proto};
 use crate::proto::create_job_request::Source as ProgramSource;
 use crate::proto::{CreateJobRequest, Job, JobState};
 use crate::{json, names};
@@ -49,6 +52,8 @@ pub struct Args {
     /// How vibration along the path is generated [default: what the machine's profile says]
     #[arg(long, value_enum, value_name = "MODE")]
     mode: Option<Mode>,
+    #[command(flatten)]
+    oscillation: OscillationArgs,
     /// Wait for validation and show what was found
     #[arg(long)]
     wait: bool,
@@ -97,6 +102,7 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         ProgramSource::Program(client.upload(source).await?)
     };
     let file_name = args.file.file_name().map(|name| name.to_string_lossy().into_owned());
+    let oscillation = args.oscillation.request();
     let request = CreateJobRequest {
         request_id: args.request_id.clone(),
         machine: names::machine(&args.machine),
@@ -105,6 +111,7 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         interpolation_period_us: args.period_us,
         generation_mode: args.mode.map_or(0, |mode| generation_mode_to_proto(mode.into()) as i32),
         tools: Vec::new(),
+        oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
     };
     let response = client.jobs.create_job(request).await.map_err(|status| client.failed(&status))?;
     let job = response.into_inner().job;

@@ -1,8 +1,9 @@
 //! Tool oscillation: named conditions and cutting edges both ways.
 
 use feedwave_cutting::tool_oscillation::{
-    ConditionTable, CuttingEdge, DirectionOscillation, Interpolation, LeadingEdge, NamedCondition,
-    OscillationCondition, OscillationPeriod, RoleRotation, TableQuantity, ToolGeometry, Waveform,
+    ConditionTable, CuttingEdge, DirectionOscillation, Engagement, FloorSettings, Interpolation, LeadingEdge,
+    NamedCondition, OscillationCondition, OscillationPeriod, OscillationRequest, RoleRotation, TableQuantity,
+    ToolGeometry, Waveform, WorkSide,
 };
 
 use crate::convert::{check_display_name, enumeration};
@@ -49,6 +50,7 @@ fn condition_from_proto(
     };
     let feed = required("feed", &condition.feed);
     let axial = required("axial", &condition.axial);
+    let engagement = engagement_from_proto(violations, &format!("{field}.engagement"), condition.engagement);
     let tables: Vec<Option<ConditionTable>> = condition
         .tables
         .iter()
@@ -67,9 +69,96 @@ fn condition_from_proto(
             leading_edge: condition.leading_edge.map_or_else(LeadingEdge::default, leading_edge_from_proto),
             ramp_periods: condition.ramp_periods.unwrap_or(USUAL_RAMP_PERIODS),
             may_overrun: condition.may_overrun,
+            engagement: engagement?,
         },
         tables: tables.into_iter().collect::<Option<_>>()?,
     })
+}
+
+fn engagement_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    engagement: Option<proto::Engagement>,
+) -> Option<Engagement> {
+    use proto::engagement::Kind;
+    match engagement.and_then(|engagement| engagement.kind) {
+        None => Some(Engagement::Slot),
+        Some(Kind::Angles(angles)) => {
+            Some(Engagement::Angles { entry_deg: angles.entry_deg, exit_deg: angles.exit_deg })
+        }
+        Some(Kind::Width(width)) => {
+            let side = match enumeration(violations, &format!("{field}.width.side"), width.side)? {
+                proto::WorkSide::Unspecified => {
+                    violations.add(format!("{field}.width.side"), "must be set");
+                    return None;
+                }
+                proto::WorkSide::Left => WorkSide::Left,
+                proto::WorkSide::Right => WorkSide::Right,
+            };
+            Some(Engagement::Width { width_mm: width.width_mm, side })
+        }
+    }
+}
+
+fn engagement_to_proto(engagement: &Engagement) -> Option<proto::Engagement> {
+    use proto::engagement::Kind;
+    let kind = match *engagement {
+        Engagement::Slot => return None,
+        Engagement::Angles { entry_deg, exit_deg } => Kind::Angles(proto::EngagementAngles { entry_deg, exit_deg }),
+        Engagement::Width { width_mm, side } => {
+            let side = match side {
+                WorkSide::Left => proto::WorkSide::Left,
+                WorkSide::Right => proto::WorkSide::Right,
+            };
+            Kind::Width(proto::EngagementWidth { width_mm, side: side.into() })
+        }
+    };
+    Some(proto::Engagement { kind: Some(kind) })
+}
+
+/// How the floor is simulated; what is left open is as usual.
+pub(super) fn floor_from_proto(settings: &proto::OscillationFloorSettings) -> FloorSettings {
+    let usual = FloorSettings::default();
+    FloorSettings {
+        simulate: settings.simulate.unwrap_or(usual.simulate),
+        revolutions: settings.revolutions.unwrap_or(usual.revolutions),
+        resolution_mm: settings.resolution_mm.unwrap_or(usual.resolution_mm),
+        max_cells: settings.max_cells.unwrap_or(usual.max_cells),
+        trailing: settings.trailing.unwrap_or(usual.trailing),
+    }
+}
+
+/// How the floor is simulated, with every value stated.
+pub(super) const fn floor_to_proto(settings: &FloorSettings) -> proto::OscillationFloorSettings {
+    let FloorSettings { simulate, revolutions, resolution_mm, max_cells, trailing } = *settings;
+    proto::OscillationFloorSettings {
+        simulate: Some(simulate),
+        revolutions: Some(revolutions),
+        resolution_mm: Some(resolution_mm),
+        max_cells: Some(max_cells),
+        trailing: Some(trailing),
+    }
+}
+
+/// What a job asks; whether the machine can do it is [`OscillationRequest::problems`]' to say.
+#[must_use]
+pub fn oscillation_request_from_proto(request: Option<&proto::OscillationRequest>) -> OscillationRequest {
+    let Some(request) = request else { return OscillationRequest::default() };
+    OscillationRequest {
+        condition: Some(request.condition.clone()).filter(|name| !name.is_empty()),
+        parts_before: request.parts_before,
+        cutting_time_before_s: request.cutting_time_before_s,
+    }
+}
+
+/// What a job asks, as the contract has it.
+#[must_use]
+pub fn oscillation_request_to_proto(request: &OscillationRequest) -> proto::OscillationRequest {
+    proto::OscillationRequest {
+        condition: request.condition.clone().unwrap_or_default(),
+        parts_before: request.parts_before,
+        cutting_time_before_s: request.cutting_time_before_s,
+    }
 }
 
 fn direction_from_proto(direction: &proto::DirectionOscillation) -> DirectionOscillation {
@@ -147,6 +236,7 @@ pub(super) fn condition_to_proto(named: &NamedCondition) -> proto::OscillationCo
         ramp_periods: Some(condition.ramp_periods),
         may_overrun: condition.may_overrun,
         tables: named.tables.iter().map(table_to_proto).collect(),
+        engagement: engagement_to_proto(&condition.engagement),
     }
 }
 

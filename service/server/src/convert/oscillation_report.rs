@@ -2,7 +2,7 @@
 
 use feedwave_cutting::tool_oscillation::{
     DirectionLoad, EdgeReport, FloorReport, OscillationDirection, OscillationSectionReport, PlainEdge, RemovedLayer,
-    Roughness,
+    RoleReport, RoleRotation, Roughness,
 };
 
 use crate::proto;
@@ -43,6 +43,23 @@ pub(super) fn oscillation_section_to_proto(section: &OscillationSectionReport) -
         above_edge_mm: report.above_edge_mm,
         floor: report.floor.as_ref().map(floor),
         feasible: report.feasible,
+        roles: Some(roles(&section.roles)),
+        plane_deg: report.plane_deg,
+    }
+}
+
+const fn roles(roles: &RoleReport) -> proto::OscillationRoles {
+    use proto::oscillation_roles::Rotation;
+    proto::OscillationRoles {
+        first_edge: roles.first_edge,
+        changes: roles.changes,
+        rotation: match roles.rotation {
+            RoleRotation::Fixed => None,
+            RoleRotation::EveryParts(parts) => Some(Rotation::EveryParts(parts)),
+            RoleRotation::EverySeconds(seconds) => Some(Rotation::EveryS(seconds)),
+        },
+        parts_before: roles.parts_before,
+        cutting_time_before_s: roles.cutting_time_before_s,
     }
 }
 
@@ -104,6 +121,7 @@ const fn floor(floor: &FloorReport) -> proto::OscillationFloor {
         trailing: floor.area.trailing,
         oscillating: Some(roughness(&floor.oscillating)),
         plain: Some(roughness(&floor.plain)),
+        across_mm: floor.area.across_mm,
     }
 }
 

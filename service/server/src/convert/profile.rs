@@ -9,7 +9,7 @@ use feedwave_program::{
 };
 
 use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
-use super::oscillation::{condition_to_proto, conditions_from_proto};
+use super::oscillation::{condition_to_proto, conditions_from_proto, floor_from_proto, floor_to_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
 use crate::error::Violations;
@@ -81,6 +81,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
         pole_tolerance_deg: profile.pole_tolerance_deg,
         thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
         tool_oscillation: tool_oscillation?,
+        oscillation_floor: floor_from_proto(&profile.oscillation_floor.unwrap_or_default()),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
@@ -292,6 +293,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         thinning: Some(thinning_to_proto(&profile.thinning)),
         pole_tolerance_deg: profile.pole_tolerance_deg,
         tool_oscillation: profile.tool_oscillation.iter().map(condition_to_proto).collect(),
+        oscillation_floor: Some(floor_to_proto(&profile.oscillation_floor)),
     }
 }
 

@@ -37,6 +37,7 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         thread_count: summary.thread_count,
         thread_passes: summary.thread_passes,
         oscillation_count: summary.oscillation_count,
+        oscillating_cutting_time_s: summary.oscillating_cutting_time_s,
         bytes: summary.bytes,
         lines: summary.lines,
         moves: summary.moves,

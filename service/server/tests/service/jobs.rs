@@ -60,6 +60,7 @@ async fn every_offending_field_is_named_at_once() {
         interpolation_period_us: 7,
         generation_mode: 42,
         tools: vec!["tools/fine".to_owned(), "Tools".to_owned()],
+        oscillation: None,
     };
     let status = test.jobs().create_job(request).await.unwrap_err();
     let (code, reason, fields) = told(&status);

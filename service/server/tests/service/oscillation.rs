@@ -1,11 +1,15 @@
 //! Tool oscillation through the service: a machine with conditions, a tool with its edges, the worked example as a job.
 
+use feedwave::proto::leading_edge::Rotation;
 use feedwave::proto::oscillation_condition::Period;
+use feedwave::proto::oscillation_roles as report;
+use feedwave::proto::validate_program_request::On;
 use feedwave::proto::waveform::Kind;
 use feedwave::proto::{
-    CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation, GetMachineRequest,
-    GetReportRequest, GetToolRequest, HeldPeakWave, JobState, OscillationCondition, OscillationDirection, Tool,
-    ToolGeometry, ValidationReport, Waveform,
+    CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation, Engagement,
+    EngagementWidth, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState, LeadingEdge,
+    OscillationCondition, OscillationDirection, OscillationFloorSettings, OscillationRequest, Tool, ToolGeometry,
+    ValidateProgramRequest, ValidationReport, Waveform, WorkSide, engagement,
 };
 
 use crate::support::{TestServer, lathe_job, stream_of, told};
@@ -60,7 +64,12 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     let profile = machine.profile.as_mut().unwrap();
     let codes = profile.language.as_ref().unwrap().tool_oscillation.unwrap();
     assert_eq!((codes.on, codes.off), (202.0, 203.0));
-    let mut odd = OscillationCondition { number: 3, period: Some(Period::PeriodsPerRev(3)), ..condition() };
+    let mut odd = OscillationCondition {
+        name: "odd".to_owned(),
+        number: 3,
+        period: Some(Period::PeriodsPerRev(3)),
+        ..condition()
+    };
     profile.tool_oscillation = vec![condition(), odd.clone()];
     let create = CreateMachineRequest { machine_id: "oscillating".to_owned(), machine: Some(machine.clone()) };
     let stored = test.machines().create_machine(create).await.unwrap().into_inner().machine.unwrap();
@@ -151,4 +160,110 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     let (_, _, fields) = told(&test.tools().create_tool(create).await.unwrap_err());
     assert!(fields.contains(&"tool.geometry.radius_mm".to_owned()), "{fields:?}");
     assert!(fields.contains(&"tool.geometry.edges[3].angle_deg".to_owned()), "{fields:?}");
+}
+
+/// A machine with the conditions "accuracy" (1) and "speed" (2), in which the lead moves on every ten parts.
+async fn rotating_machine(test: &TestServer) {
+    let request = GetMachineRequest { name: "machines/mill".to_owned() };
+    let mut machine = test.machines().get_machine(request).await.unwrap().into_inner().machine.unwrap();
+    let profile = machine.profile.as_mut().unwrap();
+    // Every value is stated.
+    let floor = profile.oscillation_floor.unwrap();
+    assert_eq!((floor.simulate, floor.resolution_mm, floor.max_cells), (Some(true), Some(0.02), Some(400_000)));
+    profile.oscillation_floor = Some(OscillationFloorSettings { revolutions: Some(1), ..Default::default() });
+    let leading = LeadingEdge { rotation: Some(Rotation::EveryParts(10)), ..Default::default() };
+    let accuracy = OscillationCondition { leading_edge: Some(leading), ..condition() };
+    let speed = OscillationCondition {
+        name: "speed".to_owned(),
+        number: 2,
+        feed: direction(0.2, None),
+        engagement: Some(Engagement {
+            kind: Some(engagement::Kind::Width(EngagementWidth { width_mm: 30.0, side: WorkSide::Right.into() })),
+        }),
+        ..condition()
+    };
+    profile.tool_oscillation = vec![accuracy, speed];
+    let create = CreateMachineRequest { machine_id: "rotating".to_owned(), machine: Some(machine) };
+    test.machines().create_machine(create).await.unwrap();
+    let mut tool = tool();
+    tool.geometry.as_mut().unwrap().end_relief_deg = 1.0;
+    let create = CreateToolRequest { tool_id: "cutter".to_owned(), tool: Some(tool) };
+    test.tools().create_tool(create).await.unwrap();
+}
+
+fn asking(program: &str, oscillation: OscillationRequest) -> CreateJobRequest {
+    CreateJobRequest {
+        machine: "machines/rotating".to_owned(),
+        tools: vec!["tools/cutter".to_owned()],
+        oscillation: Some(oscillation),
+        ..lathe_job(program)
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_says_which_part_it_is_and_the_lead_moves_on() {
+    let test = TestServer::start().await;
+    rotating_machine(&test).await;
+    let mut streams = Vec::new();
+    for (parts_before, edge) in [(0, 1), (25, 3), (42, 1)] {
+        let asked = OscillationRequest { parts_before, ..Default::default() };
+        let job = test.ready(asking(PROGRAM, asked.clone())).await;
+        assert_eq!(job.settings.as_ref().unwrap().oscillation, Some(asked));
+        let report = report_of(&test, job.name.clone()).await;
+        let section = &report.oscillations[0];
+        let roles = section.roles.unwrap();
+        assert_eq!((section.leading_edge, roles.first_edge, roles.changes), (edge, 1, parts_before / 10));
+        assert_eq!((roles.parts_before, roles.rotation), (parts_before, Some(report::Rotation::EveryParts(10))));
+        assert!(report.findings.iter().any(|finding| finding.code == "OSC-ROLES-TURNED"));
+        assert_near(report.summary.unwrap().oscillating_cutting_time_s, 3.0, 1e-9);
+        let (_, chunks) = test.collect(stream_of(&job)).await;
+        streams.push(crate::support::column(&chunks, 0));
+    }
+    assert_ne!(streams[0], streams[1]);
+    assert_eq!(streams[0], streams[2]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_chooses_the_condition_and_the_report_has_the_floor() {
+    let test = TestServer::start().await;
+    rotating_machine(&test).await;
+    let named = |name: &str| OscillationRequest { condition: name.to_owned(), ..Default::default() };
+    let job = test.ready(asking(&PROGRAM.replace("P1 ", ""), named("speed"))).await;
+    let report = report_of(&test, job.name).await;
+    let section = &report.oscillations[0];
+    assert_eq!((section.condition.as_str(), section.loads[0].amplitude_mm), ("speed", 0.2));
+    let cut = section.cut.unwrap();
+    assert_near(cut.engagement_start_deg, 30.0, 1e-9);
+    assert_near(section.plane_deg, 30.0, 1e-9);
+    let floor = section.floor.unwrap();
+    assert_eq!((floor.length_mm, floor.resolution_mm, floor.trailing), (1.0, 0.02, true));
+    assert_near(floor.across_mm, 45.0, 1e-9);
+    let (oscillating, plain) = (floor.oscillating.unwrap(), floor.plain.unwrap());
+    assert!(oscillating.peak_to_valley_mm > plain.peak_to_valley_mm && plain.peak_to_valley_mm > 0.0);
+    assert!(oscillating.mean_mm > plain.mean_mm && plain.mean_mm > 0.0, "{floor:?}");
+    assert_near(oscillating.height_mm, -0.022, 0.008);
+
+    // Another one than the program's is said.
+    let job = test.ready(asking(PROGRAM, named("speed"))).await;
+    let report = report_of(&test, job.name).await;
+    assert_eq!(report.oscillations[0].condition, "speed");
+    assert!(report.findings.iter().any(|finding| finding.code == "OSC-CONDITION-OVERRIDDEN"));
+
+    // What the machine does not have, and what cannot be, is refused before anything is stored.
+    let odd = OscillationRequest { cutting_time_before_s: f64::NAN, ..named("fast") };
+    let refused = test.jobs().create_job(asking(PROGRAM, odd.clone())).await.unwrap_err();
+    let (_, _, fields) = told(&refused);
+    assert_eq!(fields, ["oscillation.condition", "oscillation.cutting_time_before_s"]);
+    let validate = ValidateProgramRequest {
+        inline_program: PROGRAM.as_bytes().to_vec().into(),
+        on: Some(On::Machine("machines/rotating".to_owned())),
+        tools: vec!["tools/cutter".to_owned()],
+        oscillation: Some(odd),
+        ..Default::default()
+    };
+    let (_, _, fields) = told(&test.jobs().validate_program(validate.clone()).await.unwrap_err());
+    assert_eq!(fields, ["oscillation.condition", "oscillation.cutting_time_before_s"]);
+    let validate = ValidateProgramRequest { oscillation: Some(named("accuracy")), ..validate };
+    let report = test.jobs().validate_program(validate).await.unwrap().into_inner().report.unwrap();
+    assert_eq!(report.oscillations[0].condition, "accuracy");
 }

@@ -2,8 +2,10 @@
 
 use super::super::terminal::{Style, number};
 use super::Rows;
+use crate::proto::oscillation_roles::Rotation;
 use crate::proto::{
-    OscillationDirection, OscillationEdge, OscillationFloor, OscillationLoad, OscillationSectionReport, RemovedLayer,
+    OscillationDirection, OscillationEdge, OscillationFloor, OscillationLoad, OscillationRoles,
+    OscillationSectionReport, RemovedLayer,
 };
 
 /// Edges listed; the JSON has all.
@@ -26,6 +28,17 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
             number(cut.depth_mm, 4)
         ),
     );
+    if (cut.engagement_start_deg, cut.engagement_end_deg) != (-90.0, 90.0) {
+        rows.row(
+            "engagement",
+            format!(
+                "from {} to {} degrees; the layers are those at {} degrees",
+                number(cut.engagement_start_deg, 4),
+                number(cut.engagement_end_deg, 4),
+                number(section.plane_deg, 4)
+            ),
+        );
+    }
     rows.row(
         "period",
         format!(
@@ -48,6 +61,9 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
     );
     let finishing: Vec<String> = section.finishing_edges.iter().map(u32::to_string).collect();
     rows.row("roles", format!("edge {} leads, edge {} finishes", section.leading_edge, finishing.join(", ")));
+    if let Some(moved) = section.roles.as_ref().and_then(moved_text) {
+        rows.row("", moved);
+    }
     rows.row("blend", format!("over {} mm of path at both ends", number(section.ramp_mm, 4)));
     rows.row(
         "volume",
@@ -64,6 +80,18 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
         floor_row(&mut rows, floor);
     }
     rows.text
+}
+
+/// How the lead came to its edge, where it moves on.
+fn moved_text(roles: &OscillationRoles) -> Option<String> {
+    let (interval, before) = match roles.rotation? {
+        Rotation::EveryParts(parts) => (format!("{parts} parts"), format!("{} parts", roles.parts_before)),
+        Rotation::EveryS(seconds) => {
+            (format!("{} s", number(seconds, 5)), format!("{} s", number(roles.cutting_time_before_s, 5)))
+        }
+    };
+    let (first, changes) = (roles.first_edge, roles.changes);
+    Some(format!("the lead moves on from edge {first} every {interval}: {changes} times in the {before} before"))
 }
 
 fn load_table(rows: &mut Rows, loads: &[OscillationLoad]) {
@@ -131,12 +159,35 @@ fn floor_row(rows: &mut Rows, floor: &OscillationFloor) {
         "floor",
         format!(
             "{} mm peak to valley, {} mm mean; {} and {} mm without oscillation",
-            number(with.peak_to_valley_mm, 3),
-            number(with.mean_mm, 3),
-            number(without.peak_to_valley_mm, 3),
-            number(without.mean_mm, 3)
+            // Cells are single precision.
+            number(floor_mm(with.peak_to_valley_mm), 3),
+            number(floor_mm(with.mean_mm), 3),
+            number(floor_mm(without.peak_to_valley_mm), 3),
+            number(floor_mm(without.mean_mm), 3)
         ),
     );
+    rows.row(
+        "",
+        format!(
+            "{} mm above the commanded end of the tool, {} mm without; on {} × {} mm of it in cells of {} mm",
+            number(floor_mm(with.height_mm), 3),
+            number(floor_mm(without.height_mm), 3),
+            number(floor.length_mm, 4),
+            number(floor.width_mm, 4),
+            number(floor.resolution_mm, 3)
+        ),
+    );
+    let unswept = with.unswept_share.max(without.unswept_share);
+    if unswept > 0.0 {
+        rows.row("", format!("no end of an edge sweeps {} of it", percent(unswept)));
+    }
+}
+
+/// A height to the nanometre.
+fn floor_mm(height_mm: f64) -> f64 {
+    let nanometres = (height_mm * 1e6).round();
+    // Not a negative zero.
+    if nanometres == 0.0 { 0.0 } else { nanometres / 1e6 }
 }
 
 #[cfg(test)]
@@ -159,7 +210,21 @@ mod tests {
             line: 5,
             tool: 7,
             condition: "accuracy".to_owned(),
-            cut: Some(OscillationCut { feed_mm_per_min: 600.0, clockwise: true, ..Default::default() }),
+            cut: Some(OscillationCut {
+                feed_mm_per_min: 600.0,
+                clockwise: true,
+                engagement_start_deg: 30.0,
+                engagement_end_deg: 90.0,
+                ..Default::default()
+            }),
+            plane_deg: 30.0,
+            roles: Some(OscillationRoles {
+                first_edge: 2,
+                changes: 3,
+                rotation: Some(Rotation::EveryParts(20)),
+                parts_before: 71,
+                ..Default::default()
+            }),
             periods_per_rev: 1,
             edges_per_period: 2.0,
             hold_share: 0.3,
@@ -176,7 +241,11 @@ mod tests {
             edges: vec![edge(1, 0.03, false), edge(2, -0.03, true)],
             plain_edges: vec![PlainEdge { volume_share: 0.25, ..Default::default() }],
             floor: Some(OscillationFloor {
-                oscillating: Some(FloorRoughness { peak_to_valley_mm: 0.0088, ..Default::default() }),
+                oscillating: Some(FloorRoughness { peak_to_valley_mm: 0.0088, height_mm: -0.03, ..Default::default() }),
+                plain: Some(FloorRoughness { mean_mm: -1e-10, unswept_share: 0.25, ..Default::default() }),
+                length_mm: 2.0,
+                width_mm: 80.0,
+                resolution_mm: 0.02,
                 ..Default::default()
             }),
             ..Default::default()
@@ -192,7 +261,11 @@ mod tests {
             "0.03 to 1 × 1",
             "-0.03 to 1 × 1",
             "50 % 0 % 25 %",
-            "0.0088 mm peak to valley",
+            "engagement from 30 to 90 degrees; the layers are those at 30 degrees",
+            "the lead moves on from edge 2 every 20 parts: 3 times in the 71 parts before",
+            "0.0088 mm peak to valley, 0 mm mean; 0 and 0 mm without oscillation",
+            "-0.03 mm above the commanded end of the tool, 0 mm without; on 2 × 80 mm of it in cells of 0.02 mm",
+            "no end of an edge sweeps 25 % of it",
         ] {
             assert!(squeezed.contains(expected), "no {expected:?} in\n{text}");
         }

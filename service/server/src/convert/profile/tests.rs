@@ -1,6 +1,6 @@
 use feedwave_cutting::tool_oscillation::{
-    ConditionTable, DirectionOscillation, Interpolation, LeadingEdge, NamedCondition, OscillationCondition,
-    OscillationPeriod, RoleRotation, TableQuantity, Waveform,
+    ConditionTable, DirectionOscillation, Engagement, FloorSettings, Interpolation, LeadingEdge, NamedCondition,
+    OscillationCondition, OscillationPeriod, RoleRotation, TableQuantity, Waveform, WorkSide,
 };
 use feedwave_motion::kinematics::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
 
@@ -85,6 +85,7 @@ fn oscillating_mill() -> MachineProfile {
             leading_edge: LeadingEdge { edge: 3, phase_deg: 30.0, rotation: RoleRotation::EveryParts(5) },
             ramp_periods: 4,
             may_overrun: true,
+            engagement: Engagement::Width { width_mm: 12.5, side: WorkSide::Left },
         },
         tables: vec![
             table(TableQuantity::FeedAmplitude, Interpolation::Linear),
@@ -97,10 +98,13 @@ fn oscillating_mill() -> MachineProfile {
     second.condition.period = OscillationPeriod::Seconds(0.05);
     second.condition.axial.waveform = Waveform::JerkLimitedHeldPeak { hold_share: 0.25 };
     second.condition.cross = None;
+    second.condition.engagement = Engagement::Angles { entry_deg: -12.0, exit_deg: 90.0 };
     second.condition.leading_edge.rotation = RoleRotation::EverySeconds(600.0);
     second.tables.clear();
     let mut mill = MachineProfile::mill();
     mill.tool_oscillation = vec![first, second];
+    mill.oscillation_floor =
+        FloorSettings { simulate: false, revolutions: 3, resolution_mm: 0.05, max_cells: 5_000, trailing: false };
     mill.language.tool_oscillation = FunctionCodes { on: 302.1, off: 303.0 };
     mill
 }
@@ -111,10 +115,15 @@ fn oscillation_conditions_are_checked_with_their_fields() {
     let [first, second] = profile.tool_oscillation.as_mut_slice() else { panic!("two conditions") };
     (first.period, first.axial) = (None, None);
     first.tables[2].quantity = 0;
+    let width = proto::EngagementWidth { width_mm: 1.0, side: 0 };
+    first.engagement = Some(proto::Engagement { kind: Some(proto::engagement::Kind::Width(width)) });
     second.name = "\n".to_owned();
     let fields: Vec<String> = from_proto(&profile).unwrap_err().into_iter().map(|(field, _)| field).collect();
     let field = |place: &str| format!("profile.tool_oscillation{place}");
-    assert_eq!(fields, ["[0].period", "[0].axial", "[0].tables[2].quantity", "[1].name"].map(field));
+    assert_eq!(
+        fields,
+        ["[0].period", "[0].axial", "[0].engagement.width.side", "[0].tables[2].quantity", "[1].name"].map(field)
+    );
 
     let mut profile = profile_to_proto(&oscillating_mill());
     let [first, second] = profile.tool_oscillation.as_mut_slice() else { panic!("two conditions") };
