@@ -28,8 +28,8 @@ pub use decision::{
     decide,
 };
 pub use lobes::{
-    ChartLimit, ChartPoint, LobeError, LobePoint, Lobes, MillingModel, Mode, Pocket, PocketRequest, TurningModel,
-    limiting_width_mm,
+    ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,
+    Pocket, PocketRequest, TurningModel, dynamics_problems, limiting_width_mm,
 };
 pub use monitor::{Monitor, SnapshotError, State};
 pub use rules::{Bounds, Fallback, FeedRule, Property, Rules, SpindleRule, SpindleTable, TableRow};

@@ -13,6 +13,14 @@ const MAX_MODES: usize = 32;
 const FREQUENCIES: usize = 4000;
 /// Most lobes.
 const MAX_LOBES: usize = 300;
+/// Largest ratio of radial to tangential coefficient.
+const MAX_RADIAL_RATIO: f64 = 10.0;
+
+/// Below this radial immersion, as a fraction of the diameter, cutting is so much interrupted that the zeroth order, which
+/// averages the cutting forces over the revolution, errs on the unsafe side.
+pub const LOW_IMMERSION: f64 = 0.25;
+/// By how much it errs there, at most, as a fraction of the limit.
+pub const LOW_IMMERSION_ERROR: f64 = 0.15;
 
 /// One mode of vibration of tool or workpiece.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -59,8 +67,8 @@ pub enum LobeError {
     /// A value that is impossible.
     #[error("{field}: {value} is not between {least} and {most}")]
     Value {
-        /// Field.
-        field: &'static str,
+        /// Path of the field, such as `modes_x[0].damping_ratio`.
+        field: String,
         /// Its value.
         value: f64,
         /// Smallest possible value.
@@ -110,18 +118,58 @@ pub enum LobeError {
     },
 }
 
-pub(crate) fn within(field: &'static str, value: f64, least: f64, most: f64) -> Result<(), LobeError> {
-    if value >= least && value <= most { Ok(()) } else { Err(LobeError::Value { field, value, least, most }) }
+/// Everything impossible that was found, field by field.
+#[derive(Debug, Default)]
+struct Check(Vec<LobeError>);
+
+impl Check {
+    /// The value is a number in the closed interval.
+    fn within(&mut self, field: impl Into<String>, value: f64, least: f64, most: f64) {
+        if !(value >= least && value <= most) {
+            self.0.push(LobeError::Value { field: field.into(), value, least, most });
+        }
+    }
+
+    fn modes(&mut self, field: &str, modes: &[Mode], least: usize) {
+        self.within(field, modes.len() as f64, least as f64, MAX_MODES as f64);
+        for (index, mode) in modes.iter().take(MAX_MODES).enumerate() {
+            self.within(format!("{field}[{index}].frequency_hz"), mode.frequency_hz, 1.0, 1e5);
+            self.within(format!("{field}[{index}].damping_ratio"), mode.damping_ratio, 1e-5, 0.7);
+            self.within(format!("{field}[{index}].stiffness_n_per_mm"), mode.stiffness_n_per_mm, 1e-3, 1e12);
+        }
+    }
+
+    /// A cutting coefficient, N/mm².
+    fn coefficient(&mut self, field: &str, value: f64) {
+        self.within(field, value, 1.0, 1e6);
+    }
+
+    /// The first of what was found.
+    fn finish(self) -> Result<(), LobeError> {
+        self.0.into_iter().next().map_or(Ok(()), Err)
+    }
 }
 
-fn check_modes(field: &'static str, modes: &[Mode], least: usize) -> Result<(), LobeError> {
-    within(field, modes.len() as f64, least as f64, MAX_MODES as f64)?;
-    for mode in modes {
-        within("frequency_hz", mode.frequency_hz, 1.0, 1e5)?;
-        within("damping_ratio", mode.damping_ratio, 1e-5, 0.7)?;
-        within("stiffness_n_per_mm", mode.stiffness_n_per_mm, 1e-3, 1e12)?;
+/// Everything that is impossible in modal and cutting data that is kept for later, field by field: lists may be empty and
+/// coefficients absent.
+pub fn dynamics_problems(
+    modes: &[(&'static str, &[Mode])],
+    coefficients_n_per_mm2: &[(&'static str, Option<f64>)],
+    radial_ratio: Option<f64>,
+) -> Vec<LobeError> {
+    let mut check = Check::default();
+    for (field, modes) in modes {
+        check.modes(field, modes, 0);
     }
-    Ok(())
+    for (field, value) in coefficients_n_per_mm2 {
+        if let Some(value) = value {
+            check.coefficient(field, *value);
+        }
+    }
+    if let Some(ratio) = radial_ratio {
+        check.within("radial_ratio", ratio, 0.0, MAX_RADIAL_RATIO);
+    }
+    check.0
 }
 
 /// Complex number (real, imaginary).
@@ -219,18 +267,30 @@ impl MillingModel {
         })
     }
 
+    /// Everything that is impossible, field by field.
+    pub fn problems(&self) -> Vec<LobeError> {
+        let mut check = Check::default();
+        check.modes("modes_x", &self.modes_x, 0);
+        check.modes("modes_y", &self.modes_y, usize::from(self.modes_x.is_empty()));
+        check.within("edges", f64::from(self.edges), 1.0, 1000.0);
+        check.within("entry_rad", self.entry_rad, 0.0, PI);
+        check.within("exit_rad", self.exit_rad, self.entry_rad + 1e-6, PI);
+        check.coefficient("tangential_n_per_mm2", self.tangential_n_per_mm2);
+        check.within("radial_ratio", self.radial_ratio, 0.0, MAX_RADIAL_RATIO);
+        check.0
+    }
+
+    /// Radial depth of cut over the diameter of the tool: (cos φ_entry − cos φ_exit)/2, 1 in full slotting.
+    pub fn radial_immersion(&self) -> f64 {
+        0.5 * (libm::cos(self.entry_rad) - libm::cos(self.exit_rad))
+    }
+
     /// Limits over all chatter frequencies.
     ///
     /// # Errors
     /// [`LobeError::Value`] for modal or cutting data that is impossible.
     pub fn lobes(&self) -> Result<Lobes, LobeError> {
-        check_modes("modes_x", &self.modes_x, 0)?;
-        check_modes("modes_y", &self.modes_y, usize::from(self.modes_x.is_empty()))?;
-        within("edges", f64::from(self.edges), 1.0, 1000.0)?;
-        within("entry_rad", self.entry_rad, 0.0, PI)?;
-        within("exit_rad", self.exit_rad, self.entry_rad + 1e-6, PI)?;
-        within("tangential_n_per_mm2", self.tangential_n_per_mm2, 1.0, 1e6)?;
-        within("radial_ratio", self.radial_ratio, 0.0, 10.0)?;
+        Check(self.problems()).finish()?;
         let modes = self.modes_x.iter().chain(&self.modes_y);
         Ok(Lobes::trace(modes, f64::from(self.edges), |frequency_hz| self.limits_at(frequency_hz)))
     }
@@ -254,13 +314,20 @@ impl TurningModel {
         })
     }
 
+    /// Everything that is impossible, field by field.
+    pub fn problems(&self) -> Vec<LobeError> {
+        let mut check = Check::default();
+        check.modes("modes", &self.modes, 1);
+        check.coefficient("specific_n_per_mm2", self.specific_n_per_mm2);
+        check.0
+    }
+
     /// Limits over all chatter frequencies.
     ///
     /// # Errors
     /// [`LobeError::Value`] for modal or cutting data that is impossible.
     pub fn lobes(&self) -> Result<Lobes, LobeError> {
-        check_modes("modes", &self.modes, 1)?;
-        within("specific_n_per_mm2", self.specific_n_per_mm2, 1.0, 1e6)?;
+        Check(self.problems()).finish()?;
         Ok(Lobes::trace(self.modes.iter(), 1.0, |frequency_hz| [self.limit_at(frequency_hz), None]))
     }
 }

@@ -5,6 +5,7 @@ mod decisions;
 mod events;
 mod guarded;
 mod jobs;
+mod lobes;
 mod machines;
 mod mask;
 mod programs;

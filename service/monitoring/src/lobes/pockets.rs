@@ -1,6 +1,6 @@
 //! The deepest stable speeds of bands, as a spindle table.
 
-use super::{LobeError, Lobes, MAX_LOBES, within};
+use super::{Check, LobeError, Lobes, MAX_LOBES};
 use crate::rules::{SpindleTable, TableRow};
 use serde::{Deserialize, Serialize};
 
@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 const SPEEDS_PER_BAND: usize = 400;
 /// Most bands.
 const MAX_BANDS: u32 = 256;
+/// Highest speed, rev/min.
+const MAX_RPM: f64 = 1e6;
 /// Most speeds of a chart.
 const MAX_CHART_SPEEDS: f64 = 20_000.0;
 
@@ -57,6 +59,26 @@ pub struct ChartPoint {
     pub limit: Option<ChartLimit>,
 }
 
+impl Check {
+    fn speeds(&mut self, lowest_rpm: f64, highest_rpm: f64) {
+        self.within("lowest_rpm", lowest_rpm, 1.0, MAX_RPM);
+        self.within("highest_rpm", highest_rpm, lowest_rpm * 1.001, MAX_RPM);
+    }
+}
+
+impl PocketRequest {
+    /// Everything that is impossible, field by field.
+    pub fn problems(&self) -> Vec<LobeError> {
+        let mut check = Check::default();
+        check.speeds(self.lowest_rpm, self.highest_rpm);
+        check.within("bands", f64::from(self.bands), 1.0, f64::from(MAX_BANDS));
+        check.within("margin", self.margin, 0.0, 0.9);
+        check.within("speed_tolerance", self.speed_tolerance, 0.0, 0.2);
+        check.within("required_mm", self.required_mm.unwrap_or(0.0), 0.0, 1e4);
+        check.0
+    }
+}
+
 impl Lobes {
     /// Looks at every limit that any lobe sets at rising speeds: index of the speed, limit in mm, chatter frequency, lobe.
     fn scan(&self, speeds_rpm: &[f64], mut visit: impl FnMut(usize, f64, f64, u32)) -> Result<(), LobeError> {
@@ -101,9 +123,10 @@ impl Lobes {
     /// # Errors
     /// [`LobeError`] for an impossible range or number of speeds (2 to 20 000).
     pub fn chart(&self, lowest_rpm: f64, highest_rpm: f64, speeds: u32) -> Result<Vec<ChartPoint>, LobeError> {
-        within("lowest_rpm", lowest_rpm, 1.0, 1e6)?;
-        within("highest_rpm", highest_rpm, lowest_rpm * 1.001, 1e6)?;
-        within("speeds", f64::from(speeds), 2.0, MAX_CHART_SPEEDS)?;
+        let mut check = Check::default();
+        check.speeds(lowest_rpm, highest_rpm);
+        check.within("speeds", f64::from(speeds), 2.0, MAX_CHART_SPEEDS);
+        check.finish()?;
         let step = (highest_rpm - lowest_rpm) / f64::from(speeds - 1);
         let speeds_rpm: Vec<f64> = (0..speeds).map(|index| lowest_rpm + step * f64::from(index)).collect();
         let mut chart: Vec<_> = speeds_rpm.iter().map(|&speed_rpm| ChartPoint { speed_rpm, limit: None }).collect();
@@ -121,7 +144,9 @@ impl Lobes {
     /// # Errors
     /// [`LobeError`] for a speed below what is computed.
     pub fn limit_mm(&self, speed_rpm: f64) -> Result<Option<f64>, LobeError> {
-        within("speed_rpm", speed_rpm, 1.0, 1e6)?;
+        let mut check = Check::default();
+        check.within("speed_rpm", speed_rpm, 1.0, MAX_RPM);
+        check.finish()?;
         Ok(self.limits_mm(&[speed_rpm])?.first().copied().filter(|limit| limit.is_finite()))
     }
 
@@ -131,12 +156,7 @@ impl Lobes {
     /// [`LobeError`] for an impossible request, and when a required depth cannot be had.
     pub fn pockets(&self, request: &PocketRequest) -> Result<Vec<Pocket>, LobeError> {
         let PocketRequest { lowest_rpm, highest_rpm, bands, margin, speed_tolerance, required_mm } = *request;
-        within("lowest_rpm", lowest_rpm, 1.0, 1e6)?;
-        within("highest_rpm", highest_rpm, lowest_rpm * 1.001, 1e6)?;
-        within("bands", f64::from(bands), 1.0, f64::from(MAX_BANDS))?;
-        within("margin", margin, 0.0, 0.9)?;
-        within("speed_tolerance", speed_tolerance, 0.0, 0.2)?;
-        within("required_mm", required_mm.unwrap_or(0.0), 0.0, 1e4)?;
+        Check(request.problems()).finish()?;
         let count = bands as usize * SPEEDS_PER_BAND;
         let step = (highest_rpm - lowest_rpm) / count as f64;
         let speeds: Vec<f64> = (0..=count).map(|index| lowest_rpm + step * index as f64).collect();

@@ -28,6 +28,15 @@ fn request() -> PocketRequest {
     }
 }
 
+/// The fields of impossible values.
+fn refused(errors: impl IntoIterator<Item = LobeError>) -> Vec<String> {
+    let field = |error| match error {
+        LobeError::Value { field, .. } => field,
+        other => panic!("{other}"),
+    };
+    errors.into_iter().map(field).collect()
+}
+
 #[test]
 fn the_width_of_turning_is_that_of_one_mode() {
     // Re G_min = −1/(4kζ(1 + ζ)), so b_lim = 2kζ(1 + ζ)/K_s = 2·10 000·0.03·1.03/2000 = 0.309 mm.
@@ -131,13 +140,19 @@ fn pockets_fill_a_table_without_gaps_and_beat_the_least_limit() {
 #[test]
 fn impossible_data_is_refused_with_numbers() {
     let no_modes = TurningModel { modes: Vec::new(), specific_n_per_mm2: 2000.0 };
-    assert_eq!(no_modes.lobes(), Err(LobeError::Value { field: "modes", value: 0.0, least: 1.0, most: 32.0 }));
+    assert_eq!(no_modes.lobes(), Err(LobeError::Value { field: "modes".into(), value: 0.0, least: 1.0, most: 32.0 }));
     let undamped = TurningModel { modes: vec![Mode { damping_ratio: 0.0, ..mode() }], specific_n_per_mm2: 2000.0 };
-    assert!(matches!(undamped.lobes(), Err(LobeError::Value { field: "damping_ratio", .. })));
+    assert_eq!(refused(undamped.problems()), ["modes[0].damping_ratio"]);
+    assert!(undamped.lobes().is_err());
     let backwards = MillingModel { entry_rad: 2.0, exit_rad: 1.0, ..milling() };
-    assert!(matches!(backwards.lobes(), Err(LobeError::Value { field: "exit_rad", .. })));
+    assert_eq!(refused(backwards.problems()), ["exit_rad"]);
     let nan = MillingModel { radial_ratio: f64::NAN, ..milling() };
-    assert!(matches!(nan.lobes(), Err(LobeError::Value { field: "radial_ratio", .. })));
+    assert_eq!(refused(nan.problems()), ["radial_ratio"]);
+    let soft = Mode { stiffness_n_per_mm: -1.0, ..mode() };
+    let all = MillingModel { modes_x: vec![mode(), soft], edges: 0, tangential_n_per_mm2: 0.0, ..milling() };
+    assert_eq!(refused(all.problems()), ["modes_x[1].stiffness_n_per_mm", "edges", "tangential_n_per_mm2"]);
+    let pockets = PocketRequest { lowest_rpm: 9.0, highest_rpm: 8.0, bands: 0, margin: 1.0, ..request() };
+    assert_eq!(refused(pockets.problems()), ["highest_rpm", "bands", "margin"]);
     let lobes = milling().lobes().unwrap();
     assert!(matches!(lobes.limit_mm(2.0), Err(LobeError::TooManyLobes { lowest_rpm: 2.0, .. })));
     let deep = PocketRequest { required_mm: Some(1000.0), ..request() };
@@ -171,6 +186,14 @@ fn the_chart_is_the_limit_with_its_lobe_and_chatter_frequency() {
     }
     let lobe = |index: usize| chart[index].limit.unwrap().lobe;
     assert!(lobe(500) == 0 && lobe(0) >= 4 && (1..501).all(|index| lobe(index) <= lobe(index - 1) + 1));
-    assert!(matches!(lobes.chart(2000.0, 12_000.0, 1), Err(LobeError::Value { field: "speeds", .. })));
-    assert!(matches!(lobes.chart(2000.0, f64::NAN, 9), Err(LobeError::Value { field: "highest_rpm", .. })));
+    let chart = |highest_rpm, speeds| refused(lobes.chart(2000.0, highest_rpm, speeds).err());
+    assert_eq!((chart(12_000.0, 1), chart(f64::NAN, 9)), (vec!["speeds".into()], vec!["highest_rpm".into()]));
+}
+
+#[test]
+fn radial_immersion_is_the_share_of_the_diameter() {
+    let immersion = |entry_rad, exit_rad| MillingModel { entry_rad, exit_rad, ..milling() }.radial_immersion();
+    assert!((immersion(0.0, PI) - 1.0).abs() < 1e-15 && (immersion(PI / 2.0, PI) - 0.5).abs() < 1e-15);
+    // A tenth of the diameter, conventional: cos φ_exit = 1 − 2·0.1.
+    assert!((immersion(0.0, libm::acos(0.8)) - 0.1).abs() < 1e-15);
 }

@@ -17,6 +17,7 @@ use crate::error::{Error, Result, Violations};
 use crate::proto::ingest_request::Message as RequestMessage;
 use crate::proto::ingest_response::Message;
 use crate::proto::ingest_start::Target;
+use crate::proto::spindle_rule::Rule;
 use crate::proto::telemetry_server::Telemetry;
 use crate::proto::{
     BatchGap, GetMonitoringRequest, GetMonitoringResponse, GetRunRequest, GetRunResponse, IngestRequest,
@@ -75,8 +76,14 @@ impl Api {
     pub async fn set_monitoring(&self, request: SetMonitoringRequest) -> Result<SetMonitoringResponse> {
         let mut violations = Violations::default();
         let job = violations.check("job", names::parse_job(&request.job));
-        let config = match &request.config {
-            Some(config) => monitoring_from_proto(&mut violations, "config", config),
+        let mut table_from = None;
+        let config = match request.config {
+            Some(mut config) => {
+                table_from = self.fill_table(&mut violations, &mut config).await?;
+                // A table that could not be filled is told already.
+                let sound = violations.is_empty();
+                monitoring_from_proto(&mut violations, "config", &config).filter(|_| sound)
+            }
             None => {
                 violations.add("config", "must be set");
                 None
@@ -86,7 +93,11 @@ impl Api {
         let (Some(job), Some(config)) = (job, config) else {
             return Err(Error::internal("a request was neither accepted nor refused"));
         };
-        let config = monitoring_to_proto(&config);
+        let mut config = monitoring_to_proto(&config);
+        let spindle = config.rules.as_mut().and_then(|rules| rules.spindle.as_mut());
+        if let Some(Rule::Milling(rule)) = spindle.and_then(|spindle| spindle.rule.as_mut()) {
+            rule.table_from = table_from;
+        }
         self.store.put_monitoring(job, json::to_stored(&config)?).await?;
         Ok(SetMonitoringResponse { config: Some(config) })
     }

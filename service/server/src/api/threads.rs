@@ -1,6 +1,6 @@
 //! `feedwave.v1.Threads`.
 
-use feedwave_cutting::thread::ThreadFollower;
+use feedwave_cutting::thread::{ThreadFollower, plan_thread};
 use feedwave_store::{JobState, Jobs as _};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -49,7 +49,7 @@ impl Api {
         violations.finish()?;
         profile?;
         let (thread, options) = planned.ok_or_else(|| Error::internal("a request was neither accepted nor refused"))?;
-        let plan = self.engine.plan_thread(thread).await?;
+        let plan = self.engine.compute(move || plan_thread(&thread)).await?;
         Ok(convert::thread_plan_to_proto(&plan, &options))
     }
 }

@@ -8,8 +8,9 @@ use crate::convert::{self, timestamp};
 use crate::error::{Error, Result, Violations};
 use crate::proto::tools_server::Tools;
 use crate::proto::{
-    CreateToolRequest, CreateToolResponse, DeleteToolRequest, DeleteToolResponse, GetToolRequest, GetToolResponse,
-    ListToolsRequest, ListToolsResponse, Tool, UpdateToolRequest, UpdateToolResponse,
+    ComputeStabilityLobesRequest, ComputeStabilityLobesResponse, CreateToolRequest, CreateToolResponse,
+    DeleteToolRequest, DeleteToolResponse, GetToolRequest, GetToolResponse, ListToolsRequest, ListToolsResponse, Tool,
+    UpdateToolRequest, UpdateToolResponse,
 };
 use crate::{json, names};
 
@@ -117,5 +118,12 @@ impl Tools for Api {
 
     async fn delete_tool(&self, request: Request<DeleteToolRequest>) -> Result<Response<DeleteToolResponse>, Status> {
         answer(request, async |request| self.delete_tool(request).await).await
+    }
+
+    async fn compute_stability_lobes(
+        &self,
+        request: Request<ComputeStabilityLobesRequest>,
+    ) -> Result<Response<ComputeStabilityLobesResponse>, Status> {
+        answer(request, async |request| self.compute_stability_lobes(request).await).await
     }
 }

@@ -9,6 +9,7 @@ mod data_file;
 mod decisions;
 mod demo;
 mod findings;
+mod lobes;
 mod local;
 mod machine;
 mod oscillation;
@@ -58,6 +59,11 @@ pub enum Command {
     /// full section, within the limits of the machine and the tool, and leaves the finishing pass no more than it may find.
     /// What cannot be cut so is refused with the numbers and what would help.
     ThreadPlan(thread_plan::Args),
+    /// Find the spindle speeds at which a tool cuts deepest without chatter
+    ///
+    /// Computes stability lobes of milling or turning from the modes of the tool, of the command line or of the tool library
+    /// of a running service, and from them the best speed of every band: the spindle table of the monitoring.
+    Lobes(lobes::Args),
     /// Send a program to a running service and show what it found
     ///
     /// The job is stored durably before the service answers. Small programs travel with the request; larger ones are
@@ -102,6 +108,7 @@ impl Command {
             Self::Validate(args) => validate::run(args),
             Self::Plan(args) => plan::run(args),
             Self::ThreadPlan(args) => thread_plan::run(args),
+            Self::Lobes(args) => lobes::run(args).await,
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
             Self::Run(args) => run::run(args).await,

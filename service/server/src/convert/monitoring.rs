@@ -294,7 +294,8 @@ pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
                 up_to_rpm: row.up_to_rpm,
                 speed_rpm: row.speed_rpm,
             };
-            Some(Rule::Milling(proto::MillingRule { limit: *limit, table: table.rows.iter().map(band).collect() }))
+            let table = table.rows.iter().map(band).collect();
+            Some(Rule::Milling(proto::MillingRule { limit: *limit, table, table_from: None }))
         }
     };
     let bounds = |bounds: Bounds| proto::OverrideBounds { lower: bounds.lower, upper: bounds.upper };
@@ -340,6 +341,7 @@ pub(super) mod tests {
                 spindle: Some(proto::SpindleRule {
                     rule: Some(Rule::Milling(proto::MillingRule {
                         limit: 0.02,
+                        table_from: None,
                         table: vec![
                             proto::SpindleBand { above_rpm: 0.0, up_to_rpm: 3_000.0, speed_rpm: 2_800.0 },
                             proto::SpindleBand { above_rpm: 3_000.0, up_to_rpm: 9_000.0, speed_rpm: 7_000.0 },

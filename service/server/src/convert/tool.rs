@@ -1,5 +1,6 @@
 //! Tools.
 
+use super::lobes::check_dynamics;
 use super::oscillation::{geometry_from_proto, geometry_to_proto};
 use crate::convert::{check_display_name, enumeration};
 use crate::error::Violations;
@@ -33,6 +34,9 @@ pub fn check_tool(tool: &proto::Tool) -> Violations {
     }
     for (field, error) in tool.geometry.iter().flat_map(|geometry| geometry_from_proto(geometry).problems()) {
         violations.add(format!("geometry.{field}"), error.to_string());
+    }
+    if let Some(dynamics) = &tool.dynamics {
+        check_dynamics(&mut violations, "dynamics", dynamics);
     }
     violations
 }

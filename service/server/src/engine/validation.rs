@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use feedwave_cutting::thread::{ThreadPath, ThreadPlan, ThreadRequest, plan_thread};
+use feedwave_cutting::thread::ThreadPath;
 use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationReport};
-use feedwave_program::Finding;
 use feedwave_store::JobDetail;
 
 use super::source::Source;
@@ -60,15 +59,15 @@ pub(super) fn validate(
 }
 
 impl super::Engine {
-    /// Plans the passes of a thread: some milliseconds of arithmetic.
+    /// Does some milliseconds of arithmetic where it holds up no call.
     ///
     /// # Errors
     /// [`Error::Internal`] where no thread can be had for it.
-    pub async fn plan_thread(&self, request: ThreadRequest) -> Result<Result<ThreadPlan, Vec<Finding>>> {
+    pub async fn compute<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T> {
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = place;
-            plan_thread(&request)
+            work()
         });
         run.await.map_err(Error::internal)
     }

@@ -9,6 +9,7 @@ use parquet::record::Field;
 use serde_json::Value;
 
 mod five_axis;
+mod lobes;
 mod oscillation;
 mod run;
 mod service;

@@ -3,6 +3,7 @@
 
 mod five_axis;
 mod jobs;
+mod lobes;
 mod operation;
 mod oscillation;
 mod runs;
