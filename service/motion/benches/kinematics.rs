@@ -19,7 +19,7 @@ fn axis(axis: Axis, direction: [f64; 3], point_mm: [f64; 3]) -> ChainAxis {
 }
 
 fn block(end_mm: [f64; 3], toward: Toward) -> FiveAxisBlock {
-    FiveAxisBlock { end_mm, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
+    FiveAxisBlock { end_mm, circle: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
 }
 
 fn poses(criterion: &mut Criterion) {

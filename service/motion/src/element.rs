@@ -6,6 +6,7 @@ use feedwave_program::{AXIS_COUNT, ArcGeometry, Axis, Move, MoveKind, Position, 
 use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
+use crate::kinematics::TipPath;
 use crate::tolerance::{HUGE_RADIUS_MM, SAME_POINT_MM};
 
 mod bezier;
@@ -48,7 +49,7 @@ pub enum Curve {
     Arc(Arc),
     /// Free in X, Y and Z; every other axis moves in proportion to the arc length.
     Spline(Box<Spline>),
-    /// Straight for the tool centre point on the workpiece while the tool direction turns; start and end are those of the
+    /// Straight or an arc for the tool centre point on the workpiece while the tool direction turns; start and end are those of the
     /// machine's axes. Every axis beside the chain moves in proportion to the arc length.
     FiveAxis(Box<FiveAxis>),
 }
@@ -279,10 +280,16 @@ impl Element {
     pub fn fill_work_axis(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         match &self.curve {
             Curve::FiveAxis(five_axis) if axis.index() < 3 => {
-                let [start, end] = five_axis.tip_mm().map(|tip_mm| tip_mm[axis.index()]);
+                let [start, end] = five_axis.tip().ends().map(|tip_mm| tip_mm[axis.index()]);
                 let slope = (end - start) / self.length;
+                let is_straight = matches!(five_axis.tip(), TipPath::Line(_));
                 for (out, &s) in out[..s.len()].iter_mut().zip(s) {
-                    let inside = start + slope * s.max(0.0);
+                    let s = s.max(0.0);
+                    let inside = if is_straight {
+                        start + slope * s
+                    } else {
+                        five_axis.tip().at(s / self.length)[axis.index()]
+                    };
                     *out = if s >= self.length { end } else { inside };
                 }
             }
@@ -297,8 +304,9 @@ impl Element {
     pub fn fill_work_tangent(&self, axis: Axis, s: &[f64], out: &mut [f64]) {
         match &self.curve {
             Curve::FiveAxis(five_axis) if axis.index() < 3 => {
-                let [start, end] = five_axis.tip_mm().map(|tip_mm| tip_mm[axis.index()]);
-                out[..s.len()].fill((end - start) / self.length);
+                for (out, &s) in out[..s.len()].iter_mut().zip(s) {
+                    *out = five_axis.tip().slope(s / self.length)[axis.index()] / self.length;
+                }
             }
             _ => self.fill_tangent(axis, s, out),
         }

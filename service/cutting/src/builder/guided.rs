@@ -64,7 +64,7 @@ impl Builder {
 
 /// Whether a guided cut may vibrate along its path, or a finding.
 fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
-    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip_mm()[0] == it.tip_mm()[1]);
+    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip().length_mm() == 0.0);
     if motion.elements.iter().any(rests) {
         let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
         let finding = Finding::error("VIB-ROTARY-ONLY", span, message);

@@ -197,6 +197,7 @@ impl Guide {
         };
         let block = FiveAxisBlock {
             end_mm,
+            circle: None,
             toward,
             pole_tolerance_rad: config.profile.pole_tolerance_deg.to_radians(),
             source: span,
@@ -260,7 +261,7 @@ impl Guide {
             let direction = unit(target).unwrap_or(motion.end.direction);
             return Ok(FiveAxisMotion { end: FiveAxisPoint { direction, ..motion.end }, ..motion });
         };
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, toward: Toward::Angles(angles), ..*block };
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, circle: None, toward: Toward::Angles(angles), ..*block };
         let turn = self.kinematics.elements(setup, start, &turn)?;
         let (stood, start) = (start, FiveAxisPoint { direction: start.direction, ..turn.end });
         let motion = self.kinematics.elements(setup, &start, block)?;

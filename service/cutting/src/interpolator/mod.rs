@@ -407,7 +407,7 @@ impl Interpolator {
             let element = &motion.element;
             state.path_base_mm += element.length;
             let tool = match &element.curve {
-                Curve::FiveAxis(five_axis) => Some((five_axis.tip_mm()[1], *five_axis.setup())),
+                Curve::FiveAxis(five_axis) => Some((five_axis.tip().ends()[1], *five_axis.setup())),
                 _ => None,
             };
             let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);

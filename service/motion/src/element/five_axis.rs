@@ -1,7 +1,7 @@
-//! Five-axis elements: the tool centre point goes straight in work coordinates, and the machine's axes follow.
+//! Five-axis elements: the tool centre point goes straight or along an arc in work coordinates, and the machine's axes follow.
 //!
 //! As with splines, an element is solved once, when it is made (see `kinematics::path`): what is kept are polynomials
-//! that give the axes of the chain by the tool centre point's arc length. They hold the tool centre point on its segment
+//! that give the axes of the chain by the tool centre point's arc length. They hold the tool centre point on its path
 //! to 1e-9 mm. Evaluation is a search and a Horner scheme whatever the machine, every setpoint is a function of its place
 //! alone, and bounds of all derivatives follow from Bernstein coefficients. Where the tool centre point rests, the length is
 //! the angle that the direction turns, degrees.
@@ -10,7 +10,7 @@ use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
 use super::spline::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest};
-use crate::kinematics::vector::Vec3;
+use crate::kinematics::TipPath;
 use crate::kinematics::{FiveAxisRefusal, KinematicsError, Setup};
 use crate::tolerance::{FIVE_AXIS_NOTHING, SAME_START_MM, SAME_START_RAD};
 
@@ -23,8 +23,7 @@ pub struct FiveAxis {
     axes: [Axis; CHAIN],
     /// In order; each starts where the one before ends.
     pieces: Vec<FiveAxisPiece>,
-    /// First and last tool centre point, work coordinates, mm.
-    tip_mm: [Vec3; 2],
+    tip: TipPath,
     /// Where the work lies and how long the tool is.
     setup: Setup,
     moves: [bool; CHAIN],
@@ -101,10 +100,10 @@ fn horner(coefficients: &[f64], t: f64) -> f64 {
 }
 
 impl FiveAxis {
-    pub(crate) fn new(axes: [Axis; CHAIN], pieces: Vec<FiveAxisPiece>, tip_mm: [Vec3; 2], setup: Setup) -> Self {
+    pub(crate) fn new(axes: [Axis; CHAIN], pieces: Vec<FiveAxisPiece>, tip: TipPath, setup: Setup) -> Self {
         let moved = |axis: usize| pieces.iter().any(|piece| piece.powers[1..].iter().any(|power| power[axis] != 0.0));
         let moves = core::array::from_fn(moved);
-        Self { axes, pieces, tip_mm, setup, moves }
+        Self { axes, pieces, tip, setup, moves }
     }
 
     /// The axes of the chain: the linear ones, then the rotary ones, each from the work to the tool.
@@ -113,10 +112,10 @@ impl FiveAxis {
         &self.axes
     }
 
-    /// First and last tool centre point, work coordinates, mm; it goes straight.
+    /// Path of the tool centre point.
     #[must_use]
-    pub const fn tip_mm(&self) -> &[Vec3; 2] {
-        &self.tip_mm
+    pub const fn tip(&self) -> &TipPath {
+        &self.tip
     }
 
     /// Where the work lies, and how long the tool is.

@@ -1,6 +1,7 @@
 //! Five-axis kinematics (specification page 02): known machines in figures, inverse against forward over random
 //! machines and poses, ranges and turns, poles, the choice of the branch, refusals.
 
+mod arcs;
 mod five_axis;
 mod limits;
 mod machines;

@@ -12,7 +12,8 @@ use crate::kinematics::description::Wrap;
 use crate::kinematics::direction::{GreatCircle, OppositeDirections};
 use crate::kinematics::inverse::way;
 use crate::kinematics::range::nearest_turn;
-use crate::kinematics::vector::{Vec3, norm, sub, unit};
+use crate::kinematics::tip::{TipCircle, TipPath};
+use crate::kinematics::vector::{Vec3, unit};
 use crate::tolerance::{MAX_POLE_TOLERANCE_RAD, POLE_RAD, SAME_POINT_MM, SAME_START_RAD};
 use crate::{Curve, Element};
 
@@ -43,6 +44,8 @@ pub enum Toward {
 pub struct FiveAxisBlock {
     /// Tool centre point at the end, work coordinates, mm.
     pub end_mm: Vec3,
+    /// The circle on which it goes there; straight without one.
+    pub circle: Option<TipCircle>,
     /// Direction at the end.
     pub toward: Toward,
     /// Angle to the first rotary axis' line within which a great circle may be bent to lead through it, rad, at most
@@ -314,7 +317,7 @@ impl Kinematics {
             return Err(FiveAxisRefusal::Start { axis: letters[axis], difference: difference(axis) });
         }
         let needed_deg = [needed_rad[0].to_degrees(), from_deg[1]];
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, toward: Toward::Angles(needed_deg), ..*block };
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, circle: None, toward: Toward::Angles(needed_deg), ..*block };
         let turn = self.by_angles(setup, start, &turn, needed_deg)?;
         let turned = FiveAxisPoint { direction: start.direction, ..turn.end };
         let motion = self.elements(setup, &turned, block)?;
@@ -333,13 +336,19 @@ impl Kinematics {
         path: &Way<'_>,
         turn_deg: f64,
     ) -> Result<Option<Element>, FiveAxisRefusal> {
-        let length_mm = norm(sub(end.tip_mm, start.tip_mm));
+        let tip = match &block.circle {
+            None => TipPath::Line([start.tip_mm, end.tip_mm]),
+            Some(circle) => {
+                TipPath::along(circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?
+            }
+        };
+        let length_mm = tip.length_mm();
         // A shorter way is none: derivatives by it would say nothing.
         let length = if length_mm > SAME_POINT_MM { length_mm } else { turn_deg };
         if !(length > 0.0 && length.is_finite()) {
             return Ok(None);
         }
-        let curve = fit(self, setup, [start, end], path, length)?;
+        let curve = fit(self, setup, start, path, tip, length)?;
         curve.check_start(&start.position)?;
         for (axis, range) in self.ranges() {
             curve.check_range(axis, range)?;

@@ -12,6 +12,7 @@ use super::turning::Turning;
 use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece};
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
 use crate::kinematics::range::nearest_turn;
+use crate::kinematics::tip::TipPath;
 use crate::kinematics::vector::{Vec3, add_scaled, sub};
 use crate::tolerance::{
     FIVE_AXIS_FIT_MM, FIVE_AXIS_FIT_RAD, FIVE_AXIS_TAIL, MAX_FIVE_AXIS_HALVINGS, MAX_FIVE_AXIS_PIECES, SPLINE_ROUNDING,
@@ -52,8 +53,7 @@ struct Fit<'a> {
     kinematics: &'a Kinematics,
     setup: &'a Setup,
     way: &'a Way<'a>,
-    start_mm: Vec3,
-    way_mm: Vec3,
+    tip: &'a TipPath,
     length: f64,
     pieces: Vec<FiveAxisPiece>,
     /// Rotary values at the end of the last piece, rad.
@@ -64,15 +64,14 @@ struct Fit<'a> {
 pub(super) fn fit(
     kinematics: &Kinematics,
     setup: &Setup,
-    [start, end]: [&FiveAxisPoint; 2],
+    start: &FiveAxisPoint,
     way: &Way<'_>,
+    tip: TipPath,
     length: f64,
 ) -> Result<FiveAxis, FiveAxisRefusal> {
     let (linear, rotary) = kinematics.letters();
     let reference_rad = rotary.map(|axis| start.position[axis.index()].to_radians());
-    let way_mm = sub(end.tip_mm, start.tip_mm);
-    let mut fit =
-        Fit { kinematics, setup, way, start_mm: start.tip_mm, way_mm, length, pieces: Vec::new(), reference_rad };
+    let mut fit = Fit { kinematics, setup, way, tip: &tip, length, pieces: Vec::new(), reference_rad };
     let mut from = 0.0;
     let bends = match way {
         Way::GreatCircle(turning) => turning.bends(),
@@ -85,7 +84,8 @@ pub(super) fn fit(
         }
     }
     let axes: [Axis; 5] = [linear[0], linear[1], linear[2], rotary[0], rotary[1]];
-    Ok(FiveAxis::new(axes, fit.pieces, [start.tip_mm, end.tip_mm], *setup))
+    let pieces = fit.pieces;
+    Ok(FiveAxis::new(axes, pieces, tip, *setup))
 }
 
 impl Fit<'_> {
@@ -108,6 +108,32 @@ impl Fit<'_> {
         self.append(share, to, depth + 1)
     }
 
+    /// The tool centre point about a share, chain coordinates.
+    fn tip_series<const N: usize>(&self, share: f64, half: f64) -> SeriesVec<N> {
+        let to_chain = |tip_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm, direction: [0.0; 3] }).tip_mm;
+        let turn_in = |way_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm: [0.0; 3], direction: way_mm }).direction;
+        match self.tip {
+            TipPath::Line([start, end]) => {
+                let way_mm = sub(*end, *start);
+                let middle_mm = add_scaled(*start, way_mm, share);
+                let (middle, end) = (to_chain(middle_mm), to_chain(add_scaled(middle_mm, way_mm, half)));
+                core::array::from_fn(|k| Series::linear(middle[k], end[k] - middle[k]))
+            }
+            TipPath::Arc(arc) => {
+                let (center, across, rise, [start_mm, end_mm], sweep_rad) = arc.parts();
+                let (center, across, rise) = (to_chain(center), across.map(turn_in), turn_in(rise));
+                let growth_mm = end_mm - start_mm;
+                let radius = Series::<N>::linear(start_mm + growth_mm * share, growth_mm * half);
+                let (sine, cosine) = Series::linear(sweep_rad * share, sweep_rad * half).sincos();
+                let (first, second) = (radius * cosine, radius * sine);
+                core::array::from_fn(|k| {
+                    let axial = Series::linear(center[k] + rise[k] * share, rise[k] * half);
+                    axial + first.scaled(across[0][k]) + second.scaled(across[1][k])
+                })
+            }
+        }
+    }
+
     /// The piece about a share, and the rotary values at its end; `None` where it does not fit.
     #[allow(clippy::type_complexity, reason = "a piece and where it ends")]
     fn piece<const N: usize>(
@@ -121,11 +147,7 @@ impl Fit<'_> {
             let start = series.at(-1.0);
             *series = series.plus(nearest_turn(start, reference) - start);
         }
-        let middle_mm = add_scaled(self.start_mm, self.way_mm, share);
-        let to_chain = |tip_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm, direction: [0.0; 3] }).tip_mm;
-        let (middle, way) =
-            (to_chain(middle_mm), sub(to_chain(add_scaled(middle_mm, self.way_mm, half)), to_chain(middle_mm)));
-        let tip: SeriesVec<N> = core::array::from_fn(|k| Series::linear(middle[k], way[k]));
+        let tip = self.tip_series::<N>(share, half);
         let linear = self.kinematics.linear_series(rotary, tip, self.setup.tool_length_mm).map_err(refused)?;
         for t in [-1.0, 1.0] {
             let (exact, at) = (share + half * t, rotary.map(|series| series.at(t)));
@@ -133,7 +155,7 @@ impl Fit<'_> {
             let turned = |axis: usize| (nearest_turn(exact_rad[axis], at[axis]) - at[axis]).abs();
             // Close to a pole a rounded place on the great circle is another angle of the first axis.
             let rounding = |axis: usize| PLACE_ROUNDING * (rotary[axis].0[1] / half).abs();
-            let tip_mm = add_scaled(middle_mm, self.way_mm, half * t);
+            let tip_mm = self.tip.at(exact);
             let joints = self.kinematics.joints_at(tip_mm, at, self.setup).map_err(refused)?;
             let fits = (0..2).all(|axis| turned(axis) <= FIVE_AXIS_FIT_RAD + rounding(axis))
                 && joints.linear_mm.iter().zip(&linear).all(|(exact, series)| {
