@@ -285,11 +285,8 @@ impl Element {
                 let is_straight = matches!(five_axis.tip(), TipPath::Line(_));
                 for (out, &s) in out[..s.len()].iter_mut().zip(s) {
                     let s = s.max(0.0);
-                    let inside = if is_straight {
-                        start + slope * s
-                    } else {
-                        five_axis.tip().at(s / self.length)[axis.index()]
-                    };
+                    let inside =
+                        if is_straight { start + slope * s } else { five_axis.tip().at(s / self.length)[axis.index()] };
                     *out = if s >= self.length { end } else { inside };
                 }
             }

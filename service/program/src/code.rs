@@ -81,6 +81,9 @@ finding_codes! {
     TOOL_CONTROL_BLOCK = "PRG-TOOL-CONTROL-BLOCK": "something that tool centre point control does not permit";
     TOOL_CONTROL_HELD = "PRG-TOOL-CONTROL-HELD": "motion that needs an axis position which only the machine knows";
     TOOL_DIRECTION = "PRG-TOOL-DIRECTION": "a tool direction that is a zero vector, or in the form of the other mode";
+    PLANE_NESTED = "PRG-PLANE-NESTED": "a tilted plane while one is on";
+    PLANE_OFF = "PRG-PLANE-OFF": "the tool axis is to be turned onto a plane, but none is tilted";
+    PLANE_BLOCK = "PRG-PLANE-BLOCK": "something that a tilted plane does not permit";
     TOOL_MISSING = "PRG-TOOL-MISSING": "a tool change before any T word";
     NO_END = "PRG-NO-END": "the program just stops, without M2, M30 or a closing %";
     TRAILING = "PRG-TRAILING": "text after the end of the program";

@@ -121,6 +121,12 @@ pub(crate) enum Meaning {
     },
     /// `G49`, for the length as well.
     ToolControlOff,
+    /// `G68.2`
+    TiltedPlane,
+    /// `G69`
+    RotationOff,
+    /// `G53.1`
+    AlignTool,
     Distance {
         absolute: bool,
     },

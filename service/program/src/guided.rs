@@ -1,4 +1,5 @@
-//! Moves of a guided tool: tool centre point control (`G43.4`, `G43.5`), and the way back to plain axes.
+//! Moves of a guided tool: tool centre point control (`G43.4`, `G43.5`), tilted planes (`G68.2`, `G53.1`), and the way back to
+//! plain axes.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,8 +9,8 @@ use crate::{Axis, Move};
 /// are.
 ///
 /// The program knows the end of such a move only. It starts where the machine stands after the move before: switching the
-/// tool centre point control on or off moves nothing, so that then the same place has other coordinates, which the program
-/// cannot know without the kinematics.
+/// tool centre point control or a tilted plane on or off moves nothing, so that then the same place has other coordinates,
+/// which the program cannot know without the kinematics.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GuidedMove {
     /// The move. In its end, X Y Z are the tool centre point in work coordinates where the tool is guided, and rotary
@@ -19,8 +20,10 @@ pub struct GuidedMove {
     pub guide: ToolGuide,
     /// Axes of the end that no word has placed since the coordinates changed: they stay where the machine has them.
     pub held: AxisSet,
-    /// Number of the tool length (`H`), 0 where the tool is not guided.
+    /// Number of the tool length (`H`), 0 where the tool is not guided, and in a tilted plane for no length.
     pub length_offset: u32,
+    /// The tilted plane whose coordinates the end and the circle of the move are in, instead of work coordinates.
+    pub plane: Option<TiltedPlane>,
     /// Whether the block does nothing but cut straight: position, direction and modal feed. Only such a block may be
     /// thinned out.
     pub is_pure_cut: bool,
@@ -42,6 +45,79 @@ pub enum ToolGuide {
         /// The same at the end.
         end: Option<[f64; 3]>,
     },
+    /// In a tilted plane (`G68.2`): tool centre point; the rotary axes rest.
+    Plane,
+    /// `G53.1`: the rotary axes turn the tool axis onto the normal of the plane, at rapid; the linear axes rest.
+    Align(ToolAxisSolution),
+}
+
+/// Which of the two inverse solutions `G53.1` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToolAxisSolution {
+    /// `P0` or none: the one that the machine profile prefers.
+    Preferred,
+    /// `P1`: the one with the larger angle of the rotary axis next to the tool, within (−180°, 180°].
+    Larger,
+    /// `P2`: the one with the smaller angle.
+    Smaller,
+}
+
+/// A tilted work plane (`G68.2`): coordinates turned and shifted against the work coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TiltedPlane {
+    /// Its origin, work coordinates, mm.
+    pub origin_mm: [f64; 3],
+    /// Unit vectors along its X, Y and Z, work coordinates.
+    pub axes: [[f64; 3]; 3],
+    /// Program line that tilted it.
+    pub line: u32,
+}
+
+impl TiltedPlane {
+    /// The plane by Euler angles z-x-z, degrees: turned about Z by the first, about its own X by the second, and about its own Z
+    /// by the third. Multiples of 90° are exact.
+    #[must_use]
+    pub fn by_euler_angles(origin_mm: [f64; 3], angles_deg: [f64; 3], line: u32) -> Self {
+        let [(s1, c1), (s2, c2), (s3, c3)] = angles_deg.map(sincos_deg);
+        let x = [c1 * c3 - s1 * c2 * s3, s1 * c3 + c1 * c2 * s3, s2 * s3];
+        let y = [-c1 * s3 - s1 * c2 * c3, -s1 * s3 + c1 * c2 * c3, s2 * c3];
+        let z = [s1 * s2, -c1 * s2, c2];
+        Self { origin_mm, axes: [x, y, z], line }
+    }
+
+    /// A direction in its coordinates as one in work coordinates.
+    #[must_use]
+    pub fn turned_out(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [along_x, along_y, along_z] = &self.axes;
+        core::array::from_fn(|k| along_x[k] * x + along_y[k] * y + along_z[k] * z)
+    }
+
+    /// A point in its coordinates as one in work coordinates, mm.
+    #[must_use]
+    pub fn to_work(&self, point_mm: [f64; 3]) -> [f64; 3] {
+        let turned = self.turned_out(point_mm);
+        core::array::from_fn(|k| self.origin_mm[k] + turned[k])
+    }
+
+    /// A point in work coordinates as one in its coordinates, mm.
+    #[must_use]
+    pub fn from_work(&self, point_mm: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = core::array::from_fn(|k| point_mm[k] - self.origin_mm[k]);
+        self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z)
+    }
+}
+
+/// Sine and cosine of degrees, exact at multiples of 90.
+fn sincos_deg(angle_deg: f64) -> (f64, f64) {
+    let turned = angle_deg % 360.0;
+    match turned.rem_euclid(360.0) {
+        0.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        _ => libm::sincos(turned.to_radians()),
+    }
 }
 
 /// A set of axes.
@@ -72,6 +148,12 @@ impl AxisSet {
     #[must_use]
     pub const fn with(self, other: Self) -> Self {
         Self(self.0 | other.0)
+    }
+
+    /// The set with an axis.
+    #[must_use]
+    pub const fn with_axis(self, axis: Axis) -> Self {
+        Self(self.0 | 1 << axis.index())
     }
 
     /// The set without an axis.

@@ -9,6 +9,7 @@ mod spline;
 #[cfg(test)]
 mod tests;
 mod thread;
+mod tilted;
 mod tool_control;
 
 use crate::block::Block;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::dialect::FeedUnit;
 use crate::{
     AxisSet, Coolant, Feed, FeedMode, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
-    SpindleDirection, SpindleSpeed,
+    SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -53,6 +53,8 @@ pub struct InterpreterState {
     /// The NURBS that is open, between `G5.2` and `G5.3`.
     pub(crate) nurbs: Option<Box<Nurbs>>,
     pub(crate) tool_control: ToolControl,
+    /// The tilted plane, in its mode.
+    pub(crate) plane_tilted: Option<TiltedPlane>,
     pub(crate) length: LengthCompensation,
 }
 
@@ -63,13 +65,16 @@ pub(crate) struct LengthCompensation {
     pub(crate) number: u32,
     /// `G44`
     pub(crate) negative: bool,
-    /// What machine Z is more than work Z and the work offset, mm.
+    /// The length, negative for `G44`, mm.
+    pub(crate) length_mm: f64,
+    /// What machine Z is more than work Z and the work offset, mm: nothing in a tilted plane, where the length is along the
+    /// tool axis.
     pub(crate) along_z_mm: f64,
     /// Line that switched it on.
     pub(crate) on_line: u32,
 }
 
-/// Tool centre point control.
+/// Tool centre point control, and tilted planes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ToolControl {
     pub(crate) mode: ToolMode,
@@ -93,6 +98,8 @@ pub(crate) enum ToolMode {
     Angles,
     /// `G43.5`
     Vectors,
+    /// `G68.2`
+    Plane,
 }
 
 impl ToolControl {
@@ -239,6 +246,7 @@ impl InterpreterState {
             spline_exit: None,
             nurbs: None,
             tool_control: ToolControl::default(),
+            plane_tilted: None,
             length: LengthCompensation::default(),
         }
     }

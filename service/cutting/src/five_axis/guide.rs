@@ -1,5 +1,7 @@
 //! Guided moves: from what the program says about the tool to elements of the machine's axes.
 
+mod plane;
+
 use std::sync::Arc;
 
 use feedwave_motion::kinematics::vector::{angle, unit};
@@ -41,6 +43,8 @@ pub(crate) struct GuideState {
     ran_out: bool,
     /// The block before passed a pole, which was reported.
     near_pole: bool,
+    /// Line that tilted the plane in which the tool was beside the normal, which was reported.
+    beside_normal: Option<u32>,
     /// Number of the tool length with which guided moves were refused for want of data, which was reported.
     refused: Option<u32>,
 }
@@ -69,7 +73,16 @@ pub(crate) enum Guided {
 
 impl GuideState {
     pub(crate) const fn at(position: Position) -> Self {
-        Self { position, tool: None, cutting: false, cut: None, ran_out: false, near_pole: false, refused: None }
+        Self {
+            position,
+            tool: None,
+            cutting: false,
+            cut: None,
+            ran_out: false,
+            near_pole: false,
+            beside_normal: None,
+            refused: None,
+        }
     }
 
     /// Whether a refusal for want of data is the first one with this tool length: the blocks after it say nothing new.
@@ -150,6 +163,9 @@ impl Guide {
     ) -> Option<Guided> {
         let step = &guided.step;
         let work = |axis: usize| state.position[axis] - step.work_offset[axis];
+        if let ToolGuide::Align(solution) = guided.guide {
+            return self.align(guided, solution, span, state, config, findings).map(Guided::Axes);
+        }
         if guided.guide == ToolGuide::Axes {
             let start: Position = std::array::from_fn(work);
             let held = |axis: usize| guided.held.contains(Axis::ALL[axis]);
@@ -168,36 +184,30 @@ impl Guide {
             findings.push(no_axis(axis, span));
             return None;
         }
-        if state.tool.as_ref().is_none_or(|tool| !tool.is_for(guided)) {
-            let setup = match self.setup(guided, span, config) {
-                Ok(setup) => setup,
-                Err(finding) => {
-                    if state.is_first_refusal(guided.length_offset) {
-                        findings.push(*finding);
-                    }
-                    return None;
-                }
-            };
-            let point = self.kinematics.point_at(&state.position, &setup);
-            let (length_offset, work_offset) = (guided.length_offset, step.work_offset);
-            state.tool = Some(Tool { length_offset, work_offset, setup, point });
-        }
+        self.place_tool(guided, span, state, config, findings)?;
         let tool = state.tool.as_mut()?;
         let held = |axis: Axis| guided.held.contains(axis);
-        let end_mm = [Axis::X, Axis::Y, Axis::Z].map(|axis| {
-            let axis_index = axis.index();
-            if held(axis) { tool.point.tip_mm[axis_index] } else { step.end[axis_index] }
-        });
+        let end_mm = match &guided.plane {
+            Some(plane) => plane::end_in_work(plane, guided, tool.point.tip_mm),
+            None => [Axis::X, Axis::Y, Axis::Z].map(|axis| {
+                let axis_index = axis.index();
+                if held(axis) { tool.point.tip_mm[axis_index] } else { step.end[axis_index] }
+            }),
+        };
         let toward = match guided.guide {
             ToolGuide::Vector { end, .. } => Toward::Vector(end.unwrap_or(tool.point.direction)),
             _ => Toward::Angles(rotary.map(|axis| {
                 let place = axis.index();
-                if held(axis) { tool.point.position[place] } else { step.end[place] + step.work_offset[place] }
+                if guided.guide == ToolGuide::Plane || held(axis) {
+                    tool.point.position[place]
+                } else {
+                    step.end[place] + step.work_offset[place]
+                }
             })),
         };
         let block = FiveAxisBlock {
             end_mm,
-            circle: None,
+            circle: guided.plane.as_ref().and_then(|plane| plane::circle_in_work(plane, step)),
             toward,
             pole_tolerance_rad: config.profile.pole_tolerance_deg.to_radians(),
             source: span,
@@ -229,6 +239,7 @@ impl Guide {
         if let (true, Some(cut)) = (is_free_rapid, &state.cut) {
             self.report_turn(cut, [&before, &motion.end], span, findings);
         }
+        self.check_aligned(guided, before.direction, span, state, findings);
         self.check_pole(&motion, &before, by_angles, span, state, findings);
         Some(Guided::Elements(motion))
     }
@@ -332,10 +343,40 @@ impl Guide {
         );
     }
 
+    /// Sees to it that the tool in the state is the one of a move; nothing after a finding.
+    fn place_tool(
+        &self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        state: &mut GuideState,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<()> {
+        if state.tool.as_ref().is_none_or(|tool| !tool.is_for(guided)) {
+            let setup = match self.setup(guided, span, config) {
+                Ok(setup) => setup,
+                Err(finding) => {
+                    if state.is_first_refusal(guided.length_offset) {
+                        findings.push(*finding);
+                    }
+                    return None;
+                }
+            };
+            let point = self.kinematics.point_at(&state.position, &setup);
+            let (length_offset, work_offset) = (guided.length_offset, guided.step.work_offset);
+            state.tool = Some(Tool { length_offset, work_offset, setup, point });
+        }
+        Some(())
+    }
+
     /// Work coordinates and tool length, or a finding.
     fn setup(&self, guided: &GuidedMove, span: SourceSpan, config: &PipelineConfig) -> Result<Setup, Box<Finding>> {
         let number = guided.length_offset;
-        let length_mm = config.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm);
+        let length_mm = match number {
+            // In a tilted plane the length may be off: then the control point itself is led.
+            0 => Some(0.0),
+            _ => config.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm),
+        };
         let Some(length_mm) = length_mm else {
             let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
             let finding = Finding::error("TOOL-LENGTH", span, message)
@@ -412,7 +453,7 @@ fn no_axis(axis: Axis, span: SourceSpan) -> Finding {
 
 /// Tool centre point control on a machine that has no kinematics.
 pub(crate) fn no_kinematics(span: SourceSpan) -> Finding {
-    let message = "tool centre point control needs the kinematics of the machine, which its profile does not have";
+    let message = "tool centre point control and tilted planes need the kinematics of the machine, which its profile does not have";
     Finding::error("FIVE-AXIS-KINEMATICS", span, message).suggest("describe the five axes in the machine profile")
 }
 

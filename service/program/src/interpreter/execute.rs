@@ -62,6 +62,7 @@ impl Execution<'_> {
             self.dwell();
             self.modes();
             self.length_compensation();
+            self.tilted_plane();
             if let Some((span, command)) = function {
                 self.emit(span, OperationKind::Function(command));
             }

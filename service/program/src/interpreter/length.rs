@@ -3,13 +3,13 @@
 //! The length is along Z whatever the plane of arcs, and part of the offset of every move: machine Z = work Z + work offset +
 //! length, so that work coordinates are those of the tip, and machine coordinates those of the machine's control point.
 //! Switching moves nothing (on some controls `G43` without an axis word moves Z by the length): the same place has other
-//! coordinates, and the next word of Z says where the tip goes.
+//! coordinates, and the next word of Z says where the tip goes. In a tilted plane the length is along the tool axis.
 
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, Finding, Position, Severity, SourceSpan};
+use crate::{Axis, AxisSet, Finding, Position, Severity, SourceSpan};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
@@ -25,7 +25,7 @@ impl Execution<'_> {
 
     fn length_on(&mut self, negative: bool, span: SourceSpan) {
         let word = self.take(b'H');
-        if self.state.tool_control.mode != ToolMode::Off {
+        if matches!(self.state.tool_control.mode, ToolMode::Angles | ToolMode::Vectors) {
             let on_line = self.state.tool_control.on_line;
             return self.length_nested(span, "tool centre point control", on_line);
         }
@@ -63,13 +63,27 @@ impl Execution<'_> {
                     .suggest("give the tool its length, and the job the tool")
             });
         }
-        let length_mm = length_mm.unwrap_or(0.0);
-        let along_z_mm = if negative { -length_mm } else { length_mm };
-        self.switch_length(LengthCompensation { number, negative, along_z_mm, on_line: span.line }, span);
+        let Some(length_mm) = length_mm else { return };
+        let length_mm = if negative { -length_mm } else { length_mm };
+        let along_z_mm = length_mm;
+        self.switch_length(LengthCompensation { number, negative, length_mm, along_z_mm, on_line: span.line }, span);
     }
 
     /// Another length from here on; the axes stay where they are.
-    fn switch_length(&mut self, next: LengthCompensation, span: SourceSpan) {
+    fn switch_length(&mut self, mut next: LengthCompensation, span: SourceSpan) {
+        if self.state.tool_control.mode == ToolMode::Plane {
+            if next.negative {
+                return self.not_permitted(span, "a tool length that is subtracted (G44)");
+            }
+            next.along_z_mm = 0.0;
+            let change_mm = next.length_mm - self.state.length.length_mm;
+            self.state.length = next;
+            if change_mm != 0.0 {
+                self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
+                self.check_cut_with_change(change_mm, span);
+            }
+            return;
+        }
         let change_mm = next.along_z_mm - self.state.length.along_z_mm;
         self.state.length = next;
         if change_mm == 0.0 {

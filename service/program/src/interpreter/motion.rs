@@ -4,14 +4,14 @@ use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
-use crate::state::Motion;
-use crate::{ArcGeometry, Axis, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity};
+use crate::state::{Motion, ToolMode};
+use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity};
 
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 
 /// Every letter of a curve beside its end.
-const CURVE_LETTERS: u32 = CENTRE_LETTERS
+pub(super) const CURVE_LETTERS: u32 = CENTRE_LETTERS
     | letter_bit(b'R')
     | letter_bit(b'P')
     | letter_bit(b'Q')
@@ -65,7 +65,7 @@ impl Execution<'_> {
             Some(Meaning::MachineCoordinates) => Frame::Machine,
             _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
-            Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference) => return,
+            Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference | Meaning::AlignTool) => return,
             Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
             _ => Frame::Work,
         };
@@ -149,7 +149,9 @@ impl Execution<'_> {
         self.state.spline_exit = None;
         let rapid = match self.state.tool_control.is_plain() {
             true => |this: &mut Self, end| this.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
-            false => |this: &mut Self, end| this.emit_guided(MoveKind::Rapid, end, Feed::PerMinute(0.0), None),
+            false => |this: &mut Self, end| {
+                this.emit_guided(this.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), None);
+            },
         };
         let over = self.target(axes, Frame::Work);
         rapid(self, over);
@@ -163,12 +165,24 @@ impl Execution<'_> {
                 home[axis] = self.settings.reference_position[axis] - offset[axis];
             }
         }
-        rapid(self, home);
+        if self.state.tool_control.mode == ToolMode::Plane {
+            self.emit_from_plane(MoveKind::Rapid, home, self.named_axes(axes), Feed::PerMinute(0.0));
+        } else {
+            rapid(self, home);
+        }
         self.state.position = home;
     }
 
+    /// The axes whose words are in the mask.
+    pub(super) fn named_axes(&self, axes: u32) -> AxisSet {
+        set_bits(axes).fold(AxisSet::NONE, |named, place| match self.table.dialect.letters[place] {
+            Letter::Axis(axis) | Letter::Increment(axis) => named.with_axis(axis),
+            _ => named,
+        })
+    }
+
     /// Whether `G53` cannot be carried out, which is then reported.
-    fn is_wrong_machine_motion(&mut self, axes: u32) -> bool {
+    pub(super) fn is_wrong_machine_motion(&mut self, axes: u32) -> bool {
         let Some((_, span)) = self.code(Group::NonModal) else {
             return false;
         };

@@ -9,6 +9,7 @@ mod path_control;
 mod splines;
 mod thread_cycles;
 mod threads;
+mod tilted;
 mod tool_control;
 
 use super::*;
@@ -82,6 +83,8 @@ fn render_operation(operation: &Operation) -> String {
             let guide = match guided.guide {
                 ToolGuide::Axes => "axes".to_owned(),
                 ToolGuide::Angles => "angles".to_owned(),
+                ToolGuide::Plane => "plane".to_owned(),
+                ToolGuide::Align(solution) => format!("align {solution:?}"),
                 ToolGuide::Vector { start, end } => format!("vector {} {}", vector(start), vector(end)),
             };
             let kind = match step.kind {
@@ -92,8 +95,12 @@ fn render_operation(operation: &Operation) -> String {
             let held: String = held.map(Axis::letter).collect();
             let held = if held.is_empty() { held } else { format!(" ~{held}") };
             let feed = if step.kind == MoveKind::Cutting { format!(" @{}", feed(step.feed)) } else { String::new() };
+            let arc = guided.step.arc.map_or(String::new(), |arc| {
+                let [first, second] = arc.center.map(number);
+                format!(" about {first},{second} by {}", number(arc.sweep_rad.to_degrees()))
+            });
             let pure = if guided.is_pure_cut { " pure" } else { "" };
-            format!("guided {guide} H{} {kind} -> {}{held}{feed}{pure}", guided.length_offset, place(&step.end))
+            format!("guided {guide} H{} {kind} -> {}{held}{arc}{feed}{pure}", guided.length_offset, place(&step.end))
         }
         OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
         OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),

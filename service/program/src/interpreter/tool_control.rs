@@ -2,14 +2,14 @@
 //! moves under it.
 
 use super::execute::Execution;
-use super::motion::Frame;
+use super::motion::{CURVE_LETTERS, Frame};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
-    Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, MoveKind, OperationKind, Position, Severity,
-    SourceSpan, ToolGuide,
+    ArcGeometry, Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
+    Position, Severity, SourceSpan, ToolGuide,
 };
 
 /// The letters of a direction vector.
@@ -33,6 +33,9 @@ impl Execution<'_> {
     fn tool_control_on(&mut self, vectors: bool, span: SourceSpan) {
         let length = self.take(b'H');
         let thinning = self.take(b'P');
+        if self.state.tool_control.mode == ToolMode::Plane {
+            return self.not_permitted(span, "tool centre point control");
+        }
         let is_on = self.state.tool_control.mode != ToolMode::Off;
         if is_on && (length.is_some() || thinning.is_none()) {
             let on_line = self.state.tool_control.on_line;
@@ -94,7 +97,7 @@ impl Execution<'_> {
     /// The code that switches thinning: whether it is carried out.
     pub(super) fn switch_thinning(&mut self, on: bool, span: SourceSpan) -> bool {
         let control = &mut self.state.tool_control;
-        if on && control.mode == ToolMode::Off {
+        if on && matches!(control.mode, ToolMode::Off | ToolMode::Plane) {
             self.findings.push_with(Severity::Error, || {
                 let message = "five-axis blocks are thinned under tool centre point control, which is off";
                 Finding::error(code::TOOL_CONTROL_OFF, span, message)
@@ -107,7 +110,7 @@ impl Execution<'_> {
 
     fn tool_control_off(&mut self) {
         let control = &mut self.state.tool_control;
-        if control.mode == ToolMode::Off {
+        if matches!(control.mode, ToolMode::Off | ToolMode::Plane) {
             return;
         }
         let mut held = control.held.with(AxisSet::LINEAR);
@@ -131,6 +134,7 @@ impl Execution<'_> {
         });
         let tool = self.code(Group::ToolChange).filter(|(meaning, _)| *meaning == Meaning::ToolChange);
         let refused = match one_block {
+            _ if self.state.tool_control.mode == ToolMode::Plane => None,
             Some((Meaning::Reference, span)) => Some((span, "the return to the reference position")),
             Some((Meaning::MachineCoordinates, span)) => Some((span, "motion in machine coordinates")),
             _ => None,
@@ -144,35 +148,58 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn not_permitted(&mut self, span: SourceSpan, what: &'static str) {
-        let on_line = self.state.tool_control.on_line;
+    pub(super) fn not_permitted(&mut self, span: SourceSpan, what: &'static str) {
+        let ToolControl { on_line, mode, .. } = self.state.tool_control;
         self.findings.push_with(Severity::Error, || {
-            let message = format!("{what} under tool centre point control, which is on since line {on_line}");
-            Finding::error(code::TOOL_CONTROL_BLOCK, span, message)
+            let (code, place, cure) = match mode {
+                ToolMode::Plane => (code::PLANE_BLOCK, "in a tilted plane", "cancel the plane with G69 first"),
+                _ => (code::TOOL_CONTROL_BLOCK, "under tool centre point control", "switch it off with G49 first"),
+            };
+            Finding::error(code, span, format!("{what} {place}, which is on since line {on_line}"))
                 .with_value("on_line", f64::from(on_line), "")
-                .suggest("switch it off with G49 first")
+                .suggest(cure)
         });
     }
 
-    /// Motion of a block under tool centre point control, or while axes are held after it.
+    /// Motion of a block under tool centre point control or in a tilted plane, or while axes are held after it.
     #[cold]
     pub(super) fn guided_motion(&mut self, frame: Frame) {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
-        let (held_before, direction_before) = (self.state.tool_control.held, self.state.tool_control.direction);
-        let straight = matches!(self.state.motion, Motion::Linear | Motion::Rapid);
+        let ToolControl { mode, held: held_before, direction: direction_before, .. } = self.state.tool_control;
+        let (motion, used_before) = (self.state.motion, self.used);
+        let straight = matches!(motion, Motion::Linear | Motion::Rapid);
         if straight {
             self.tool_direction(axes);
         }
-        let mode = self.state.tool_control.mode;
-        let letters = axes | self.block.letters & VECTOR_LETTERS & if straight { u32::MAX } else { 0 };
+        let more = match motion {
+            Motion::Linear | Motion::Rapid => VECTOR_LETTERS,
+            Motion::Arc { .. } => VECTOR_LETTERS | letter_bit(b'R'),
+            _ => 0,
+        };
+        let mut letters = axes | self.block.letters & more & !used_before;
+        let in_plane = mode == ToolMode::Plane && frame == Frame::Work;
+        if self.is_refused_here(axes, frame) {
+            self.used |= CURVE_LETTERS;
+            letters = 0;
+        }
         let end = self.target(axes, frame);
         if letters == 0 || self.block.unclear {
-            self.state.position = end;
-            return;
+            return self.state.position = end;
         }
-        let (kind, feed) = match self.state.motion {
-            Motion::Rapid => (MoveKind::Rapid, Some(Feed::PerMinute(0.0))),
-            Motion::Linear => (MoveKind::Cutting, self.cutting_feed(axes)),
+        let (kind, arc, feed) = match motion {
+            Motion::Rapid => (MoveKind::Rapid, None, Some(Feed::PerMinute(0.0))),
+            Motion::Linear => (MoveKind::Cutting, None, self.cutting_feed(axes)),
+            // Linear axes that a word of this very block places do not say where the circle starts.
+            Motion::Arc { clockwise } if in_plane || mode == ToolMode::Off => {
+                let arc = if held_before.meets(AxisSet::LINEAR) {
+                    self.used |= CURVE_LETTERS;
+                    self.held_start(self.block.span());
+                    None
+                } else {
+                    self.arc(clockwise, &end)
+                };
+                (MoveKind::Cutting, arc, arc.and_then(|_| self.cutting_feed(axes)))
+            }
             Motion::None => {
                 self.state.motion = Motion::Unclear;
                 let span = self.block.span();
@@ -182,7 +209,7 @@ impl Execution<'_> {
                 });
                 return self.state.position = end;
             }
-            Motion::Unclear => (MoveKind::Rapid, None),
+            Motion::Unclear => (MoveKind::Rapid, None, None),
             Motion::Arc { .. }
             | Motion::Cubic
             | Motion::Quadratic
@@ -191,47 +218,69 @@ impl Execution<'_> {
             | Motion::ThreadCycle => {
                 self.used = u32::MAX;
                 let span = self.block.span();
-                if mode == ToolMode::Off {
-                    self.held_start(span);
-                } else {
-                    self.not_permitted(span, "an arc, a spline or a thread");
+                match mode {
+                    ToolMode::Off => self.held_start(span),
+                    ToolMode::Plane => self.not_permitted(span, "a spline or a thread"),
+                    _ => self.not_permitted(span, "an arc, a spline or a thread"),
                 }
                 return self.state.position = end;
             }
         };
-        let still = end == self.state.position
+        let still = arc.is_none()
+            && end == self.state.position
             && held_before.is_empty()
             && direction_before == self.state.tool_control.direction;
         if let Some(feed) = feed.filter(|_| !still) {
-            self.emit_guided(kind, end, feed, direction_before);
+            if mode == ToolMode::Plane && frame == Frame::Machine {
+                self.emit_from_plane(kind, end, self.named_axes(axes), feed);
+            } else {
+                self.emit_guided(self.guide(direction_before), kind, end, feed, arc);
+            }
         }
         self.state.position = end;
+    }
+
+    /// Whether the axis words of a block are refused as a whole, which is reported.
+    fn is_refused_here(&mut self, axes: u32, frame: Frame) -> bool {
+        let is_plane = self.state.tool_control.mode == ToolMode::Plane;
+        match frame {
+            // Reported before, where the mode does not permit it.
+            Frame::Machine => !self.block.unclear && self.is_wrong_machine_motion(axes),
+            Frame::Work => is_plane && self.refuse_rotary_words(axes & ROTARY_LETTERS),
+        }
+    }
+
+    /// How moves are guided here.
+    pub(super) const fn guide(&self, direction_before: Option<[f64; 3]>) -> ToolGuide {
+        match self.state.tool_control.mode {
+            ToolMode::Off => ToolGuide::Axes,
+            ToolMode::Angles => ToolGuide::Angles,
+            ToolMode::Vectors => ToolGuide::Vector { start: direction_before, end: self.state.tool_control.direction },
+            ToolMode::Plane => ToolGuide::Plane,
+        }
     }
 
     /// Emits a move to `end` whose places only the machine knows.
     pub(super) fn emit_guided(
         &mut self,
+        guide: ToolGuide,
         kind: MoveKind,
         end: Position,
         feed: Feed,
-        direction_before: Option<[f64; 3]>,
+        arc: Option<ArcGeometry>,
     ) {
         let ToolControl { mode, length_offset, direction, held, .. } = self.state.tool_control;
-        let guide = match mode {
-            ToolMode::Off => ToolGuide::Axes,
-            ToolMode::Angles => ToolGuide::Angles,
-            ToolMode::Vectors => ToolGuide::Vector { start: direction_before, end: direction },
-        };
+        let length_offset = if mode == ToolMode::Plane { self.state.length.number } else { length_offset };
         let others = letter_bit(b'S') | letter_bit(b'T');
         let is_pure_cut = kind == MoveKind::Cutting
-            && mode != ToolMode::Off
-            && (mode == ToolMode::Angles || direction.is_some())
+            && (mode == ToolMode::Angles || mode == ToolMode::Vectors && direction.is_some())
             && held.is_empty()
             && self.state.feed_unit != FeedUnit::InverseTime
             && !self.block.has_codes_besides_motion()
             && self.block.letters & others == 0;
-        let step = self.new_move(kind, end, feed);
-        let guided = GuidedMove { step, guide, held, length_offset, is_pure_cut };
+        let step = Move { arc, ..self.new_move(kind, end, feed) };
+        let plane = self.state.plane_tilted;
+        let guided = GuidedMove { step, guide, held, length_offset, plane, is_pure_cut };
         self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
     }
 
@@ -239,7 +288,7 @@ impl Execution<'_> {
     fn tool_direction(&mut self, axes: u32) {
         let vector = self.block.letters & VECTOR_LETTERS & !self.used;
         let foreign = match self.state.tool_control.mode {
-            ToolMode::Off => return,
+            ToolMode::Off | ToolMode::Plane => return,
             ToolMode::Angles => vector,
             ToolMode::Vectors => axes & ROTARY_LETTERS,
         };
@@ -290,7 +339,7 @@ impl Execution<'_> {
                 let letter = axis.letter();
                 let message = format!(
                     "{letter} by {value} from a place that the program does not know: the coordinates have changed \
-                     with the tool centre point control"
+                     with the tool centre point control or a tilted plane"
                 );
                 Finding::error(code::TOOL_CONTROL_HELD, span, message)
                     .with_value("increment", value, if axis.is_rotary() { "deg" } else { "mm" })
@@ -302,7 +351,7 @@ impl Execution<'_> {
     fn held_start(&mut self, span: SourceSpan) {
         self.findings.push_with(Severity::Error, || {
             let message = "an arc, a spline or a thread from a place that the program does not know: the coordinates \
-                           have changed with the tool centre point control";
+                           have changed with the tool centre point control or a tilted plane";
             Finding::error(code::TOOL_CONTROL_HELD, span, message).suggest("place every axis with G0 or G1 first")
         });
     }

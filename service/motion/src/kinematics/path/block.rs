@@ -338,9 +338,7 @@ impl Kinematics {
     ) -> Result<Option<Element>, FiveAxisRefusal> {
         let tip = match &block.circle {
             None => TipPath::Line([start.tip_mm, end.tip_mm]),
-            Some(circle) => {
-                TipPath::along(circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?
-            }
+            Some(circle) => TipPath::along(circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?,
         };
         let length_mm = tip.length_mm();
         // A shorter way is none: derivatives by it would say nothing.

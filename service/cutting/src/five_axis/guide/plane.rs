@@ -1,0 +1,133 @@
+//! Tilted planes: their coordinates as work coordinates, and the tool axis turned onto their normal.
+//!
+//! Every move in a plane is one of the tool centre point with resting rotary axes. So lines and arcs are those of tool centre
+//! point control, in work coordinates that move with the table, and the length is along the tool axis whatever machine it is.
+
+use feedwave_motion::kinematics::vector::{Vec3, angle};
+use feedwave_motion::kinematics::{
+    BranchPreference, FiveAxisRefusal, InverseSolution, KinematicsError, TipCircle, ToolPose,
+};
+use feedwave_program::{
+    Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, TiltedPlane, ToolAxisSolution,
+};
+
+use super::{Guide, GuideState, refused};
+use crate::PipelineConfig;
+
+/// A tool axis further from the normal of its plane than this is not meant to be on it, rad: programs write rotary axes with
+/// three decimals of a degree.
+const ALIGNED_RAD: f64 = 1e-4;
+
+/// The end of a move in a plane, work coordinates, mm; axes that nothing has placed stay where `from_mm` has them.
+pub(super) fn end_in_work(plane: &TiltedPlane, guided: &GuidedMove, from_mm: Vec3) -> Vec3 {
+    let from_mm = plane.from_work(from_mm);
+    plane.to_work([Axis::X, Axis::Y, Axis::Z].map(|axis| {
+        let place = axis.index();
+        if guided.held.contains(axis) { from_mm[place] } else { guided.step.end[place] }
+    }))
+}
+
+/// The circle of a move in a plane, work coordinates.
+pub(super) fn circle_in_work(plane: &TiltedPlane, step: &Move) -> Option<TipCircle> {
+    let arc = step.arc?;
+    let (first, second) = arc.plane.axes();
+    let (mut center_mm, mut normal) = ([0.0; 3], [0.0; 3]);
+    center_mm[first.index()] = arc.center[0];
+    center_mm[second.index()] = arc.center[1];
+    normal[arc.plane.normal().index()] = 1.0;
+    Some(TipCircle { center_mm: plane.to_work(center_mm), normal: plane.turned_out(normal), sweep_rad: arc.sweep_rad })
+}
+
+/// A rotary axis that cannot turn as far as the normal asks for.
+fn out_of_range(reason: &KinematicsError, solution: ToolAxisSolution, span: SourceSpan) -> Finding {
+    let mut finding = Finding::error("FIVE-AXIS-RANGE", span, format!("the tool axis onto the plane: {reason}"))
+        .with_value("excess", reason.excess_rad().to_degrees(), "deg");
+    if solution != ToolAxisSolution::Preferred {
+        finding = finding.suggest("take the other solution: G53.1 without P");
+    }
+    finding.suggest("clamp the work in another position")
+}
+
+impl Guide {
+    /// `G53.1`: the move of the rotary axes that turns the tool axis onto the normal of the plane; nothing after a finding.
+    pub(super) fn align(
+        &self,
+        guided: &GuidedMove,
+        solution: ToolAxisSolution,
+        span: SourceSpan,
+        state: &mut GuideState,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<Move> {
+        let plane = guided.plane.as_ref()?;
+        self.place_tool(guided, span, state, config, findings)?;
+        let tool = state.tool.as_ref()?;
+        let (setup, pose) = (tool.setup, ToolPose { tip_mm: tool.point.tip_mm, direction: plane.axes[2] });
+        let stand_rad = self.kinematics.from_position(&state.position).rotary_rad;
+        let way = |values: [f64; 2]| (values[0] - stand_rad[0]).abs().max((values[1] - stand_rad[1]).abs());
+        let preference = match solution {
+            ToolAxisSolution::Larger => BranchPreference::Larger,
+            ToolAxisSolution::Smaller => BranchPreference::Smaller,
+            ToolAxisSolution::Preferred => self.kinematics.preferred(),
+        };
+        let chosen = self.kinematics.inverse_branches(&pose, &setup, stand_rad).and_then(|[larger, smaller]| {
+            let values = |branch: Result<InverseSolution, _>| branch.map(|solution| solution.joints.rotary_rad);
+            match (values(larger), values(smaller), solution, preference) {
+                // What the program asks for is not replaced by anything else.
+                (larger, _, ToolAxisSolution::Larger, _) => larger,
+                (_, smaller, ToolAxisSolution::Smaller, _) => smaller,
+                (Ok(larger), Ok(smaller), _, BranchPreference::Nearest) => {
+                    Ok(if way(smaller) < way(larger) { smaller } else { larger })
+                }
+                (Ok(_), Ok(smaller), _, BranchPreference::Smaller) => Ok(smaller),
+                (Ok(larger), _, _, _) => Ok(larger),
+                (Err(_), Ok(smaller), _, _) => Ok(smaller),
+                (Err(refusal), Err(_), _, _) => Err(refusal),
+            }
+        });
+        let rotary_rad = match chosen {
+            Ok(rotary_rad) => rotary_rad,
+            Err(reason) => {
+                findings.push(match reason {
+                    KinematicsError::OutOfRange { .. } => out_of_range(&reason, solution, span),
+                    _ => refused(&FiveAxisRefusal::Pose { share: 1.0, reason }, span, None),
+                });
+                return None;
+            }
+        };
+        let offset = &guided.step.work_offset;
+        let start: Position = std::array::from_fn(|axis| state.position[axis] - offset[axis]);
+        let mut end = start;
+        for (axis, value_rad) in self.kinematics.letters().1.into_iter().zip(rotary_rad) {
+            end[axis.index()] = value_rad.to_degrees() - offset[axis.index()];
+        }
+        Some(Move { start, end, ..guided.step.clone() })
+    }
+
+    /// Names the first cut in a plane with a tool axis that is not its normal; controls permit it.
+    pub(super) fn check_aligned(
+        &self,
+        guided: &GuidedMove,
+        direction: Vec3,
+        span: SourceSpan,
+        state: &mut GuideState,
+        findings: &mut FindingLog,
+    ) {
+        let Some(plane) = guided.plane.as_ref().filter(|_| guided.step.kind == MoveKind::Cutting) else { return };
+        let beside_rad = angle(direction, plane.axes[2]);
+        if beside_rad <= ALIGNED_RAD || state.beside_normal.replace(plane.line) == Some(plane.line) {
+            return;
+        }
+        let beside_deg = beside_rad.to_degrees();
+        let message = format!(
+            "the tool axis is {beside_deg:.3} degrees beside the normal of the plane that line {} tilts",
+            plane.line
+        );
+        findings.push(
+            Finding::warning("FIVE-AXIS-NOT-NORMAL", span, message)
+                .with_value("beside", beside_deg, "deg")
+                .with_value("plane_line", f64::from(plane.line), "")
+                .suggest("turn the tool axis onto the plane with G53.1, in the block after G68.2"),
+        );
+    }
+}

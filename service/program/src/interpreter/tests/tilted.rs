@@ -1,0 +1,123 @@
+//! Tilted work planes: `G68.2`, `G53.1`, `G69`. T1 is 100 mm long, T2 50 mm.
+
+use super::*;
+use crate::TiltedPlane;
+
+#[test]
+fn a_pocket_in_a_tilted_plane() {
+    // Everything is in coordinates of the plane from G68.2 on; what no word has placed since is held (~).
+    check(
+        &mill(),
+        "G0 X1 Z200\nG68.2 X10 Y20 Z30 I0 J30 K0\nG53.1\nG43 H1\nG0 X0 Y0\nZ5\nG1 Z-1 F100\nG3 X4 I2\nG18 G2 X6 R1\nG17 G91 G1 X1\nG90 X0\nG49\nG69\nG0 X5\nY0 Z0",
+        "rapid 0 -> X1 Z200
+         guided align Preferred H0 rapid -> X1 Z200 ~XYZABC
+         guided plane H1 rapid -> Z200 ~ZABC
+         guided plane H1 rapid -> Z5 ~ABC
+         guided plane H1 cut -> Z-1 ~ABC @100/min
+         guided plane H1 cut -> X4 Z-1 ~ABC about 2,0 by 180 @100/min
+         guided plane H1 cut -> X6 Z-1 ~ABC about -1,5 by -180 @100/min
+         guided plane H1 cut -> X7 Z-1 ~ABC @100/min
+         guided plane H1 cut -> Z-1 ~ABC @100/min
+         guided axes H0 rapid -> X5 Z-1 ~YZABC
+         guided axes H0 rapid -> X5 ~ABC",
+    );
+    // The solution is chosen by P, and the length may be on before.
+    check(
+        &mill(),
+        "G43 H2 G0 Z50\nG68.2 J90\nG53.1 P1\nG53.1 P2\nG53.1 P0\nG0 X1 Y1 Z1\nG69\nG0 X0 Y0 Z0",
+        "rapid Z-50 -> Z50
+         guided align Larger H2 rapid -> Z50 ~XYZABC
+         guided align Smaller H2 rapid -> Z50 ~XYZABC
+         guided align Preferred H2 rapid -> Z50 ~XYZABC
+         guided plane H2 rapid -> X1 Y1 Z1 ~ABC
+         guided axes H0 rapid -> 0 ~ABC",
+    );
+}
+
+#[test]
+fn planes_are_turned_by_euler_angles() {
+    let near = |a: [f64; 3], b: [f64; 3]| {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+    };
+    let plane = TiltedPlane::by_euler_angles([10.0, 20.0, 30.0], [90.0, 30.0, 0.0], 1);
+    // X of the plane along work Y; the normal 30° from Z towards X.
+    near(plane.to_work([1.0, 0.0, 0.0]), [10.0, 21.0, 30.0]);
+    near(plane.axes[2], [0.5, 0.0, 3.0_f64.sqrt() / 2.0]);
+    for angles_deg in [[12.0, -34.0, 56.0], [-200.0, 170.0, 1e-3], [90.0, 180.0, 270.0]] {
+        let plane = TiltedPlane::by_euler_angles([1.0, -2.0, 3.0], angles_deg, 1);
+        let point = [7.0, -5.0, 0.25];
+        near(plane.from_work(plane.to_work(point)), point);
+        let [x, y, z] = plane.axes;
+        let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        near(cross, z);
+    }
+    let square = TiltedPlane::by_euler_angles([0.0; 3], [-90.0, 450.0, 180.0], 1);
+    assert_eq!(square.axes.map(|axis| axis.map(f64::abs).iter().sum::<f64>()), [1.0; 3], "exact");
+    // An inch program: lengths are inches, angles are not.
+    let (operations, _) = interpret(b"G20 G68.2 X1 Z2 J45\nG0 X0 Y0 Z0\nM30\n", mill());
+    let OperationKind::Guided(guided) = &operations[0].kind else { panic!("{operations:?}") };
+    assert_eq!(guided.plane, Some(TiltedPlane::by_euler_angles([25.4, 0.0, 50.8], [0.0, 45.0, 0.0], 1)));
+}
+
+#[test]
+fn machine_positions_are_reached_from_the_plane() {
+    let mut settings = mill();
+    settings.reference_position[Axis::Z.index()] = 7.0;
+    settings.work_offsets[0][Axis::Z.index()] = 3.0;
+    check(
+        &settings,
+        "G68.2 J90\nG0 X1 Y1 Z1\nG53 Z0\nG91 G28 Z0\nG90 G0 X2\nG53 A0 C0\nG1 G53 X0 F10\nG69\nG0 X0",
+        "guided plane H0 rapid -> X1 Y1 Z1
+         guided axes H0 rapid -> X1 Y1 Z-3 ~XYABCUVW
+         guided plane H0 rapid -> X1 Y1 Z-3 ~XYZ
+         guided axes H0 rapid -> X1 Y1 Z4 ~XYABCUVW
+         guided plane H0 rapid -> X2 Y1 Z4 ~YZ
+         guided axes H0 rapid -> X2 Y1 Z4 ~XYZBUVW
+         guided axes H0 cut -> Y1 Z4 ~YZABCUVW @10/min
+         guided axes H0 rapid -> Y1 Z4 ~YZ",
+    );
+}
+
+#[test]
+fn contradictions_are_refused() {
+    let refused = |program: &str, finding: &str| {
+        let program = format!("G68.2 I0 J30 K0\nG0 X1 Y1 Z1\n{program}");
+        check(&mill(), &program, &format!("guided plane H0 rapid -> X1 Y1 Z1\n{finding}"));
+    };
+    refused("G68.2 I10", "! 3:1+5 PRG-PLANE-NESTED");
+    refused("G68.2 X1 J30 G53.1", "! 3:14+5 PRG-PLANE-BLOCK");
+    refused("G53.1 P3", "! 3:7+2 PRG-WORD-CONFLICT");
+    refused("G43.4 H1", "! 3:1+5 PRG-PLANE-BLOCK");
+    refused("G44 H1", "! 3:1+3 PRG-PLANE-BLOCK");
+    refused("G43 H99", "! 3:1+3 PRG-TOOL-LENGTH");
+    refused("M33", "! 3:1+3 PRG-TOOL-CONTROL-OFF");
+    refused("G55", "! 3:1+3 PRG-PLANE-BLOCK");
+    refused("T2 M6", "! 3:4+2 PRG-PLANE-BLOCK");
+    refused("G0 A30", "! 3:4+3 PRG-PLANE-BLOCK");
+    refused("G5.1 X2 Y2 I1 J1 F100", "! 3:1+21 PRG-PLANE-BLOCK");
+    refused("G53 G2 X2 Y2 R5 F100", "! 3:1+3 PRG-MACHINE-MOTION");
+    refused("G0 X1 I2", "! 3:7+2 PRG-WORD-UNUSED");
+    refused("G43 H1\nG91 G0 Z1", "! 4:8+2 PRG-TOOL-CONTROL-HELD");
+    refused("G2 X2 Y2 R5", "! 3:1+11 PRG-FEED-MISSING");
+    refused("G54 G69 G69", "! 3:9+3 PRG-GROUP-CONFLICT");
+    check(&mill(), "G53.1", "! 1:1+5 PRG-PLANE-OFF");
+    check(&mill(), "G69\nG69", "");
+    check(&mill(), "G68.2 P1 I10 J20", "! 1:7+2 PRG-PLANE-BLOCK");
+    check(&mill(), "G68.2 A1", "! 1:7+2 PRG-PLANE-BLOCK");
+    check(&mill(), "G43.4 H1\nG68.2 J30", "! 2:1+5 PRG-TOOL-CONTROL-BLOCK");
+    check(&mill(), "G44 H1\nG68.2 J30", "! 2:1+5 PRG-PLANE-BLOCK");
+    check(&mill(), "G68.2 J30\nG2 X1 Y1 R1 F10", "! 2:1+15 PRG-TOOL-CONTROL-HELD");
+    check(&lathe(), "G68.2 J30\nG53.1", "! 1:1+5 PRG-UNKNOWN-CODE\n! 2:1+5 PRG-UNKNOWN-CODE");
+}
+
+#[test]
+fn the_length_is_along_z_again_after_the_plane() {
+    check(
+        &mill(),
+        "G43 H1 G0 Z0\nG68.2 J90\nG69\nG0 X0 Y0 Z0\nG0 Z5\nG49\nG0 Z0",
+        "rapid Z-100 -> 0
+         guided axes H0 rapid -> 0
+         rapid 0 -> Z5
+         rapid Z105 -> 0",
+    );
+}

@@ -1,0 +1,163 @@
+//! Tilted work planes: `G68.2` with an origin and Euler angles, `G53.1` that turns the tool axis onto the plane's normal, `G69`;
+//! and what goes to machine positions from there.
+
+use super::execute::Execution;
+use crate::code;
+use crate::dialect::{Group, Meaning, letter_bit};
+use crate::state::{ToolControl, ToolMode};
+use crate::{
+    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, Severity, SourceSpan, TiltedPlane,
+    ToolAxisSolution, ToolGuide,
+};
+
+/// The words of `G68.2`.
+const PLANE_LETTERS: u32 = letter_bit(b'X')
+    | letter_bit(b'Y')
+    | letter_bit(b'Z')
+    | letter_bit(b'I')
+    | letter_bit(b'J')
+    | letter_bit(b'K')
+    | letter_bit(b'P');
+
+impl Execution<'_> {
+    /// `G68.2`, `G69` and `G53.1`.
+    pub(super) fn tilted_plane(&mut self) {
+        let align = match self.code(Group::NonModal) {
+            Some((Meaning::AlignTool, span)) => Some(span),
+            _ => None,
+        };
+        match self.code(Group::Rotation) {
+            Some((Meaning::TiltedPlane, span)) => {
+                if let Some(span) = align {
+                    self.used |= PLANE_LETTERS;
+                    return self.plane_error(span, "the tool axis in the block that tilts the plane", |finding| {
+                        finding.suggest("write G53.1 in the next block")
+                    });
+                }
+                self.plane_on(span);
+            }
+            Some((Meaning::RotationOff, _)) => self.plane_off(),
+            _ => {}
+        }
+        if let Some(span) = align {
+            self.align_tool(span);
+        }
+    }
+
+    fn plane_on(&mut self, span: SourceSpan) {
+        let plane = self.plane_words(span);
+        let control = self.state.tool_control;
+        match control.mode {
+            ToolMode::Off => {}
+            ToolMode::Plane => {
+                let on_line = control.on_line;
+                return self.findings.push_with(Severity::Error, || {
+                    let message = format!("a tilted plane is on already, since line {on_line}");
+                    Finding::error(code::PLANE_NESTED, span, message)
+                        .with_value("on_line", f64::from(on_line), "")
+                        .suggest("cancel it with G69 first")
+                });
+            }
+            ToolMode::Angles | ToolMode::Vectors => return self.not_permitted(span, "a tilted plane"),
+        }
+        if self.state.length.negative {
+            return self.plane_error(
+                span,
+                "the tool length is subtracted (G44): in a tilted plane it is added",
+                |it| it.suggest("switch it off with G49, or over to G43, first"),
+            );
+        }
+        let Some(plane) = plane else { return };
+        // The length is along the tool axis now, wherever that points.
+        self.state.length.along_z_mm = 0.0;
+        self.state.spline_exit = None;
+        let held = control.held.with(AxisSet::LINEAR);
+        self.state.tool_control =
+            ToolControl { mode: ToolMode::Plane, on_line: span.line, held, ..ToolControl::default() };
+        self.state.plane_tilted = Some(plane);
+    }
+
+    /// Origin and angles; `None` after a finding.
+    fn plane_words(&mut self, span: SourceSpan) -> Option<TiltedPlane> {
+        if let Some(word) = self.take(b'P')
+            && word.number.value() != 0.0
+        {
+            self.used |= PLANE_LETTERS;
+            let span = self.block.word_span(&word);
+            self.plane_error(span, "a plane by other than Euler angles", |finding| {
+                finding.suggest("write the origin X Y Z and the Euler angles I J K, without P")
+            });
+            return None;
+        }
+        let x_mm = self.take(b'X').map_or(0.0, |word| self.radius(&word));
+        let [y_mm, z_mm] = [b'Y', b'Z'].map(|letter| self.take(letter).map_or(0.0, |word| self.scaled(&word, true)));
+        let angles_deg =
+            [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| self.scaled(&word, false)));
+        Some(TiltedPlane::by_euler_angles([x_mm, y_mm, z_mm], angles_deg, span.line))
+    }
+
+    fn plane_off(&mut self) {
+        if self.state.tool_control.mode != ToolMode::Plane {
+            return;
+        }
+        // Only the machine knows where the axes are in plain coordinates.
+        let held = self.state.tool_control.held.with(AxisSet::LINEAR);
+        self.state.tool_control = ToolControl { held, ..ToolControl::default() };
+        self.state.plane_tilted = None;
+        self.state.length.along_z_mm = self.state.length.length_mm;
+        self.state.spline_exit = None;
+    }
+
+    /// `G53.1`: the rotary axes turn, the linear ones rest.
+    fn align_tool(&mut self, span: SourceSpan) {
+        let word = self.take(b'P');
+        if self.state.tool_control.mode != ToolMode::Plane {
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::PLANE_OFF, span, "the tool axis is to be turned onto a plane, but none is tilted")
+                    .suggest("tilt the plane first, such as G68.2 X0 Y0 Z0 I0 J30 K0")
+            });
+        }
+        let solution = match word.map(|word| (word, word.number.value())) {
+            None | Some((_, 0.0)) => ToolAxisSolution::Preferred,
+            Some((_, 1.0)) => ToolAxisSolution::Larger,
+            Some((_, 2.0)) => ToolAxisSolution::Smaller,
+            Some((word, _)) => {
+                return self
+                    .word_conflict(&word, "P chooses between two solutions: P1, P2, or P0 for the preferred one");
+            }
+        };
+        let held = &mut self.state.tool_control.held;
+        *held = held.with(AxisSet::LINEAR).with(AxisSet::ROTARY);
+        self.emit_guided(ToolGuide::Align(solution), MoveKind::Rapid, self.state.position, Feed::PerMinute(0.0), None);
+    }
+
+    /// A rapid or a cut of the axes themselves from within a tilted plane (`G53`, `G28`): to `end` in work coordinates in the
+    /// axes `named`, the others rest.
+    pub(super) fn emit_from_plane(&mut self, kind: MoveKind, end: Position, named: AxisSet, feed: Feed) {
+        let held = Axis::ALL
+            .into_iter()
+            .fold(AxisSet::NONE, |held, axis| if named.contains(axis) { held } else { held.with_axis(axis) });
+        let step = self.new_move(kind, end, feed);
+        let guided =
+            GuidedMove { step, guide: ToolGuide::Axes, held, length_offset: 0, plane: None, is_pure_cut: false };
+        self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+        self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
+    }
+
+    /// Reports rotary axes in a tilted plane: whether there are any.
+    pub(super) fn refuse_rotary_words(&mut self, rotary: u32) -> bool {
+        if rotary == 0 {
+            return false;
+        }
+        let span = self.block.word_span(self.block.slot(rotary.trailing_zeros() as usize));
+        self.plane_error(span, "an angle of a rotary axis in a tilted plane", |finding| {
+            finding.suggest("turn the tool axis onto the plane with G53.1, or position the rotary axes before G68.2")
+        });
+        true
+    }
+
+    #[cold]
+    fn plane_error(&mut self, span: SourceSpan, message: &'static str, fill: impl FnOnce(Finding) -> Finding) {
+        self.findings.push_with(Severity::Error, || fill(Finding::error(code::PLANE_BLOCK, span, message)));
+    }
+}
