@@ -34,6 +34,8 @@ pub struct PipelineConfig {
     pub tools: Vec<Tool>,
     /// What the job asks of the oscillations of its program.
     pub oscillation: OscillationRequest,
+    /// Runs every block even where the program has blocks thinned: what thinning is compared with.
+    pub every_block: bool,
 }
 
 impl PipelineConfig {
@@ -49,6 +51,7 @@ impl PipelineConfig {
             overrides: Vec::new(),
             tools: Vec::new(),
             oscillation: OscillationRequest::default(),
+            every_block: false,
         }
     }
 
@@ -240,12 +243,7 @@ impl Pipeline {
             offset: 0,
             interpreter,
             operations: Vec::new(),
-            thinning: ThinningStage::new(
-                StageState::default(),
-                config.profile.thinning,
-                kinematics.clone(),
-                is_validation,
-            ),
+            thinning: ThinningStage::new(&config, kinematics.clone(), is_validation),
             waiting: VecDeque::new(),
             scout: None,
             timed: is_validation.then(TimedPlans::default),
@@ -584,6 +582,7 @@ impl Pipeline {
             dropped_not_listed: dropped.not_listed,
             time_before_s,
             time_after_s,
+            deviations: self.thinning.deviations(),
         })
     }
 

@@ -9,8 +9,10 @@ mod bounds;
 mod report;
 mod span;
 mod thinner;
+mod trace;
 
 pub use report::{RotaryReport, ThinningReport};
 pub use thinner::{
     CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningSettings,
 };
+pub use trace::{Deviation, DeviationTrace};

@@ -3,7 +3,7 @@
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 use serde::{Deserialize, Serialize};
 
-use crate::thinning::{ThinningReport, ThinningSettings};
+use crate::thinning::{DeviationTrace, ThinningReport, ThinningSettings};
 
 /// Blocks dropped one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,6 +33,9 @@ pub struct ProgramThinning {
     pub time_before_s: f64,
     /// The same time of the blocks that are left, s.
     pub time_after_s: f64,
+    /// Deviations of the dropped blocks along the program; no part of the report as a document.
+    #[serde(skip)]
+    pub deviations: DeviationTrace,
 }
 
 /// What there is to say about thinning at the end of a program.

@@ -7,7 +7,10 @@ use feedwave_program::{Axis, AxisSet, Feed, Function, GuidedMove, Operation, Ope
 use serde::{Deserialize, Serialize};
 
 use super::report::DroppedRun;
-use crate::thinning::{CutPoint, DirectionInterpolation, Kept, Thinner, ThinningReport, ThinningSettings};
+use crate::PipelineConfig;
+use crate::thinning::{
+    CutPoint, DeviationTrace, DirectionInterpolation, Kept, Thinner, ThinningReport, ThinningSettings,
+};
 
 /// Runs of dropped blocks listed; further ones are counted.
 const MAX_DROPPED_RUNS: usize = 1_000;
@@ -31,6 +34,8 @@ pub(crate) struct StageState {
 pub(crate) struct ThinningStage {
     pub(crate) state: StageState,
     settings: ThinningSettings,
+    /// Whether the program's word is followed.
+    is_wanted: bool,
     kinematics: Option<Arc<Kinematics>>,
     /// What was dropped, by program line; gathered while validating only.
     pub(crate) dropped: Option<DroppedRuns>,
@@ -57,19 +62,20 @@ impl DroppedRuns {
 }
 
 impl ThinningStage {
-    pub(crate) fn new(
-        state: StageState,
-        settings: ThinningSettings,
-        kinematics: Option<Arc<Kinematics>>,
-        for_report: bool,
-    ) -> Self {
-        Self { state, settings, kinematics, dropped: for_report.then(DroppedRuns::default) }
+    pub(crate) fn new(config: &PipelineConfig, kinematics: Option<Arc<Kinematics>>, for_report: bool) -> Self {
+        Self {
+            state: StageState::default(),
+            settings: config.profile.thinning,
+            is_wanted: !config.every_block,
+            kinematics,
+            dropped: for_report.then(DroppedRuns::default),
+        }
     }
 
     /// A stage in the same state that keeps no record.
     pub(crate) fn beside(&self) -> Self {
         let (state, kinematics) = (self.state.clone(), self.kinematics.clone());
-        Self { state, settings: self.settings, kinematics, dropped: None }
+        Self { state, settings: self.settings, is_wanted: self.is_wanted, kinematics, dropped: None }
     }
 
     /// Whether blocks are thinned.
@@ -80,6 +86,12 @@ impl ThinningStage {
     /// What was done, once thinning has been on.
     pub(crate) fn report(&self) -> Option<ThinningReport> {
         self.state.thinner.as_ref().map(Thinner::report)
+    }
+
+    /// Deviations of dropped blocks along the program.
+    pub(crate) fn deviations(&self) -> DeviationTrace {
+        let trace = self.state.thinner.as_ref().and_then(Thinner::trace);
+        trace.cloned().unwrap_or_default()
     }
 
     /// Letters of the rotary axes, the one next to the work first.
@@ -117,9 +129,11 @@ impl ThinningStage {
 
     /// Thinning is switched on or off.
     fn switch(&mut self, on: bool, out: &mut impl FnMut(Operation)) {
+        let on = on && self.is_wanted;
         if on && self.state.thinner.is_none() {
             // The settings of a profile in use are sound; with others nothing is thinned.
-            self.state.thinner = Thinner::new(self.settings, DirectionInterpolation::GreatCircle).ok();
+            let thinner = Thinner::new(self.settings, DirectionInterpolation::GreatCircle).ok();
+            self.state.thinner = if self.dropped.is_some() { thinner.map(Thinner::keeping_trace) } else { thinner };
         }
         if self.state.on {
             self.other(out);

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::bounds::{RUN, Tree};
 use super::report::{Largest, Reversals, RotaryReport, ThinningReport};
 use super::span::{Between, Group, Limits, angle_of, chord};
+use super::trace::{Deviation, DeviationTrace};
 
 /// Fewest blocks of a group: with two nothing lies between.
 pub const MIN_GROUP_BLOCKS: u32 = 3;
@@ -140,6 +141,9 @@ pub struct Thinner<T> {
     /// Questions asked about points and bounds, for the tests of the cost.
     #[serde(skip)]
     looks: u64,
+    /// Deviations along the program, where somebody wants to see them.
+    #[serde(skip)]
+    trace: Option<DeviationTrace>,
 }
 
 impl<T> Thinner<T> {
@@ -166,7 +170,21 @@ impl<T> Thinner<T> {
             after: Reversals::default(),
             tree: Tree::default(),
             looks: 0,
+            trace: None,
         })
+    }
+
+    /// Keeps the deviations along the program from here on.
+    #[must_use]
+    pub fn keeping_trace(mut self) -> Self {
+        self.trace = Some(DeviationTrace::default());
+        self
+    }
+
+    /// The deviations along the program, where they were kept.
+    #[must_use]
+    pub const fn trace(&self) -> Option<&DeviationTrace> {
+        self.trace.as_ref()
     }
 
     /// Reads a pure cutting block. When it fills its group, the kept blocks of the group go to `out` in order. A block with a
@@ -261,6 +279,7 @@ impl<T> Thinner<T> {
         }
         let (mut position, mut direction, mut rotary) = (self.position, self.direction, self.rotary);
         let mut off_blocks = 0;
+        let mut trace = self.trace.take();
         let group = self.group();
         let segment = group.segment(start, end);
         let (first, last) = (&self.points[start], &self.points[end]);
@@ -268,8 +287,13 @@ impl<T> Thinner<T> {
         let tolerance_rad = self.settings.angle_tolerance_deg.to_radians();
         for (index, point) in self.points.iter().enumerate().take(end).skip(start + 1) {
             let share = group.share(&segment, (start, end), index);
-            position.add(segment.distance(point.tip_mm), point.line);
-            direction.add(between.apart(share, point.direction), point.line);
+            let (position_mm, square) = (segment.distance(point.tip_mm), between.apart(share, point.direction));
+            position.add(position_mm, point.line);
+            direction.add(square, point.line);
+            if let Some(trace) = &mut trace {
+                let direction_deg = angle_of(libm::sqrt(square)).to_degrees();
+                trace.add(point.line, Deviation { position_mm, direction_deg });
+            }
             if let (Some(start), Some(end), Some(now)) = (first.rotary_rad, last.rotary_rad, point.rotary_rad) {
                 let off = |axis: usize| (now[axis] - start[axis] - (end[axis] - start[axis]) * share).abs();
                 let off = off(0).max(off(1));
@@ -277,7 +301,7 @@ impl<T> Thinner<T> {
                 off_blocks += u64::from(off > tolerance_rad);
             }
         }
-        (self.position, self.direction, self.rotary) = (position, direction, rotary);
+        (self.position, self.direction, self.rotary, self.trace) = (position, direction, rotary, trace);
         self.figures.rotary.off_blocks += off_blocks;
     }
 

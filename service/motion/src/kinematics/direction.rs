@@ -72,6 +72,12 @@ pub struct RotaryDirections {
 }
 
 impl RotaryDirections {
+    /// The line of the first rotary axis, the one next to the work: a unit vector. Along it lie the poles.
+    #[must_use]
+    pub const fn first_axis(&self) -> Vec3 {
+        self.first
+    }
+
     /// v = R₁(θ₁)·R₂(θ₂)·d, a unit vector in chain coordinates.
     #[must_use]
     pub fn at(&self, rotary_rad: [f64; 2]) -> Vec3 {

@@ -39,8 +39,20 @@ pub(super) fn validate(
 pub(super) fn generate(
     source: &mut Source,
     config: Arc<PipelineConfig>,
-    mut take: impl FnMut(&SetpointBlock) -> Result<Progress, CliError>,
+    take: impl FnMut(&SetpointBlock) -> Result<Progress, CliError>,
 ) -> Result<(), CliError> {
+    if run_plan(source, config, take)? {
+        return Ok(());
+    }
+    Err(CliError::trouble(format!("{}: the program changed while it was read", source.name)))
+}
+
+/// Generates the setpoints of a program until `take` has had enough; whether it had no error.
+pub(super) fn run_plan(
+    source: &mut Source,
+    config: Arc<PipelineConfig>,
+    mut take: impl FnMut(&SetpointBlock) -> Result<Progress, CliError>,
+) -> Result<bool, CliError> {
     source.rewind()?;
     let mut pipeline = Pipeline::new(config);
     let mut block = pipeline.new_block();
@@ -52,13 +64,11 @@ pub(super) fn generate(
             },
             Step::Block => {
                 if take(&block)? == Progress::Enough {
-                    return Ok(());
+                    return Ok(true);
                 }
             }
-            Step::Finished => return Ok(()),
-            Step::Refused => {
-                return Err(CliError::trouble(format!("{}: the program changed while it was read", source.name)));
-            }
+            Step::Finished => return Ok(true),
+            Step::Refused => return Ok(false),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! What the pictures of a program show: its moves, its vibration close up, its chip.
 
+mod five_axis;
+
 use std::collections::HashSet;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -8,6 +10,7 @@ use feedwave_cutting::{Cut, CutCondition, PipelineConfig, SectionReport, Setpoin
 use feedwave_motion::{Element, MachineKind, PathSmoother, Smoothed};
 use feedwave_program::{FindingLog, Function, Interpreter, LineOutcome, MoveKind, Operation, OperationKind, Position};
 
+use self::five_axis::GuidedWay;
 use super::CliError;
 use super::machine::axis_columns;
 use super::source::Source;
@@ -74,7 +77,10 @@ pub(super) fn prepare(
     for change in &config.overrides {
         plots.add_override(change.index as f64 * config.period_s(), change.ratio);
     }
-    trace(source, config, plots.trace_mut())?;
+    let way = trace(source, config, plots.trace_mut())?;
+    if let Some(five_axis) = five_axis::prepare(source, config, report, way)? {
+        plots.set_five_axis(five_axis);
+    }
     if let (Some(indices), Some(section)) = (&vibration.indices, report.sections.first()) {
         for (title, window) in windows(indices, section, config.period_s()) {
             plots.add_window(title, window);
@@ -105,14 +111,14 @@ fn windows(indices: &Range<u64>, section: &SectionReport, period_s: f64) -> [(St
 }
 
 /// Draws the path that is run, in work coordinates: the moves of the program, and the curves that `G64` puts in place
-/// of their corners.
-fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<(), CliError> {
+/// of their corners; the way of a guided tool.
+fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<GuidedWay, CliError> {
     source.rewind()?;
     let mut interpreter = Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths());
     let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
     let (mut unread, mut ended) = (Vec::new(), false);
     let mut smoother = PathSmoother::default();
-    let mut vibrating = false;
+    let (mut vibrating, mut way) = (false, GuidedWay::default());
     loop {
         let mut consumed = 0;
         let outcome = loop {
@@ -124,6 +130,7 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                 let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, vibrating, trace);
                 match &kind {
                     OperationKind::Move(step) => {
+                        way.interrupt();
                         if step.kind == MoveKind::Rapid {
                             smoother.flush(&mut draw);
                         }
@@ -132,6 +139,10 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                         for part in element.smooth_parts() {
                             smoother.push(part, step.path_control, cut, &mut draw);
                         }
+                    }
+                    OperationKind::Guided(guided) => {
+                        smoother.flush(&mut draw);
+                        way.add(guided, span.line, trace);
                     }
                     OperationKind::Thread(pass) => {
                         smoother.flush(&mut draw);
@@ -150,7 +161,7 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
         };
         if outcome == LineOutcome::Ended {
             smoother.flush(&mut |smoothed| draw_element(&smoothed.element, vibrating, trace));
-            return Ok(());
+            return Ok(way);
         }
         unread.drain(..consumed);
         let piece = source.next_piece()?;

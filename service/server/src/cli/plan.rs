@@ -33,11 +33,14 @@ Examples:
   feedwave plan shaft.nc --out shaft.parquet --plots pictures
       Compressed columns, and pictures (SVG and PNG): tool path, position over time with the
       vibration, feed, acceleration and jerk, chip thickness around the revolution; for each thread
-      the unrolled work, X over the spindle angle and the section of the groove.
+      the unrolled work, X over the spindle angle and the section of the groove; of a five-axis
+      program the rotary axes and tool directions, as programmed and thinned, and the deviation.
   feedwave plan shaft.nc --out - --from-time 2.5 --count 1000 | head
       A part of it, on standard output.
   feedwave plan shaft.nc --out shaft.csv --override 2:50 --override 3.5:0 --override 5:100
       As with a hand on the feed override: half the feed from 2 s on, feed hold from 3.5 s to 5 s.
+  feedwave plan blade.nc --profile mill.toml --tool 1=120 --frame work --out blade.csv
+      Tool centre point and tool direction in work coordinates of a five-axis program.
   feedwave plan shaft.nc --mode servo-side --out conditions.csv
       The command and the condition of the vibration for drives that generate it themselves.
   feedwave plan shaft.nc --mode servo-side --servo-substeps 8 --out drive.csv
@@ -62,6 +65,9 @@ pub struct Args {
     /// Coordinates of the axes
     #[arg(long, value_enum, value_name = "FRAME", default_value_t = FrameArg::Machine)]
     frame: FrameArg,
+    /// Run every block, even where the program has blocks thinned
+    #[arg(long)]
+    every_block: bool,
     /// First setpoint to write
     #[arg(long, value_name = "INDEX", default_value_t = 0)]
     from_index: u64,
@@ -108,7 +114,8 @@ pub(super) fn time(text: &str) -> Result<f64, String> {
 /// # Errors
 /// [`CliError`] when a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let config = args.overrides.apply(args.machine.config(args.frame.into())?)?;
+    let mut config = args.overrides.apply(args.machine.config(args.frame.into())?)?;
+    Arc::make_mut(&mut config).every_block = args.every_block;
     let substeps = substeps(&args, &config)?;
     let format = args.out.as_deref().map(|path| format_of(path, args.format)).transpose()?;
     let mut source = Source::open(&args.file)?;

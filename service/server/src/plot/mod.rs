@@ -6,6 +6,7 @@ mod canvas;
 mod chip;
 mod clip;
 mod dynamics;
+mod five_axis;
 mod lobes;
 mod motion;
 mod run;
@@ -26,6 +27,7 @@ pub use canvas::PlotError;
 use chip::ChipPicture;
 pub use chip::Cut;
 use dynamics::{DynamicsPicture, PathDynamics};
+pub use five_axis::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 pub use lobes::{LobesPicture, write_lobes};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
 pub use run::{RunTrace, write_run};
@@ -42,6 +44,7 @@ pub struct Plots {
     curves: MotionCurves,
     dynamics: PathDynamics,
     chips: Vec<ChipPicture>,
+    five_axis: Option<FiveAxisPlots>,
 }
 
 impl Plots {
@@ -62,6 +65,7 @@ impl Plots {
             curves: MotionCurves::new(axes, period_s),
             dynamics: PathDynamics::new(command_period_s),
             chips: Vec::new(),
+            five_axis: None,
         }
     }
 
@@ -80,6 +84,11 @@ impl Plots {
         self.chips.push(ChipPicture { name: name.into(), subtitle: subtitle.into(), cuts });
     }
 
+    /// Adds the pictures of a five-axis program. Call before commands are pushed.
+    pub fn set_five_axis(&mut self, pictures: FiveAxisPlots) {
+        self.five_axis = Some(pictures);
+    }
+
     /// Marks a change of the feed override; changes come in the order of time.
     pub fn add_override(&mut self, time_s: f64, ratio: f64) {
         self.dynamics.add_override(time_s, ratio);
@@ -88,6 +97,9 @@ impl Plots {
     /// Takes in a block of commands; blocks come in order.
     pub fn push_commands(&mut self, block: &SetpointBlock) {
         self.dynamics.push(block);
+        if let Some(pictures) = &mut self.five_axis {
+            pictures.push(block);
+        }
     }
 
     /// Takes in a block of setpoints; blocks come in order.
@@ -110,6 +122,9 @@ impl Plots {
         files.extend(canvas::write(&DynamicsPicture { program, dynamics: &self.dynamics, curves }, directory)?);
         for chip in &self.chips {
             files.extend(canvas::write(chip, directory)?);
+        }
+        if let Some(pictures) = &self.five_axis {
+            files.extend(pictures.write(program, directory)?);
         }
         Ok(files)
     }

@@ -120,3 +120,23 @@ fn the_report_says_what_thinning_did_and_has_units_of_rotary_axes() {
     let rotary: Vec<_> = report["summary"]["axes"].as_array().unwrap().iter().map(|axis| &axis["rotary"]).collect();
     assert_eq!(rotary, [false, false, false, true, true]);
 }
+
+#[test]
+fn pictures_compare_the_program_with_what_thinning_leaves() {
+    let directory = tempfile::tempdir().unwrap();
+    let picture = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    let output = on_mill("plan", &["--plots", directory.path().to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(picture("rotary-axes.svg").contains("C axis: 639 reversals as programmed, 2 thinned"));
+    let sphere = picture("tool-direction.svg");
+    assert!(sphere.contains("as programmed") && sphere.contains("thinned") && sphere.contains("90\u{b0}"));
+    assert!(picture("thinning-deviation.svg").contains("2388 of 2627 blocks dropped"));
+    assert!(picture("tool-path.svg").contains("cutting"));
+
+    let directory = tempfile::tempdir().unwrap();
+    let output = on_mill("plan", &["--every-block", "--plots", directory.path().to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let sphere = std::fs::read_to_string(directory.path().join("tool-direction.svg")).unwrap();
+    assert!(sphere.contains("as run") && !sphere.contains("thinned"));
+    assert!(!directory.path().join("thinning-deviation.svg").exists());
+}

@@ -1,0 +1,123 @@
+//! What the pictures of a five-axis program show: the way of the tool centre point, and both plans where it is thinned.
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use feedwave_cutting::{Frame, PipelineConfig, ValidationReport};
+use feedwave_motion::kinematics::Kinematics;
+use feedwave_program::{Axis, GuidedMove, MoveKind, ToolGuide};
+
+use super::super::CliError;
+use super::super::local::{self, Progress};
+use super::super::source::Source;
+use super::super::terminal::{Unit, progress};
+use crate::plot::{FiveAxisPlots, FiveAxisSetup, PathTrace, Point, Stretch, ThinningShown};
+
+/// Cuts told apart at most; further ones belong to the last one.
+const MAX_CUTS: usize = 2_000;
+/// Lines of the close view, and how many of a cut lie before it, where the cut is that long.
+const CLOSE_LINES: u32 = 48;
+const LINES_BEFORE: u32 = 15;
+
+/// The way of a guided tool, as the program gives it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GuidedWay {
+    /// Where its centre point is, once every coordinate was programmed.
+    tip_mm: Option<Point>,
+    /// Lines of the cuts.
+    cuts: Vec<RangeInclusive<u32>>,
+    cutting: bool,
+}
+
+impl GuidedWay {
+    /// The tool is not guided, or not any more.
+    pub(super) const fn interrupt(&mut self) {
+        (self.tip_mm, self.cutting) = (None, false);
+    }
+
+    /// Draws a move.
+    pub(super) fn add(&mut self, guided: &GuidedMove, line: u32, trace: &mut PathTrace) {
+        if guided.guide == ToolGuide::Axes {
+            return self.interrupt();
+        }
+        let cutting = guided.step.kind != MoveKind::Rapid;
+        let before = self.tip_mm;
+        let value = |axis: Axis| {
+            let index = axis.index();
+            if guided.held.contains(axis) { before.map(|tip| tip[index]) } else { Some(guided.step.end[index]) }
+        };
+        self.tip_mm = match [Axis::X, Axis::Y, Axis::Z].map(value) {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => None,
+        };
+        if let (Some(from), Some(to)) = (before, self.tip_mm) {
+            trace.line(if cutting { Stretch::Cutting } else { Stretch::Rapid }, from, to);
+        }
+        let full = self.cuts.len() == MAX_CUTS;
+        match self.cuts.last_mut() {
+            Some(last) if cutting && (self.cutting || full) => *last = *last.start()..=line,
+            _ if cutting => self.cuts.push(line..=line),
+            _ => {}
+        }
+        self.cutting = cutting;
+    }
+
+    /// Lines of a close view: of the first cut that is long enough, or of the longest one.
+    fn close_lines(&self) -> Option<RangeInclusive<u32>> {
+        let length = |cut: &&RangeInclusive<u32>| cut.end() - cut.start();
+        let long = self.cuts.iter().find(|cut| length(cut) >= CLOSE_LINES + LINES_BEFORE);
+        let cut = long.or_else(|| self.cuts.iter().max_by_key(length))?;
+        let start = if long.is_some() { cut.start() + LINES_BEFORE } else { *cut.start() };
+        Some(start..=(start + CLOSE_LINES).min(*cut.end()))
+    }
+}
+
+/// The pictures of a program with guided moves, with every block taken in where thinning drops some.
+pub(super) fn prepare(
+    source: &mut Source,
+    config: &PipelineConfig,
+    report: &ValidationReport,
+    way: GuidedWay,
+) -> Result<Option<FiveAxisPlots>, CliError> {
+    let kinematics = config.profile.kinematics.as_ref().and_then(|description| Kinematics::new(description).ok());
+    let (Some(kinematics), Some(close_lines)) = (kinematics, way.close_lines()) else { return Ok(None) };
+    let machine = &config.profile.machine;
+    let rotary = kinematics.letters().1;
+    let column = |axis: Axis| {
+        let column = machine.column_of(axis)?;
+        let sign = if config.frame == Frame::Machine { machine.axes[column].sign() } else { 1.0 };
+        Some((column, sign))
+    };
+    let [Some(first), Some(second)] = rotary.map(column) else { return Ok(None) };
+    let setup = FiveAxisSetup {
+        columns: [first, second],
+        letters: rotary.map(Axis::letter),
+        directions: kinematics.rotary_directions(),
+        cuts: way.cuts,
+        close_lines,
+        period_s: config.period_s(),
+    };
+    let thinning = report.thinning.as_ref().map(|thinning| ThinningShown {
+        settings: config.profile.thinning,
+        deviations: thinning.deviations.clone(),
+        reversals_before: thinning.figures.rotary.reversals_before,
+        reversals_after: thinning.figures.rotary.reversals_after,
+        times_s: [thinning.time_before_s, thinning.time_after_s],
+        blocks: [thinning.figures.blocks_read, thinning.figures.blocks_dropped],
+    });
+    let drops = thinning.as_ref().is_some_and(|thinning| thinning.blocks[1] > 0);
+    let mut plots = FiveAxisPlots::new(setup, thinning);
+    if drops {
+        let every_block = Arc::new(PipelineConfig { every_block: true, ..config.clone() });
+        let bar = progress("comparing", Unit::Setpoints, 0);
+        let is_whole = local::run_plan(source, every_block, |block| {
+            bar.inc(block.len() as u64);
+            plots.push_as_programmed(block);
+            Ok(Progress::Continue)
+        })?;
+        bar.finish_and_clear();
+        // A block that thinning drops may be one that the machine cannot reach.
+        if is_whole { plots.finish_as_programmed() } else { plots.discard_as_programmed() }
+    }
+    Ok(Some(plots))
+}
