@@ -81,8 +81,17 @@ pub(super) fn prepare(
     if let Some(five_axis) = five_axis::prepare(source, config, report, way)? {
         plots.set_five_axis(five_axis);
     }
-    if let (Some(indices), Some(section)) = (&vibration.indices, report.sections.first()) {
-        for (title, window) in windows(indices, section, config.period_s()) {
+    let superposed = match (report.sections.first(), report.oscillations.first()) {
+        (Some(section), _) => Some(("vibration", section.first_line, 1.0 / section.condition.frequency_hz)),
+        (None, Some(section)) => {
+            plots.oscillate();
+            Some(("oscillation", section.line, section.report.period_s))
+        }
+        (None, None) => None,
+    };
+    if let (Some(indices), Some((what, line, wave_s))) = (&vibration.indices, superposed) {
+        let title = format!("start of the {what}, line {line}");
+        for (title, window) in windows(indices, title, wave_s, config.period_s()) {
             plots.add_window(title, window);
         }
     }
@@ -97,16 +106,13 @@ pub(super) fn prepare(
     Ok(plots)
 }
 
-fn windows(indices: &Range<u64>, section: &SectionReport, period_s: f64) -> [(String, Range<f64>); 2] {
-    let vibration_s = 1.0 / section.condition.frequency_hz;
+/// A close view of the start, called `title`, and one of the middle, for waves of `wave_s`.
+fn windows(indices: &Range<u64>, title: String, wave_s: f64, period_s: f64) -> [(String, Range<f64>); 2] {
     let start_s = indices.start as f64 * period_s;
     let middle_s = (indices.start + (indices.end - indices.start) / 2) as f64 * period_s;
     [
-        (
-            format!("start of the vibration, line {}", section.first_line),
-            (start_s - 0.1 * vibration_s).max(0.0)..start_s + (PERIODS_SHOWN - 0.1) * vibration_s,
-        ),
-        ("in the middle of the section".to_owned(), middle_s..middle_s + PERIODS_SHOWN * vibration_s),
+        (title, (start_s - 0.1 * wave_s).max(0.0)..start_s + (PERIODS_SHOWN - 0.1) * wave_s),
+        ("in the middle of the section".to_owned(), middle_s..middle_s + PERIODS_SHOWN * wave_s),
     ]
 }
 
@@ -118,7 +124,7 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
     let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
     let (mut unread, mut ended) = (Vec::new(), false);
     let mut smoother = PathSmoother::default();
-    let (mut vibrating, mut way) = (false, GuidedWay::default());
+    let (mut cutting, mut way) = (Stretch::Cutting, GuidedWay::default());
     loop {
         let mut consumed = 0;
         let outcome = loop {
@@ -127,7 +133,7 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                 outcome => break outcome,
             }
             for Operation { kind, span } in operations.drain(..) {
-                let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, vibrating, trace);
+                let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, cutting, trace);
                 match &kind {
                     OperationKind::Move(step) => {
                         way.interrupt();
@@ -150,17 +156,24 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
                     }
                     other => {
                         smoother.flush(&mut draw);
-                        if let OperationKind::Function(command) = other
-                            && command.function == Function::PathVibration
-                        {
-                            vibrating = command.on;
+                        let on = match other {
+                            OperationKind::Function(command) if command.function == Function::PathVibration => {
+                                Some((command.on, Stretch::Vibrating))
+                            }
+                            OperationKind::Function(command) if command.function == Function::ToolOscillation => {
+                                Some((command.on, Stretch::Oscillating))
+                            }
+                            _ => None,
+                        };
+                        if let Some((on, superposed)) = on {
+                            cutting = if on { superposed } else { Stretch::Cutting };
                         }
                     }
                 }
             }
         };
         if outcome == LineOutcome::Ended {
-            smoother.flush(&mut |smoothed| draw_element(&smoothed.element, vibrating, trace));
+            smoother.flush(&mut |smoothed| draw_element(&smoothed.element, cutting, trace));
             return Ok(way);
         }
         unread.drain(..consumed);
@@ -171,12 +184,8 @@ fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) ->
 }
 
 /// Draws an element: a line as such, a curve with chords.
-fn draw_element(element: &Element, vibrating: bool, trace: &mut PathTrace) {
-    let stretch = match (element.rapid, vibrating) {
-        (true, _) => Stretch::Rapid,
-        (false, true) => Stretch::Vibrating,
-        (false, false) => Stretch::Cutting,
-    };
+fn draw_element(element: &Element, cutting: Stretch, trace: &mut PathTrace) {
+    let stretch = if element.rapid { Stretch::Rapid } else { cutting };
     let turn_rad = element.length * element.curvature();
     let chords = (turn_rad / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32;
     let mut from = point(&element.start);

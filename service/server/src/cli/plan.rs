@@ -18,10 +18,13 @@ use super::{CliError, EXIT_REFUSED, local, report};
 use crate::convert::report_to_proto;
 use crate::engine::Expander;
 use crate::output::{CsvWriter, FileFormat, Layout, SetpointWriter, create};
-use crate::plot::{Plots, ThreadPictures, write_thread};
+use crate::plot::{OscillationPictures, Plots, ThreadPictures, write_oscillation, write_thread};
 
 /// Threads drawn at most: three pictures each.
 const MAX_THREADS_DRAWN: usize = 8;
+
+/// Oscillating passes drawn at most: six pictures each.
+const MAX_OSCILLATIONS_DRAWN: usize = 4;
 
 /// Arguments of `feedwave plan`.
 #[derive(Debug, clap::Args)]
@@ -34,7 +37,8 @@ Examples:
       Compressed columns, and pictures (SVG and PNG): tool path, position over time with the
       vibration, feed, acceleration and jerk, chip thickness around the revolution; for each thread
       the unrolled work, X over the spindle angle and the section of the groove; of a five-axis
-      program the rotary axes and tool directions, as programmed and thinned, and the deviation.
+      program the rotary axes and tool directions, as programmed and thinned, and the deviation;
+      for each tool oscillation waveforms, paths, the layers that the edges remove and the floor.
   feedwave plan shaft.nc --out - --from-time 2.5 --count 1000 | head
       A part of it, on standard output.
   feedwave plan shaft.nc --out shaft.csv --override 2:50 --override 3.5:0 --override 5:100
@@ -242,6 +246,12 @@ pub(super) fn draw(
         let name = format!("thread-line-{}", section.first_line);
         let thread = ThreadPictures { name, job: &section.job, report: &section.report };
         files.extend(write_thread(&thread, directory).map_err(CliError::trouble)?);
+    }
+    for section in report.oscillations.iter().take(MAX_OSCILLATIONS_DRAWN) {
+        let Some((tool, oscillation)) = section.motion(config) else { continue };
+        let name = format!("oscillation-line-{}", section.line);
+        let pass = OscillationPictures { name, tool, oscillation: &oscillation, section };
+        files.extend(write_oscillation(&pass, directory).map_err(CliError::trouble)?);
     }
     Ok(files)
 }

@@ -102,7 +102,7 @@ impl Picture for DynamicsPicture<'_> {
             entries.push((Swatch::Dashed, theme::GOOD, "the feed override changes"));
         }
         if self.curves.vibrates() {
-            entries.push((Swatch::Fill, theme::VIBRATION, "vibrating"));
+            entries.push((Swatch::Fill, theme::VIBRATION, self.curves.doing()));
         }
         let body = if entries.is_empty() { body } else { theme::legend(&body, scale, &entries)? };
 

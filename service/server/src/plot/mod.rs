@@ -9,6 +9,7 @@ mod dynamics;
 mod five_axis;
 mod lobes;
 mod motion;
+mod oscillation;
 mod run;
 mod series;
 mod theme;
@@ -30,6 +31,7 @@ use dynamics::{DynamicsPicture, PathDynamics};
 pub use five_axis::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 pub use lobes::{LobesPicture, write_lobes};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
+pub use oscillation::{OscillationPictures, write_oscillation};
 pub use run::{RunTrace, write_run};
 pub use thread::{ThreadPictures, write_thread};
 use tool_path::ToolPathPicture;
@@ -72,6 +74,11 @@ impl Plots {
     /// The tool path, to be filled with the program's moves.
     pub const fn trace_mut(&mut self) -> &mut PathTrace {
         &mut self.trace
+    }
+
+    /// Says that what is superposed on the path is a tool oscillation.
+    pub const fn oscillate(&mut self) {
+        self.curves.oscillate();
     }
 
     /// Adds a close view of a few vibration periods. Call before the setpoints are pushed.

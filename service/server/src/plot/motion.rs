@@ -52,6 +52,8 @@ pub(super) struct MotionCurves {
     windows: Vec<Window>,
     /// Times in which the tool vibrates.
     vibrating_spans: Vec<(f64, f64)>,
+    /// Whether what is superposed is a tool oscillation.
+    oscillates: bool,
     period_s: f64,
     previous: Option<Vec<f64>>,
 }
@@ -74,6 +76,7 @@ impl MotionCurves {
             velocities: axes.iter().map(curve).collect(),
             windows: Vec::new(),
             vibrating_spans: Vec::new(),
+            oscillates: false,
             period_s,
             previous: None,
         }
@@ -124,6 +127,16 @@ impl MotionCurves {
         !self.vibrating_spans.is_empty()
     }
 
+    /// Says that what is superposed is a tool oscillation.
+    pub(super) const fn oscillate(&mut self) {
+        self.oscillates = true;
+    }
+
+    /// What the tool does in the coloured times.
+    pub(super) const fn doing(&self) -> &'static str {
+        if self.oscillates { "oscillating" } else { "vibrating" }
+    }
+
     /// Colours the times in which the tool vibrates.
     pub(super) fn shade_vibrating<'a, DB: DrawingBackend + 'a>(
         &self,
@@ -152,14 +165,16 @@ impl Picture for PositionPicture<'_> {
         let curves = self.curves;
         let subtitle = format!("{} \u{b7} setpoints every {} ms", self.program, curves.period_s * 1e3);
         let body = theme::headline(area, scale, "Position over time", &subtitle)?;
-        let vibrates = curves.vibrates();
-        let entries = [
-            (Swatch::Line, theme::COMMAND, "commanded path position"),
-            (Swatch::Line, theme::VIBRATION, "with vibration"),
-            (Swatch::Fill, theme::VIBRATION, "vibrating"),
-        ];
-        let body = theme::legend(&body, scale, &entries[..if vibrates { 3 } else { 1 }])?;
         let windows: Vec<_> = curves.windows.iter().filter(|window| window.command.len() > 1).collect();
+        let mut entries = vec![(Swatch::Line, theme::COMMAND, "commanded path position")];
+        if !windows.is_empty() {
+            let label = if curves.oscillates { "with oscillation along the feed" } else { "with vibration" };
+            entries.push((Swatch::Line, theme::VIBRATION, label));
+        }
+        if curves.vibrates() {
+            entries.push((Swatch::Fill, theme::VIBRATION, curves.doing()));
+        }
+        let body = theme::legend(&body, scale, &entries)?;
         let height = body.dim_in_pixel().1;
         let (whole, zoomed) = if windows.is_empty() { (body, None) } else { split(&body, height * 45 / 100) };
 
@@ -244,7 +259,7 @@ impl FeedPicture<'_> {
         let curves = self.curves;
         let mut entries: Vec<_> = group.iter().map(|(_, color, name)| (Swatch::Line, *color, *name)).collect();
         if curves.vibrates() {
-            entries.push((Swatch::Fill, theme::VIBRATION, "vibrating"));
+            entries.push((Swatch::Fill, theme::VIBRATION, curves.doing()));
         }
         let area = theme::legend(area, scale, &entries)?;
         let extents: Vec<_> = group.iter().filter_map(|(series, _, _)| series.legible_extent()).collect();

@@ -203,3 +203,86 @@ mod thread {
         assert!(write_thread(&pictures, directory.path()).unwrap().is_empty());
     }
 }
+
+mod oscillation {
+    use feedwave_cutting::tool_oscillation::{
+        DirectionLimits, DirectionOscillation, LeadingEdge, OscillationCondition, OscillationCut, OscillationJob,
+        OscillationLimits, OscillationPeriod, OscillationSectionReport, ToolGeometry, ToolOscillation, Waveform, judge,
+    };
+
+    use crate::plot::{OscillationPictures, write_oscillation};
+
+    /// The worked example of the specification page with other tools, feeds and depths.
+    fn text_of(tool: &ToolGeometry, periods_per_rev: u32, feed_mm_per_min: f64, name: &str) -> String {
+        let direction = |amplitude_mm, waveform| DirectionOscillation { amplitude_mm, waveform, phase_deg: 0.0 };
+        let condition = OscillationCondition {
+            period: OscillationPeriod::PerRevolution(periods_per_rev),
+            feed: direction(0.4, Waveform::Sine),
+            axial: direction(0.03, Waveform::HeldPeak { hold_share: 0.3 }),
+            cross: Some(direction(0.05, Waveform::Sine)),
+            leading_edge: LeadingEdge::default(),
+            ramp_periods: 2,
+            may_overrun: false,
+        };
+        let cut = OscillationCut {
+            feed_mm_per_min,
+            spindle_rev_per_min: 600.0,
+            clockwise: true,
+            depth_mm: 1.0,
+            engagement_deg: [-90.0, 90.0],
+        };
+        let limits =
+            DirectionLimits { velocity_mm_per_s: 500.0, acceleration_mm_per_s2: 1e5, jerk_mm_per_s3: 5_000_000.0 };
+        let job = OscillationJob {
+            tool,
+            condition: &condition,
+            leading_edge: 1,
+            cut,
+            limits: OscillationLimits { plane: limits, axial: limits },
+            floor: None,
+            span: feedwave_program::SourceSpan { line: 7, column: 1, length: 4 },
+        };
+        let report = judge(&job).0.unwrap();
+        let oscillation = ToolOscillation::new(tool, &condition, periods_per_rev, 1).unwrap();
+        let condition = "accuracy".to_owned();
+        let section = OscillationSectionReport { on_line: 7, line: 8, tool: 4, condition, cut, report };
+        let pass =
+            OscillationPictures { name: "pass".to_owned(), tool, oscillation: &oscillation, section: &section };
+        let directory = tempfile::tempdir().unwrap();
+        let files = write_oscillation(&pass, directory.path()).unwrap();
+        let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
+        let pictures = ["waveform", "path", "edges", "stages", "layers", "floor"];
+        let expected: Vec<_> =
+            pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("pass-{name}.{end}"))).collect();
+        assert_eq!(names, expected);
+        std::fs::read_to_string(directory.path().join(format!("pass-{name}.svg"))).unwrap()
+    }
+
+    #[test]
+    fn a_pass_has_six_pictures_with_its_figures() {
+        let tool = ToolGeometry::even(4, 60.0, 1.5, 5.0);
+        for (name, wanted) in [
+            ("waveform", ["held for 0.3 of the period, 0.25 needed", "E4", "across both"]),
+            ("path", ["along the feed, mm", "away from the work, mm", "E4 points ahead"]),
+            ("edges", ["to the right of the feed, mm", "without oscillation", "E2"]),
+            ("stages", ["removes 0.3545 mm²", "1 × 0.03 mm", "surface at 1 mm"]),
+            ("layers", ["1.03 mm² per revolution", "35.5 %", "finishes"]),
+            ("floor", ["peak to valley 0 µm", "along the feed, mm", "without oscillation"]),
+        ] {
+            let text = text_of(&tool, 1, 600.0, name);
+            for wanted in wanted {
+                assert!(text.contains(wanted), "{name}: {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn unusual_tools_and_feeds_are_drawn_too() {
+        let mut tool = ToolGeometry::even(64, 3.0, 2.0, 0.02);
+        tool.end_relief_deg = 10.0;
+        text_of(&tool, 64, 600.0, "stages");
+        text_of(&ToolGeometry::even(1, 1_000.0, 1e-3, 1_000.0), 1, 1e5, "edges");
+        let text = text_of(&ToolGeometry::even(12, 60.0, 1.5, 5.0), 3, 0.01, "floor");
+        assert!(text.contains("the feed is too small"));
+    }
+}

@@ -44,6 +44,7 @@ impl Picture for ToolPathPicture<'_> {
         let entries = [
             (Stretch::Cutting, Swatch::Line, theme::COMMAND, "cutting"),
             (Stretch::Vibrating, Swatch::Line, theme::VIBRATION, "cutting with vibration along the path"),
+            (Stretch::Oscillating, Swatch::Line, theme::VIBRATION, "cutting with an oscillating tool"),
             (Stretch::Rapid, Swatch::Dashed, theme::RAPID, "rapid"),
         ];
         let entries: Vec<_> = entries
@@ -82,7 +83,7 @@ impl ToolPathPicture<'_> {
             chart.draw_series([EmptyElement::at((x.range.start, 0.0)) + text])?;
         }
         // Rapids below, what vibrates on top.
-        for stretch in [Stretch::Rapid, Stretch::Cutting, Stretch::Vibrating] {
+        for stretch in [Stretch::Rapid, Stretch::Cutting, Stretch::Vibrating, Stretch::Oscillating] {
             for run in self.trace.runs().iter().filter(|run| run.stretch == stretch) {
                 let line: Vec<_> = run.points.iter().map(project).collect();
                 draw_run(&mut chart, scale, stretch, &line)?;
@@ -119,7 +120,7 @@ fn draw_run<'a, DB: DrawingBackend + 'a>(
             Ok(())
         }
         Stretch::Cutting => theme::curve(chart, line, scale.stroke(theme::COMMAND, 2.0)),
-        Stretch::Vibrating => theme::curve(chart, line, scale.stroke(theme::VIBRATION, 3.0)),
+        Stretch::Vibrating | Stretch::Oscillating => theme::curve(chart, line, scale.stroke(theme::VIBRATION, 3.0)),
     }
 }
 

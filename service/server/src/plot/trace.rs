@@ -9,6 +9,8 @@ pub enum Stretch {
     Cutting,
     /// Cutting with vibration along the path.
     Vibrating,
+    /// Cutting while the tool oscillates.
+    Oscillating,
 }
 
 /// A point of the path: X (radius), Y, Z, mm.

@@ -1,0 +1,197 @@
+//! The work in the plane of feed and tool axis, before and after every edge's pass: what the stages and the layers are
+//! drawn from.
+
+use std::ops::Range;
+
+use feedwave_cutting::tool_oscillation::{EdgePass, plane_section};
+use plotters::element::{PathElement, Rectangle};
+use plotters::prelude::DrawingBackend;
+use plotters::style::Color;
+use plotters::style::text_anchor::{HPos, VPos};
+
+use super::super::DrawResult;
+use super::super::theme::{self, AxisSpec, Scale};
+use super::{Beside, OscillationPictures, short, write};
+
+/// Work deeper than this many times the axial travel is not shown up to its surface: the layers would be lines.
+const LARGEST_DEPTH: f64 = 6.0;
+/// Heights below this are none, mm.
+const NOTHING_MM: f64 = 1e-9;
+
+/// The passes of all edges in one revolution of the steady state.
+pub(super) struct Section<'a> {
+    pass: &'a OscillationPictures<'a>,
+    pub(super) passes: Vec<EdgePass>,
+    /// Heights between which every edge either cuts or does not, rising.
+    levels_mm: Vec<f64>,
+    /// What is shown along the feed and along the axis.
+    pub(super) along_mm: Range<f64>,
+    pub(super) height_mm: Range<f64>,
+}
+
+impl<'a> Section<'a> {
+    pub(super) fn new(pass: &'a OscillationPictures<'a>) -> Self {
+        let cut = &pass.section.cut;
+        let passes = plane_section(pass.tool, pass.oscillation, cut, 0.0);
+        let edge_mm = pass.tool.axial_edge_height_mm;
+        let ends = || passes.iter().map(|pass| pass.end_mm);
+        let (low_mm, high_mm) = (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max));
+        let mut levels_mm: Vec<f64> =
+            ends().flat_map(|end| [end, end + edge_mm]).chain([cut.depth_mm]).filter(|z| *z <= cut.depth_mm).collect();
+        levels_mm.sort_by(f64::total_cmp);
+        levels_mm.dedup_by(|a, b| *a - *b < NOTHING_MM);
+
+        let travel_mm = if high_mm - low_mm > NOTHING_MM { high_mm - low_mm } else { cut.depth_mm.max(1e-3) };
+        let depth_mm = (cut.depth_mm - low_mm).max(travel_mm);
+        let top_mm =
+            if depth_mm > LARGEST_DEPTH * travel_mm { high_mm + 0.9 * travel_mm } else { cut.depth_mm.max(high_mm) };
+        let room_mm = 0.22 * (top_mm - low_mm);
+        let top_mm = if top_mm < cut.depth_mm { top_mm } else { top_mm + room_mm };
+
+        let fronts = || passes.iter().map(|pass| pass.front_mm);
+        let met = passes.iter().flat_map(|pass| pass.layers.iter().map(|layer| layer.from_mm));
+        let first_mm = met.chain(fronts()).fold(f64::INFINITY, f64::min);
+        let last_mm = fronts().fold(f64::NEG_INFINITY, f64::max);
+        let span_mm = (last_mm - first_mm).max(1e-3);
+        let along_mm = first_mm - 0.3 * span_mm..last_mm + 0.3 * span_mm;
+        Self { pass, passes, levels_mm, along_mm, height_mm: low_mm - room_mm..top_mm }
+    }
+
+    pub(super) fn axes(&self) -> (AxisSpec, AxisSpec) {
+        (
+            AxisSpec::new("along the feed, mm", self.along_mm.clone()),
+            AxisSpec::new("height, mm", self.height_mm.clone()),
+        )
+    }
+
+    fn cuts(&self, edge: usize, low_mm: f64, high_mm: f64) -> bool {
+        let end_mm = self.passes[edge].end_mm;
+        end_mm <= low_mm + NOTHING_MM && high_mm <= end_mm + self.pass.tool.axial_edge_height_mm + NOTHING_MM
+    }
+
+    /// Foremost front at these heights after `passed` edges of this revolution; what lies behind it is cut.
+    fn front_mm(&self, passed: usize, low_mm: f64, high_mm: f64) -> f64 {
+        let per_rev_mm = self.pass.feed_per_rev_mm();
+        let fronts = self.passes.iter().enumerate().filter(|(edge, _)| self.cuts(*edge, low_mm, high_mm));
+        let fronts = fronts.map(|(edge, pass)| if edge < passed { pass.front_mm } else { pass.front_mm - per_rev_mm });
+        fronts.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The part of a rectangle that is shown.
+    fn shown(&self, along_mm: Range<f64>, height_mm: Range<f64>) -> Option<[(f64, f64); 2]> {
+        let (x, y) = (&self.along_mm, &self.height_mm);
+        let corners = [
+            (along_mm.start.max(x.start), height_mm.start.max(y.start)),
+            (along_mm.end.min(x.end), height_mm.end.min(y.end)),
+        ];
+        (corners[0].0 < corners[1].0 && corners[0].1 < corners[1].1).then_some(corners)
+    }
+
+    /// The work as it stands after `passed` edges of this revolution.
+    pub(super) fn draw_work<'b, DB: DrawingBackend + 'b>(
+        &self,
+        chart: &mut theme::Panel<'b, DB>,
+        scale: Scale,
+        passed: usize,
+    ) -> DrawResult<(), DB> {
+        let depth_mm = self.pass.section.cut.depth_mm;
+        let below = f64::NEG_INFINITY..self.levels_mm.first().copied().unwrap_or(depth_mm).min(depth_mm);
+        let mut parts = vec![(self.along_mm.clone(), below)];
+        for level in self.levels_mm.windows(2) {
+            parts.push((self.front_mm(passed, level[0], level[1])..self.along_mm.end, level[0]..level[1]));
+        }
+        let fill = theme::RAPID.mix(0.45).filled();
+        let corners = parts.into_iter().filter_map(|(along, height)| self.shown(along, height));
+        chart.draw_series(corners.map(|corners| Rectangle::new(corners, fill)))?;
+        if depth_mm > self.height_mm.end {
+            let at = (self.along_mm.end, self.height_mm.end);
+            let beside = Beside { x: HPos::Right, y: VPos::Top, by: (-8.0, 6.0) };
+            write(chart, scale, at, &format!("surface at {} mm", short(depth_mm, 3)), theme::MUTED, beside)?;
+        }
+        Ok(())
+    }
+
+    /// What an edge removes in this revolution.
+    pub(super) fn draw_removed<'b, DB: DrawingBackend + 'b>(
+        &self,
+        chart: &mut theme::Panel<'b, DB>,
+        edge: usize,
+    ) -> DrawResult<(), DB> {
+        let color = self.pass.color(edge);
+        for layer in &self.passes[edge].layers {
+            if let Some(corners) = self.shown(layer.from_mm..layer.to_mm, layer.low_mm..layer.high_mm) {
+                chart.draw_series([Rectangle::new(corners, color.mix(0.55).filled())])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sizes of the shown layers of an edge, where there is room for them.
+    pub(super) fn write_sizes<'b, DB: DrawingBackend + 'b>(
+        &self,
+        chart: &mut theme::Panel<'b, DB>,
+        scale: Scale,
+        edge: usize,
+        text: impl Fn(&feedwave_cutting::tool_oscillation::RemovedLayer) -> String,
+    ) -> DrawResult<(), DB> {
+        for layer in &self.passes[edge].layers {
+            let shown = self.shown(layer.from_mm..layer.to_mm, layer.low_mm..layer.high_mm);
+            let Some([from, to]) = shown else { continue };
+            let area = chart.plotting_area();
+            let (start, end) = (area.map_coordinate(&from), area.map_coordinate(&to));
+            let text = text(layer);
+            let needed = (scale.px(8.0 * text.len() as f64), scale.px(18.0));
+            if (end.0 - start.0) >= needed.0 && (start.1 - end.1) >= needed.1 {
+                let middle = (0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1));
+                write(chart, scale, middle, &text, theme::INK, super::CENTRE)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Outline of an edge at its pass.
+    pub(super) fn draw_edge<'b, DB: DrawingBackend + 'b>(
+        &self,
+        chart: &mut theme::Panel<'b, DB>,
+        scale: Scale,
+        edge: usize,
+        width: f64,
+    ) -> DrawResult<(), DB> {
+        let (pass, tool) = (&self.passes[edge], self.pass.tool);
+        let (front_mm, back_mm) = (pass.front_mm, pass.front_mm - tool.radial_edge_length_mm);
+        let rise_mm = tool.radial_edge_length_mm * tool.end_relief_deg.to_radians().tan();
+        let top_mm = pass.end_mm + tool.axial_edge_height_mm;
+        let outline =
+            [(front_mm, top_mm), (front_mm, pass.end_mm), (back_mm, pass.end_mm + rise_mm), (back_mm, top_mm)];
+        for corners in outline.windows(2) {
+            theme::curve(chart, corners, scale.stroke(self.pass.color(edge), width))?;
+        }
+        Ok(())
+    }
+
+    /// The surface that is left behind all edges and ahead of them.
+    pub(super) fn draw_profile<'b, DB: DrawingBackend + 'b>(
+        &self,
+        chart: &mut theme::Panel<'b, DB>,
+        scale: Scale,
+        passed: usize,
+    ) -> DrawResult<(), DB> {
+        let mut profile = Vec::new();
+        if let Some(lowest) = self.levels_mm.first() {
+            profile.push((self.along_mm.start, *lowest));
+        }
+        for level in self.levels_mm.windows(2) {
+            let front = self.front_mm(passed, level[0], level[1]);
+            profile.extend([(front, level[0]), (front, level[1])]);
+        }
+        if let Some(highest) = self.levels_mm.last() {
+            profile.push((self.along_mm.end, *highest));
+        }
+        for corners in profile.windows(2).filter(|pair| pair.iter().all(|point| point.0.is_finite())) {
+            for part in super::super::clip::polyline(corners, &self.along_mm, &self.height_mm) {
+                chart.draw_series([PathElement::new(part, scale.stroke(theme::INK, 1.6))])?;
+            }
+        }
+        Ok(())
+    }
+}
