@@ -93,7 +93,7 @@ impl OscillationPictures<'_> {
     fn color(&self, edge: usize) -> RGBColor {
         let colors = theme::PALETTE.len();
         // The last one would be next to the first.
-        let wraps = edge + 1 == self.edge_count() && edge > 0 && edge % colors == 0;
+        let wraps = edge + 1 == self.edge_count() && edge > 0 && edge.is_multiple_of(colors);
         theme::PALETTE[if wraps { 1 } else { edge % colors }]
     }
 

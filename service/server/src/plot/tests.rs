@@ -210,16 +210,18 @@ mod oscillation {
         OscillationLimits, OscillationPeriod, OscillationSectionReport, ToolGeometry, ToolOscillation, Waveform, judge,
     };
 
+    use tempfile::TempDir;
+
     use crate::plot::{OscillationPictures, write_oscillation};
 
-    /// The worked example of the specification page with other tools, feeds and depths.
-    fn text_of(tool: &ToolGeometry, periods_per_rev: u32, feed_mm_per_min: f64, name: &str) -> String {
+    /// Draws the worked example of the specification page, or it with another tool, feed and motion across.
+    fn draw(tool: &ToolGeometry, periods_per_rev: u32, feed_mm_per_min: f64, across_mm: Option<f64>) -> TempDir {
         let direction = |amplitude_mm, waveform| DirectionOscillation { amplitude_mm, waveform, phase_deg: 0.0 };
         let condition = OscillationCondition {
             period: OscillationPeriod::PerRevolution(periods_per_rev),
             feed: direction(0.4, Waveform::Sine),
             axial: direction(0.03, Waveform::HeldPeak { hold_share: 0.3 }),
-            cross: Some(direction(0.05, Waveform::Sine)),
+            cross: across_mm.map(|amplitude_mm| direction(amplitude_mm, Waveform::Sine)),
             leading_edge: LeadingEdge::default(),
             ramp_periods: 2,
             may_overrun: false,
@@ -246,8 +248,7 @@ mod oscillation {
         let oscillation = ToolOscillation::new(tool, &condition, periods_per_rev, 1).unwrap();
         let condition = "accuracy".to_owned();
         let section = OscillationSectionReport { on_line: 7, line: 8, tool: 4, condition, cut, report };
-        let pass =
-            OscillationPictures { name: "pass".to_owned(), tool, oscillation: &oscillation, section: &section };
+        let pass = OscillationPictures { name: "pass".to_owned(), tool, oscillation: &oscillation, section: &section };
         let directory = tempfile::tempdir().unwrap();
         let files = write_oscillation(&pass, directory.path()).unwrap();
         let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
@@ -255,21 +256,25 @@ mod oscillation {
         let expected: Vec<_> =
             pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("pass-{name}.{end}"))).collect();
         assert_eq!(names, expected);
+        directory
+    }
+
+    fn text(directory: &TempDir, name: &str) -> String {
         std::fs::read_to_string(directory.path().join(format!("pass-{name}.svg"))).unwrap()
     }
 
     #[test]
     fn a_pass_has_six_pictures_with_its_figures() {
-        let tool = ToolGeometry::even(4, 60.0, 1.5, 5.0);
+        let drawn = draw(&ToolGeometry::even(4, 60.0, 1.5, 5.0), 1, 600.0, None);
         for (name, wanted) in [
-            ("waveform", ["held for 0.3 of the period, 0.25 needed", "E4", "across both"]),
+            ("waveform", ["held for 0.3 of the period, 0.25 needed", "E4", "forwards, mm"]),
             ("path", ["along the feed, mm", "away from the work, mm", "E4 points ahead"]),
             ("edges", ["to the right of the feed, mm", "without oscillation", "E2"]),
             ("stages", ["removes 0.3545 mm²", "1 × 0.03 mm", "surface at 1 mm"]),
             ("layers", ["1.03 mm² per revolution", "35.5 %", "finishes"]),
             ("floor", ["peak to valley 0 µm", "along the feed, mm", "without oscillation"]),
         ] {
-            let text = text_of(&tool, 1, 600.0, name);
+            let text = text(&drawn, name);
             for wanted in wanted {
                 assert!(text.contains(wanted), "{name}: {wanted}");
             }
@@ -278,11 +283,10 @@ mod oscillation {
 
     #[test]
     fn unusual_tools_and_feeds_are_drawn_too() {
-        let mut tool = ToolGeometry::even(64, 3.0, 2.0, 0.02);
+        let mut tool = ToolGeometry::even(25, 3.0, 2.0, 0.02);
         tool.end_relief_deg = 10.0;
-        text_of(&tool, 64, 600.0, "stages");
-        text_of(&ToolGeometry::even(1, 1_000.0, 1e-3, 1_000.0), 1, 1e5, "edges");
-        let text = text_of(&ToolGeometry::even(12, 60.0, 1.5, 5.0), 3, 0.01, "floor");
-        assert!(text.contains("the feed is too small"));
+        assert!(text(&draw(&tool, 25, 600.0, Some(0.05)), "waveform").contains("across both"));
+        let drawn = draw(&ToolGeometry::even(1, 1_000.0, 1e-3, 1_000.0), 1, 0.01, None);
+        assert!(text(&drawn, "floor").contains("the feed is too small"));
     }
 }

@@ -17,7 +17,7 @@ use super::{OscillationPictures, sampled, short};
 /// Revolutions whose feed is shown.
 const REVOLUTIONS: f64 = 6.0;
 /// Cells along the feed, and rows that are drawn across it.
-const COLUMNS: f64 = 360.0;
+const COLUMNS: f64 = 300.0;
 const ROWS: usize = 160;
 /// Colours that are told apart.
 const COLORS: u32 = 24;
