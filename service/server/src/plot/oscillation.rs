@@ -10,6 +10,7 @@ mod stages;
 mod trochoids;
 mod waveform;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use feedwave_cutting::tool_oscillation::{OscillationSectionReport, ToolGeometry, ToolOffset, ToolOscillation};
@@ -80,6 +81,14 @@ impl OscillationPictures<'_> {
         1.0 / f64::from(self.oscillation.periods_per_rev.max(1))
     }
 
+    /// What the tool sweeps of the work, mm to the right of the feed.
+    fn engaged_mm(&self) -> Range<f64> {
+        let side = if self.section.cut.clockwise { 1.0 } else { -1.0 };
+        let across = |azimuth_deg: f64| side * self.tool.radius_mm * azimuth_deg.to_radians().sin();
+        let [from_mm, to_mm] = self.section.cut.engagement_deg.map(across);
+        from_mm.min(to_mm)..from_mm.max(to_mm)
+    }
+
     /// The same pass without oscillation.
     fn plain(&self) -> ToolOscillation {
         let mut plain = self.oscillation.clone();
@@ -87,6 +96,14 @@ impl OscillationPictures<'_> {
         plain.axial.amplitude_mm = 0.0;
         plain.cross = None;
         plain
+    }
+
+    /// Label of the axis along the plane of the layers.
+    fn outwards(&self) -> String {
+        match short(self.section.report.plane_deg, 1) {
+            ahead if ahead == "0" => "along the feed, mm".to_owned(),
+            azimuth => format!("outwards at {azimuth} degrees from the feed, mm"),
+        }
     }
 
     /// Colour of an edge; neighbours differ.

@@ -206,8 +206,9 @@ mod thread {
 
 mod oscillation {
     use feedwave_cutting::tool_oscillation::{
-        DirectionLimits, DirectionOscillation, LeadingEdge, OscillationCondition, OscillationCut, OscillationJob,
-        OscillationLimits, OscillationPeriod, OscillationSectionReport, ToolGeometry, ToolOscillation, Waveform, judge,
+        DirectionLimits, DirectionOscillation, Engagement, LeadingEdge, OscillationCondition, OscillationCut,
+        OscillationJob, OscillationLimits, OscillationPeriod, OscillationSectionReport, RoleReport, RoleRotation,
+        ToolGeometry, ToolOscillation, Waveform, judge,
     };
 
     use tempfile::TempDir;
@@ -225,6 +226,7 @@ mod oscillation {
             leading_edge: LeadingEdge::default(),
             ramp_periods: 2,
             may_overrun: false,
+            engagement: Engagement::default(),
         };
         let cut = OscillationCut {
             feed_mm_per_min,
@@ -247,7 +249,14 @@ mod oscillation {
         let report = judge(&job).0.unwrap();
         let oscillation = ToolOscillation::new(tool, &condition, periods_per_rev, 1).unwrap();
         let condition = "accuracy".to_owned();
-        let section = OscillationSectionReport { on_line: 7, line: 8, tool: 4, condition, cut, report };
+        let roles = RoleReport {
+            first_edge: 1,
+            rotation: RoleRotation::Fixed,
+            parts_before: 0,
+            cutting_time_before_s: 0.0,
+            changes: 0,
+        };
+        let section = OscillationSectionReport { on_line: 7, line: 8, tool: 4, condition, roles, cut, report };
         let pass = OscillationPictures { name: "pass".to_owned(), tool, oscillation: &oscillation, section: &section };
         let directory = tempfile::tempdir().unwrap();
         let files = write_oscillation(&pass, directory.path()).unwrap();

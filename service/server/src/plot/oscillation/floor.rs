@@ -19,6 +19,8 @@ const REVOLUTIONS: f64 = 6.0;
 /// Cells along the feed, and rows that are drawn across it.
 const COLUMNS: f64 = 300.0;
 const ROWS: usize = 160;
+/// Most rows that are simulated: the floor of a wider track is that of its middle.
+const MAX_ROWS: f64 = 20_000.0;
 /// Colours that are told apart.
 const COLORS: u32 = 24;
 /// The least range of colours, µm: below it a floor is flat.
@@ -39,6 +41,8 @@ pub(super) struct FloorPicture<'a> {
     pass: &'a OscillationPictures<'a>,
     /// With and without; none where it cannot be simulated.
     floors: Option<[Floor; 2]>,
+    /// Middle of the shown width, mm to the right of the feed.
+    across_mm: f64,
 }
 
 struct Floor {
@@ -72,12 +76,14 @@ impl Floor {
 impl<'a> FloorPicture<'a> {
     pub(super) fn new(pass: &'a OscillationPictures<'a>) -> Self {
         let length_mm = REVOLUTIONS * pass.feed_per_rev_mm();
-        let radius_mm = pass.tool.radius_mm;
         let resolution_mm = length_mm / COLUMNS;
+        // Close to the sides of the track the edges go along it.
+        let swept_mm = pass.engaged_mm();
+        let width_mm = 0.98 * (swept_mm.end - swept_mm.start);
         let area = FloorArea {
             length_mm,
-            // Close to the sides of the track the edges go along it.
-            width_mm: (1.96 * radius_mm).max(resolution_mm).min(resolution_mm * 60_000.0),
+            width_mm: width_mm.max(resolution_mm).min(resolution_mm * MAX_ROWS),
+            across_mm: 0.5 * (swept_mm.start + swept_mm.end),
             resolution_mm,
             trailing: true,
         };
@@ -85,7 +91,7 @@ impl<'a> FloorPicture<'a> {
             HeightField::simulate(pass.tool, oscillation, &pass.section.cut, &area).map(Floor::new).ok()
         };
         let floors = simulate(pass.oscillation).zip(simulate(&pass.plain())).map(|(with, without)| [with, without]);
-        Self { pass, floors }
+        Self { pass, floors, across_mm: area.across_mm }
     }
 }
 
@@ -110,7 +116,7 @@ impl Picture for FloorPicture<'_> {
         let width = i32::try_from(maps.dim_in_pixel().0).unwrap_or(i32::MAX);
         let (maps, colors) = maps.split_horizontally(width - scale.px(SCALE_WIDTH));
         for ((area, floor), name) in maps.split_evenly((1, 2)).iter().zip(floors).zip(["with", "without"]) {
-            draw_map(area, scale, floor, name, &range)?;
+            draw_map(area, scale, floor, name, self.across_mm, &range)?;
         }
         draw_colors(&colors, scale, &range)?;
         self.draw_profiles(&profiles, scale, floors, &range)
@@ -137,19 +143,23 @@ fn draw_map<DB: DrawingBackend>(
     scale: Scale,
     floor: &Floor,
     name: &str,
+    across_mm: f64,
     range: &Range<f64>,
 ) -> DrawResult<(), DB> {
     let Floor { field, roughness } = floor;
     let length_mm = field.columns as f64 * field.resolution_mm;
-    let half_mm = 0.5 * field.rows as f64 * field.resolution_mm;
+    let width_mm = field.rows as f64 * field.resolution_mm;
+    let side_mm = across_mm - 0.5 * width_mm;
     let title = format!(
         "{name} oscillation: peak to valley {} µm, mean {} µm, at {} mm",
         short(1e3 * roughness.peak_to_valley_mm, 2),
         short(1e3 * roughness.mean_mm, 2),
         short(roughness.height_mm, 4)
     );
-    let (x, y) =
-        (AxisSpec::new("along the feed, mm", 0.0..length_mm), AxisSpec::new("across the track, mm", -half_mm..half_mm));
+    let (x, y) = (
+        AxisSpec::new("along the feed, mm", 0.0..length_mm),
+        AxisSpec::new("to the right of the feed, mm", side_mm..side_mm + width_mm),
+    );
     let mut chart = theme::panel(area, scale, &title, &x, &y)?;
     let rows = ROWS.min(field.rows);
     let mut parts = Vec::new();
@@ -159,10 +169,8 @@ fn draw_map<DB: DrawingBackend>(
         let levels: Vec<_> = (0..field.columns)
             .map(|column| floor.height_um(of_field.clone(), column).map(|height| level(height, range)))
             .collect();
-        let (low, high) = (
-            -half_mm + 2.0 * half_mm * row as f64 / rows as f64,
-            -half_mm + 2.0 * half_mm * (row + 1) as f64 / rows as f64,
-        );
+        let (low, high) =
+            (side_mm + width_mm * row as f64 / rows as f64, side_mm + width_mm * (row + 1) as f64 / rows as f64);
         let mut start = 0;
         for column in 1..=field.columns {
             if column < field.columns && levels[column] == levels[start] {

@@ -63,7 +63,7 @@ impl LayersPicture<'_> {
         let section = Section::new(self.pass);
         let (x, y) = section.axes();
         let total_mm2: f64 = self.pass.section.report.edges.iter().map(|edge| edge.area_mm2).sum();
-        let title = format!("plane of feed and axis: {} mm² per revolution", short(total_mm2, 4));
+        let title = format!("plane through the tool axis: {} mm² per revolution", short(total_mm2, 4));
         let mut chart = theme::panel(area, scale, &title, &x, &y)?;
         let count = section.passes.len();
         section.draw_work(&mut chart, scale, count)?;

@@ -21,6 +21,8 @@ const NOTHING_MM: f64 = 1e-9;
 /// The passes of all edges in one revolution of the steady state.
 pub(super) struct Section<'a> {
     pass: &'a OscillationPictures<'a>,
+    /// By how far a front moves on in one revolution, mm.
+    advance_mm: f64,
     pub(super) passes: Vec<EdgePass>,
     /// Heights between which every edge either cuts or does not, rising.
     levels_mm: Vec<f64>,
@@ -32,7 +34,8 @@ pub(super) struct Section<'a> {
 impl<'a> Section<'a> {
     pub(super) fn new(pass: &'a OscillationPictures<'a>) -> Self {
         let cut = &pass.section.cut;
-        let passes = plane_section(pass.tool, pass.oscillation, cut, 0.0);
+        let passes = plane_section(pass.tool, pass.oscillation, cut, pass.section.report.plane_deg);
+        let advance_mm = cut.feed_per_rev_mm() * pass.section.report.plane_deg.to_radians().cos();
         let edge_mm = pass.tool.axial_edge_height_mm;
         let ends = || passes.iter().map(|pass| pass.end_mm);
         let (low_mm, high_mm) = (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max));
@@ -54,12 +57,12 @@ impl<'a> Section<'a> {
         let last_mm = fronts().fold(f64::NEG_INFINITY, f64::max);
         let span_mm = (last_mm - first_mm).max(1e-3);
         let along_mm = first_mm - 0.3 * span_mm..last_mm + 0.3 * span_mm;
-        Self { pass, passes, levels_mm, along_mm, height_mm: low_mm - room_mm..top_mm }
+        Self { pass, advance_mm, passes, levels_mm, along_mm, height_mm: low_mm - room_mm..top_mm }
     }
 
     pub(super) fn axes(&self) -> (AxisSpec, AxisSpec) {
         (
-            AxisSpec::new("along the feed, mm", self.along_mm.clone()),
+            AxisSpec::new(self.pass.outwards(), self.along_mm.clone()),
             AxisSpec::new("height, mm", self.height_mm.clone()),
         )
     }
@@ -71,9 +74,9 @@ impl<'a> Section<'a> {
 
     /// Foremost front at these heights after `passed` edges of this revolution; what lies behind it is cut.
     fn front_mm(&self, passed: usize, low_mm: f64, high_mm: f64) -> f64 {
-        let per_rev_mm = self.pass.feed_per_rev_mm();
         let fronts = self.passes.iter().enumerate().filter(|(edge, _)| self.cuts(*edge, low_mm, high_mm));
-        let fronts = fronts.map(|(edge, pass)| if edge < passed { pass.front_mm } else { pass.front_mm - per_rev_mm });
+        let fronts =
+            fronts.map(|(edge, pass)| if edge < passed { pass.front_mm } else { pass.front_mm - self.advance_mm });
         fronts.fold(f64::NEG_INFINITY, f64::max)
     }
 

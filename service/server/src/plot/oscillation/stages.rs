@@ -24,7 +24,7 @@ impl Picture for StagesPicture<'_> {
 
     fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
         let pass = self.pass;
-        let title = "Stages of one revolution: what each edge removes ahead of the tool";
+        let title = "Stages of one revolution: what each edge removes";
         let body = theme::headline(area, scale, title, &pass.subtitle())?;
         let mut entries = pass.legend(Swatch::Fill);
         entries.push((Swatch::Line, theme::INK, "surface after the pass".to_owned()));

@@ -71,14 +71,21 @@ impl EdgesPicture<'_> {
         let (x, y) = same_scale(area.dim_in_pixel(), scale, x, y);
         let (x, y) = (AxisSpec::new("to the right of the feed, mm", x), AxisSpec::new("along the feed, mm", y));
         let mut chart = theme::panel(area, scale, "the tool at the first edge's passage", &x, &y)?;
-        // The work: what no edge has swept.
-        let mut work = vec![(x.range.start, y.range.start), (x.range.start, y.range.end), (x.range.end, y.range.end)];
-        work.extend([(x.range.end, y.range.start), (radius_mm, y.range.start)]);
-        work.extend(sampled(0.25, -0.25, 180, |turns| {
-            let (sin, cos) = (TAU * turns).sin_cos();
-            (radius_mm * sin, radius_mm * cos)
-        }));
-        work.push((-radius_mm, y.range.start));
+        let engaged_mm = pass.engaged_mm();
+        // The work: ahead of what the edges have swept, and beside the tool where they reach its side.
+        let ahead = |x_mm: f64| (radius_mm * radius_mm - x_mm * x_mm).max(0.0).sqrt();
+        let is_open = |side_mm: f64| side_mm.abs() > radius_mm * (1.0 - 1e-6);
+        let mut work = vec![(engaged_mm.start, y.range.end)];
+        if is_open(engaged_mm.start) {
+            work =
+                vec![(engaged_mm.start, y.range.start), (x.range.start, y.range.start), (x.range.start, y.range.end)];
+        }
+        if is_open(engaged_mm.end) {
+            work.extend([(x.range.end, y.range.end), (x.range.end, y.range.start), (engaged_mm.end, y.range.start)]);
+        } else {
+            work.push((engaged_mm.end, y.range.end));
+        }
+        work.extend(sampled(engaged_mm.end, engaged_mm.start, 360, |x_mm| (x_mm, ahead(x_mm))));
         chart.draw_series([Polygon::new(work, theme::RAPID.mix(0.32).filled())])?;
         let circle = sampled(0.0, 1.0, 360, |turns| {
             let (sin, cos) = (TAU * turns).sin_cos();
