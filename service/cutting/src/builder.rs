@@ -350,7 +350,9 @@ impl Builder {
         let left = if cutting { self.oscillate(&element, &cut, config, planner, findings) } else { None };
         let machine = left.as_deref().unwrap_or(machine);
         let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
-        let superposed = in_section.map_or(PathMotion::ZERO, |vibration| vibration.condition.peaks());
+        let settings = &config.profile.vibration;
+        let superposed =
+            in_section.map_or(PathMotion::ZERO, |vibration| settings.demanded(vibration.condition).peaks());
         // Twice the commanded speed is the most that a feed override asks for.
         let top_speed = 2.0 * top_command(&element, cut.feed, &cut.spindle, machine);
         let pieces = limit_pieces(&element, machine, superposed, top_speed);
@@ -430,7 +432,8 @@ impl Builder {
         }
         vibration.section_open = true;
         let VibrationCondition { frequency_hz, amplitude_mm } = vibration.condition;
-        planner.push_barrier(Barrier::SectionStart(SectionStart { frequency_hz, amplitude_mm }));
+        let follows_up_to = config.profile.vibration.follows_up_to(amplitude_mm);
+        planner.push_barrier(Barrier::SectionStart(SectionStart { frequency_hz, amplitude_mm, follows_up_to }));
         if let Some(analysis) = &mut self.analysis {
             let profile = &config.profile;
             let period_s = config.period_s();

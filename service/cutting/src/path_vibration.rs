@@ -15,6 +15,8 @@ use core::f64::consts::TAU;
 use feedwave_motion::PathMotion;
 use serde::{Deserialize, Serialize};
 
+use crate::interpolator::PEAK_RESERVE;
+
 pub use report::{AxisLoadReport, ChipSpan, SamplingReport, SectionReport};
 pub use section::SectionAnalyzer;
 pub(crate) use section::direction_change;
@@ -49,6 +51,22 @@ pub struct VibrationSettings {
     pub contour_tolerance_mm: f64,
     /// Servo periods per interpolation period in the servo-side mode.
     pub servo_substeps: u32,
+    /// Largest ratio of the amplitude to the programmed one at which it follows the feed override, so that the chip
+    /// stays broken; the limits of the axes are kept at that amplitude. `None`: the amplitude stays as programmed.
+    pub amplitude_follows_feed_up_to: Option<f64>,
+}
+
+impl VibrationSettings {
+    /// Largest ratio at which a programmed amplitude follows the feed override, within the largest permitted amplitude.
+    pub(crate) fn follows_up_to(&self, amplitude_mm: f64) -> Option<f64> {
+        self.amplitude_follows_feed_up_to.map(|ratio| ratio.min(self.max_amplitude_mm / amplitude_mm).max(1.0))
+    }
+
+    /// What the axes have to follow for a programmed vibration, at the largest amplitude and while it changes.
+    pub(crate) fn demanded(&self, condition: VibrationCondition) -> VibrationCondition {
+        let ratio = self.follows_up_to(condition.amplitude_mm).map_or(1.0, |ratio| ratio * PEAK_RESERVE);
+        VibrationCondition { amplitude_mm: condition.amplitude_mm * ratio, ..condition }
+    }
 }
 
 impl Default for VibrationSettings {
@@ -59,6 +77,7 @@ impl Default for VibrationSettings {
             max_amplitude_mm: 1.0,
             contour_tolerance_mm: 0.001,
             servo_substeps: 8,
+            amplitude_follows_feed_up_to: None,
         }
     }
 }

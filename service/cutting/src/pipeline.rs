@@ -86,7 +86,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 11;
+const SNAPSHOT_VERSION: u8 = 12;
 
 /// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -310,6 +310,13 @@ impl Pipeline {
         self.interpolator.next_index()
     }
 
+    /// First and last setpoint of the threading pass that was begun last, however far it has been handed out; the last
+    /// is the one before the first where the pass is over within a period.
+    #[must_use]
+    pub fn last_thread_pass(&self) -> Option<(u64, u64)> {
+        self.interpolator.last_thread_pass()
+    }
+
     /// The configuration.
     #[must_use]
     pub fn config(&self) -> &PipelineConfig {
@@ -442,6 +449,7 @@ impl Pipeline {
         while let Some(change) = self.config.overrides.get(self.overrides.taken).filter(|change| change.index <= next) {
             self.overrides.pending = Some(change.ratio);
             self.overrides.taken += 1;
+            self.interpolator.follow_with_amplitude(change.ratio);
         }
         let Some(ratio) = self.overrides.pending else { return self.interpolator.pause_at(self.next_override()) };
         let again = self.interpolator.change_override(&mut self.planner, ratio);
@@ -469,7 +477,7 @@ impl Pipeline {
         }
         let next = self.interpolator.next_index();
         // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.
-        self.interpolator.hold_feed(self.next_override().unwrap_or(MAX_SETPOINTS + 1).max(next));
+        self.interpolator.hold_feed(self.interpolator.pause().unwrap_or(MAX_SETPOINTS + 1).max(next));
         true
     }
 

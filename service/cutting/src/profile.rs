@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::thinning::ThinningSettings;
 use crate::thread::ThreadVibrationSettings;
 use crate::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
-use crate::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
+use crate::{FollowingModel, MAX_OVERRIDE_RATIO, MIN_FREQUENCY_HZ, VibrationSettings};
 
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -212,6 +212,9 @@ fn vibration_problems(vibration: &VibrationSettings) -> Vec<ProfileProblem> {
     if !(1..=MAX_SERVO_SUBSTEPS).contains(&vibration.servo_substeps) {
         problems.push(problem("servo_substeps", format!("must be 1 to {MAX_SERVO_SUBSTEPS}")));
     }
+    if vibration.amplitude_follows_feed_up_to.is_some_and(|ratio| !(1.0..=MAX_OVERRIDE_RATIO).contains(&ratio)) {
+        problems.push(problem("amplitude_follows_feed_up_to", format!("must be 1 to {MAX_OVERRIDE_RATIO}")));
+    }
     problems
 }
 
@@ -275,6 +278,7 @@ mod tests {
         profile.thinning.group_blocks = 2;
         profile.vibration.max_amplitude_mm = 11.0;
         profile.vibration.servo_substeps = 0;
+        profile.vibration.amplitude_follows_feed_up_to = Some(0.9);
         profile.thread_vibration.vibrations_per_rev = f64::NAN;
         profile.following.filter_length_s = Some(-1.0);
         profile.pole_tolerance_deg = 6.0;
@@ -297,6 +301,7 @@ mod tests {
             "language.thinning.off",
             "vibration.max_amplitude_mm",
             "vibration.servo_substeps",
+            "vibration.amplitude_follows_feed_up_to",
             "thread_vibration.vibrations_per_rev",
             "following.filter_length_s",
             "thinning.group_blocks",

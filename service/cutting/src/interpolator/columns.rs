@@ -90,6 +90,8 @@ pub(super) struct Scratch {
     pub(super) s: Vec<f64>,
     /// Commanded speed, mm/s.
     pub(super) speed: Vec<f64>,
+    /// Amplitude of the vibration, mm.
+    pub(super) amplitude: Vec<f64>,
     /// Vibration wave, then a(t), mm.
     pub(super) vibration: Vec<f64>,
     /// Arc length after superposition, mm.
@@ -103,6 +105,7 @@ impl Scratch {
         Self {
             s: column(),
             speed: column(),
+            amplitude: column(),
             vibration: column(),
             combined: column(),
             oscillation: OscillationScratch::new(),
@@ -222,10 +225,12 @@ impl Interpolator {
         section.samples.total += count as u64;
         let vibration = &mut scratch.vibration[..count];
         fill_wave(section, self.settings.period_s, state.next, vibration);
+        let amplitude_mm = &mut scratch.amplitude[..count];
+        state.amplitude.fill(&section.condition, self.settings.period_s, state.next, amplitude_mm);
 
         if self.settings.mode == GenerationMode::AlongPath {
-            for offset in vibration.iter_mut() {
-                *offset *= section.condition.amplitude_mm;
+            for (offset, amplitude_mm) in vibration.iter_mut().zip(&*amplitude_mm) {
+                *offset *= amplitude_mm;
             }
             let combined = &mut scratch.combined[..count];
             let mut within = true;
@@ -265,8 +270,7 @@ impl Interpolator {
         }
 
         fill_axes(columns, tool, element, s, block, start);
-        let amplitude_mm = section.condition.amplitude_mm;
-        let within_mm = amplitude_mm;
+        let within_mm = section.condition.reach_mm();
         let ends = SectionEnds {
             first: state.track.section_start_near(item, within_mm),
             last: state.track.section_end_near(item, within_mm),
@@ -277,7 +281,7 @@ impl Interpolator {
         let amplitudes = &mut scratch.combined[free.clone()];
         for (column, map) in columns.iter().enumerate() {
             map.fill_tangent(element, &s[free.clone()], amplitudes);
-            for amplitude in amplitudes.iter_mut() {
+            for (amplitude, amplitude_mm) in amplitudes.iter_mut().zip(&amplitude_mm[free.clone()]) {
                 *amplitude = map.sign * (amplitude_mm * *amplitude);
             }
             let rows = start + free.start..start + free.end;
@@ -292,11 +296,12 @@ impl Interpolator {
                 }
             }
         }
-        for (offset, wave) in block.vibration_offset_mm[start..].iter_mut().zip(&*vibration) {
+        let waves = amplitude_mm.iter().zip(&*vibration);
+        for (offset, (amplitude_mm, wave)) in block.vibration_offset_mm[start..].iter_mut().zip(waves) {
             *offset = amplitude_mm * wave;
         }
         for k in (0..free.start).chain(free.end..count) {
-            let wave = vibration[k];
+            let (wave, amplitude_mm) = (vibration[k], amplitude_mm[k]);
             // Wanted and clamped offsets of the axes, projected onto the tangent.
             let (mut wanted_sum, mut clamped_sum) = (0.0, 0.0);
             let mut clamped = false;

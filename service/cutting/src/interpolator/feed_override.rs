@@ -23,9 +23,17 @@ impl Interpolator {
     }
 
     /// Changes the feed override at the instant of the next setpoint, where [`Interpolator::fill`] has paused. Where the
-    /// path brakes too hard to be planned anew, it is run as it is, and the answer is the index at which to try again.
+    /// path brakes too hard to be planned anew, it is run as it is, and where a vibration has to become larger first, the
+    /// feed waits: the answer is the index at which to try again.
     pub(crate) fn change_override(&mut self, planner: &mut Planner<Barrier>, ratio: f64) -> Option<u64> {
         let activity = self.state.activity?;
+        if let Some(section) = self.state.section.filter(|_| ratio > self.state.feed_override) {
+            let condition = &section.condition;
+            let ready = self.state.amplitude.suffices_from(condition, self.settings.period_s, ratio);
+            if ready > self.state.next {
+                return Some(ready);
+            }
+        }
         let before = (self.state.clone(), planner.clone());
         let current = self.state.track.current_index();
         let (path, speed) = match activity.kind {
@@ -46,6 +54,12 @@ impl Interpolator {
             return Some(activity.last + 1);
         }
         None
+    }
+
+    /// Lets the amplitude of a vibration follow a feed override that is asked for from the next setpoint on.
+    pub(crate) fn follow_with_amplitude(&mut self, ratio: f64) {
+        let section = self.state.section.as_ref().map(|section| &section.condition);
+        self.state.amplitude.follow(section, self.settings.period_s, self.state.next, ratio);
     }
 
     /// Rests until the setpoint with the index `until`, because no speed is commanded.
@@ -97,7 +111,7 @@ impl Interpolator {
 
     /// Whether the path is known as far as the vibration may reach from here.
     pub(crate) fn knows_path(&self) -> bool {
-        self.state.section.is_none_or(|section| self.state.track.is_known_ahead(section.condition.amplitude_mm))
+        self.state.section.is_none_or(|section| self.state.track.is_known_ahead(section.condition.reach_mm()))
     }
 
     /// Ends the acceleration of the stretch under way; the path from there on, and the speed there.

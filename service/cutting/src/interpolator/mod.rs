@@ -6,6 +6,7 @@
 //! the exact end point is a setpoint. A sample is a function of its index and the activity only, never of where
 //! a block or a stream began.
 
+mod amplitude;
 mod clock;
 mod columns;
 mod feed_override;
@@ -19,6 +20,8 @@ use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, Planne
 use feedwave_program::{Position, Spindle, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
+use self::amplitude::Amplitude;
+pub(crate) use self::amplitude::PEAK_RESERVE;
 use self::clock::Clock;
 use self::columns::{ColumnMap, Scratch, ToolColumns};
 pub(crate) use self::oscillation::OscillationRun;
@@ -116,6 +119,7 @@ pub(crate) struct State {
     activity: Option<Activity>,
     after: After,
     section: Option<Section>,
+    amplitude: Amplitude,
     oscillation: Option<Box<OscillationRun>>,
     rest: Rest,
     spindle: Spindle,
@@ -132,6 +136,8 @@ pub(crate) struct State {
     /// Index before whose setpoint the feed override changes.
     pause: Option<u64>,
     ended: bool,
+    /// First and last setpoint of the threading pass begun last.
+    last_pass: Option<(u64, u64)>,
 }
 
 /// What is being interpolated.
@@ -229,6 +235,7 @@ impl Interpolator {
             }),
             after: After::Continue,
             section: None,
+            amplitude: Amplitude::default(),
             oscillation: None,
             rest: Rest { position, work_offset, line: 0, tool: None },
             spindle: Spindle::STOPPED,
@@ -240,6 +247,7 @@ impl Interpolator {
             resume: None,
             pause: None,
             ended: false,
+            last_pass: None,
         };
         let columns = ColumnMap::of(machine, frame);
         let top_rev_per_s = machine.max_spindle_rev_per_min / 60.0;
@@ -277,6 +285,10 @@ impl Interpolator {
     /// Says that what follows the present activity is planned at this feed override.
     pub(crate) fn follow_override(&mut self, ratio: f64) {
         self.state.feed_override = ratio;
+    }
+
+    pub(crate) fn last_thread_pass(&self) -> Option<(u64, u64)> {
+        self.state.last_pass
     }
 
     pub(crate) fn shares(&self) -> TimeShares {
@@ -364,7 +376,8 @@ impl Interpolator {
             After::OpenSection(condition) => {
                 let start_period = self.state.clock.period;
                 self.state.section = Some(Section { start_period, condition, samples: SectionSamples::default() });
-                self.state.track.advance(condition.amplitude_mm);
+                self.state.amplitude.open(&condition);
+                self.state.track.advance(condition.reach_mm());
             }
             After::SettleSection => self.settle_section(),
             After::CloseSection => {
@@ -413,7 +426,7 @@ impl Interpolator {
             let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
             state.rest = Rest { position, work_offset, line, tool };
         }
-        let keep_mm = state.section.map_or(0.0, |section| section.condition.amplitude_mm);
+        let keep_mm = state.section.map_or(0.0, |section| section.condition.reach_mm());
         state.track.advance(keep_mm);
     }
 
@@ -433,7 +446,7 @@ impl Interpolator {
             Planned::Motion(motion) if motion.stretches.is_empty() => return false,
             Planned::Motion(_) => {
                 if let Some(section) = self.state.section
-                    && !self.state.track.is_known_ahead(section.condition.amplitude_mm)
+                    && !self.state.track.is_known_ahead(section.condition.reach_mm())
                 {
                     return false;
                 }
@@ -465,7 +478,7 @@ impl Interpolator {
             }
             Planned::Barrier(Barrier::Spindle(spindle)) => {
                 self.state.spindle = *spindle;
-                let keep_mm = self.state.section.map_or(0.0, |section| section.condition.amplitude_mm);
+                let keep_mm = self.state.section.map_or(0.0, |section| section.condition.reach_mm());
                 self.state.track.advance(keep_mm);
             }
             Planned::Barrier(Barrier::Thread(_)) => self.begin_thread(),

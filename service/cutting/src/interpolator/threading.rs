@@ -92,6 +92,7 @@ impl Interpolator {
         let duration_s = (run.path.rest_deg() - start_deg) / (360.0 * run.rev_per_s);
         let spindle_rev_per_s = forwards * run.rev_per_s;
         self.activate(ActivityKind::Thread { start_deg }, duration_s, spindle_rev_per_s, After::LeaveThread);
+        self.state.last_pass = self.state.activity.map(|pass| (self.state.next, pass.last));
     }
 
     pub(super) fn leave_thread(&mut self) {

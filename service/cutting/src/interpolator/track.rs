@@ -46,6 +46,8 @@ impl Barrier {
 pub(crate) struct SectionStart {
     pub(crate) frequency_hz: f64,
     pub(crate) amplitude_mm: f64,
+    /// Largest ratio to it at which the amplitude follows the feed override; `None`: it stays.
+    pub(crate) follows_up_to: Option<f64>,
 }
 
 /// Room for the rounding of summed path lengths, relative and mm.

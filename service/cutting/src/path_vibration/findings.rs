@@ -164,7 +164,7 @@ impl Evidence {
             finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");
         }
         // At a standstill of the feed something would fit.
-        if quantity == Quantity::Velocity && self.condition().peaks().velocity < limit {
+        if quantity == Quantity::Velocity && self.settings.demanded(self.condition()).peaks().velocity < limit {
             finding = finding.suggest("lower the feed");
         }
         finding
@@ -212,7 +212,8 @@ impl Evidence {
             decimal(radius_mm, 3),
             decimal(tolerance_mm, 6)
         );
-        let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt(), 4);
+        let followed = self.settings.follows_up_to(self.condition().amplitude_mm).unwrap_or(1.0);
+        let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         findings.push(
             Finding::error("VIB-CONTOUR", self.amplitude_span(), message)

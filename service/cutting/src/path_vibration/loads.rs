@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use feedwave_motion::{Element, LimitExceeded, Machine, MachineAxis, PathLimits, path_limits};
 
-use super::{AxisLoadReport, VibrationCondition};
+use super::{AxisLoadReport, VibrationCondition, VibrationSettings};
 
 /// Steps of the search for the largest vibration that fits; each halves the relative uncertainty.
 const SEARCH_STEPS: u32 = 30;
@@ -13,6 +13,7 @@ const SEARCH_STEPS: u32 = 30;
 #[derive(Clone, Debug)]
 pub(super) struct AxisLoads {
     condition: VibrationCondition,
+    settings: VibrationSettings,
     machine: Machine,
     /// Per machine axis: worst direction, peak velocity and its line.
     axes: Vec<AxisLoad>,
@@ -30,9 +31,10 @@ struct AxisLoad {
 }
 
 impl AxisLoads {
-    pub(super) fn new(condition: VibrationCondition, machine: &Machine) -> Self {
+    pub(super) fn new(condition: VibrationCondition, settings: &VibrationSettings, machine: &Machine) -> Self {
         Self {
             condition,
+            settings: *settings,
             machine: machine.clone(),
             axes: vec![AxisLoad::default(); machine.axes.len()],
             exceeded: None,
@@ -44,7 +46,7 @@ impl AxisLoads {
     /// Adds an element that is cut at `feed_mm_per_s`.
     pub(super) fn add(&mut self, element: &Element, feed_mm_per_s: f64, limits: &Result<PathLimits, LimitExceeded>) {
         let directions = element.largest_tangent();
-        let path_velocity = feed_mm_per_s + self.condition.peaks().velocity;
+        let path_velocity = feed_mm_per_s + self.settings.demanded(self.condition).peaks().velocity;
         let mut too_fast = false;
         for (load, axis) in self.axes.iter_mut().zip(&self.machine.axes) {
             let direction = directions[axis.axis.index()];
@@ -73,10 +75,11 @@ impl AxisLoads {
         let frequency_hz = self.highest_frequency_hz.unwrap_or(programmed.frequency_hz);
         let directions = element.largest_tangent();
         let fits = |condition: VibrationCondition| {
-            let path_velocity = feed_mm_per_s + condition.peaks().velocity;
+            let peaks = self.settings.demanded(condition).peaks();
+            let path_velocity = feed_mm_per_s + peaks.velocity;
             let slow_enough =
                 |axis: &MachineAxis| directions[axis.axis.index()] * path_velocity <= axis.max_velocity_per_s;
-            self.machine.axes.iter().all(slow_enough) && path_limits(element, &self.machine, condition.peaks()).is_ok()
+            self.machine.axes.iter().all(slow_enough) && path_limits(element, &self.machine, peaks).is_ok()
         };
         let largest_amplitude_mm =
             largest_that(amplitude_mm, |amplitude_mm| fits(VibrationCondition { amplitude_mm, ..programmed }));
@@ -89,7 +92,7 @@ impl AxisLoads {
     /// One report for each axis that moves.
     pub(super) fn report(&self) -> Vec<AxisLoadReport> {
         let rad_per_s = TAU * self.condition.frequency_hz;
-        let acceleration = rad_per_s * rad_per_s * self.condition.amplitude_mm;
+        let acceleration = rad_per_s * rad_per_s * self.settings.demanded(self.condition).amplitude_mm;
         let moving = self.axes.iter().zip(&self.machine.axes).filter(|(load, _)| load.worst_direction > 0.0);
         moving
             .map(|(load, axis)| {

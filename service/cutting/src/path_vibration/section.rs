@@ -74,7 +74,7 @@ impl SectionAnalyzer {
             first_line: None,
             last_line: on_span.line,
             length_mm: 0.0,
-            loads: AxisLoads::new(condition, machine),
+            loads: AxisLoads::new(condition, settings, machine),
             sharpest: None,
             corner: None,
             chips: ChipStretches::default(),
@@ -213,6 +213,7 @@ impl SectionAnalyzer {
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
+        let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
         let surface_speed = self.surface_speed.clone().finish();
         let (broken_share, worst_cut) = self.chip_breaking(surface_speed.as_ref());
         let chip = worst_cut.map(|(cut, _)| analyse(&cut));
@@ -236,8 +237,8 @@ impl SectionAnalyzer {
             },
             axes: self.loads.report(),
             min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
-            contour_deviation_mm: only_off_contour(0.5 * amplitude_mm * amplitude_mm * curvature),
-            junction_jump_mm: only_off_contour(amplitude_mm * corner),
+            contour_deviation_mm: only_off_contour(0.5 * reach_mm * reach_mm * curvature),
+            junction_jump_mm: only_off_contour(reach_mm * corner),
             chip,
             chip_spans,
             chip_spans_not_listed,

@@ -167,11 +167,15 @@ impl Api {
         }
         if monitoring.rules.spindle != SpindleRule::None {
             let report: ValidationReport = json::from_stored(self.store.report(job).await?.report.get())?;
-            if !report.sections.is_empty() {
-                return unfit(
-                    "rules.spindle would change the speed to which the program's vibration is tuned: leave it out"
-                        .to_owned(),
-                );
+            let in_step = [
+                (!report.sections.is_empty(), "vibration is tuned"),
+                (!report.threads.is_empty(), "threads are tied"),
+                (!report.oscillations.is_empty(), "tool oscillation is tied"),
+            ];
+            if let Some((_, what)) = in_step.into_iter().find(|(there, _)| *there) {
+                return unfit(format!(
+                    "rules.spindle would change the speed to which the program's {what}: leave it out"
+                ));
             }
         }
         Ok(())

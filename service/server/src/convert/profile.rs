@@ -231,6 +231,7 @@ fn vibration_from_proto(violations: &mut Violations, vibration: proto::Vibration
         max_amplitude_mm: vibration.max_amplitude_mm.unwrap_or(usual.max_amplitude_mm),
         contour_tolerance_mm: vibration.contour_tolerance_mm.unwrap_or(usual.contour_tolerance_mm),
         servo_substeps: vibration.servo_substeps.unwrap_or(usual.servo_substeps),
+        amplitude_follows_feed_up_to: vibration.amplitude_follows_feed_up_to,
     })
 }
 
@@ -282,6 +283,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
             max_amplitude_mm: Some(vibration.max_amplitude_mm),
             contour_tolerance_mm: Some(vibration.contour_tolerance_mm),
             servo_substeps: Some(vibration.servo_substeps),
+            amplitude_follows_feed_up_to: vibration.amplitude_follows_feed_up_to,
         }),
         following: Some(proto::FollowingModel {
             filter_length_s: profile.following.filter_length_s,

@@ -56,6 +56,9 @@ pub(super) struct Session {
     last_arrival: Option<(Instant, u64)>,
     /// The silence since then has been told to the monitor.
     silence_told: bool,
+    /// Whether a thread is being cut: by the setpoints handed out, where there are any, and by what the client says.
+    pass: Option<bool>,
+    said_threading: bool,
     fresh: Fresh,
     next_commit: Instant,
 }
@@ -100,6 +103,8 @@ impl Session {
             clock: clock_ns.map(|at_ns| SensorClock { at_ns, since: now }),
             last_arrival: None,
             silence_told: false,
+            pass: None,
+            said_threading: false,
             fresh: Fresh::default(),
             next_commit: now,
         })
@@ -123,7 +128,11 @@ impl Session {
         self.fresh.changed = true;
         let decisions = &mut self.fresh.decisions;
         for (index, event) in batch.events.iter().enumerate() {
-            let event = event_from_proto(index, event, live)?;
+            let mut event = event_from_proto(index, event, live)?;
+            if let Event::Threading(threading) = &mut event {
+                self.said_threading = *threading;
+                *threading |= self.pass == Some(true);
+            }
             let noted = self.monitor.note(event, &mut |decision| decisions.push(decision));
             noted.map_err(|error| Error::invalid(format!("batch.events[{index}]"), error.to_string()))?;
         }
@@ -146,6 +155,14 @@ impl Session {
             Receipt::Accepted | Receipt::Dropped { .. } => {}
         }
         Ok(())
+    }
+
+    /// Tells the monitor whether the setpoints handed out cut a thread.
+    pub(super) fn cut_thread(&mut self, pass: bool) -> Result<()> {
+        if self.pass.replace(pass) == Some(pass) {
+            return Ok(());
+        }
+        self.note(Event::Threading(pass || self.said_threading))
     }
 
     /// When silence has to be told to the monitor; `None` while silence is nothing to worry about.

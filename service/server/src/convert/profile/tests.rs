@@ -183,6 +183,7 @@ fn everything_wrong_is_reported_at_once_with_its_field() {
     profile.language.as_mut().unwrap().work_offsets[3].b = f64::NAN;
     profile.language.as_mut().unwrap().default_path_tolerance_mm = Some(11.0);
     profile.vibration.as_mut().unwrap().servo_substeps = Some(0);
+    profile.vibration.as_mut().unwrap().amplitude_follows_feed_up_to = Some(f64::NAN);
     profile.look_ahead_blocks = Some(0);
     let found = from_proto(&profile).unwrap_err();
     let fields: Vec<_> = found.iter().map(|(field, _)| field.as_str()).collect();
@@ -193,6 +194,7 @@ fn everything_wrong_is_reported_at_once_with_its_field() {
         "profile.language.default_path_tolerance_mm",
         "profile.language.work_offsets[3].b",
         "profile.vibration.servo_substeps",
+        "profile.vibration.amplitude_follows_feed_up_to",
         "profile.look_ahead_blocks",
     ] {
         assert!(fields.contains(&field), "{field} not in {fields:?}");

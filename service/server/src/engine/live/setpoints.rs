@@ -62,6 +62,12 @@ impl Setpoints {
         self.at_rest
     }
 
+    /// Whether the client may be cutting a thread, given how many setpoints it has taken.
+    pub(super) fn cuts_thread(&self, received: u64) -> bool {
+        let pass = self.pipeline.last_thread_pass();
+        pass.is_some_and(|(first, last)| first < self.next_index() && received <= last)
+    }
+
     /// Digest of all setpoints before [`Setpoints::next_index`].
     pub(super) fn digest(&self) -> [u8; 32] {
         self.digest.clone().finalize().into()

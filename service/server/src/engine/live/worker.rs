@@ -97,7 +97,10 @@ impl Worker {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
                 Wake::Input(None) => self.open = false,
                 Wake::Room(place) => self.hand_out(place)?,
-                Wake::Silence => self.session.fall_silent()?,
+                Wake::Silence => {
+                    self.session.cut_thread(self.setpoints.cuts_thread(self.received))?;
+                    self.session.fall_silent()?;
+                }
                 Wake::Commit => {}
                 Wake::Ended(error) => ended = Some(error),
             }
@@ -155,12 +158,14 @@ impl Worker {
     }
 
     fn wait(&mut self) -> Wake {
-        if let Ok(input) = self.input.try_recv() {
+        // What the client has is generated first: it may be a thread, in which nothing may be decided.
+        let open = self.open && self.is_past_start();
+        if let Some(input) = open.then(|| self.input.try_recv().ok()).flatten() {
             return Wake::Input(Some(input));
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
-        let (input, ends, open, room) = (&mut self.input, &self.ends, self.open, self.room.clone());
+        let (input, ends, room) = (&mut self.input, &self.ends, self.room.clone());
         self.runtime.block_on(async {
             tokio::select! {
                 biased;
@@ -185,6 +190,7 @@ impl Worker {
             match next {
                 Some(LiveInput::Batch(batch, arrival)) => {
                     self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
+                    self.session.cut_thread(self.setpoints.cuts_thread(self.received))?;
                     self.session.take(&batch, arrival, true)?;
                     if !self.session.waiting_decisions().is_empty() {
                         return Ok(Some(arrival));
