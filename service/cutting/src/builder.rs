@@ -181,7 +181,12 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
-        if !matches!(&operation.kind, OperationKind::Move(mv) if mv.kind == MoveKind::Cutting) {
+        let kind = match &operation.kind {
+            OperationKind::Move(mv) => mv.kind,
+            OperationKind::Guided(guided) => guided.step.kind,
+            _ => MoveKind::Rapid,
+        };
+        if kind != MoveKind::Cutting {
             // Everything but another cut happens on the programmed point, and in the section that it belongs to.
             self.flush(config, planner, findings);
         }

@@ -32,8 +32,8 @@ pub use pipeline::{
     Pipeline, PipelineConfig, SnapshotError, Step, Tool,
 };
 pub use profile::{
-    MAX_AMPLITUDE_MM, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS,
-    MachineProfile,
+    MAX_AMPLITUDE_MM, MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG,
+    MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
 };
 pub use report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 pub use setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};

@@ -40,6 +40,10 @@ pub struct MachineProfile {
     /// 0 to [`MAX_POLE_TOLERANCE_DEG`]; for programs with direction vectors.
     #[serde(default)]
     pub pole_tolerance_deg: f64,
+    /// Largest angle between the programmed tool direction and the one that is taken where `G64` rounds a corner under tool
+    /// centre point control, degrees, 0 to [`MAX_CORNER_DIRECTION_TOLERANCE_DEG`]; with 0 such corners stay.
+    #[serde(default = "default_corner_direction_tolerance_deg")]
+    pub corner_direction_tolerance_deg: f64,
     /// Thinning of five-axis blocks.
     #[serde(default)]
     pub thinning: ThinningSettings,
@@ -62,6 +66,7 @@ impl MachineProfile {
             following: FollowingModel::default(),
             kinematics: None,
             pole_tolerance_deg: 0.0,
+            corner_direction_tolerance_deg: DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG,
             thinning: ThinningSettings::default(),
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
@@ -90,6 +95,11 @@ impl MachineProfile {
         if !(0.0..=MAX_POLE_TOLERANCE_DEG).contains(&self.pole_tolerance_deg) {
             let message = format!("must lie between 0 and {MAX_POLE_TOLERANCE_DEG}, is {}", self.pole_tolerance_deg);
             problems.push(problem("pole_tolerance_deg", message));
+        }
+        let tolerance_deg = self.corner_direction_tolerance_deg;
+        if !(0.0..=MAX_CORNER_DIRECTION_TOLERANCE_DEG).contains(&tolerance_deg) {
+            let message = format!("must lie between 0 and {MAX_CORNER_DIRECTION_TOLERANCE_DEG}, is {tolerance_deg}");
+            problems.push(problem("corner_direction_tolerance_deg", message));
         }
         if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
             let blocks = self.look_ahead_blocks;
@@ -233,6 +243,10 @@ fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
 pub const MAX_AMPLITUDE_MM: f64 = 10.0;
 /// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
 pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
+/// Largest angle between the programmed tool direction and the one that is taken at a corner, degrees.
+pub const MAX_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 5.0;
+/// A tenth of a degree moves the flank of a tool by 0.02 mm in 10 mm: less than is left for finishing.
+const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;
 /// Largest `P` word that switches a machining function.
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
@@ -243,6 +257,10 @@ pub const MIN_LOOK_AHEAD_BLOCKS: u32 = 4;
 pub const MAX_LOOK_AHEAD_BLOCKS: u32 = 100_000;
 /// Elements looked ahead where the profile does not say.
 const DEFAULT_LOOK_AHEAD_BLOCKS: u32 = 5_000;
+
+const fn default_corner_direction_tolerance_deg() -> f64 {
+    DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG
+}
 
 const fn default_look_ahead_blocks() -> u32 {
     DEFAULT_LOOK_AHEAD_BLOCKS

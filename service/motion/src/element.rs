@@ -17,7 +17,7 @@ mod spline;
 pub use five_axis::FiveAxis;
 pub(crate) use five_axis::FiveAxisPiece;
 pub use spline::Spline;
-pub(crate) use spline::{COEFFICIENTS, Part};
+pub(crate) use spline::{COEFFICIENTS, Part, shifted};
 
 /// One element of the path, in work coordinates (under five-axis motion in those of the chain of axes), over its arc length
 /// `s` from 0 to `length`.
@@ -49,8 +49,8 @@ pub enum Curve {
     Arc(Arc),
     /// Free in X, Y and Z; every other axis moves in proportion to the arc length.
     Spline(Box<Spline>),
-    /// Straight or an arc for the tool centre point on the workpiece while the tool direction turns; start and end are those of the
-    /// machine's axes. Every axis beside the chain moves in proportion to the arc length.
+    /// Straight or an arc for the tool centre point on the workpiece (or the curve at a corner) while the tool direction turns;
+    /// start and end are those of the machine's axes. Every axis beside the chain moves in proportion to the arc length.
     FiveAxis(Box<FiveAxis>),
 }
 

@@ -32,5 +32,5 @@ pub use description::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
 pub use direction::{DirectionPath, FiveAxisSegment, GreatCircle, OppositeDirections, RotaryDirections};
 pub use inverse::{DirectionSolution, InverseSolution};
 pub use jacobian::Jacobian;
-pub use path::{FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};
-pub use tip::{TipArc, TipCircle, TipPath};
+pub use path::{FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};
+pub use tip::{TipArc, TipCircle, TipCorner, TipPath};

@@ -2,7 +2,7 @@
 
 use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{Curve, Element, Planner};
-use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
+use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, SourceSpan};
 
 use super::Builder;
 use super::checks::check_travel;
@@ -21,7 +21,7 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
-        let Some(guide) = &self.guide else {
+        let Some(guide) = self.guide.clone() else {
             if self.state.guide.is_first_refusal(guided.length_offset) {
                 findings.push(no_kinematics(span));
             }
@@ -48,15 +48,12 @@ impl Builder {
             analysis.moves += 1;
             analysis.cutting_moves += u64::from(cutting);
         }
-        // Corners are not rounded under tool centre point control: the path rests, or steps as the machine permits.
-        let control = match mv.path_control {
-            PathControl::Continuous { .. } => PathControl::ExactPath,
-            control => control,
-        };
+        let corners = guide.corners(config);
         for element in motion.elements {
             check_travel(&element, &config.profile.machine, findings);
             let cut = Cut::of(mv, &element);
-            self.state.smoother.push(element, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+            let (control, smoothed) = (mv.path_control, &mut self.smoothed);
+            self.state.smoother.push_guided(element, control, cut, corners, &mut |element| smoothed.push(element));
         }
         self.run_smoothed(config, planner, findings);
     }

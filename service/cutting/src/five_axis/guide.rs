@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
-    BranchPreference, CutSearch, FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, JointValues,
-    Kinematics, KinematicsError, Setup, Toward,
+    BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
+    JointValues, Kinematics, KinematicsError, Setup, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
@@ -100,6 +100,12 @@ impl GuideState {
 impl Guide {
     pub(crate) const fn new(kinematics: Arc<Kinematics>) -> Self {
         Self { kinematics }
+    }
+
+    /// How corners between guided cuts are rounded.
+    pub(crate) fn corners(&self, config: &PipelineConfig) -> FiveAxisCorners<'_> {
+        let direction_tolerance_rad = config.profile.corner_direction_tolerance_deg.to_radians();
+        FiveAxisCorners { kinematics: &self.kinematics, direction_tolerance_rad }
     }
 
     /// A guide for times alone: its rotary axes never run out.

@@ -4,6 +4,7 @@
 mod ahead;
 #[path = "../common/mod.rs"]
 mod common;
+mod corners;
 mod freeform;
 mod hostile;
 mod machine;

@@ -1,4 +1,5 @@
-//! Five-axis elements: the tool centre point goes straight or along an arc in work coordinates, and the machine's axes follow.
+//! Five-axis elements: the tool centre point goes straight or along an arc in work coordinates (or rounds a corner), and the
+//! machine's axes follow.
 //!
 //! As with splines, an element is solved once, when it is made (see `kinematics::path`): what is kept are polynomials
 //! that give the axes of the chain by the tool centre point's arc length. They hold the tool centre point on its path
@@ -9,7 +10,7 @@
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
-use super::spline::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest};
+use super::spline::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest, shifted};
 use crate::kinematics::TipPath;
 use crate::kinematics::{FiveAxisRefusal, KinematicsError, Setup};
 use crate::tolerance::{FIVE_AXIS_NOTHING, SAME_START_MM, SAME_START_RAD};
@@ -45,6 +46,13 @@ impl FiveAxisPiece {
             (0..N).rev().find(|&k| axes.iter().any(|axis| axis[k].abs() > FIVE_AXIS_NOTHING)).map_or(1, |k| k + 1);
         let powers = (0..count).map(|k| axes.map(|axis| axis[k])).collect();
         Self { middle, half, powers }
+    }
+
+    /// The part from one arc length to another.
+    fn between(&self, from: f64, to: f64) -> Self {
+        let (place, share) = ((0.5 * (from + to) - self.middle) / self.half, 0.5 * (to - from) / self.half);
+        let axes = core::array::from_fn(|axis| shifted(self.of(axis), place, share));
+        Self::new(0.5 * (from + to), 0.5 * (to - from), axes)
     }
 
     fn end(&self) -> f64 {
@@ -116,6 +124,27 @@ impl FiveAxis {
     #[must_use]
     pub const fn tip(&self) -> &TipPath {
         &self.tip
+    }
+
+    /// The part of a straight one from arc length `from` to `to`; `None` where nothing is left, and of every other path.
+    pub(crate) fn between(&self, from: f64, to: f64) -> Option<Self> {
+        let length = self.length();
+        let TipPath::Line([start, end]) = self.tip else { return None };
+        let mut pieces = Vec::new();
+        for piece in &self.pieces {
+            let (first, last) = (from.max(piece.start()), to.min(piece.end()));
+            if first < last {
+                let part = piece.between(first, last);
+                pieces.push(FiveAxisPiece { middle: part.middle - from, ..part });
+            }
+        }
+        let at = |s: f64| match s {
+            s if s <= 0.0 => start,
+            s if s >= length => end,
+            s => self.tip.at(s / length),
+        };
+        let tip = TipPath::Line([at(from), at(to)]);
+        (!pieces.is_empty() && start != end).then(|| Self { pieces, tip, ..self.clone() })
     }
 
     /// Where the work lies, and how long the tool is.

@@ -80,26 +80,28 @@ impl Piece {
     /// The part from one arc length to another, by a Taylor shift.
     fn between(&self, from: f64, to: f64) -> Self {
         let (t, share) = ((from - self.start) * self.per_length, (to - from) * self.per_length);
-        let mut coefficients = self.coefficients;
-        for polynomial in &mut coefficients {
-            for lowest in 0..COEFFICIENTS - 1 {
-                for k in (lowest..COEFFICIENTS - 1).rev() {
-                    polynomial[k] += t * polynomial[k + 1];
-                }
-            }
-            let mut power = 1.0;
-            for coefficient in polynomial {
-                *coefficient *= power;
-                power *= share;
-            }
-        }
-        Self::new(from, to - from, coefficients)
+        Self::new(from, to - from, self.coefficients.map(|polynomial| shifted(polynomial, t, share)))
     }
 
     /// See [`bernstein`]; coefficients of higher degree than its own raise a derivative to degree 9.
     fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
         bernstein(self.coefficients[axis], derivative, self.per_length)
     }
+}
+
+/// The polynomial p(place + share·u) of u, by a Taylor shift.
+pub(crate) fn shifted<const N: usize>(mut polynomial: [f64; N], place: f64, share: f64) -> [f64; N] {
+    for lowest in 0..N - 1 {
+        for k in (lowest..N - 1).rev() {
+            polynomial[k] += place * polynomial[k + 1];
+        }
+    }
+    let mut power = 1.0;
+    for coefficient in &mut polynomial {
+        *coefficient *= power;
+        power *= share;
+    }
+    polynomial
 }
 
 /// Bernstein coefficients of a derivative by arc length of a polynomial on 0 to 1.
@@ -324,6 +326,30 @@ impl Spline {
     #[must_use]
     pub fn piece_count(&self) -> usize {
         self.pieces.len()
+    }
+
+    /// X, Y and Z at an arc length, mm.
+    pub(crate) fn point(&self, s: f64) -> [f64; 3] {
+        let s = s.clamp(0.0, self.length_mm);
+        core::array::from_fn(|axis| self.pieces[self.piece_at(s)].value(axis, s))
+    }
+
+    /// Derivatives of X, Y and Z by arc length there.
+    pub(crate) fn slope(&self, s: f64) -> [f64; 3] {
+        let s = s.clamp(0.0, self.length_mm);
+        core::array::from_fn(|axis| self.pieces[self.piece_at(s)].slope(axis, s))
+    }
+
+    /// Arc lengths at which polynomial pieces meet.
+    pub(crate) fn meetings(&self) -> impl Iterator<Item = f64> + '_ {
+        self.pieces.iter().skip(1).map(|piece| piece.start)
+    }
+
+    /// X, Y and Z about `middle` within one polynomial piece, as coefficients of u with s = middle + half·u.
+    pub(crate) fn about(&self, middle: f64, half: f64) -> [[f64; COEFFICIENTS]; 3] {
+        // From 0 to 1 along the stretch to −1 to 1: t = ½ + ½·u.
+        let stretch = self.pieces[self.piece_at(middle)].between(middle - half, middle + half);
+        stretch.coefficients.map(|polynomial| shifted(polynomial, 0.5, 0.5))
     }
 
     /// First and last point: X, Y, Z, mm.

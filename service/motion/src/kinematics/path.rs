@@ -5,9 +5,11 @@
 //! and what the axes do between two setpoints is known as exactly as what they do at them.
 
 mod block;
+mod corner;
 mod fit;
 mod linear;
 mod series;
 mod turning;
 
 pub use block::{FiveAxisBlock, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};
+pub use corner::FiveAxisCorners;

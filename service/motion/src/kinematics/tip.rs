@@ -1,8 +1,10 @@
-//! The path of the tool centre point along a block: straight, or an arc or helix in any plane.
+//! The path of the tool centre point along a block: straight, or an arc or helix in any plane; and along the curve at a corner
+//! between two blocks.
 
 use serde::{Deserialize, Serialize};
 
 use super::vector::{Vec3, add, add_scaled, cross, dot, norm, scale, sub, unit};
+use crate::Spline;
 
 /// Path of the tool centre point, work coordinates, mm, by the share of the block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -11,6 +13,15 @@ pub enum TipPath {
     Line([Vec3; 2]),
     /// About a centre.
     Arc(Box<TipArc>),
+    /// At a corner that is rounded.
+    Corner(Box<TipCorner>),
+}
+
+/// The curve at a corner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TipCorner {
+    ends: [Vec3; 2],
+    spline: Spline,
 }
 
 /// An arc or helix in any plane, with evenly changing angle, radius and height: like [`crate::Arc`], the radii at its ends may
@@ -64,12 +75,23 @@ impl TipPath {
         })))
     }
 
+    /// Along the curve at a corner.
+    pub(crate) fn corner(spline: Spline) -> Self {
+        Self::Corner(Box::new(TipCorner { ends: spline.ends(), spline }))
+    }
+
+    /// Whether it is straight, and leads somewhere.
+    pub(crate) fn is_way(&self) -> bool {
+        matches!(self, Self::Line([start, end]) if start != end)
+    }
+
     /// First and last point.
     #[must_use]
     pub fn ends(&self) -> &[Vec3; 2] {
         match self {
             Self::Line(ends) => ends,
             Self::Arc(arc) => &arc.ends,
+            Self::Corner(corner) => &corner.ends,
         }
     }
 
@@ -83,6 +105,7 @@ impl TipPath {
                 let turned_mm = 0.5 * (start_mm + end_mm) * arc.sweep_rad;
                 norm([turned_mm, end_mm - start_mm, norm(arc.rise)])
             }
+            Self::Corner(corner) => corner.spline.length_mm(),
         }
     }
 
@@ -92,6 +115,7 @@ impl TipPath {
         match self {
             Self::Line([start, end]) => add_scaled(*start, sub(*end, *start), share),
             Self::Arc(arc) => arc.at(share),
+            Self::Corner(corner) => corner.spline.point(share * corner.spline.length_mm()),
         }
     }
 
@@ -109,7 +133,17 @@ impl TipPath {
                 let second = growth_mm * sine + turned_mm * cosine;
                 add_scaled(add_scaled(arc.rise, arc.across[0], first), arc.across[1], second)
             }
+            Self::Corner(corner) => {
+                let length_mm = corner.spline.length_mm();
+                scale(corner.spline.slope(share * length_mm), length_mm)
+            }
         }
+    }
+}
+
+impl TipCorner {
+    pub(super) const fn spline(&self) -> &Spline {
+        &self.spline
     }
 }
 

@@ -74,6 +74,11 @@ impl Shape {
 }
 
 impl Rounding {
+    /// The same with less cut off.
+    pub(super) fn with_cut(self, cut_mm: f64) -> Self {
+        Self { cut_mm, ..self }
+    }
+
     /// The curve from the end of one element, cut back already, to the start of the other.
     pub(super) fn curve(&self, before: &Element, after: &Element) -> ControlPoints {
         self.control_points(Joint::of(before, before.length), Joint::of(after, 0.0))
@@ -118,6 +123,26 @@ impl Rounding {
     }
 }
 
+/// [`rounding`] between lines, however little they turn.
+pub(super) fn between_lines(
+    before: &Element,
+    after: &Element,
+    tolerance_mm: f64,
+    most_cut_mm: f64,
+) -> Option<Rounding> {
+    let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
+    // A direction that is no number is refused as well.
+    let goes_on = dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
+    if !goes_on {
+        return None;
+    }
+    // |τ₁ − τ₀| = 2·sin(θ/2).
+    let half_sine = 0.5 * norm(difference(to.tangent, from.tangent));
+    let shape = Shape::of(half_sine);
+    let cut_mm = ((tolerance_mm - UNUSED_TOLERANCE_MM) / (shape.deviation() * half_sine)).min(most_cut_mm);
+    (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape })
+}
+
 /// How to round the corner between two elements; `None` where it has to stay.
 ///
 /// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut.
@@ -128,19 +153,18 @@ pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, mos
     }
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let kink = norm(difference(to.tangent, from.tangent));
-    let cosine = dot(from.tangent, to.tangent);
-    // Not negated, so that a direction that is no number is refused as well.
-    if !(kink > TANGENT_TOLERANCE_RAD && cosine >= LEAST_CORNER_COSINE) {
+    // A direction that is no number is refused as well.
+    let is_corner = kink > TANGENT_TOLERANCE_RAD && dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
+    if !is_corner {
         return None;
+    }
+    if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
+        return between_lines(before, after, tolerance_mm, most_cut_mm);
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
     let shape = Shape::of(0.5 * kink);
     let for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
     let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape });
-    if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
-        return is_enough(for_lines.min(most_cut_mm));
-    }
-
     let curvature = norm(from.curvature).max(norm(to.curvature));
     let most_cut_mm = most_cut_mm.min(LARGEST_CORNER_TURN_RAD / curvature);
     let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;

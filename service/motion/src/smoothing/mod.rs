@@ -5,14 +5,15 @@
 //! farther apart than the tolerance `P` of the block before the corner. Merging uses no more than `Q` and no more
 //! than half of `P`; what it used is not used again at the corners beside it.
 //!
-//! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, and the block
-//! before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
+//! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, or both under tool centre
+//! point control with the tool centre point in motion, and the block before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
 //! elements are too short, and at the ends of everything else. Where the elements are tangent already there is
 //! nothing to round.
 //!
 //! Smoothing looks ahead one element, or one run of mergeable lines, and keeps nothing else.
 
 mod corner;
+mod guided;
 mod merge;
 #[cfg(test)]
 mod test_path;
@@ -23,6 +24,7 @@ use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
 use self::vector::Vector;
+use crate::kinematics::FiveAxisCorners;
 use crate::tolerance::{CORNER_SHARE, MAX_MERGED_POINTS, MERGING_SHARE};
 use crate::{Curve, Element, Spline};
 
@@ -78,8 +80,31 @@ impl<T> Default for PathSmoother<T> {
 }
 
 impl<T: Carried> PathSmoother<T> {
-    /// Adds the next element and gives on what is settled by it.
+    /// Adds the next element and gives on what is settled by it. Corners between five-axis elements stay.
     pub fn push(&mut self, element: Element, control: PathControl, carried: T, emit: &mut impl FnMut(Smoothed<T>)) {
+        self.push_next(element, control, carried, None, emit);
+    }
+
+    /// [`PathSmoother::push`] of an element under tool centre point control.
+    pub fn push_guided(
+        &mut self,
+        element: Element,
+        control: PathControl,
+        carried: T,
+        corners: FiveAxisCorners<'_>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
+        self.push_next(element, control, carried, Some(corners), emit);
+    }
+
+    fn push_next(
+        &mut self,
+        element: Element,
+        control: PathControl,
+        carried: T,
+        corners: Option<FiveAxisCorners<'_>>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
         let full_length_mm = element.length;
         let next = Entry { element, control, carried, blocks: 1, merged_within_mm: 0.0, full_length_mm };
         if self.merge(&next) {
@@ -89,7 +114,7 @@ impl<T: Carried> PathSmoother<T> {
         if next.merge_tolerance_mm().is_some() {
             self.run = Some(next);
         } else {
-            self.join(next, emit);
+            self.join(next, corners, emit);
         }
     }
 
@@ -131,14 +156,14 @@ impl<T: Carried> PathSmoother<T> {
     fn end_run(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
         self.between.clear();
         if let Some(run) = self.run.take() {
-            self.join(run, emit);
+            self.join(run, None, emit);
         }
     }
 
     /// Settles the corner from the element held to the next one.
-    fn join(&mut self, mut next: Entry<T>, emit: &mut impl FnMut(Smoothed<T>)) {
+    fn join(&mut self, mut next: Entry<T>, corners: Option<FiveAxisCorners<'_>>, emit: &mut impl FnMut(Smoothed<T>)) {
         if let Some(mut held) = self.held.take() {
-            let corner = held.round_corner(&mut next);
+            let corner = held.round_corner(&mut next, corners);
             emit(held.finish());
             if let Some(corner) = corner {
                 emit(corner);
@@ -155,9 +180,12 @@ impl<T: Carried> PathSmoother<T> {
 impl<T: Carried> Entry<T> {
     /// Whether smoothing can change its path at all.
     fn is_smoothable(&self) -> bool {
-        let other_axes = || Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
-        let is_five_axis = matches!(self.element.curve, Curve::FiveAxis(_));
-        !self.element.rapid && !is_five_axis && other_axes().all(|axis| !self.element.moves(axis))
+        let mut other_axes = Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
+        !self.element.rapid
+            && match &self.element.curve {
+                Curve::FiveAxis(five_axis) => five_axis.tip().is_way(),
+                _ => other_axes.all(|axis| !self.element.moves(axis)),
+            }
     }
 
     /// Largest distance of points left out of a line, mm; `None` where it is not to be merged with the next.
@@ -183,13 +211,21 @@ impl<T: Carried> Entry<T> {
     }
 
     /// Cuts this element and the next one back for the curve between them.
-    fn round_corner(&mut self, next: &mut Self) -> Option<Smoothed<T>> {
+    fn round_corner(&mut self, next: &mut Self, corners: Option<FiveAxisCorners<'_>>) -> Option<Smoothed<T>> {
         let tolerance_mm = self.corner_tolerance_mm()? - self.merged_within_mm.max(next.merged_within_mm);
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
             return None;
         }
         let most_cut_mm = CORNER_SHARE * self.full_length_mm.min(next.full_length_mm);
         let carried = self.carried.at_corner(&next.carried)?;
+        let guided = [&self.element, &next.element].map(|element| matches!(element.curve, Curve::FiveAxis(_)));
+        if guided != [false; 2] {
+            let corners = corners.filter(|_| guided == [true; 2])?;
+            let rounded = guided::round(&corners, &self.element, &next.element, tolerance_mm, most_cut_mm)?;
+            let [before, element, after] = rounded;
+            (self.element, next.element) = (before, after);
+            return Some(Smoothed { element, carried, blocks: 0, rest_at_end: false });
+        }
         let rounding = corner::rounding(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
         let before = self.element.part(0.0, self.element.length - rounding.cut_mm)?;
         let after = next.element.part(rounding.cut_mm, next.element.length)?;

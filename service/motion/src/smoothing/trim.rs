@@ -7,8 +7,8 @@ use crate::{Arc, Curve, Element};
 
 impl Element {
     /// The part from arc length `from` to `to`, with 0 ≤ `from` < `to` ≤ `length`. An end that is not cut off stays
-    /// exact to the bit; `None` where nothing is left, and under five-axis
-    /// motion, whose blocks are not smoothed.
+    /// exact to the bit; `None` where nothing is left, and of five-axis motion whose tool centre point rests or rounds a
+    /// corner.
     pub(super) fn part(&self, from: f64, to: f64) -> Option<Self> {
         let [start, end] = [self.position(from), self.position(to)];
         let (curve, length) = match &self.curve {
@@ -22,7 +22,7 @@ impl Element {
                 let length = spline.length_mm();
                 (Curve::Spline(Box::new(spline)), length)
             }
-            Curve::FiveAxis(_) => return None,
+            Curve::FiveAxis(five_axis) => (Curve::FiveAxis(Box::new(five_axis.between(from, to)?)), to - from),
         };
         (length > 0.0).then(|| Self { start, end, curve, length, ..self.clone() })
     }

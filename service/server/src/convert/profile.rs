@@ -79,6 +79,9 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
             None => None,
         },
         pole_tolerance_deg: profile.pole_tolerance_deg,
+        corner_direction_tolerance_deg: profile
+            .corner_direction_tolerance_deg
+            .unwrap_or(MachineProfile::lathe().corner_direction_tolerance_deg),
         thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
         tool_oscillation: tool_oscillation?,
         oscillation_floor: floor_from_proto(&profile.oscillation_floor.unwrap_or_default()),
@@ -296,6 +299,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         pole_tolerance_deg: profile.pole_tolerance_deg,
         tool_oscillation: profile.tool_oscillation.iter().map(condition_to_proto).collect(),
         oscillation_floor: Some(floor_to_proto(&profile.oscillation_floor)),
+        corner_direction_tolerance_deg: Some(profile.corner_direction_tolerance_deg),
     }
 }
 

@@ -346,7 +346,7 @@ impl Kinematics {
         if !(length > 0.0 && length.is_finite()) {
             return Ok(None);
         }
-        let curve = fit(self, setup, start, path, tip, length)?;
+        let curve = fit(self, setup, &start.position, path, tip, length)?;
         curve.check_start(&start.position)?;
         for (axis, range) in self.ranges() {
             curve.check_range(axis, range)?;

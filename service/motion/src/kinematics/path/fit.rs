@@ -4,12 +4,13 @@
 //! a stretch is halved until it fits. The series of the linear axes follow that of the rotary ones, cut off as it is, so
 //! that the tool centre point stays on its segment whatever was cut off.
 
-use feedwave_program::Axis;
+use feedwave_program::{Axis, Position};
+use smallvec::SmallVec;
 
-use super::block::{FiveAxisPoint, FiveAxisRefusal};
+use super::block::FiveAxisRefusal;
 use super::series::{Series, SeriesVec};
 use super::turning::Turning;
-use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece};
+use crate::element::{COEFFICIENTS, FiveAxis, FiveAxisPiece, shifted};
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::tip::TipPath;
@@ -25,11 +26,13 @@ const SHORT: usize = 6;
 const PLACE_ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// How the rotary axes turn along a block.
-pub(super) enum Way<'a> {
+pub(in crate::kinematics) enum Way<'a> {
     /// Evenly, rad.
     Angles { start_rad: [f64; 2], end_rad: [f64; 2] },
     /// Along a great circle.
     GreatCircle(&'a Turning),
+    /// By polynomials of the share of the length, rad.
+    Quintics([[f64; 6]; 2]),
 }
 
 impl Way<'_> {
@@ -40,6 +43,10 @@ impl Way<'_> {
                 Series::linear(start_rad[axis] + way * share, way * half)
             })),
             Self::GreatCircle(turning) => turning.series(share, half),
+            Self::Quintics(polynomials) => Ok(polynomials.map(|polynomial| {
+                let shifted = shifted(polynomial, share, half);
+                Series(core::array::from_fn(|k| shifted.get(k).copied().unwrap_or_default()))
+            })),
         }
     }
 
@@ -60,24 +67,27 @@ struct Fit<'a> {
     reference_rad: [f64; 2],
 }
 
-/// The polynomials from one point to another along `length` mm or degrees.
-pub(super) fn fit(
+/// The polynomials along `length` mm or degrees, from where the axes stand.
+pub(in crate::kinematics) fn fit(
     kinematics: &Kinematics,
     setup: &Setup,
-    start: &FiveAxisPoint,
+    start: &Position,
     way: &Way<'_>,
     tip: TipPath,
     length: f64,
 ) -> Result<FiveAxis, FiveAxisRefusal> {
     let (linear, rotary) = kinematics.letters();
-    let reference_rad = rotary.map(|axis| start.position[axis.index()].to_radians());
+    let reference_rad = rotary.map(|axis| start[axis.index()].to_radians());
     let mut fit = Fit { kinematics, setup, way, tip: &tip, length, pieces: Vec::new(), reference_rad };
     let mut from = 0.0;
-    let bends = match way {
-        Way::GreatCircle(turning) => turning.bends(),
-        Way::Angles { .. } => [1.0; 2],
+    let mut bends: SmallVec<[f64; 4]> = match way {
+        Way::GreatCircle(turning) => turning.bends().into_iter().filter(|bend| (0.0..1.0).contains(bend)).collect(),
+        Way::Angles { .. } | Way::Quintics(_) => SmallVec::new(),
     };
-    for to in bends.into_iter().filter(|bend| (0.0..1.0).contains(bend)).chain([1.0]) {
+    if let TipPath::Corner(corner) = &tip {
+        bends.extend(corner.spline().meetings().map(|s| s / length));
+    }
+    for to in bends.into_iter().chain([1.0]) {
         if to > from {
             fit.append(from, to, 0)?;
             from = to;
@@ -130,6 +140,18 @@ impl Fit<'_> {
                     let axial = Series::linear(center[k] + rise[k] * share, rise[k] * half);
                     axial + first.scaled(across[0][k]) + second.scaled(across[1][k])
                 })
+            }
+            TipPath::Corner(corner) => {
+                let about = corner.spline().about(share * self.length, half * self.length);
+                let mut series = [Series::<N>::ZERO; 3];
+                for k in 0..N.min(COEFFICIENTS) {
+                    let value = about.map(|polynomial| polynomial[k]);
+                    let value = if k == 0 { to_chain(value) } else { turn_in(value) };
+                    for (series, value) in series.iter_mut().zip(value) {
+                        series.0[k] = value;
+                    }
+                }
+                series
             }
         }
     }

@@ -59,6 +59,7 @@ fn five_axis_mill() -> MachineProfile {
     mill.thinning.group_blocks = 77;
     mill.thinning.interpolated_direction_tolerance_deg = Some(2.5);
     mill.pole_tolerance_deg = 0.5;
+    mill.corner_direction_tolerance_deg = 0.25;
     mill.language.thinning = FunctionCodes { on: 133.0, off: 134.0 };
     mill
 }

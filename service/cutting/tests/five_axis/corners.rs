@@ -1,0 +1,176 @@
+//! Corners between blocks under tool centre point control: `G64` leads through them within the tolerances of position and
+//! direction.
+
+use std::fmt::Write;
+use std::ops::RangeInclusive;
+
+use feedwave_cutting::PipelineConfig;
+use feedwave_motion::kinematics::Kinematics;
+use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, norm, sub};
+use proptest::prelude::*;
+
+use super::common::{Setpoints, resume, run, snapshots};
+use super::machine::config;
+use super::{distance, freeform, poses};
+
+const P_MM: f64 = 0.02;
+
+/// Cuts through points with A and C, after a rapid to the first.
+fn program(control: &str, points: &[([f64; 3], [f64; 2])]) -> String {
+    let mut text = format!("{control}\nG43.4 H1\n");
+    for (index, ([x, y, z], [a, c])) in points.iter().enumerate() {
+        let code = if index == 0 { "G0" } else { "G1 F3000" };
+        let _ = writeln!(text, "{code} X{x:.4} Y{y:.4} Z{z:.4} A{a:.4} C{c:.4}");
+    }
+    text + "M30\n"
+}
+
+/// Largest distance of the cut from the programmed points' polygon, and largest angle from the nearest of the programmed
+/// directions that belong to places within `p_mm`, rad.
+fn deviations(text: &str, config: &PipelineConfig, points: &[([f64; 3], [f64; 2])], p_mm: f64) -> (f64, f64) {
+    const PLACES: usize = 400;
+    let setpoints = run(text, config);
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let directions = kinematics.rotary_directions();
+    let (mut off_mm, mut off_rad) = (0.0_f64, 0.0_f64);
+    for (pose, &line) in poses(&setpoints, config).iter().zip(&setpoints.line).step_by(3) {
+        if line < 4 {
+            continue;
+        }
+        // Around a corner either block may be the nearer one.
+        let near = (line as usize - 4).saturating_sub(1)..(line as usize - 2).min(points.len() - 1);
+        let distances = near.clone().map(|first| distance(pose.tip_mm, points[first].0, points[first + 1].0));
+        let nearest_mm = distances.fold(f64::INFINITY, f64::min);
+        off_mm = off_mm.max(nearest_mm);
+        if nearest_mm < 1e-9 {
+            continue;
+        }
+        let mut nearest_rad = f64::INFINITY;
+        for first in near {
+            let [(from, turned), (to, turning)] = [points[first], points[first + 1]];
+            for place in 0..=PLACES {
+                let share = place as f64 / PLACES as f64;
+                let tip = add_scaled(from, sub(to, from), share);
+                if norm(sub(tip, pose.tip_mm)) <= p_mm + norm(sub(to, from)) / PLACES as f64 {
+                    let at = [1, 0].map(|axis| (turned[axis] + (turning[axis] - turned[axis]) * share).to_radians());
+                    nearest_rad = nearest_rad.min(angle(directions.at(at), pose.direction));
+                }
+            }
+        }
+        off_rad = off_rad.max(nearest_rad);
+    }
+    (off_mm, off_rad)
+}
+
+fn zigzag() -> Vec<(Vec3, [f64; 2])> {
+    (0..20)
+        .map(|k| {
+            let k_mm = f64::from(k);
+            (
+                [2.0 * k_mm, 0.3 * f64::from(k % 2), 20.0 + 0.1 * f64::from(k % 3)],
+                [-20.0 - 0.6 * f64::from(k % 2), 1.5 * k_mm],
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn corners_are_led_through_within_both_tolerances() {
+    let config = config();
+    let points = zigzag();
+    let rounded = program(&format!("G64 P{P_MM}"), &points);
+    let (off_mm, off_rad) = deviations(&rounded, &config, &points, P_MM);
+    assert!(off_mm > 1e-4 && off_mm <= P_MM, "{off_mm}");
+    assert!(off_rad > 1e-5 && off_rad.to_degrees() <= 0.1 + 1e-3, "{}", off_rad.to_degrees());
+    // The exact path is exact.
+    let (off_mm, _) = deviations(&program("G61", &points), &config, &points, P_MM);
+    assert!(off_mm < 1e-9, "{off_mm:e}");
+    // And nearly stops at every block, where the rounded one does not.
+    let [exact, led_through] =
+        [program("G61", &points), rounded.clone()].map(|text| slowest(&run(&text, &config), 4..=20));
+    assert!(exact < 0.5 && led_through > 5.0, "{exact} {led_through}");
+    // A tolerance of nothing leaves the corners.
+    let mut strict = config.clone();
+    strict.profile.corner_direction_tolerance_deg = 0.0;
+    assert_eq!(run(&rounded, &strict), run(&program("G61", &points), &config));
+}
+
+/// The slowest feed within some lines but for their start and end, mm/s.
+fn slowest(setpoints: &Setpoints, lines: RangeInclusive<u32>) -> f64 {
+    let within: Vec<f64> = (0..setpoints.len())
+        .filter(|&k| lines.contains(&setpoints.line[k]))
+        .map(|k| setpoints.feed[k] / 60.0)
+        .collect();
+    let moving = within.iter().position(|&feed| feed > 5.0).expect("it moves");
+    within[moving..].iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_freeform_cut_does_not_stop_at_its_blocks() {
+    let config = config();
+    let thinned = freeform::program(1, 60);
+    let whole = thinned.replace("M33\n", "").replace("M34\n", "");
+    let last = thinned.lines().count() as u32 - 10;
+    for (program, least) in [(whole, 2.0), (thinned, 5.0)] {
+        let slowest = ["G61", "G64 P0.01"].map(|control| {
+            let setpoints = run(&format!("{control}\n{program}"), &config);
+            slowest(&setpoints, 6..=last)
+        });
+        assert!(slowest[0] < 0.5 * least && slowest[1] > least, "{slowest:?}");
+    }
+}
+
+#[test]
+fn a_stream_from_a_corner_on_is_the_same() {
+    let config = config();
+    let text = program("G64 P0.02", &zigzag());
+    let whole = run(&text, &config);
+    for (_, offset, snapshot) in snapshots(text.as_bytes(), &config) {
+        let (first, rest) = resume(text.as_bytes(), &config, offset, &snapshot);
+        for place in 0..rest.len() {
+            assert_eq!(rest.bits(place), whole.bits(first as usize + place), "setpoint {place} from {first}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Whatever the corners, both tolerances hold, and so do the limits of every axis.
+    #[test]
+    fn any_corners_keep_tolerances_and_limits(
+        steps in prop::collection::vec(([-3.0..3.0_f64, -3.0..3.0_f64, -1.0..1.0_f64], [-4.0..4.0_f64, -6.0..6.0_f64]), 2..20),
+        p in 0.002..0.2_f64,
+        tolerance_deg in 0.01..1.0_f64,
+    ) {
+        let mut config = config();
+        config.profile.corner_direction_tolerance_deg = tolerance_deg;
+        let mut points: Vec<(Vec3, [f64; 2])> = vec![([0.0, 0.0, 20.0], [-40.0, 0.0])];
+        for (way, turn) in steps {
+            let (at, turned) = points[points.len() - 1];
+            let round = |value: f64| (value * 1e4).round() / 1e4;
+            let tilt = (turned[0] + turn[0]).clamp(-80.0, -5.0);
+            let next = [0, 1, 2].map(|axis| round(at[axis] + way[axis]));
+            if norm(sub(next, at)) < 0.05 {
+                continue;
+            }
+            points.push((next, [round(tilt), round(turned[1] + turn[1])]));
+        }
+        prop_assume!(points.len() > 2);
+        let text = program(&format!("G64 P{p:.4}"), &points);
+        let (off_mm, off_rad) = deviations(&text, &config, &points, p);
+        prop_assert!(off_mm <= p + 5e-5, "{off_mm} {p}");
+        prop_assert!(off_rad.to_degrees() <= 1.03 * tolerance_deg + 0.01, "{} {tolerance_deg}", off_rad.to_degrees());
+        let setpoints = run(&text, &config);
+        let period_s = config.period_s();
+        for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
+            let mut largest = 0.0_f64;
+            for k in column.windows(3) {
+                largest = largest.max(((k[2] - 2.0 * k[1] + k[0]) / (period_s * period_s)).abs());
+            }
+            // A corner that stays steps by what the machine permits.
+            let step = axis.max_velocity_step_per_s / period_s;
+            prop_assert!(largest <= axis.max_acceleration_per_s2 * 1.001 + step, "{} {largest}", axis.name);
+        }
+    }
+}
