@@ -59,6 +59,8 @@ struct Inner {
     /// Places for validations on request; the background workers have their own.
     validation_places: Arc<Semaphore>,
     wake: Notify,
+    /// Where the grid of commits that can wait begins, for all runs.
+    commit_grid: std::time::Instant,
     /// Cancelled when the service begins to end.
     draining: CancellationToken,
     tasks: TaskTracker,
@@ -83,6 +85,7 @@ impl Engine {
             limits,
             active: ActiveJobs::default(),
             wake: Notify::new(),
+            commit_grid: std::time::Instant::now(),
             draining,
             tasks: TaskTracker::new(),
         };

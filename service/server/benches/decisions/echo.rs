@@ -37,7 +37,11 @@ impl StreamingService<IngestRequest> for Echo {
 
     fn call(&mut self, request: tonic::Request<Streaming<IngestRequest>>) -> Self::Future {
         let every = self.every;
-        let answers = request.into_inner().filter_map(move |request| {
+        let goes_on = |request: &Result<IngestRequest, Status>| {
+            let end = matches!(request, Ok(IngestRequest { message: Some(Request::End(_)) }));
+            std::future::ready(!end)
+        };
+        let answers = request.into_inner().take_while(goes_on).filter_map(move |request| {
             let answer = match request {
                 Ok(IngestRequest { message: Some(Request::Batch(batch)) }) if batch.sequence % every == every - 1 => {
                     let sensor_time_ns = batch.time_ns.last().copied().unwrap_or_default();

@@ -52,6 +52,9 @@ pub struct Options {
     /// Folder for the databases, to choose the disk
     #[arg(long)]
     folder: Option<PathBuf>,
+    /// Service to measure in place of the one that was built along
+    #[arg(long, default_value = env!("CARGO_BIN_EXE_feedwave"), hide_default_value = true)]
+    service: PathBuf,
     /// Passed by Cargo
     #[arg(long, hide = true)]
     bench: bool,
@@ -166,7 +169,7 @@ async fn compare(options: &Options) {
         drop(process);
 
         let ready_file = folder.path().join(format!("service-{round}.json"));
-        let mut command = Command::new(env!("CARGO_BIN_EXE_feedwave"));
+        let mut command = Command::new(&options.service);
         command.args(["serve", "--log-level", "warn", "--grpc-listen", "127.0.0.1:0", "--http-listen", "127.0.0.1:0"]);
         command.arg("--database").arg(folder.path().join(format!("feedwave-{round}.db")));
         command.arg("--ready-file").arg(&ready_file);

@@ -130,7 +130,7 @@ impl Engine {
         guard: JobGuard,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, plan.clock_ns)?;
+        let session = Session::new(inner.store.clone(), attached, plan.clock_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
         let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;

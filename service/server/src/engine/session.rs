@@ -61,6 +61,8 @@ pub(super) struct Session {
     said_threading: bool,
     fresh: Fresh,
     next_commit: Instant,
+    /// Where the grid of commits that can wait begins.
+    grid: Instant,
 }
 
 /// What is not durable yet.
@@ -89,8 +91,9 @@ impl std::fmt::Debug for Session {
 }
 
 impl Session {
-    /// Goes on with a run; `clock_ns` is the time of the sensors' clock now, where the client knows it.
-    pub(super) fn new(store: Store, attached: &AttachedRun, clock_ns: Option<u64>) -> Result<Self> {
+    /// Goes on with a run; `clock_ns` is the time of the sensors' clock now, where the client knows it. Sessions with the
+    /// same `grid` commit together what can wait.
+    pub(super) fn new(store: Store, attached: &AttachedRun, clock_ns: Option<u64>, grid: Instant) -> Result<Self> {
         let unreadable = |error: SnapshotError| {
             Error::internal(format!("the state of run {} cannot be read: {error}", attached.run.id))
         };
@@ -107,6 +110,7 @@ impl Session {
             said_threading: false,
             fresh: Fresh::default(),
             next_commit: now,
+            grid,
         })
     }
 
@@ -230,7 +234,7 @@ impl Session {
             ..besides
         };
         let records = self.store.commit_run(self.run, self.attachment, commit).await?;
-        self.next_commit = Instant::now() + COMMIT_INTERVAL.max(interval);
+        self.next_commit = on_grid(self.grid, Instant::now() + COMMIT_INTERVAL.max(interval));
         for ((message, decision), record) in decisions.iter_mut().zip(&fresh.decisions).zip(records) {
             name_decision(message, &record);
             metrics.decisions.with_label_values(&[action_name(decision.outcome.action)]).inc();
@@ -244,6 +248,15 @@ impl Session {
         });
         Ok(Durable { decisions, ack })
     }
+}
+
+/// The nearest instant that is a whole number of intervals after `grid`: what can wait of all runs becomes durable at the
+/// same instants, in one transaction, and leaves the disk to decisions in between.
+fn on_grid(grid: Instant, at: Instant) -> Instant {
+    let interval_ns = COMMIT_INTERVAL.as_nanos();
+    let intervals = (at.saturating_duration_since(grid).as_nanos() + interval_ns / 2) / interval_ns;
+    // Thirteen years of intervals are within 32 bits.
+    grid + COMMIT_INTERVAL * u32::try_from(intervals).unwrap_or(u32::MAX)
 }
 
 /// Gives a decision its place in the log.
@@ -307,5 +320,22 @@ fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Re
         }
         Some(ProtoEvent::Threading(threading)) => Ok(Event::Threading(threading)),
         Some(ProtoEvent::Tool(tool)) => Ok(Event::Tool(tool)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commits_that_can_wait_meet_on_the_grid() {
+        let grid = Instant::now();
+        let at = |ms| on_grid(grid, grid + Duration::from_millis(ms)) - grid;
+        let expected = [(0, 0), (40, 0), (60, 100), (100, 100), (1_249, 1_200), (1_250, 1_300)];
+        for (ms, on_grid_ms) in expected {
+            assert_eq!(at(ms), Duration::from_millis(on_grid_ms), "{ms} ms");
+        }
+        // A commit on the grid has the next one an interval later, whatever it took itself.
+        assert_eq!(at(100 + 100 + 30), Duration::from_millis(200));
     }
 }

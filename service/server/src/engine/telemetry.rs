@@ -122,7 +122,7 @@ impl Engine {
         guard: JobGuard,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, clock_ns)?;
+        let session = Session::new(inner.store.clone(), attached, clock_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
         let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;

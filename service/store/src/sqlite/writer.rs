@@ -9,9 +9,10 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
+use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
+use super::checkpointer;
 use crate::error::{Result, StoreError};
 use crate::settings::{Observer, StoreSettings, StoreStats};
 
@@ -85,7 +86,8 @@ impl Transaction {
 /// The caller's side of the writer.
 pub(super) struct Writer {
     queue: Mutex<Option<mpsc::Sender<Box<dyn Operation>>>>,
-    task: Mutex<Option<JoinHandle<()>>>,
+    /// The one that writes, and the one that empties the log beside it.
+    tasks: Mutex<Option<[JoinHandle<()>; 2]>>,
     payload: Arc<Semaphore>,
     payload_units: u32,
     counters: Arc<Counters>,
@@ -112,6 +114,9 @@ impl Writer {
         let (event_sender, event) = watch::channel(newest.event);
         let (decision_sender, decision) = watch::channel(newest.decision);
         let counters = Arc::new(Counters::default());
+        let commits = Arc::new(Notify::new());
+        let (alive, ended) = oneshot::channel();
+        let checkpointer = tokio::spawn(checkpointer::run(options.clone(), commits.clone(), ended));
         let task = Task {
             transaction: Some(Transaction { connection, latest_us: 0, newest }),
             options,
@@ -119,6 +124,8 @@ impl Writer {
             announcer: Announcer { event: event_sender, decision: decision_sender },
             observer: settings.observer.clone(),
             counters: counters.clone(),
+            commits,
+            _alive: alive,
         };
         let task = tokio::spawn(task.run(receiver, settings.max_commit_operations.max(1)));
         let units = settings.write_queue_bytes.div_ceil(PAYLOAD_UNIT_BYTES).clamp(1, 1 << 28);
@@ -126,7 +133,7 @@ impl Writer {
         let payload_units = u32::try_from(units).unwrap_or(u32::MAX);
         let writer = Self {
             queue: Mutex::new(Some(queue)),
-            task: Mutex::new(Some(task)),
+            tasks: Mutex::new(Some([task, checkpointer])),
             payload: Arc::new(Semaphore::new(payload_units as usize)),
             payload_units,
             counters,
@@ -160,11 +167,11 @@ impl Writer {
     /// Commits what is queued, then ends.
     pub(super) async fn close(&self) {
         drop(lock(&self.queue).take());
-        let task = lock(&self.task).take();
-        if let Some(task) = task
-            && let Err(error) = task.await
-        {
-            tracing::error!(%error, "the writer of the store ended abnormally");
+        let tasks = lock(&self.tasks).take();
+        for task in tasks.into_iter().flatten() {
+            if let Err(error) = task.await {
+                tracing::error!(%error, "the writer of the store ended abnormally");
+            }
         }
     }
 
@@ -236,6 +243,10 @@ struct Task {
     announcer: Announcer,
     observer: Arc<dyn Observer>,
     counters: Arc<Counters>,
+    /// Told after every commit.
+    commits: Arc<Notify>,
+    /// Its end is the end of whoever follows the commits.
+    _alive: oneshot::Sender<()>,
 }
 
 impl Task {
@@ -263,6 +274,7 @@ impl Task {
                 failed.fetch_add((batch.len() - succeeded) as u64, Ordering::Relaxed);
                 self.observer.write_committed(succeeded, begun.elapsed());
                 self.announcer.announce(newest);
+                self.commits.notify_one();
                 None
             }
             Err(fault) => {
