@@ -7,6 +7,9 @@ use fft::{Complex, Fft};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
+/// Most samples that are transformed.
+pub(crate) const MAX_SAMPLES: u32 = 65_536;
+
 /// Where a spectral line comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LineOrigin {
@@ -73,11 +76,46 @@ pub(crate) fn origin(
 
 /// The last samples of a window.
 #[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(into = "Kept", try_from = "Kept")]
 pub(crate) struct Record {
-    /// Ring of (x, y).
+    /// Ring of (x, y), a power of two.
     ring: Vec<[f64; 2]>,
     next: usize,
     filled: usize,
+}
+
+/// A record in a snapshot: nothing but its samples, so that after a decision, when there are none, it takes no room.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    /// Samples that fit in.
+    length: u32,
+    /// Those that are there, oldest first.
+    samples: Vec<[f64; 2]>,
+}
+
+impl From<Record> for Kept {
+    fn from(mut record: Record) -> Self {
+        let length = record.ring.len() as u32;
+        if record.filled == record.ring.len() {
+            record.ring.rotate_left(record.next);
+        }
+        record.ring.truncate(record.filled);
+        Self { length, samples: record.ring }
+    }
+}
+
+impl TryFrom<Kept> for Record {
+    type Error = &'static str;
+
+    fn try_from(Kept { length, samples }: Kept) -> Result<Self, Self::Error> {
+        let filled = samples.len();
+        if !length.is_power_of_two() || length > MAX_SAMPLES || filled > length as usize {
+            return Err("a record of impossible length");
+        }
+        let mut ring = samples;
+        ring.resize(length as usize, [0.0; 2]);
+        Ok(Self { next: filled & (ring.len() - 1), ring, filled })
+    }
 }
 
 impl Record {
@@ -110,7 +148,7 @@ impl Record {
     }
 
     pub fn fits(&self, config: &SpectrumConfig) -> bool {
-        self.ring.len() == config.samples as usize && self.next < self.ring.len() && self.filled <= self.ring.len()
+        self.ring.len() == config.samples as usize
     }
 }
 

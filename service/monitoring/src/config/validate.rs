@@ -4,6 +4,7 @@ use super::{
     ContactSource, Grouping, IdleRunUp, Length, MonitoringConfig, Quality, Quantity, Sensors, SpectrumConfig, Violation,
 };
 use crate::rules::{Bounds, Rules, SpindleRule, SpindleTable};
+use crate::spectrum::MAX_SAMPLES;
 use std::f64::consts::PI;
 
 /// Most angular points: half a degree each.
@@ -17,7 +18,7 @@ const MAX_IDLE_STEPS: usize = 64;
 /// Most rows of a spindle table.
 const MAX_TABLE_ROWS: usize = 256;
 /// Sizes of the spectrum.
-const SPECTRUM_SAMPLES: [u32; 2] = [64, 65_536];
+const SPECTRUM_SAMPLES: [u32; 2] = [64, MAX_SAMPLES];
 /// Largest sensor value: sums of squares stay far from overflow.
 const MAX_VALUE: f64 = 1e9;
 /// Highest spindle speed, rev/min.

@@ -73,3 +73,32 @@ fn an_acceleration_amplitude_becomes_a_displacement() {
     let line = SpectralLine { frequency_hz: 100.0, amplitude: 394.784_176_043_574_3, origin: LineOrigin::Chatter };
     assert!((line.displacement_amplitude_mm() - 0.001).abs() < 1e-15);
 }
+
+#[test]
+fn a_kept_record_is_its_samples_and_goes_on_the_same() {
+    let config = config();
+    let mut record = Record::new(config.samples);
+    let size = |record: &Record| postcard::to_allocvec(record).unwrap().len();
+    let sample = |index: u32| [libm::sin(0.3 * f64::from(index)), f64::from(index % 7)];
+    // Nothing, some, and more than fits in; then emptied.
+    for (until, expected) in [(0, 3), (100, 3 + 16 * 100), (9_000, 4 + 16 * 4096)] {
+        (0..until).for_each(|index| record.push(sample(index)));
+        assert_eq!(size(&record), expected, "{until} samples");
+        let bytes = postcard::to_allocvec(&record).unwrap();
+        let mut restored: Record = postcard::from_bytes(&bytes).unwrap();
+        assert_eq!(postcard::to_allocvec(&restored).unwrap(), bytes);
+        let mut went_on = record.clone();
+        for index in 5..4_005 {
+            restored.push(sample(index));
+            went_on.push(sample(index));
+        }
+        let line = |record: &Record| Analyser::new(config.samples).line(record, &config, RATE_HZ);
+        assert_eq!(line(&restored), line(&went_on));
+        record.clear();
+        assert_eq!(size(&record), 3);
+    }
+    for (length, filled) in [(0_u32, 0), (96, 0), (1 << 17, 0), (64, 65)] {
+        let bytes = postcard::to_allocvec(&(length, vec![[0.0; 2]; filled])).unwrap();
+        assert!(postcard::from_bytes::<Record>(&bytes).is_err(), "{filled} in {length}");
+    }
+}
