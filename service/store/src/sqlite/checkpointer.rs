@@ -40,7 +40,10 @@ pub(super) async fn run(options: SqliteConnectOptions, commits: Arc<Notify>, mut
 }
 
 /// Moves as much as no reader still needs; waits for nobody.
-async fn checkpoint(connection: Option<SqliteConnection>, options: &SqliteConnectOptions) -> Result<SqliteConnection> {
+pub(super) async fn checkpoint(
+    connection: Option<SqliteConnection>,
+    options: &SqliteConnectOptions,
+) -> Result<SqliteConnection> {
     let mut connection = match connection {
         Some(connection) => connection,
         None => options.connect().await?,

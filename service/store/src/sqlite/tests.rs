@@ -5,9 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use sqlx::Row;
+use sqlx::sqlite::SqliteConnectOptions;
 use tempfile::TempDir;
 
-use super::Store;
+use super::{Store, checkpointer};
 use crate::{Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
 
 async fn store(settings: StoreSettings) -> (TempDir, Store) {
@@ -68,6 +69,25 @@ async fn connections_keep_what_the_store_promises() {
     assert_eq!(pragmas(&mut reader).await, expected);
     let written = sqlx::query("DELETE FROM jobs").execute(&mut *reader).await;
     assert!(written.is_err(), "a reader cannot write");
+}
+
+#[tokio::test]
+async fn the_log_is_moved_into_the_database_beside_the_writer() {
+    let (folder, store) = store(StoreSettings::default()).await;
+    create_notes(&store).await;
+    note(&store, "moved").await.unwrap();
+    let path = folder.path().join("feedwave.db");
+    let options = SqliteConnectOptions::new().filename(&path);
+    let connection = checkpointer::checkpoint(None, &options).await.unwrap();
+    // Without its log the file has everything, and the writer goes on.
+    let copy = TempDir::new().unwrap();
+    std::fs::copy(&path, copy.path().join("feedwave.db")).unwrap();
+    let alone = Store::open(copy.path().join("feedwave.db"), StoreSettings::default()).await.unwrap();
+    assert_eq!(notes(&alone).await, ["moved"]);
+    note(&store, "later").await.unwrap();
+    checkpointer::checkpoint(Some(connection), &options).await.unwrap();
+    assert_eq!(notes(&store).await, ["moved", "later"]);
+    store.close().await;
 }
 
 #[tokio::test]
@@ -178,7 +198,7 @@ async fn a_lock_held_by_another_program_passes() {
     let settings = StoreSettings { busy_timeout: Duration::from_millis(20), ..StoreSettings::default() };
     let (folder, store) = store(settings).await;
     create_notes(&store).await;
-    let options = sqlx::sqlite::SqliteConnectOptions::new().filename(folder.path().join("feedwave.db"));
+    let options = SqliteConnectOptions::new().filename(folder.path().join("feedwave.db"));
     let mut other = sqlx::ConnectOptions::connect(&options).await.unwrap();
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
     let (first, second) = tokio::join!(note(&store, "first"), note(&store, "second"));
