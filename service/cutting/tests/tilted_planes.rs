@@ -320,9 +320,6 @@ fn what_is_missing_is_refused_before_anything_moves() {
     let mut plain = config();
     plain.profile.kinematics = None;
     assert_eq!(refusal(plane, &plain), ["FIVE-AXIS-KINEMATICS"]);
-    let mut turned = config();
-    turned.profile.language.work_offsets[0][Axis::C.index()] = 15.0;
-    assert_eq!(refusal(plane, &turned), ["FIVE-AXIS-OFFSET"]);
     assert_eq!(refusal("G68.2 J150\nG53.1\nM30\n", &config()), ["FIVE-AXIS-RANGE"]);
     assert_eq!(refusal("G68.2 J30\nG43 H2\nM30\n", &config()), ["PRG-TOOL-LENGTH"]);
     // Travels are those of the axes.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
-    JointValues, Kinematics, KinematicsError, Setup, Toward,
+    Kinematics, KinematicsError, Setup, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
@@ -390,22 +390,9 @@ impl Guide {
                 .suggest("give the tool its length, and the job the tool");
             return Err(Box::new(finding));
         };
-        let (_, rotary) = self.kinematics.letters();
-        let offset = &guided.step.work_offset;
-        if let Some(axis) = rotary.into_iter().find(|axis| offset[axis.index()] != 0.0) {
-            let (letter, value) = (axis.letter(), offset[axis.index()]);
-            let message = format!(
-                "the work offset turns {letter} by {value} degrees: work coordinates that are turned against the machine \
-                 are not supported under tool centre point control"
-            );
-            let finding = Finding::error("FIVE-AXIS-OFFSET", span, message)
-                .with_value("offset", value, "deg")
-                .suggest("set the rotary axes of the work offset to zero");
-            return Err(Box::new(finding));
-        }
-        let linear_mm = self.kinematics.letters().0.map(|axis| offset[axis.index()]);
-        let origin = self.kinematics.gauge_point_at(&JointValues { linear_mm, rotary_rad: [0.0; 2] });
-        Ok(Setup::new(origin, length_mm))
+        // Parallel to the machine's axes where the rotary ones are at their offsets: there the program has them at zero.
+        let work = self.kinematics.work_frame_at(&self.kinematics.from_position(&guided.step.work_offset));
+        Ok(Setup { work, tool_length_mm: length_mm })
     }
 
     /// Names the block in which the first rotary axis turns because the tool is parallel to it, or nearly so.

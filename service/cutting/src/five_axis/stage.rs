@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
-use feedwave_motion::kinematics::Kinematics;
-use feedwave_program::{Axis, AxisSet, Feed, Function, GuidedMove, Operation, OperationKind, SourceSpan, ToolGuide};
+use feedwave_motion::kinematics::{Kinematics, Setup, ToolPose};
+use feedwave_program::{
+    Axis, AxisSet, Feed, Function, GuidedMove, Operation, OperationKind, Position, SourceSpan, ToolGuide,
+};
 use serde::{Deserialize, Serialize};
 
 use super::report::DroppedRun;
@@ -27,6 +29,8 @@ pub(crate) struct StageState {
     feed: Option<Feed>,
     /// Where the rotary axes are after the block before, rad, where vectors are programmed.
     rotary_rad: [f64; 2],
+    /// The work coordinates of the last work offset, for their directions.
+    turned: Option<(Position, Setup)>,
 }
 
 /// The stage.
@@ -185,7 +189,18 @@ impl ThinningStage {
             ToolGuide::Vector { end, .. } => {
                 let direction = end?;
                 // For the figures of the rotary axes only; what cannot be reached is the builder's to refuse.
-                let rotary_rad = kinematics.nearest_rotary(direction, self.state.rotary_rad).ok();
+                let in_chain = match &self.state.turned {
+                    Some((offset, setup)) if *offset == guided.step.work_offset => *setup,
+                    _ => {
+                        let offset = guided.step.work_offset;
+                        let work = kinematics.work_frame_at(&kinematics.from_position(&offset));
+                        let setup = Setup { work, tool_length_mm: 0.0 };
+                        self.state.turned = Some((offset, setup));
+                        setup
+                    }
+                };
+                let in_chain = in_chain.to_chain(&ToolPose { tip_mm: [0.0; 3], direction }).direction;
+                let rotary_rad = kinematics.nearest_rotary(in_chain, self.state.rotary_rad).ok();
                 self.state.rotary_rad = rotary_rad.unwrap_or(self.state.rotary_rad);
                 (direction, rotary_rad, DirectionInterpolation::GreatCircle)
             }

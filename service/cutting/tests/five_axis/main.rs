@@ -8,6 +8,7 @@ mod corners;
 mod freeform;
 mod hostile;
 mod machine;
+mod offsets;
 mod refusals;
 
 use std::collections::BTreeSet;

@@ -35,10 +35,6 @@ fn missing_data() {
     no_length.tools[0].length_mm = None;
     // Once, not in every block.
     assert_eq!(refusal("G43.4 H1 G0 Z100\nZ90\nZ80", &no_length).code, "TOOL-LENGTH");
-    let mut turned = config();
-    turned.profile.language.work_offsets[0][5] = 12.5;
-    let finding = refusal("G43.4 H1 G0 Z100", &turned);
-    assert_eq!((finding.code.as_ref(), value(&finding, "offset")), ("FIVE-AXIS-OFFSET", 12.5));
 }
 
 #[test]

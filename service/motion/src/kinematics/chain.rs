@@ -257,6 +257,20 @@ impl Kinematics {
         self.forward_in_chain(joints, 0.0).tip_mm
     }
 
+    /// The work coordinates that lie where the bare spindle's gauge point is for these axis values, parallel to the machine's
+    /// axes in that position. So a rotary value of an axis that carries the work turns them on the work, one of an axis that
+    /// carries the tool does not.
+    #[must_use]
+    pub fn work_frame_at(&self, joints: &JointValues) -> WorkFrame {
+        let first_linear = self.linear.iter().copied().min().unwrap_or_default();
+        let turned = |v: Vec3| {
+            let carrying = self.joints[..first_linear].iter().zip(&self.places).rev();
+            carrying.fold(v, |v, (joint, &place)| rotate(joint.direction, libm::sincos(joints.rotary_rad[place]), v))
+        };
+        let axes = WorkFrame::at([0.0; 3]).axes.map(turned);
+        WorkFrame { origin_mm: self.gauge_point_at(joints), axes }
+    }
+
     /// Axis values for a tool centre point in work coordinates (mm) with given rotary values (rad).
     ///
     /// # Errors
