@@ -75,7 +75,9 @@ fn setpoints(criterion: &mut Criterion) {
     const BLOCKS: usize = 256;
     let mut group = criterion.benchmark_group("oscillated setpoints");
     group.throughput(Throughput::Elements((BLOCKS * BLOCK_LENGTH) as u64));
-    for (name, path) in [("line", "G1 X90000 Y40000 F600"), ("arc", "G2 X0 Y0 I50000 J0 F600")] {
+    for (name, path) in
+        [("line", "G1 X90000 Y40000 F600"), ("arc", "G2 X0 Y0 I5000 J0 F600"), ("huge arc", "G2 X0 Y0 I50000 J0 F600")]
+    {
         let mut profile = MachineProfile::mill();
         profile.tool_oscillation = vec![NamedCondition {
             name: "accuracy".to_owned(),

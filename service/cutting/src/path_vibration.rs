@@ -7,12 +7,12 @@ mod loads;
 mod report;
 mod section;
 mod servo;
-mod wave;
 mod words;
 
 use core::f64::consts::TAU;
 
 use feedwave_motion::PathMotion;
+pub use feedwave_motion::{fill_sin_turns, sin_turns};
 use serde::{Deserialize, Serialize};
 
 use crate::interpolator::PEAK_RESERVE;
@@ -21,7 +21,6 @@ pub use report::{AxisLoadReport, ChipSpan, SamplingReport, SectionReport};
 pub use section::SectionAnalyzer;
 pub(crate) use section::direction_change;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
-pub use wave::{fill_sin_turns, sin_turns};
 pub use words::{MIN_FREQUENCY_HZ, VibrationWordSpans, condition_from_command};
 
 /// How the vibration is put onto the path (path vibration page, "Three generation modes").

@@ -472,8 +472,8 @@ impl Pipeline {
     /// Rests while no speed is commanded; `false` when the path ahead has to be known first.
     fn rest_in_feed_hold(&mut self) -> bool {
         self.interpolator.show_path(self.planner.waiting());
-        if self.interpolator.has_motion() {
-            return self.interpolator.knows_path();
+        if self.interpolator.goes_on() {
+            return self.interpolator.reach_is_known();
         }
         let next = self.interpolator.next_index();
         // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.

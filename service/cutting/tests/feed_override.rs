@@ -117,6 +117,58 @@ fn a_vibrating_section_stays_on_its_path_through_hold_and_override() {
     }
 }
 
+/// A vibration that reaches over many blocks, under changes in the middle of blocks and with little looked ahead.
+fn long_vibration() -> (String, PipelineConfig) {
+    let blocks: String = (1..=600).map(|block| format!("G1 X{:.1}\n", 0.1 * f64::from(block))).collect();
+    let program = format!("G21 G90 G94 G17 S600 M3\nG0 X0 Y0 Z0\nF600\nG200 F20 A0.45\n{blocks}G201\nM30\n");
+    let changes = (1..40).map(|change| (137 * change, [0.4, 1.9, 0.0, 1.3, 0.7][change as usize % 5]));
+    let mut config = config(&changes.collect::<Vec<_>>());
+    config.profile.look_ahead_blocks = 4;
+    (program, config)
+}
+
+#[test]
+fn a_vibration_finds_its_path_beyond_a_block_that_an_override_divided() {
+    let (program, config) = long_vibration();
+    let setpoints = run(&program, &config);
+    let amplitude_mm = 0.45;
+    let first = setpoints.vibration.iter().position(|offset| *offset != 0.0).unwrap() - 1;
+    let (start_mm, end_mm) = (setpoints.path[first], setpoints.path.last().unwrap());
+    let mut inside = Vec::new();
+    for k in first..setpoints.len() {
+        // The place is that on the path, wherever the blocks end.
+        let place_mm = setpoints.path[k] - start_mm;
+        assert!((setpoints.axes[0][k] - place_mm - setpoints.vibration[k]).abs() < 1e-9, "setpoint {k}");
+        // Away from its ends nothing of the vibration is cut off.
+        if place_mm > amplitude_mm && setpoints.path[k] < end_mm - amplitude_mm {
+            let wave = feedwave_cutting::sin_turns(20.0 * (k - first) as f64 * 1e-3);
+            assert!(
+                (setpoints.vibration[k] - amplitude_mm * wave).abs() < 1e-9,
+                "setpoint {k}: {} instead of {} at {place_mm}",
+                setpoints.vibration[k],
+                amplitude_mm * wave
+            );
+            inside.push(setpoints.axes[0][k]);
+        }
+    }
+    // The vibration's start and end step the velocity by design.
+    assert!(inside.len() > 4_000, "{}", inside.len());
+    check_limits(&Setpoints { axes: vec![inside], ..Setpoints::default() }, &config).unwrap();
+}
+
+#[test]
+fn a_long_vibration_resumes_bit_for_bit() {
+    let (program, config) = long_vibration();
+    let whole = run(&program, &config);
+    let taken = common::snapshots(program.as_bytes(), &config);
+    assert!(taken.len() >= 5);
+    for (index, offset, snapshot) in &taken {
+        let (first, resumed) = common::resume(program.as_bytes(), &config, *offset, snapshot);
+        assert_eq!(first, *index);
+        assert!((0..resumed.len()).all(|k| resumed.bits(k) == whole.bits(first as usize + k)));
+    }
+}
+
 #[test]
 fn a_stream_with_overrides_resumes_bit_for_bit() {
     let config = Arc::new(config(&[(200, 0.4), (500, 0.0), (900, 1.7), (2_100, 0.0), (2_200, 0.9)]));

@@ -16,6 +16,7 @@ mod planner;
 mod profile;
 mod smoothing;
 mod tolerance;
+mod wave;
 
 pub use element::{Arc, Curve, Element, FiveAxis, Spline};
 pub use feed::{Stretch, Stretches, stretches, top_command};
@@ -30,3 +31,4 @@ pub use planner::{
 pub use profile::{PhaseTimes, Profile, ProfilePart};
 pub use smoothing::{Carried, PathSmoother, Smoothed};
 pub use tolerance::TANGENT_TOLERANCE_RAD;
+pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

@@ -103,15 +103,13 @@ impl Interpolator {
         self.state.track.show_path(path);
     }
 
-    /// Whether there is a planned motion to go on with.
-    pub(crate) fn has_motion(&self) -> bool {
+    /// Whether an activity is not over, or there is a planned motion to go on with.
+    pub(crate) fn goes_on(&self) -> bool {
+        if self.state.activity.is_some() {
+            return true;
+        }
         let motion = self.state.track.motion(self.state.track.current_index());
         motion.is_some_and(|motion| self.state.resume.unwrap_or(0) < motion.stretches.len())
-    }
-
-    /// Whether the path is known as far as the vibration may reach from here.
-    pub(crate) fn knows_path(&self) -> bool {
-        self.state.section.is_none_or(|section| self.state.track.is_known_ahead(section.condition.reach_mm()))
     }
 
     /// Ends the acceleration of the stretch under way; the path from there on, and the speed there.

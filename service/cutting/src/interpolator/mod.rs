@@ -329,6 +329,10 @@ impl Interpolator {
                     if self.state.pause == Some(self.state.next) {
                         return Fill::Paused;
                     }
+                    // A change of the feed override takes back what lies ahead, under an activity that is not over.
+                    if !self.reach_is_known() {
+                        return Fill::Starved;
+                    }
                     self.emit(block, activity, most - block.len());
                 }
                 Some(activity) => {
@@ -445,11 +449,6 @@ impl Interpolator {
             // Shown only.
             Planned::Motion(motion) if motion.stretches.is_empty() => return false,
             Planned::Motion(_) => {
-                if let Some(section) = self.state.section
-                    && !self.state.track.is_known_ahead(section.condition.reach_mm())
-                {
-                    return false;
-                }
                 if !self.reach_is_known() {
                     return false;
                 }
@@ -487,10 +486,11 @@ impl Interpolator {
         true
     }
 
-    /// Whether the path is known as far ahead as the oscillation is blended out over.
-    fn reach_is_known(&self) -> bool {
-        let run = self.state.oscillation.as_ref();
-        run.is_none_or(|run| self.state.track.is_known_ahead(run.ramp_mm))
+    /// Whether the path is known as far ahead as a vibration may reach from here, and as an oscillation is blended out over.
+    pub(crate) fn reach_is_known(&self) -> bool {
+        let vibration_mm = self.state.section.map(|section| section.condition.reach_mm());
+        let blend_mm = self.state.oscillation.as_ref().map(|run| run.ramp_mm);
+        vibration_mm.into_iter().chain(blend_mm).all(|reach_mm| self.state.track.is_known_ahead(reach_mm))
     }
 
     fn begin_stretch(&mut self, index: usize) {

@@ -6,13 +6,13 @@
 
 use core::f64::consts::TAU;
 
-use feedwave_motion::{Arc, Curve, Element};
+use feedwave_motion::{Arc, Curve, Element, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
 use super::columns::ColumnMap;
 use crate::tool_oscillation::{ToolOscillation, blend};
-use crate::{BLOCK_LENGTH, SetpointBlock, sin_turns};
+use crate::{BLOCK_LENGTH, SetpointBlock};
 
 /// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -150,7 +150,7 @@ impl OscillationRun {
                 along_x.iter_mut().zip(along_y).zip(turns).zip(s.iter().zip(angles_deg))
             {
                 let heading = heading.start_turns + heading.per_mm * s;
-                (*x, *y) = (sin_turns(heading + 0.25), sin_turns(heading));
+                (*y, *x) = sincos_turns(heading);
                 *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, -rotation * heading);
             }
             return;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::wave::sin_turns;
+use crate::sin_turns;
 
 /// What one axis is told for the end of one interpolation period.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::waveform::{Wave, WavePeaks};
+use super::waveform::{ROUNDING, Wave, WavePeaks};
 use super::{DirectionOscillation, OscillationCondition, ToolGeometry};
 
 /// Offsets of the tool from its commanded place, mm.
@@ -148,8 +148,9 @@ impl ToolOscillation {
     #[inline]
     #[must_use]
     pub fn phase_turns(&self, spindle_rev: f64, feed_turns: f64) -> f64 {
-        // Whole revolutions are whole periods; without them no precision is lost over a long section.
-        let angle = spindle_rev - spindle_rev.floor() - feed_turns;
+        // Whole revolutions are whole periods; without them no precision is lost over a long section. Rounding to the
+        // nearest one by addition vectorises, unlike a call of `floor`.
+        let angle = spindle_rev - ((spindle_rev + ROUNDING) - ROUNDING) - feed_turns;
         f64::from(self.periods_per_rev) * angle + self.phase_at_zero_turns
     }
 

@@ -232,7 +232,7 @@ impl Wave {
 }
 
 /// Adding and subtracting this rounds to the nearest integer, as in [`sin_turns`].
-const ROUNDING: f64 = 6_755_399_441_055_744.0; // 1.5 · 2⁵²
+pub(super) const ROUNDING: f64 = 6_755_399_441_055_744.0; // 1.5 · 2⁵²
 
 /// Phase folded onto [0, ¼] around the next zero, and the sign of its half period as a number to copy it from.
 #[inline]

@@ -1,5 +1,5 @@
 //! The removal and the floor against a simulation that knows nothing of staircases and rows: small steps in time, every
-//! point of every edge, cells lowered one by one.
+//! point of every edge, and from the nearest of them the very place at which it passes over the middle of a cell.
 
 use feedwave_cutting::tool_oscillation::{
     DirectionOscillation, FloorArea, FloorError, HeightField, OscillationCondition, OscillationCut, RemovedLayer,
@@ -7,6 +7,9 @@ use feedwave_cutting::tool_oscillation::{
 };
 
 use super::{assert_near, condition};
+
+/// Room for the end of a pass at the very middle of a cell.
+const ROUNDING_MM: f64 = 1e-9;
 
 /// A small tool, so that small steps suffice: uneven edges, set-overs, relief, a third direction.
 fn tool() -> ToolGeometry {
@@ -67,9 +70,26 @@ fn point(
     ]
 }
 
+/// Turns of the spindle and distance from the edge's end at which the edge passes over a place, from near it: Newton's
+/// method with differences.
+fn refine(point: impl Fn(f64, f64) -> [f64; 3], [mut turns, mut from_edge_mm]: [f64; 2], place: [f64; 2]) -> [f64; 2] {
+    const STEP: f64 = 1e-6;
+    for _ in 0..4 {
+        let [x, y, _] = point(turns, from_edge_mm);
+        let [x_turned, y_turned, _] = point(turns + STEP, from_edge_mm);
+        let [x_inward, y_inward, _] = point(turns, from_edge_mm + STEP);
+        let [a, b, c, d] = [x_turned - x, x_inward - x, y_turned - y, y_inward - y].map(|change| change / STEP);
+        let [left_x, left_y] = [place[0] - x, place[1] - y];
+        turns += (d * left_x - b * left_y) / (a * d - b * c);
+        from_edge_mm += (a * left_y - c * left_x) / (a * d - b * c);
+    }
+    [turns, from_edge_mm]
+}
+
 #[test]
 fn the_floor_is_that_of_small_steps() {
     let tool = tool();
+    let length_mm = tool.radial_edge_length_mm;
     for (condition, clockwise, trailing) in
         [(&conditions()[0], true, false), (&conditions()[1], true, true), (&conditions()[1], false, true)]
     {
@@ -79,51 +99,44 @@ fn the_floor_is_that_of_small_steps() {
         let field = HeightField::simulate(&tool, &oscillation, &cut, &area).expect("possible");
         assert_eq!((field.columns, field.rows), (30, 195));
 
-        let mut brute = vec![f32::INFINITY; field.heights_mm.len()];
+        let mut brute = vec![f64::INFINITY; field.heights_mm.len()];
         // From before the front reaches the strip until the trailing half has left it.
-        let (first, last) = (-14.0, 18.0);
-        let steps_per_rev = 2_500;
+        let (first, last, steps_per_rev) = (-14.0, 18.0, 1_000);
         let steps = ((last - first) * f64::from(steps_per_rev)) as u32;
         for step in 0..=steps {
             let turns = first + f64::from(step) / f64::from(steps_per_rev);
             for edge in 0..tool.edges.len() {
-                let azimuth = turns - tool.edges[edge].angle_deg / 360.0;
-                let ahead = (azimuth - azimuth.round()).abs() <= 0.25;
-                if !ahead && !trailing {
-                    continue;
-                }
-                for part in 0..=80 {
-                    let from_edge_mm = 0.4 * f64::from(part) / 80.0;
-                    let [x, y, z] = point(&tool, &oscillation, &cut, edge, turns, from_edge_mm);
+                let is_ahead = |turns: f64| {
+                    let azimuth = turns - tool.edges[edge].angle_deg / 360.0;
+                    (azimuth - azimuth.round()).abs() <= 0.25
+                };
+                let at = |turns, from_edge_mm| point(&tool, &oscillation, &cut, edge, turns, from_edge_mm);
+                for part in 0..=40 {
+                    let from_edge_mm = length_mm * f64::from(part) / 40.0;
+                    let [x, y, _] = at(turns, from_edge_mm);
                     let (column, row) = ((x / 0.02).floor(), ((y + 1.95) / 0.02).floor());
-                    // What passes a cell near its middle.
-                    let off = |place: f64, cell: f64| (place / 0.02 - cell - 0.5).abs();
-                    let is_near = off(x, column) < 0.25 && off(y + 1.95, row) < 0.25;
-                    if is_near && (0.0..30.0).contains(&column) && (0.0..195.0).contains(&row) {
+                    if !((0.0..30.0).contains(&column) && (0.0..195.0).contains(&row)) {
+                        continue;
+                    }
+                    // The very place at which the edge passes over the middle of the cell, where it does.
+                    let middle = [(column + 0.5) * 0.02, (row + 0.5) * 0.02 - 1.95];
+                    let [turns, from_edge_mm] = refine(at, [turns, from_edge_mm], middle);
+                    let passes = (-ROUNDING_MM..=length_mm + ROUNDING_MM).contains(&from_edge_mm);
+                    if passes && (trailing || is_ahead(turns)) {
                         let cell = &mut brute[row as usize * 30 + column as usize];
-                        *cell = cell.min(z as f32);
+                        *cell = cell.min(at(turns, from_edge_mm)[2]);
                     }
                 }
             }
         }
-        // They differ where a pass ends within that distance of the middle, and by the slope over it.
-        let mut close = 0;
-        for (index, height) in field.heights_mm.iter().enumerate() {
+        // In every cell, at the ends of the passes too: between its knots the field is straight where the edge is curved,
+        // which is 6 nm here, and its cells are single precision.
+        for (index, (&height, &brute)) in field.heights_mm.iter().zip(&brute).enumerate() {
             let (row, column) = (index / 30, index % 30);
-            let here = brute[index];
-            assert!(here <= height + 2e-4, "{here} above {height}");
-            // At the rim of the area a part of what lies around is not known.
-            if !(1..194).contains(&row) || !(1..29).contains(&column) {
-                continue;
-            }
-            let around = (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |c| row * 30 + c));
-            let highest = around.map(|cell| brute[cell]).fold(f32::NEG_INFINITY, f32::max);
-            // The top of a ridge may lie in this cell alone: the relief falls by up to 0.9 µm to the cell beside it.
-            assert!(*height <= highest + 9e-4, "{row} {column}: {height} above everything around, {highest}");
-            close += u32::from((height - here).abs() < 1e-3 || *height == here);
+            let is_same = f64::from(height) == brute || (f64::from(height) - brute).abs() < 1e-5;
+            assert!(is_same, "{row} {column}: {height} instead of {brute}");
         }
-        let share = f64::from(close) / (28.0 * 193.0);
-        assert!(share > 0.93, "{share} of the cells agree");
+        assert!(brute.iter().filter(|height| height.is_finite()).count() > 5_000);
     }
 }
 

@@ -133,6 +133,24 @@ fn an_override_keeps_the_step() {
 }
 
 #[test]
+fn a_hold_within_short_blocks_ends_with_little_looked_ahead() {
+    // The blend reaches over twenty blocks, of which four are planned at a time.
+    let blocks: String = (1..=300).map(|block| format!("G1 X{:.1} F600\n", 0.1 * f64::from(block))).collect();
+    let overrides = [(900, 0.0), (1_200, 1.0), (1_937, 0.3), (2_400, 0.0), (2_500, 1.5)];
+    let overrides = overrides.map(|(index, ratio)| OverrideChange { index, ratio }).to_vec();
+    let mut config = PipelineConfig { overrides, ..config() };
+    config.profile.look_ahead_blocks = 4;
+    let text = program(&blocks);
+    let setpoints = run(&text, &config);
+    assert_oscillates(&setpoints, true, 30.0, &|s: f64| ([s, 0.0], [1.0, 0.0]));
+    for (index, offset, snapshot) in &snapshots(text.as_bytes(), &config) {
+        let (first, resumed) = resume(text.as_bytes(), &config, *offset, snapshot);
+        assert_eq!(first, *index);
+        assert!((0..resumed.len()).all(|k| resumed.bits(k) == setpoints.bits(first as usize + k)));
+    }
+}
+
+#[test]
 fn the_oscillation_rests_at_corners() {
     let setpoints = run(&program("G1 X15 F600\nG1 Y15"), &config());
     let corner = (0..setpoints.len()).min_by(|a, b| {

@@ -1,4 +1,5 @@
-//! The vibration's wave: sin(2π·turns), fast enough for the hot loop and the same on every platform.
+//! The wave of vibrations, arcs and oscillations: sin(2π·turns), fast enough for the hot loop and the same on every
+//! platform.
 //!
 //! Working in turns instead of radians makes the reduction exact: whole and half turns give exactly 0, quarter
 //! turns exactly ±1, and a phase does not lose precision to a rounded 2π however long the section lasts.
@@ -27,6 +28,22 @@ pub fn sin_turns(turns: f64) -> f64 {
     let near_peak = cos_kernel((0.25 - quarter) * TAU);
     let value = if quarter <= 0.125 { rising } else { near_peak };
     value.copysign(reduced)
+}
+
+/// sin(2π·`turns`) and cos(2π·`turns`) for little more than one of them. The sine is [`sin_turns`] to the bit, the cosine as
+/// exact: the same two series, exchanged.
+#[inline]
+#[must_use]
+pub fn sincos_turns(turns: f64) -> (f64, f64) {
+    let nearest = (turns + ROUNDING) - ROUNDING;
+    let reduced = turns - nearest;
+    let magnitude = reduced.abs();
+    let quarter = magnitude.min(0.5 - magnitude);
+    let eighth = quarter.min(0.25 - quarter) * TAU;
+    let (small, large) = (sin_kernel(eighth), cos_kernel(eighth));
+    let (sin, cos) = if quarter <= 0.125 { (small, large) } else { (large, small) };
+    // The cosine is negative beyond a quarter turn to either side.
+    (sin.copysign(reduced), cos.copysign(0.25 - magnitude))
 }
 
 /// [`sin_turns`] of every element of `turns` into the same place of `waves`.
@@ -81,6 +98,19 @@ mod tests {
             assert_eq!(sin_turns(whole + 0.25), 1.0);
             assert_eq!(sin_turns(whole + 0.75), -1.0);
         }
+    }
+
+    #[test]
+    fn sine_and_cosine_are_those_of_the_single_functions() {
+        for i in -4_000..=4_000 {
+            let turns = f64::from(i) / 1_600.0;
+            let (sin, cos) = sincos_turns(turns);
+            assert_eq!(sin.to_bits(), sin_turns(turns).to_bits(), "{turns}");
+            assert!((cos - libm::cos(TAU * (turns - turns.round()))).abs() < 4.0 * f64::EPSILON, "{turns}");
+        }
+        assert_eq!([0.0, 0.25, 0.5, -0.25].map(|turns| sincos_turns(turns).1.abs()), [1.0, 0.0, 1.0, 0.0]);
+        assert_eq!((sincos_turns(0.5).1, sincos_turns(-0.5).1, sincos_turns(7.0).1), (-1.0, -1.0, 1.0));
+        assert!(sincos_turns(f64::NAN).1.is_nan());
     }
 
     #[test]
