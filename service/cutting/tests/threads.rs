@@ -267,6 +267,11 @@ fn conditions_are_refused_before_anything_moves() {
     refused(&program("G32 Z60 F2.5").replace("G0 X8\n", "G0 X8\nG165 P3 X10 Q1.2\n"), "THREAD-NESTED");
     refused("G97 S600 M3\nG0 X8 Z100\nG32 Z60 F2.5 A2.4\nM30\n", "THREAD-VIBRATION-OFF");
     refused("G97 S600 M3\nG165 P0\nM30\n", "THREAD-OFF-WITHOUT-ON");
+    assert_eq!(
+        codes(&validate("G97 S600 M3\nG165 P3 X10\nG165 P0\nM30\n", &lathe())),
+        ["PRG-FUNCTION-WORD-MISSING"],
+        "switching off what was refused is no second error"
+    );
     refused("G97 S600 M3\nG0 X8 Z100\nG200 F50 A0.03\nG32 Z60 F2.5\nG201\nM30\n", "VIB-THREAD");
     let mut limited = lathe();
     limited.profile.thread_vibration.approach_mm = Some(0.001);

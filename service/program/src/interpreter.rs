@@ -14,7 +14,7 @@ mod tool_control;
 
 use crate::block::Block;
 use crate::code;
-use crate::dialect::CodeTable;
+use crate::dialect::{CodeTable, Group};
 use crate::state::Phase;
 use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Severity, SourceSpan};
 
@@ -217,12 +217,30 @@ impl Interpreter {
             exact_stop: false,
         };
         let end = execution.run();
-        if findings.count(Severity::Error) > errors_before {
+        let is_refused = findings.count(Severity::Error) > errors_before;
+        if self.block.code(Group::Function).is_some() {
+            self.note_functions(&operations[operations_before..], is_refused);
+        }
+        if is_refused {
             operations.truncate(operations_before);
             self.break_nurbs();
         }
         if let Some(span) = end {
             self.end(span, operations, findings);
+        }
+    }
+
+    /// Remembers which machining functions a block has switched, or would have without its error.
+    fn note_functions(&mut self, operations: &[Operation], is_refused: bool) {
+        for operation in operations {
+            let OperationKind::Function(command) = &operation.kind else { continue };
+            let (function, on) = (command.function, command.on);
+            if !is_refused {
+                self.state.functions_on.set(function, on);
+            }
+            if on {
+                self.state.functions_refused.set(function, is_refused);
+            }
         }
     }
 

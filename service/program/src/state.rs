@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
 use crate::{
-    AxisSet, Coolant, Feed, FeedMode, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
+    AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
     SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
@@ -56,6 +56,25 @@ pub struct InterpreterState {
     /// The tilted plane, in its mode.
     pub(crate) plane_tilted: Option<TiltedPlane>,
     pub(crate) length: LengthCompensation,
+    /// Machining functions that a block without errors has switched on.
+    pub(crate) functions_on: FunctionSet,
+    /// Machining functions that are off because the block that should have switched them on has an error.
+    pub(crate) functions_refused: FunctionSet,
+}
+
+/// A set of machining functions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FunctionSet(u8);
+
+impl FunctionSet {
+    pub(crate) const fn contains(self, function: Function) -> bool {
+        self.0 & (1 << function as u8) != 0
+    }
+
+    pub(crate) const fn set(&mut self, function: Function, inside: bool) {
+        let bit = 1 << function as u8;
+        self.0 = if inside { self.0 | bit } else { self.0 & !bit };
+    }
 }
 
 /// Tool length compensation.
@@ -248,6 +267,8 @@ impl InterpreterState {
             tool_control: ToolControl::default(),
             plane_tilted: None,
             length: LengthCompensation::default(),
+            functions_on: FunctionSet::default(),
+            functions_refused: FunctionSet::default(),
         }
     }
 

@@ -63,7 +63,9 @@ impl Execution<'_> {
             self.modes();
             self.length_compensation();
             self.tilted_plane();
-            if let Some((span, command)) = function {
+            if let Some((span, command)) = function
+                && !self.is_off_already(&command)
+            {
                 self.emit(span, OperationKind::Function(command));
             }
             self.reference();
@@ -223,6 +225,18 @@ impl Execution<'_> {
         Some((span, FunctionCommand { function, on, inch: self.state.inch, words }))
     }
 
+    /// Whether a function is switched off that an error has kept from being on: that was reported, and is no second error.
+    fn is_off_already(&mut self, command: &FunctionCommand) -> bool {
+        let function = command.function;
+        let is_off = !command.on
+            && self.state.functions_refused.contains(function)
+            && !self.state.functions_on.contains(function);
+        if is_off {
+            self.state.functions_refused.set(function, false);
+        }
+        is_off
+    }
+
     /// Whether the `P` of a function's block switches it on or off; `None` after a finding.
     fn function_switch(&mut self, span: SourceSpan) -> Option<bool> {
         let FunctionSwitch { on_p, off_p, .. } = self.settings.thread_vibration;
@@ -234,7 +248,8 @@ impl Execution<'_> {
         if value == Some(f64::from(off_p)) {
             return Some(false);
         }
-        // What its other words mean is not known.
+        // What its other words mean is not known; that it was to be switched on is likely.
+        self.state.functions_refused.set(Function::ThreadVibration, true);
         self.used |= self.block.letters & !(letter_bit(b'S') | letter_bit(b'T'));
         let span = word.map_or(span, |word| self.block.word_span(&word));
         self.findings.push_with(Severity::Error, || {

@@ -7,6 +7,7 @@
 mod cycles;
 mod drive_line;
 mod infeed;
+mod words;
 
 use core::ops::RangeInclusive;
 

@@ -258,6 +258,30 @@ fn vibration_in_threads_is_switched_by_p() {
     );
 }
 
+/// What an error keeps from being switched on is off already, and switching it off no second error.
+#[test]
+fn a_function_that_was_refused_is_not_switched_off() {
+    // The missing ratio, and a P that says nothing.
+    check(&lathe(), "G165 P3 X10.\nG165 P0", "! 1:1+4 PRG-FUNCTION-WORD-MISSING");
+    check(&lathe(), "G165 P7\nG165 P0", "! 1:6+2 PRG-FUNCTION-SWITCH");
+    check(&lathe(), "G200 F50 A.03 D1\nG201", "! 1:15+2 PRG-FUNCTION-WORD");
+    // Once only, and only where nothing else was on.
+    check(&lathe(), "G165 P3 X10.\nG165 P0\nG165 P0", "ThreadVibration off\n! 1:1+4 PRG-FUNCTION-WORD-MISSING");
+    check(
+        &lathe(),
+        "G165 P3 X10. Q2\nG165 P3 X10.\nG165 P0",
+        "ThreadVibration on X5 Q2\nThreadVibration off\n! 2:1+4 PRG-FUNCTION-WORD-MISSING",
+    );
+    check(
+        &lathe(),
+        "G165 P3 X10.\nG165 P3 X10. Q2\nG165 P0\nG165 P0",
+        "ThreadVibration on X5 Q2
+         ThreadVibration off
+         ThreadVibration off
+         ! 1:1+4 PRG-FUNCTION-WORD-MISSING",
+    );
+}
+
 #[test]
 fn threads_and_tool_centre_point_control_exclude_each_other() {
     check(

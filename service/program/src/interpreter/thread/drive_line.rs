@@ -11,8 +11,9 @@ use core::ops::RangeInclusive;
 use super::super::execute::Execution;
 use super::super::motion::Frame;
 use super::Cut;
-use super::cycles::DEPTHS_MM;
+
 use super::infeed::{Infeed, Pass};
+use super::words::DEPTHS_MM;
 use crate::code;
 use crate::dialect::letter_bit;
 use crate::{Axis, Finding, Plane, PullOut, Severity};
