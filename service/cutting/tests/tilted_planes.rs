@@ -277,6 +277,31 @@ fn the_solution_is_chosen() {
 }
 
 #[test]
+fn corners_between_lines_are_rounded_within_their_tolerance() {
+    let config = config();
+    let points: Vec<Vec3> =
+        (0..20).map(|k| [2.0 * f64::from(k), f64::from(k % 2), 1.0 + 0.1 * f64::from(k % 3)]).collect();
+    let program = |control: &str| {
+        let lines: String = points.iter().map(|[x, y, z]| format!("X{x} Y{y} Z{z}\n")).collect();
+        format!("G68.2 X5 I20 J30 K40\nG53.1\nG43 H1 {control}\nG0 X0 Y0 Z1\nG1 F3000\n{lines}G69\nM30\n")
+    };
+    let plane = TiltedPlane::by_euler_angles([5.0, 0.0, 0.0], [20.0, 30.0, 40.0], 0);
+    let [exact, rounded] = ["G61", "G64 P0.05"].map(|control| run(&program(control), &config));
+    assert!(rounded.len() < exact.len(), "{} {}", rounded.len(), exact.len());
+    for (setpoints, most_mm) in [(&exact, 1e-9), (&rounded, 0.05)] {
+        let mut largest_mm = 0.0_f64;
+        for (pose, &line) in poses(setpoints, &config).iter().zip(&setpoints.line) {
+            if line > 6 {
+                let point = plane.from_work(pose.tip_mm);
+                let segments = points.windows(2).map(|ends| from_segment(point, ends[0], ends[1]));
+                largest_mm = largest_mm.max(segments.fold(f64::INFINITY, f64::min));
+            }
+        }
+        assert!(largest_mm <= most_mm, "{largest_mm}");
+    }
+}
+
+#[test]
 fn turning_the_tool_axis_moves_the_rotary_axes_only() {
     let config = config();
     let setpoints = run("G0 X10 Y20 Z30\nG68.2 X1 Y2 Z3 I20 J40 K60\nG53.1\nM30\n", &config);

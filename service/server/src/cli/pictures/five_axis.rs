@@ -11,6 +11,7 @@ use super::super::CliError;
 use super::super::local::{self, Progress};
 use super::super::source::Source;
 use super::super::terminal::{Unit, progress};
+use super::{CHORD_RAD, MAX_CHORDS};
 use crate::plot::{FiveAxisPlots, FiveAxisSetup, PathTrace, Point, Stretch, ThinningShown};
 
 /// Cuts told apart at most; further ones belong to the last one.
@@ -37,21 +38,44 @@ impl GuidedWay {
 
     /// Draws a move.
     pub(super) fn add(&mut self, guided: &GuidedMove, line: u32, trace: &mut PathTrace) {
-        if guided.guide == ToolGuide::Axes {
+        // The tip moves with the rotary axes in a way that only the machine knows.
+        if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align(_)) {
             return self.interrupt();
         }
         let cutting = guided.step.kind != MoveKind::Rapid;
         let before = self.tip_mm;
+        // In a tilted plane the words are in its coordinates, and what is drawn in work coordinates.
+        let from = match &guided.plane {
+            Some(plane) => before.map(|tip_mm| plane.from_work(tip_mm)),
+            None => before,
+        };
         let value = |axis: Axis| {
             let index = axis.index();
-            if guided.held.contains(axis) { before.map(|tip| tip[index]) } else { Some(guided.step.end[index]) }
+            if guided.held.contains(axis) { from.map(|tip| tip[index]) } else { Some(guided.step.end[index]) }
         };
-        self.tip_mm = match [Axis::X, Axis::Y, Axis::Z].map(value) {
+        let to = match [Axis::X, Axis::Y, Axis::Z].map(value) {
             [Some(x), Some(y), Some(z)] => Some([x, y, z]),
             _ => None,
         };
-        if let (Some(from), Some(to)) = (before, self.tip_mm) {
-            trace.line(if cutting { Stretch::Cutting } else { Stretch::Rapid }, from, to);
+        self.tip_mm = match &guided.plane {
+            Some(plane) => to.map(|point_mm| plane.to_work(point_mm)),
+            None => to,
+        };
+        if let (Some(from_mm), Some(to_mm)) = (before, self.tip_mm) {
+            let stretch = if cutting { Stretch::Cutting } else { Stretch::Rapid };
+            let circle = from.and_then(|from| Circle::of(guided, from, to?));
+            let chords = circle.as_ref().map_or(1, Circle::chords);
+            let mut last_mm = from_mm;
+            for chord in 1..=chords {
+                let next_mm = match (&circle, &guided.plane) {
+                    (Some(circle), Some(plane)) if chord < chords => {
+                        plane.to_work(circle.at(f64::from(chord) / f64::from(chords)))
+                    }
+                    _ => to_mm,
+                };
+                trace.line(stretch, last_mm, next_mm);
+                last_mm = next_mm;
+            }
         }
         let full = self.cuts.len() == MAX_CUTS;
         match self.cuts.last_mut() {
@@ -69,6 +93,38 @@ impl GuidedWay {
         let cut = long.or_else(|| self.cuts.iter().max_by_key(length))?;
         let start = if long.is_some() { cut.start() + LINES_BEFORE } else { *cut.start() };
         Some(start..=(start + CLOSE_LINES).min(*cut.end()))
+    }
+}
+
+/// The circle of a move in a tilted plane, in the coordinates of the plane.
+struct Circle {
+    start: Point,
+    end: Point,
+    /// First and second axis of the circle's plane.
+    axes: [usize; 2],
+    center: [f64; 2],
+    sweep_rad: f64,
+}
+
+impl Circle {
+    fn of(guided: &GuidedMove, start: Point, end: Point) -> Option<Self> {
+        let arc = guided.step.arc?;
+        let (first, second) = arc.plane.axes();
+        let axes = [first.index(), second.index()];
+        Some(Self { start, end, axes, center: arc.center, sweep_rad: arc.sweep_rad })
+    }
+
+    fn chords(&self) -> u32 {
+        (self.sweep_rad.abs() / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32
+    }
+
+    fn at(&self, share: f64) -> Point {
+        let from = [0, 1].map(|axis| self.start[self.axes[axis]] - self.center[axis]);
+        let (sine, cosine) = (self.sweep_rad * share).sin_cos();
+        let mut point = [0, 1, 2].map(|axis| self.start[axis] + (self.end[axis] - self.start[axis]) * share);
+        point[self.axes[0]] = self.center[0] + from[0] * cosine - from[1] * sine;
+        point[self.axes[1]] = self.center[1] + from[0] * sine + from[1] * cosine;
+        point
     }
 }
 
