@@ -11,10 +11,12 @@ use feedwave_program::{AXIS_COUNT, Axis, Finding, FindingLog, FunctionCommand, P
 use serde::{Deserialize, Serialize};
 
 pub(super) use self::judging::Judgements;
+use self::judging::heading;
 use self::limits::LeftLimits;
 use super::{Builder, MAX_SECTION_REPORTS};
 use crate::PipelineConfig;
 use crate::cut::Cut;
+use crate::five_axis::Guide;
 use crate::interpolator::{Barrier, OscillationRun};
 use crate::wording::decimal;
 
@@ -160,8 +162,9 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) -> Option<Arc<Machine>> {
+        let rotary = self.guide.as_ref().and_then(Guide::under_fixed_spindle);
         let turns_sharply = self.state.oscillation.as_ref().and_then(|active| active.open).is_some_and(|open| {
-            let (before, after) = (open.direction, element.tangent(0.0));
+            let (before, after) = (open.direction, heading(rotary.as_ref(), element, 0.0));
             let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
             let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
             square.sqrt() > TANGENT_TOLERANCE_RAD
@@ -175,7 +178,7 @@ impl Builder {
         let active = self.state.oscillation.as_mut().filter(|active| !active.refused)?;
         let mut found = Vec::new();
         let judgements = self.analysis.as_mut().map(|analysis| &mut analysis.judgements);
-        let report = active.prepare(element, cut, tool, vibrates, config, judgements, &mut found);
+        let report = active.prepare(element, cut, tool, rotary.as_ref(), vibrates, config, judgements, &mut found);
         active.refused = found.iter().any(|finding| finding.severity == Severity::Error);
         for finding in found {
             findings.push(finding);
@@ -196,11 +199,11 @@ impl Builder {
         let active = self.state.oscillation.as_mut()?;
         let (run, left) = (active.run.as_ref()?, active.left.as_ref()?);
         if active.open.is_none() {
-            planner.push_barrier(Barrier::OscillationStart(run.clone()));
+            planner.push_barrier(Barrier::OscillationStart(Box::new(OscillationRun { rotary, ..(**run).clone() })));
         }
         active.open = Some(OpenSection {
             length_mm: active.open.map_or(0.0, |open| open.length_mm) + element.length,
-            direction: element.tangent(element.length),
+            direction: heading(rotary.as_ref(), element, element.length),
             ramp_mm: run.ramp_mm,
             judged: active.judged,
         });

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
-    Kinematics, KinematicsError, Setup, Toward,
+    Kinematics, KinematicsError, RotaryDirections, Setup, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
@@ -100,6 +100,11 @@ impl GuideState {
 impl Guide {
     pub(crate) const fn new(kinematics: Arc<Kinematics>) -> Self {
         Self { kinematics }
+    }
+
+    /// The rotary axes, where the tool may oscillate while they turn the work.
+    pub(crate) fn under_fixed_spindle(&self) -> Option<RotaryDirections> {
+        self.kinematics.under_fixed_spindle()
     }
 
     /// How corners between guided cuts are rounded.

@@ -32,6 +32,11 @@ impl ColumnMap {
         machine.axes.iter().map(map).collect()
     }
 
+    /// Whether the column is in work coordinates.
+    pub(super) fn is_of_work(&self) -> bool {
+        self.frame == Frame::Work
+    }
+
     fn value(self, work: f64, work_offset: &Position) -> f64 {
         self.sign * (work + self.offset_share * work_offset[self.axis.index()])
     }

@@ -24,7 +24,7 @@ use self::amplitude::Amplitude;
 pub(crate) use self::amplitude::PEAK_RESERVE;
 use self::clock::Clock;
 use self::columns::{ColumnMap, Scratch, ToolColumns};
-pub(crate) use self::oscillation::OscillationRun;
+pub(crate) use self::oscillation::{OscillationRun, seen_by_tool};
 pub(crate) use self::threading::ThreadRun;
 use self::track::Track;
 pub(crate) use self::track::{Barrier, SectionStart};

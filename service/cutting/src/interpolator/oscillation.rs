@@ -6,7 +6,9 @@
 
 use core::f64::consts::TAU;
 
-use feedwave_motion::{Arc, Curve, Element, sincos_turns};
+use feedwave_motion::kinematics::vector::Vec3;
+use feedwave_motion::kinematics::{RotaryDirections, ToolPose};
+use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +24,27 @@ pub(crate) struct OscillationRun {
     pub(crate) clockwise: bool,
     /// Length of path over which the oscillation is blended in and out, mm.
     pub(crate) ramp_mm: f64,
+    /// The rotary axes of a machine on which the tool may oscillate while they turn the work.
+    pub(crate) rotary: Option<RotaryDirections>,
+}
+
+/// Path direction of a guided tool as the tool sees it, at an arc length of an element.
+pub(crate) fn seen_by_tool(rotary: &RotaryDirections, element: &Element, five_axis: &FiveAxis, s: f64) -> Vec3 {
+    let mut tangent = [0.0; 3];
+    for (axis, value) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(&mut tangent) {
+        element.fill_work_tangent(axis, &[s], core::slice::from_mut(value));
+    }
+    let tangent = five_axis.setup().to_chain(&ToolPose { tip_mm: [0.0; 3], direction: tangent }).direction;
+    rotary.as_seen_by_tool(rotary_rad(element, five_axis, s), tangent)
+}
+
+fn rotary_rad(element: &Element, five_axis: &FiveAxis, s: f64) -> [f64; 2] {
+    let [.., first, second] = *five_axis.axes();
+    [first, second].map(|axis| {
+        let mut angle_deg = [0.0];
+        element.fill_axis(axis, &[s], &mut angle_deg);
+        angle_deg[0].to_radians()
+    })
 }
 
 /// Buffers of one block.
@@ -35,12 +58,20 @@ pub(super) struct OscillationScratch {
     share: Vec<f64>,
     /// Feed direction in X and Y.
     direction: [Vec<f64>; 2],
+    /// Offsets of a guided tool, in its own directions, mm.
+    guided: [Vec<f64>; 3],
 }
 
 impl OscillationScratch {
     pub(super) fn new() -> Self {
         let column = || vec![0.0; BLOCK_LENGTH];
-        Self { turns: column(), offset: column(), share: column(), direction: [column(), column()] }
+        Self {
+            turns: column(),
+            offset: column(),
+            share: column(),
+            direction: [column(), column()],
+            guided: [column(), column(), column()],
+        }
     }
 }
 
@@ -61,7 +92,11 @@ impl OscillationRun {
         start: usize,
     ) {
         let count = s.len();
-        let OscillationScratch { turns, offset, share, direction: [along_x, along_y] } = scratch;
+        if let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, &self.rotary) {
+            self.fill_share(before_mm, section_mm, s, &mut scratch.share[..count]);
+            return self.superpose_guided(columns, element, five_axis, rotary, s, scratch, block, start);
+        }
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], .. } = scratch;
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
         let (along_x, along_y) = (&mut along_x[..count], &mut along_y[..count]);
 
@@ -99,6 +134,66 @@ impl OscillationRun {
                 for (value, offset) in column[start..start + count].iter_mut().zip(&*offset) {
                     *value += map.sign * offset;
                 }
+            }
+        }
+    }
+
+    /// [`OscillationRun::superpose`] for a tool whose work the rotary axes turn: the feed direction is that which the tool sees, and
+    /// the offsets are along its own directions, which are those of the linear axes.
+    #[allow(clippy::too_many_arguments, reason = "as there")]
+    fn superpose_guided(
+        &self,
+        columns: &[ColumnMap],
+        element: &Element,
+        five_axis: &FiveAxis,
+        rotary: &RotaryDirections,
+        s: &[f64],
+        scratch: &mut OscillationScratch,
+        block: &mut SetpointBlock,
+        start: usize,
+    ) {
+        let count = s.len();
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], guided: [x, y, z] } = scratch;
+        let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
+        let rotation = if self.clockwise { 1.0 } else { -1.0 };
+        for (k, &s) in s.iter().enumerate() {
+            let seen = seen_by_tool(rotary, element, five_axis, s);
+            [along_x[k], along_y[k]] = unit(seen[0], seen[1]);
+            let feed_turns = -rotation * libm::atan2(along_y[k], along_x[k]) / TAU;
+            let spindle_turns = rotation * block.spindle_angle_deg[start + k] / 360.0;
+            turns[k] = self.oscillation.phase_turns(spindle_turns, feed_turns);
+        }
+        self.fill_offset(&self.oscillation.feed, turns, share, offset);
+        block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
+        for k in 0..count {
+            (x[k], y[k]) = (offset[k] * along_x[k], offset[k] * along_y[k]);
+        }
+        if let Some(cross) = &self.oscillation.cross {
+            self.fill_offset(cross, turns, share, offset);
+            for k in 0..count {
+                x[k] += offset[k] * along_y[k];
+                y[k] -= offset[k] * along_x[k];
+            }
+        }
+        self.fill_offset(&self.oscillation.axial, turns, share, offset);
+        z[..count].copy_from_slice(offset);
+        if columns.iter().any(ColumnMap::is_of_work) {
+            // On the work the offsets are turned back with it.
+            for (k, &s) in s.iter().enumerate() {
+                let direction = rotary.as_carried_by_tool(rotary_rad(element, five_axis, s), [x[k], y[k], z[k]]);
+                let pose = ToolPose { tip_mm: [0.0; 3], direction };
+                [x[k], y[k], z[k]] = five_axis.setup().to_work(&pose).direction;
+            }
+        }
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            let offsets = match map.axis {
+                Axis::X => &*x,
+                Axis::Y => &*y,
+                Axis::Z => &*z,
+                _ => continue,
+            };
+            for (value, offset) in column[start..start + count].iter_mut().zip(offsets) {
+                *value += map.sign * offset;
             }
         }
     }

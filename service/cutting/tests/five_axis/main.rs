@@ -9,6 +9,8 @@ mod freeform;
 mod hostile;
 mod machine;
 mod offsets;
+mod on_path;
+mod oscillation;
 mod refusals;
 
 use std::collections::BTreeSet;

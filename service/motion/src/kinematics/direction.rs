@@ -78,6 +78,20 @@ impl RotaryDirections {
         self.first
     }
 
+    /// A vector in chain coordinates as the tool sees it: R₂(−θ₂)·R₁(−θ₁)·v.
+    #[must_use]
+    pub fn as_seen_by_tool(&self, rotary_rad: [f64; 2], v: Vec3) -> Vec3 {
+        let [first, second] = rotary_rad.map(|angle_rad| libm::sincos(-angle_rad));
+        rotate(self.second, second, rotate(self.first, first, v))
+    }
+
+    /// A vector that the tool carries in chain coordinates: R₁(θ₁)·R₂(θ₂)·v.
+    #[must_use]
+    pub fn as_carried_by_tool(&self, rotary_rad: [f64; 2], v: Vec3) -> Vec3 {
+        let [first, second] = rotary_rad.map(libm::sincos);
+        rotate(self.first, first, rotate(self.second, second, v))
+    }
+
     /// v = R₁(θ₁)·R₂(θ₂)·d, a unit vector in chain coordinates.
     #[must_use]
     pub fn at(&self, rotary_rad: [f64; 2]) -> Vec3 {
@@ -165,6 +179,17 @@ impl FiveAxisSegment {
 }
 
 impl Kinematics {
+    /// The rotary axes, where both of them turn the work and none the tool, which stands along Z over X, Y and Z: there the linear
+    /// axes move the tool in its own directions, however the work is turned.
+    #[must_use]
+    pub fn under_fixed_spindle(&self) -> Option<RotaryDirections> {
+        let is_along = |v: Vec3, k: usize| (0..3).all(|component| v[component] == f64::from(u8::from(component == k)));
+        let turns_work = self.linear.iter().all(|linear| self.rotary.iter().all(|rotary| rotary < linear));
+        let linear = self.linear.iter().map(|&linear| &self.joints[linear]);
+        let is_plain = linear.clone().all(|joint| is_along(joint.direction, joint.axis.index()));
+        (turns_work && is_plain && is_along(self.tool_direction, 2)).then(|| self.rotary_directions())
+    }
+
     /// The rotary axes alone.
     #[must_use]
     pub fn rotary_directions(&self) -> RotaryDirections {

@@ -1,14 +1,15 @@
 //! Judging oscillating cuts: what can be said about an element alone, and about a whole pass where tool, feed or spindle
 //! speed are new.
 
+use feedwave_motion::kinematics::RotaryDirections;
 use feedwave_motion::{Curve, Element, top_command};
-use feedwave_program::{Axis, Finding, SourceSpan, SpindleDirection, SpindleSpeed};
+use feedwave_program::{Axis, Finding, Position, SourceSpan, SpindleDirection, SpindleSpeed};
 
 use super::ActiveOscillation;
 use super::limits::{LeftLimits, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use crate::PipelineConfig;
 use crate::cut::Cut;
-use crate::interpolator::OscillationRun;
+use crate::interpolator::{OscillationRun, seen_by_tool};
 use crate::tool_oscillation::{
     ConditionChoice, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut, OscillationJob,
     OscillationReport, OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation,
@@ -17,6 +18,10 @@ use crate::tool_oscillation::{
 
 /// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
 const LEAST_IN_PLANE: f64 = 0.1;
+/// Stretches of an element in which the turning of the feed direction is looked at.
+const TURNING_PLACES: usize = 16;
+/// What it is taken larger between them: along a corner's quintics it changes by a tenth from one place to the next.
+const TURNING_MARGIN: f64 = 1.2;
 /// Most passes whose judgement is kept.
 const MAX_KNOWN: usize = 256;
 /// Most floors that are simulated for one program.
@@ -106,6 +111,7 @@ impl ActiveOscillation {
         element: &Element,
         cut: &Cut,
         tool: u32,
+        rotary: Option<&RotaryDirections>,
         vibrates: bool,
         config: &PipelineConfig,
         judgements: Option<&mut Judgements>,
@@ -115,7 +121,17 @@ impl ActiveOscillation {
         let mut refuse =
             |code, message: &str, cure: &str| found.push(Finding::error(code, span, message).suggest(cure));
         let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
-        if turns_axes || matches!(element.curve, Curve::FiveAxis(_)) {
+        let guided = match &element.curve {
+            Curve::FiveAxis(five_axis) => Some(five_axis),
+            _ => None,
+        };
+        if guided.is_some() && rotary.is_none() {
+            let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
+                           under a spindle along Z: here one of them turns the tool";
+            refuse("OSC-FIVE-AXIS", message, "switch the oscillation off before");
+            return None;
+        }
+        if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
             refuse("OSC-ROTARY", "the tool oscillates while a rotary axis moves", "switch the oscillation off before");
             return None;
         }
@@ -135,8 +151,8 @@ impl ActiveOscillation {
         }
         let spindle_rev_per_min = rev_per_min.min(config.profile.machine.max_spindle_rev_per_min);
         let in_plane = |s: f64| {
-            let tangent = element.tangent(s);
-            libm::hypot(tangent[Axis::X.index()], tangent[Axis::Y.index()])
+            let heading = heading(rotary, element, s);
+            libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
         };
         let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
         if least < LEAST_IN_PLANE {
@@ -145,7 +161,7 @@ impl ActiveOscillation {
             return None;
         }
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, &config.profile.machine);
-        let curvature = element.curvature();
+        let curvature = guided.map_or_else(|| element.curvature(), |_| turning_per_mm(rotary, element));
         let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
         if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
             let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
@@ -345,6 +361,34 @@ fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: 
     );
 }
 
+/// The direction of the path, under tool centre point control as the tool sees it.
+pub(super) fn heading(rotary: Option<&RotaryDirections>, element: &Element, s: f64) -> Position {
+    let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, rotary) else { return element.tangent(s) };
+    let mut heading = Position::default();
+    heading[..3].copy_from_slice(&seen_by_tool(rotary, element, five_axis, s));
+    heading
+}
+
+/// How fast the feed direction turns in the work plane along an element, rad by mm: between places, with a margin for what lies
+/// between them.
+fn turning_per_mm(rotary: Option<&RotaryDirections>, element: &Element) -> f64 {
+    let azimuth = |place: usize| {
+        let heading = heading(rotary, element, element.length * place as f64 / TURNING_PLACES as f64);
+        libm::atan2(heading[1], heading[0])
+    };
+    let step_mm = element.length / TURNING_PLACES as f64;
+    let mut before = azimuth(0);
+    let mut largest = 0.0_f64;
+    for place in 1..=TURNING_PLACES {
+        let next = azimuth(place);
+        let turned = next - before;
+        let turned = turned - core::f64::consts::TAU * (turned / core::f64::consts::TAU).round();
+        largest = largest.max(turned.abs() / step_mm);
+        before = next;
+    }
+    TURNING_MARGIN * largest
+}
+
 /// What the generator gets.
 fn run(oscillation: ToolOscillation, condition: &OscillationCondition, cut: &OscillationCut) -> OscillationRun {
     let feed_per_period_mm = cut.feed_per_rev_mm() / f64::from(oscillation.periods_per_rev);
@@ -353,5 +397,6 @@ fn run(oscillation: ToolOscillation, condition: &OscillationCondition, cut: &Osc
         ramp_mm: ramp_mm(condition.ramp_periods, feed_per_period_mm, amplitude_mm, condition.may_overrun),
         oscillation,
         clockwise: cut.clockwise,
+        rotary: None,
     }
 }
