@@ -7,7 +7,7 @@ use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
 use super::{Engagement, OscillationDirection, Waveform};
 use crate::MAX_AMPLITUDE_MM;
-use crate::wording::{decimal, round_down, round_up};
+use crate::wording::{decimal, round_down, round_to, round_up};
 
 /// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.
 const PERIOD_TOLERANCE: f64 = 1e-5;
@@ -132,10 +132,15 @@ pub(super) fn period(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> O
             .with_value("period", seconds, "s")
             .with_value("revolution", revolution_s, "s")
             .with_value("periods_per_rev", periods, "")
-            .suggest_value(format!("use {nearest} periods per revolution"), None, "periods_per_rev", nearest, "")
+            .suggest_value(use_periods(nearest), None, "periods_per_rev", nearest, "")
             .suggest_value("or the period that belongs to it", None, "period", revolution_s / nearest, "s"),
     );
     None
+}
+
+/// The cure by another number of periods per revolution.
+fn use_periods(periods: f64) -> String {
+    format!("use {periods} {} per revolution", if periods == 1.0 { "period" } else { "periods" })
 }
 
 /// Every condition of a pass whose quantities are possible.
@@ -163,7 +168,7 @@ fn edges_and_period(job: &OscillationJob<'_>, report: &OscillationReport, findin
         Finding::error("OSC-EDGES-PERIOD", job.span, message)
             .with_value("edges", f64::from(edges), "")
             .with_value("periods_per_rev", f64::from(periods), "")
-            .suggest_value(format!("use {nearest} periods per revolution"), None, "periods_per_rev", nearest, ""),
+            .suggest_value(use_periods(nearest), None, "periods_per_rev", nearest, ""),
     );
 }
 
@@ -197,13 +202,9 @@ fn hold(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
             .rev()
             .find(|periods| f64::from(*periods) <= most && job.tool.edge_count().is_multiple_of(*periods));
         match fitting {
-            Some(periods) => finding.suggest_value(
-                format!("use {periods} periods per revolution"),
-                None,
-                "periods_per_rev",
-                f64::from(periods),
-                "",
-            ),
+            Some(periods) => {
+                finding.suggest_value(use_periods(f64::from(periods)), None, "periods_per_rev", f64::from(periods), "")
+            }
             None => finding.suggest("use a tool with more edges"),
         }
     });
@@ -251,7 +252,8 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
         Finding::warning("OSC-PHASE", job.span, message)
     };
     let cure_deg = job.condition.axial.phase_deg + error_deg;
-    let cure_deg = cure_deg - 360.0 * (cure_deg / 360.0).round();
+    // To a thousandth, and no negative zero.
+    let cure_deg = round_to(cure_deg - 360.0 * (cure_deg / 360.0).round(), 3) + 0.0;
     findings.push(finding.with_value("phase_error", error_deg, "deg").suggest_value(
         format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
         None,

@@ -152,6 +152,15 @@ fn depth_beyond_the_edges_needs_stages() {
 }
 
 #[test]
+fn a_cure_of_the_phase_is_no_negative_zero() {
+    let (tool, mut condition) = (tool(), condition());
+    condition.axial.phase_deg = 30.0;
+    let finding = found(&job(&tool, &condition), "OSC-PHASE", Severity::Warning);
+    assert_eq!(finding.suggestions[0].message, "let the axial oscillation run ahead by 0 degrees");
+    assert_eq!(suggested(&finding, "axial_phase").to_bits(), 0.0f64.to_bits());
+}
+
+#[test]
 fn finishing_edges_of_the_tool_data_are_led_to() {
     let (mut tool, condition) = (tool(), condition());
     tool.edges[1].finishing = true;
