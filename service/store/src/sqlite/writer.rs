@@ -9,6 +9,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use tokio::runtime::Handle;
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
@@ -127,7 +128,9 @@ impl Writer {
             commits,
             _alive: alive,
         };
-        let task = tokio::spawn(task.run(receiver, settings.max_commit_operations.max(1)));
+        let (runtime, max_operations) = (Handle::current(), settings.max_commit_operations.max(1));
+        // A thread of its own: a commit is many short waits, none of which may queue up behind other tasks.
+        let task = tokio::task::spawn_blocking(move || runtime.block_on(task.run(receiver, max_operations)));
         let units = settings.write_queue_bytes.div_ceil(PAYLOAD_UNIT_BYTES).clamp(1, 1 << 28);
         // In range by the line above.
         let payload_units = u32::try_from(units).unwrap_or(u32::MAX);
