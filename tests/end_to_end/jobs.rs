@@ -105,6 +105,7 @@ async fn every_field_that_is_wrong_is_named_at_once() {
         interpolation_period_us: 7,
         generation_mode: 99,
         tools: vec!["tools/ok".to_owned(), "drill".to_owned()],
+        ..CreateJobRequest::default()
     };
     let status = clients.jobs.create_job(request).await.unwrap_err();
     let fields = violated_fields(&status);

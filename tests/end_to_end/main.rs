@@ -4,6 +4,7 @@ mod configuration;
 mod dashboards;
 mod discovery;
 mod durability;
+mod five_axis;
 mod hostile;
 mod jobs;
 mod lifecycle;

@@ -1,5 +1,6 @@
 //! `feedwave demo`: the whole way once, with a real server and a real client over TCP, checking what it shows.
 
+mod five_axis;
 mod milling;
 mod steps;
 mod threading;

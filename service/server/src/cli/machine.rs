@@ -93,6 +93,11 @@ fn generic(kind: Kind) -> MachineProfile {
     }
 }
 
+/// A machine profile from a file.
+pub(super) fn profile_of(path: &Path) -> Result<MachineProfile, CliError> {
+    read_profile(path, None)
+}
+
 fn read_profile(path: &Path, kind: Option<Kind>) -> Result<MachineProfile, CliError> {
     let stated = data_file::read(path)?;
     // A profile that says what kind of machine it is need not be told so again.

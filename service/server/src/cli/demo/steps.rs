@@ -15,7 +15,7 @@ use super::super::report;
 use super::super::source::Source;
 use super::super::stream::{self, Event};
 use super::super::terminal::{count, counted, number};
-use super::{Stage, milling, threading};
+use super::{Stage, five_axis, milling, threading};
 use crate::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
 use crate::convert::profile_to_proto;
 use crate::lifecycle::{RunningServer, Server};
@@ -99,6 +99,7 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     compare_local(stage, &cured_program, &profile, &setpoints)?;
     let mut others = threading::all(stage, &mut client, MACHINE, &profile, out).await?;
     others.extend(milling::all(stage, &mut client, out).await?);
+    others.extend(five_axis::all(stage, &mut client, out).await?);
     list(stage, &mut client).await?;
     draw(stage, &cured_program, &profile, others, out)
 }
@@ -138,7 +139,19 @@ pub(super) async fn make_machine(
 }
 
 pub(super) async fn submit(client: &mut Client, machine: &str, name: &str, program: &str) -> Result<Checked, CliError> {
+    submit_with(client, machine, name, program, &[]).await
+}
+
+/// A job with tools of the library.
+pub(super) async fn submit_with(
+    client: &mut Client,
+    machine: &str,
+    name: &str,
+    program: &str,
+    tools: &[&str],
+) -> Result<Checked, CliError> {
     let request = CreateJobRequest {
+        tools: tools.iter().map(|tool| crate::names::tool(tool)).collect(),
         machine: crate::names::machine(machine),
         source: Some(ProgramSource::InlineProgram(program.as_bytes().to_vec().into())),
         display_name: name.to_owned(),
@@ -362,7 +375,7 @@ async fn list(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
         let (warnings, setpoints) = (count(summary.warnings), count(summary.setpoint_count));
         stage.say(&format!("{:<22} {state:<9} {warnings:>9} {setpoints:>10}  {}", job.display_name, job.name))?;
     }
-    stage.check(jobs.len() == 7, "seven jobs are stored with their programs and reports")
+    stage.check(jobs.len() == 9, "nine jobs are stored with their programs and reports")
 }
 
 fn draw(
