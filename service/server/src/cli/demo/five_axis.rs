@@ -61,7 +61,7 @@ async fn thinned(stage: &mut Stage, client: &mut Client, profile: &MachineProfil
     let ThinningReport { blocks_read, blocks_dropped, position_deviation_mm, .. } = thinning;
     stage.check(
         checked.job.state() == JobState::Ready && blocks_dropped > blocks_read / 2,
-        &format!("M33 drops {} of {} blocks that matter to nobody", count(blocks_dropped), count(blocks_read)),
+        &format!("M33 drops {} of {} blocks", count(blocks_dropped), count(blocks_read)),
     )?;
     let axes = &thinning.rotary_axes;
     let reversals: Vec<_> = axes

@@ -67,9 +67,10 @@ impl GuidedWay {
             let chords = circle.as_ref().map_or(1, Circle::chords);
             let mut last_mm = from_mm;
             for chord in 1..=chords {
-                let next_mm = match (&circle, &guided.plane) {
-                    (Some(circle), Some(plane)) if chord < chords => {
-                        plane.to_work(circle.at(f64::from(chord) / f64::from(chords)))
+                let next_mm = match &circle {
+                    Some(circle) if chord < chords => {
+                        let point_mm = circle.at(f64::from(chord) / f64::from(chords));
+                        guided.plane.as_ref().map_or(point_mm, |plane| plane.to_work(point_mm))
                     }
                     _ => to_mm,
                 };

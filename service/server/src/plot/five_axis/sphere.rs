@@ -103,7 +103,7 @@ impl Picture for SpherePicture<'_> {
         let plots = self.plots;
         let letter = plots.setup.letters[0];
         let subtitle = format!(
-            "{} \u{b7} while cutting, in work coordinates \u{b7} pole: the {letter} axis \u{b7} close up: angles from the \
+            "{} \u{b7} while cutting, seen from the work \u{b7} pole: the {letter} axis \u{b7} close up: angles from the \
              middle, in their true size",
             self.program
         );
