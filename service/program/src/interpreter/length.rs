@@ -45,7 +45,11 @@ impl Execution<'_> {
             });
         }
         let tool = self.state.tool;
-        if tool != 0 && tool != number {
+        if let Some(word) = word
+            && tool != 0
+            && tool != number
+        {
+            let span = self.block.word_span(&word);
             self.findings.push_with(Severity::Warning, || {
                 let message = format!("H{number} is the length of another tool than T{tool}, which is in the spindle");
                 Finding::warning(code::LENGTH_OTHER_TOOL, span, message)

@@ -75,7 +75,7 @@ fn contradictions_are_refused() {
 
 #[test]
 fn another_tool_and_cuts_are_pointed_out() {
-    check(&mill(), "T2 M6\nG43 H1 G0 Z0", "tool 2.0\nrapid Z-100 -> 0\nw 2:1+3 PRG-LENGTH-OTHER-TOOL");
+    check(&mill(), "T2 M6\nG43 H1 G0 Z0", "tool 2.0\nrapid Z-100 -> 0\nw 2:5+2 PRG-LENGTH-OTHER-TOOL");
     check(&mill(), "T2 M6\nG43 H2 G0 Z0", "tool 2.0\nrapid Z-50 -> 0");
     check(&mill(), "G1 G43 H2 X1 F10", "line Z-50 -> X1 Z-50 @10/min\nw 1:4+3 PRG-LENGTH-WHILE-CUTTING");
     check(&mill(), "G1 F10\nG43 H2\nG44 H2 X1", "line Z50 -> X1 Z50 @10/min\nw 3:1+3 PRG-LENGTH-WHILE-CUTTING");
