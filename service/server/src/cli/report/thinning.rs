@@ -27,7 +27,9 @@ pub(super) fn text(thinning: &ThinningReport, style: Style) -> String {
     if thinning.time_before_s > 0.0 {
         let share = 1.0 - thinning.time_after_s / thinning.time_before_s;
         let (before, after) = (number(thinning.time_before_s, 5), number(thinning.time_after_s, 5));
-        rows.row("time", format!("{before} s before, {after} s after: {} % less", number(share * 100.0, 3)));
+        // A dropped block's feed that moved on may be a lower one.
+        let than = if share < 0.0 { "more" } else { "less" };
+        rows.row("time", format!("{before} s before, {after} s after: {} % {than}", number(share.abs() * 100.0, 3)));
     }
     if thinning.blocks_dropped > 0 {
         let at = |line: u32| if line == 0 { String::new() } else { format!(" (line {line})") };
