@@ -1,6 +1,7 @@
 //! `feedwave demo`: the whole way once, with a real server and a real client over TCP, checking what it shows.
 
 mod five_axis;
+mod live;
 mod milling;
 mod steps;
 mod threading;

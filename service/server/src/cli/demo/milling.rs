@@ -19,7 +19,7 @@ use crate::proto::{FeedOverrideChange, LimitTimes};
 
 const CONTOUR: &str = include_str!("../../../../../tests/fixtures/contour-mill.nc");
 const NAME: &str = "contour-mill.nc";
-const MACHINE: &str = "demo-mill";
+pub(super) const MACHINE: &str = "demo-mill";
 /// What the program asks for at corners, and what it is compared with.
 const ROUNDED: &str = "G64 P0.02";
 const EXACT: &str = "G61";

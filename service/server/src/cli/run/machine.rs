@@ -90,7 +90,7 @@ pub(super) fn refused(violations: &[Violation]) -> CliError {
 }
 
 /// Limits of the deflection for a simulated machine: windows as short as simulated programs are.
-pub(super) fn usual_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
+pub(in crate::cli) fn usual_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
     let pairs = [description.tool_sensors, description.work_sensors];
     if pairs.iter().flatten().any(|pair| pair.quantity != Quantity::Displacement) {
         return Err(CliError::trouble(
@@ -110,7 +110,8 @@ pub(super) fn usual_monitoring(description: &Description) -> Result<proto::Monit
         baseline: Length::Series(3),
         ..MonitoringConfig::default()
     };
-    // A simulated machine stands while its computer is busy: that is no silence.
-    config.quality.silence_s = 10.0;
+    // A simulated machine stands while its computer is busy: that is no silence, and its telemetry is not stale.
+    config.quality.silence_s = 600.0;
+    config.quality.stale_s = 600.0;
     Ok(monitoring_to_proto(&config))
 }

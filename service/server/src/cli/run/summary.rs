@@ -17,11 +17,11 @@ struct Stretch {
 
 /// Collects it.
 #[derive(Debug)]
-pub(super) struct Summary {
+pub(in crate::cli) struct Summary {
     stretches: Vec<Stretch>,
     /// Decisions by action.
     actions: BTreeMap<&'static str, u64>,
-    pub(super) end: Option<RunEnded>,
+    pub(in crate::cli) end: Option<RunEnded>,
 }
 
 impl Default for Summary {
@@ -40,6 +40,11 @@ impl Summary {
         if let (Some(Evidence::Process(process)), Some(stretch)) = (evidence, self.stretches.last_mut()) {
             stretch.deviation = Some(process.max_deviation);
         }
+    }
+
+    /// Changes of the feed so far.
+    pub(in crate::cli) fn changes(&self) -> usize {
+        self.stretches.len() - 1
     }
 
     pub(super) fn changed(&mut self, change: RunFeedChange) {
