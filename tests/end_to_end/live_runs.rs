@@ -26,7 +26,7 @@ const PART: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nX40. Z-25.
 /// How often the service is killed.
 const KILLS: u64 = 6;
 
-fn config() -> MonitoringConfig {
+pub(crate) fn config() -> MonitoringConfig {
     let seconds = |seconds| Some(WindowLength { length: Some(Length::Seconds(seconds)) });
     MonitoringConfig {
         sample_rate_hz: Some(1_000.0),
@@ -54,7 +54,7 @@ fn config() -> MonitoringConfig {
 }
 
 /// Ten samples of a machine that idles for ten batches and then deflects too far, or too little, in turns.
-fn batch(sequence: u64) -> TelemetryBatch {
+pub(crate) fn batch(sequence: u64) -> TelemetryBatch {
     let samples = sequence * 10..(sequence + 1) * 10;
     let cutting = sequence >= 10;
     let deflection = if (sequence / 50).is_multiple_of(2) { 0.02 } else { 0.001 };

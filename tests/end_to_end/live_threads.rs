@@ -18,8 +18,7 @@ use tonic::{Status, Streaming};
 use crate::live_runs::{batch, config};
 
 /// A cut, a thread of two seconds in line 4, and a cut.
-const THREAD: &str =
-    "G21 G94 G97 S600 M3\nG0 X30. Z5.\nG1 Z2. F200\nG32 Z-30. F1.5\nG0 X35.\nG1 Z-60. F200\nM30\n";
+const THREAD: &str = "G21 G94 G97 S600 M3\nG0 X30. Z5.\nG1 Z2. F200\nG32 Z-30. F1.5\nG0 X35.\nG1 Z-60. F200\nM30\n";
 const PLAIN: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nM30\n";
 
 struct Live {
@@ -161,6 +160,7 @@ async fn decisions_hold_while_a_thread_is_handed_out_and_the_run_knows_it_by_its
     assert_eq!(run.judge(window(4)).await, held);
     run.reach(6).await;
     assert_eq!(run.changes, changes, "nothing changed in the thread");
+    run.say(Request::Receipt(RunReceipt { received: run.lines.len() as u64 })).await;
     assert_eq!(run.judge(window(5)).await, change, "the pass is over");
     assert_eq!(run.finish().await.state(), RunState::Finished);
     drop(run);
@@ -245,8 +245,7 @@ async fn telemetry_that_stops_while_cutting_brings_the_fallback_whether_the_clie
         };
         let ended = run.finish().await;
         let change = run.changes.iter().find(|change| change.setpoint_index > 500);
-        let expected_end =
-            if fallback == SilenceFallback::Stop { RunState::Stopped } else { RunState::Finished };
+        let expected_end = if fallback == SilenceFallback::Stop { RunState::Stopped } else { RunState::Finished };
         assert_eq!(ended.state(), expected_end, "{fallback:?}, gone: {client_goes}");
         assert_eq!(change.map(|change| (change.ratio, change.cause())), expected, "gone: {client_goes}");
         drop(run);
