@@ -41,7 +41,7 @@ pub(crate) struct GuideState {
     cut: Option<CutNote>,
     /// A rotary axis has left its range, which was reported: what follows in the cut says nothing new.
     ran_out: bool,
-    /// The block before passed a pole, which was reported.
+    /// The block before was a cut that passed a pole, which was reported.
     near_pole: bool,
     /// Line that tilted the plane in which the tool was beside the normal, which was reported.
     beside_normal: Option<u32>,
@@ -415,7 +415,9 @@ impl Guide {
         let turn_deg = (motion.end.position[first.index()] - before.position[first.index()]).abs();
         let deviation_deg = motion.deviation_rad.to_degrees();
         let near = distance_deg < NEAR_POLE_DEG && (turn_deg > POLE_TURN_DEG || deviation_deg > 0.0);
-        if !std::mem::replace(&mut state.near_pole, near) && near {
+        // A cut is named though the rapid before it was.
+        let is_named = std::mem::replace(&mut state.near_pole, near && state.cutting);
+        if near && !is_named {
             let letter = first.letter();
             let message = format!(
                 "the tool is within {distance_deg:.4} degrees of the {letter} axis here, which turns by {turn_deg:.1} \
