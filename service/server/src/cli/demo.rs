@@ -3,6 +3,7 @@
 mod five_axis;
 mod live;
 mod milling;
+mod oscillation;
 mod steps;
 mod threading;
 

@@ -48,7 +48,7 @@ impl ToolArgs {
 }
 
 /// The tools of a file, checked as the service checks them.
-fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
+pub(super) fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
     let library: Library = data_file::read(path)?.extract().map_err(|error| data_file::not_as_expected(path, error))?;
     let mut problems = Vec::new();
     for (index, tool) in library.tools.iter().enumerate() {

@@ -406,11 +406,15 @@ fn the_demo_holds_what_it_claims_and_draws_it() {
     let output = run(&[&"demo", &"--out", &out]);
     let text = stdout(&output);
     assert_eq!(code(&output), 0, "{text}{}", stderr(&output));
-    assert!(text.contains("all 40 checks hold") && !text.contains('✗'), "{text}");
+    assert!(text.contains("all 52 checks hold") && !text.contains('✗'), "{text}");
     assert!(text.contains("D = 3.000") && text.contains("G200 F41.667 A0.05"), "{text}");
-    for file in
-        ["as-programmed/chip-line-32.png", "as-programmed/chip-line-32.svg", "cured/position.png", "milling/motion.png"]
-    {
+    for file in [
+        "as-programmed/chip-line-32.png",
+        "as-programmed/chip-line-32.svg",
+        "cured/position.png",
+        "milling/motion.png",
+        "oscillation/oscillation-line-9-stages.png",
+    ] {
         assert!(out.join(file).metadata().unwrap().len() > 1_000, "{file}");
     }
     let csv = std::fs::read_to_string(out.join("turning-demo-cured.csv")).unwrap();

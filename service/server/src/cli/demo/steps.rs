@@ -15,7 +15,7 @@ use super::super::report;
 use super::super::source::Source;
 use super::super::stream::{self, Event};
 use super::super::terminal::{count, counted, number};
-use super::{Stage, five_axis, live, milling, threading};
+use super::{Stage, five_axis, live, milling, oscillation, threading};
 use crate::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
 use crate::convert::profile_to_proto;
 use crate::lifecycle::{RunningServer, Server};
@@ -101,6 +101,7 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     others.extend(milling::all(stage, &mut client, out).await?);
     others.extend(five_axis::all(stage, &mut client, out).await?);
     others.extend(live::all(stage, &mut client, milling::MACHINE, out).await?);
+    others.extend(oscillation::all(stage, &mut client, out).await?);
     list(stage, &mut client).await?;
     draw(stage, &cured_program, &profile, others, out)
 }
@@ -376,7 +377,7 @@ async fn list(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
         let (warnings, setpoints) = (count(summary.warnings), count(summary.setpoint_count));
         stage.say(&format!("{:<22} {state:<9} {warnings:>9} {setpoints:>10}  {}", job.display_name, job.name))?;
     }
-    stage.check(jobs.len() == 10, "ten jobs are stored with their programs and reports")
+    stage.check(jobs.len() == 15, "fifteen jobs are stored with their programs and reports")
 }
 
 fn draw(
