@@ -11,6 +11,7 @@ mod lifecycle;
 mod live_runs;
 mod live_threads;
 mod memory;
+mod oscillation;
 mod overrides;
 mod setpoints;
 mod status;

@@ -94,7 +94,8 @@ pub enum Command {
     ///
     /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
     /// shows a vibration that never breaks the chip being caught and cured, streams the setpoints, takes a stream up in the
-    /// middle, and draws pictures. Every claim is checked; the exit code is 0 only if all of them hold.
+    /// middle, lets a milling tool oscillate, and draws pictures. Every claim is checked; the exit code is 0 only if all of
+    /// them hold.
     Demo(demo::Args),
 }
 
