@@ -93,7 +93,7 @@ fn retraction_mm(turns: f64) -> f64 {
 /// Every setpoint with the whole oscillation stands where the page says at its own spindle angle; how many there are.
 #[track_caller]
 fn assert_in_step(setpoints: &Setpoints) -> usize {
-    let (x, z) = (setpoints.column("X"), setpoints.column("Z"));
+    let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));
     let path = setpoints.of_kind(ColumnKind::PathPosition);
     let spindle = setpoints.of_kind(ColumnKind::SpindleAngle);
     let start_mm = path.last().expect("setpoints") - LENGTH_MM;
