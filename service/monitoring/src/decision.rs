@@ -149,7 +149,7 @@ pub struct Inputs {
     pub programmed_rpm: Option<f64>,
     /// Spindle speed of the window, rev/min: measured, or programmed times override.
     pub current_rpm: Option<f64>,
-    /// Whether a thread is being cut.
+    /// Whether a thread is being cut, or was at some time of the window.
     pub threading: bool,
 }
 

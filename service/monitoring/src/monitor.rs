@@ -56,6 +56,8 @@ struct Run {
     overrides: Overrides,
     programmed_rpm: Option<f64>,
     threading: bool,
+    /// A thread was being cut at some time of the window under way.
+    threaded: bool,
     newest_batch: Option<u64>,
     samples: u64,
     decisions: u64,
@@ -122,6 +124,7 @@ impl Monitor {
             overrides: Overrides::FULL,
             programmed_rpm: None,
             threading: false,
+            threaded: false,
             newest_batch: None,
             samples: 0,
             decisions: 0,
@@ -212,7 +215,10 @@ impl Monitor {
                 }
                 self.run.overrides = Overrides { feed, spindle };
             }
-            Event::Threading(threading) => self.run.threading = threading,
+            Event::Threading(threading) => {
+                self.run.threading = threading;
+                self.run.threaded |= threading;
+            }
             Event::Tool(tool) => {
                 if tool != self.run.tool {
                     self.run.tool = tool;
@@ -464,13 +470,15 @@ impl Monitor {
 
     /// Makes one record and carries it out.
     fn decide(&mut self, time_ns: u64, span: Span, evidence: Evidence, sink: &mut dyn FnMut(Decision)) -> Action {
+        // A window that a thread reached into is no evidence of the cut after it; a silence is about the present.
+        let threading = self.run.threading || (self.run.threaded && matches!(evidence, Evidence::Process(_)));
         let inputs = Inputs {
             evidence,
             rules: self.config.rules.clone(),
             before: self.run.overrides,
             programmed_rpm: self.run.programmed_rpm,
             current_rpm: self.current_rpm(),
-            threading: self.run.threading,
+            threading,
         };
         let outcome = decide(&inputs);
         let number = self.run.decisions;
@@ -500,5 +508,6 @@ impl Monitor {
             self.run.baseline.fill([0.0; 2]);
         }
         self.run.window.restart(length, &self.config);
+        self.run.threaded = self.run.threading;
     }
 }

@@ -232,19 +232,25 @@ fn chatter_is_named_with_its_frequency() {
 }
 
 #[test]
-fn a_thread_holds_until_its_pass_ends() {
-    let mut monitor = monitor(config());
-    let columns = cutting([0.05, 0.0], 3);
-    let mut decisions = Vec::new();
-    let mut sink = |decision| decisions.push(decision);
-    let cuts = [0, 3000, 4000, columns.len()];
-    for (sequence, part) in cuts.windows(2).enumerate() {
-        monitor.push(&columns.batch(sequence as u64, part[0], part[1]), &mut sink).unwrap();
-        monitor.note(Event::Threading(sequence == 0), &mut sink).unwrap();
+fn a_thread_holds_to_the_end_of_the_window_in_which_its_pass_ends() {
+    // Windows end at samples 3401, 4401 and 5401.
+    for (pass, held) in [([2500, 2510], 1), ([3000, 3401], 1), ([3000, 3402], 2), ([3000, 5000], 3)] {
+        let mut monitor = monitor(config());
+        let columns = cutting([0.05, 0.0], 3);
+        let mut decisions = Vec::new();
+        let mut sink = |decision| decisions.push(decision);
+        let cuts = [0, pass[0], pass[1], columns.len()];
+        for (sequence, part) in cuts.windows(2).enumerate() {
+            monitor.push(&columns.batch(sequence as u64, part[0], part[1]), &mut sink).unwrap();
+            monitor.note(Event::Threading(sequence == 0), &mut sink).unwrap();
+        }
+        let reasons: Vec<_> = decisions[1..].iter().map(|decision| decision.outcome.reason).collect();
+        let expected: Vec<_> =
+            (0..3).map(|window| if window < held { Reason::Threading } else { Reason::FeedAboveLimit }).collect();
+        assert_eq!(reasons, expected, "{pass:?}");
+        assert_eq!(decisions[held].outcome.after, Overrides::FULL);
+        assert!(decisions[1..].iter().all(|decision| decision.inputs.threading == (decision.number <= held as u64)));
     }
-    let reasons: Vec<_> = decisions.iter().map(|decision| decision.outcome.reason).collect();
-    assert_eq!(reasons, [Reason::ToolFit, Reason::Threading, Reason::FeedAboveLimit, Reason::FeedAboveLimit]);
-    assert_eq!(decisions[1].outcome.after, Overrides::FULL);
 }
 
 #[test]
