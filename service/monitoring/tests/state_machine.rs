@@ -234,7 +234,7 @@ fn chatter_is_named_with_its_frequency() {
 #[test]
 fn a_thread_holds_to_the_end_of_the_window_in_which_its_pass_ends() {
     // Windows end before samples 3400, 4400 and 5400.
-    for (pass, held) in [([2500, 2510], 1), ([3000, 3400], 1), ([3000, 3401], 2), ([3000, 5000], 3)] {
+    for (pass, held) in [([2500, 2510], 1), ([3000, 3399], 1), ([3000, 3400], 2), ([3000, 5000], 3)] {
         let mut monitor = monitor(config());
         let columns = cutting([0.05, 0.0], 3);
         let mut decisions = Vec::new();
