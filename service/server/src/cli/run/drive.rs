@@ -136,6 +136,9 @@ impl Drive {
                 Err(status) => return Err(self.failed(&status)),
             }
         };
+        if !self.summary.begins(&started.feed_changes) {
+            return Err(broken("a run was taken up without the changes of the feed that it had told"));
+        }
         self.acknowledge(started.durable_batch, started.state());
         for change in started.feed_changes.iter().skip(self.summary.changes()) {
             self.summary.changed(*change);

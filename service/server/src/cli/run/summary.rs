@@ -51,6 +51,16 @@ impl Summary {
         self.stretches.push(Stretch { first_index: change.setpoint_index, ratio: change.ratio, deviation: None });
     }
 
+    /// Whether a list of all changes begins with those heard of.
+    pub(super) fn begins(&self, changes: &[RunFeedChange]) -> bool {
+        let heard = &self.stretches[1..];
+        heard.len() <= changes.len()
+            && heard
+                .iter()
+                .zip(changes)
+                .all(|(heard, change)| (heard.first_index, heard.ratio) == (change.setpoint_index, change.ratio))
+    }
+
     /// As text for people.
     pub(super) fn text(&self, run: &str, period_us: f64) -> String {
         let mut text = format!("\n{:>12}  {:>12}  {:>15}\n", "from s", "feed %", "last deviation");
