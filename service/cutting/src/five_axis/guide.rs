@@ -1,6 +1,7 @@
 //! Guided moves: from what the program says about the tool to elements of the machine's axes.
 
 mod plane;
+mod refusal;
 
 use std::sync::Arc;
 
@@ -14,6 +15,8 @@ use feedwave_program::{
 };
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::refusal::no_kinematics;
+use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
 use crate::PipelineConfig;
 
@@ -238,7 +241,13 @@ impl Guide {
                 let runs_out =
                     matches!(refusal, FiveAxisRefusal::Pose { reason: KinematicsError::OutOfRange { .. }, .. });
                 if !(std::mem::replace(&mut state.ran_out, runs_out) && runs_out) {
-                    findings.push(refused(&refusal, span, state.cut.as_ref()));
+                    let finding = refused(&refusal, span, state.cut.as_ref());
+                    findings.push(match refusal {
+                        FiveAxisRefusal::Pose {
+                            reason: KinematicsError::OutOfRange { axis, range_rad, .. }, ..
+                        } => self.cure_range(finding, (axis, range_rad), guided, block.toward),
+                        _ => finding,
+                    });
                 }
                 return None;
             }
@@ -251,7 +260,12 @@ impl Guide {
             self.report_turn(cut, [&before, &motion.end], span, findings);
         }
         self.check_aligned(guided, before.direction, span, state, findings);
-        self.check_pole(&motion, &before, by_angles, span, state, findings);
+        if block.rapid {
+            // It turns without a feed: most approaches leave a pole.
+            state.near_pole = false;
+        } else {
+            self.check_pole(&motion, &before, by_angles, span, state, findings);
+        }
         Some(Guided::Elements(motion))
     }
 
@@ -400,7 +414,7 @@ impl Guide {
         Ok(Setup { work, tool_length_mm: length_mm })
     }
 
-    /// Names the block in which the first rotary axis turns because the tool is parallel to it, or nearly so.
+    /// Names the cut in which the first rotary axis turns because the tool is parallel to it, or nearly so.
     fn check_pole(
         &self,
         motion: &FiveAxisMotion,
@@ -442,90 +456,5 @@ impl Guide {
 impl Tool {
     fn is_for(&self, guided: &GuidedMove) -> bool {
         self.length_offset == guided.length_offset && self.work_offset == guided.step.work_offset
-    }
-}
-
-fn no_axis(axis: Axis, span: SourceSpan) -> Finding {
-    let message = format!("{} is not among the five axes of the kinematics", axis.letter());
-    Finding::error("AXIS-MISSING", span, message)
-        .suggest("remove the word, or move the axis while tool centre point control is off")
-}
-
-/// Tool centre point control on a machine that has no kinematics.
-pub(crate) fn no_kinematics(span: SourceSpan) -> Finding {
-    let message = "tool centre point control and tilted planes need the kinematics of the machine, which its profile does not have";
-    Finding::error("FIVE-AXIS-KINEMATICS", span, message).suggest("describe the five axes in the machine profile")
-}
-
-/// A rotary axis that leaves its range, and how its other solution fares.
-fn out_of_range(
-    reason: &KinematicsError,
-    message: String,
-    share: f64,
-    span: SourceSpan,
-    cut: Option<&CutNote>,
-) -> Finding {
-    let KinematicsError::OutOfRange { value_rad, range_rad: [low_rad, high_rad], .. } = *reason else {
-        return Finding::error("FIVE-AXIS-RANGE", span, message);
-    };
-    let other = cut.and_then(|cut| cut.other);
-    let message = match (cut, other) {
-        (Some(cut), Some(other)) => format!(
-            "{message}; the cut begins in line {}, and begun in the other solution or a turn off it gets no further: {} would \
-             reach {:.3} degrees in line {}, beyond its range from {:.3} to {:.3}",
-            cut.line,
-            other.axis.letter(),
-            other.value_deg,
-            other.line,
-            other.range_deg[0],
-            other.range_deg[1]
-        ),
-        (Some(cut), None) => format!("{message}; the cut begins in line {}", cut.line),
-        (None, _) => message,
-    };
-    let mut finding = Finding::error("FIVE-AXIS-RANGE", span, message)
-        .with_value("share", share, "")
-        .with_value("angle", value_rad.to_degrees(), "deg")
-        .with_value("range_min", low_rad.to_degrees(), "deg")
-        .with_value("range_max", high_rad.to_degrees(), "deg")
-        .with_value("excess", reason.excess_rad().to_degrees(), "deg");
-    if let Some(cut) = cut {
-        finding = finding.with_value("cut_line", f64::from(cut.line), "");
-    }
-    if let Some(other) = other {
-        finding = finding
-            .with_value("other_line", f64::from(other.line), "")
-            .with_value("other_angle", other.value_deg, "deg")
-            .with_value("other_range_min", other.range_deg[0], "deg")
-            .with_value("other_range_max", other.range_deg[1], "deg");
-    }
-    finding = finding
-        .suggest("divide the cut before this block: retract with G0, and approach it anew with G0 and its direction");
-    finding.suggest("clamp the work in another position")
-}
-
-fn refused(refusal: &FiveAxisRefusal, span: SourceSpan, cut: Option<&CutNote>) -> Finding {
-    let message = refusal.to_string();
-    match *refusal {
-        FiveAxisRefusal::Pose { share, reason } => {
-            let finding = |code| Finding::error(code, span, message.clone()).with_value("share", share, "");
-            match reason {
-                KinematicsError::OutOfRange { .. } => out_of_range(&reason, message, share, span, cut),
-                KinematicsError::Unreachable { missing_rad } => finding("FIVE-AXIS-UNREACHABLE")
-                    .with_value("missing", missing_rad.to_degrees(), "deg")
-                    .suggest("clamp the work in another position"),
-                _ => finding("FIVE-AXIS-POSE").suggest("check the kinematics in the machine profile"),
-            }
-        }
-        FiveAxisRefusal::Opposite(_) => Finding::error("FIVE-AXIS-OPPOSITE", span, message)
-            .suggest("write a direction in between, which says over which side the tool turns"),
-        FiveAxisRefusal::Start { difference, .. } => Finding::error("FIVE-AXIS-START", span, message)
-            .with_value("difference", difference, "")
-            .suggest("move to the start of the cut with G0 first"),
-        FiveAxisRefusal::TooSharp { share } => Finding::error("FIVE-AXIS-TOO-SHARP", span, message)
-            .with_value("share", share, "")
-            .suggest("keep off the edge of what the rotary axes can reach"),
-        FiveAxisRefusal::NotANumber => Finding::error("FIVE-AXIS-POSE", span, message)
-            .suggest("check the numbers of the block and of the work offset"),
     }
 }

@@ -46,7 +46,7 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
         let (blocks, largest) = (rotary.off_blocks, rotary.largest_deviation_deg);
         let message = format!(
             "{blocks} dropped blocks turn a rotary axis by more than the angle tolerance from what is interpolated, \
-             {largest:.3} degrees here, while the tool direction hardly changes: it is close to the axis"
+             {largest:.3} degrees here, while their tool direction is within it of the kept block before"
         );
         findings.push(
             Finding::warning("THIN-ROTARY", place(rotary.largest_deviation_line), message)

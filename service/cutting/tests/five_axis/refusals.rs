@@ -42,6 +42,21 @@ fn directions_that_cannot_be() {
     let finding = refusal("G43.4 H1 G0 Z100 A40", &config());
     assert_eq!(finding.code, "FIVE-AXIS-RANGE");
     assert!((value(&finding, "excess") - 10.0).abs() < 1e-9);
+    let cures = |finding: &Finding| finding.suggestions.iter().map(|it| it.message.clone()).collect::<Vec<_>>();
+    let [other, keep, clamp] = [
+        "turn to C 180.000 and A -40.000 degrees, which give the same tool direction within the ranges",
+        "keep A from -120.000 to 30.000 degrees",
+        "clamp the work in another position",
+    ];
+    assert_eq!(cures(&finding), [other, keep, clamp]);
+    let angle = finding.suggestions[1].value.as_ref().expect("an angle");
+    assert!((angle.value - 30.0).abs() < 1e-9);
+    // Neither solution, where the other one has A -150.
+    assert_eq!(cures(&refusal("G43.4 H1 G0 Z100 A150", &config())), [keep, clamp]);
+    // In the numbers of the program where it counts from elsewhere.
+    let mut offset = config();
+    offset.profile.language.work_offsets[0][3] = 10.0;
+    assert_eq!(cures(&refusal("G43.4 H1 G0 Z100 A40", &offset))[1], "keep A from -130.000 to 20.000 degrees");
     assert_eq!(refusal("G43.4 H1 G0 Z100 B5", &config()).code, "AXIS-MISSING");
     let opposite = "G43.5 H1 G0 X0 Y0 Z100 I0 J1 K0\nI0 J-1 K0";
     assert_eq!(refusal(opposite, &config()).code, "FIVE-AXIS-OPPOSITE");
@@ -83,6 +98,15 @@ fn a_pole_is_named_with_its_block() {
     assert_eq!(finding.span.line, 3);
     assert!((value(finding, "turn") - 90.0).abs() < 1e-6, "{finding:?}");
     assert!(value(finding, "pole_distance") < 1e-6);
+    // A rapid has no feed to limit; a cut through the pole after it has.
+    let approach = "G43.5 H1 G0 X0 Y0 Z20 I0 J0 K1\nG0 X5 I.2 J0 K1\nG0 X0 I0 J0 K1";
+    let cut = "G0 X0 I0 J-.2 K1\nG1 X5 I0 J0 K1 F1000\nX10 I.2 J0 K1";
+    let singular = |program: &str| {
+        let found = findings(program, &config());
+        found.iter().filter(|finding| finding.code == "FIVE-AXIS-SINGULAR").map(|it| it.span.line).collect::<Vec<_>>()
+    };
+    assert_eq!(singular(approach), []);
+    assert_eq!(singular(&format!("{approach}\n{cut}")), [6]);
 }
 
 #[test]
@@ -93,6 +117,7 @@ fn what_thinning_did_is_said() {
     let finding = found.iter().find(|finding| finding.code == "THIN-ROTARY").unwrap_or_else(|| panic!("{found:#?}"));
     assert_eq!((finding.span.line, value(finding, "blocks")), (4, 1.0));
     assert!((value(finding, "deviation") - 90.0).abs() < 1e-9);
+    assert!(finding.message.contains("within it of the kept block before"), "{}", finding.message);
     // The page's 0°, 1°, 2°, 60° at θ = 3°.
     let mut config = config();
     config.profile.thinning.angle_tolerance_deg = 3.0;

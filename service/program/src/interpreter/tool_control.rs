@@ -83,7 +83,13 @@ impl Execution<'_> {
     fn thinning_parameter(&mut self, word: &Word, span: SourceSpan) {
         let value = word.number.value();
         if value != 0.0 && value != 1.0 {
-            return self.word_conflict(word, "P here switches thinning: P1 on, P0 off");
+            let span = self.block.word_span(word);
+            return self.findings.push_with(Severity::Error, || {
+                Finding::error(code::WORD_CONFLICT, span, "P here switches thinning: P1 on, P0 off")
+                    .with_value("word", value, "")
+                    .suggest_replacement("switch thinning on", "P1")
+                    .suggest_replacement("switch thinning off", "P0")
+            });
         }
         let on = value == 1.0;
         if on != self.state.tool_control.thinning {
@@ -293,7 +299,8 @@ impl Execution<'_> {
             ToolMode::Vectors => axes & ROTARY_LETTERS,
         };
         if foreign != 0 {
-            self.used |= foreign;
+            // The direction that stands beside is no further mistake.
+            self.used |= foreign | vector;
             let place = foreign.trailing_zeros() as usize;
             let span = self.block.word_span(self.block.slot(place));
             let value = self.block.slot(place).number.value();

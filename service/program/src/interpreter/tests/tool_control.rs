@@ -38,6 +38,8 @@ fn vectors_are_normalised() {
          guided vector 0,0,-1 0,0,-1 H2 cut -> X13 Y20 Z30 @1/2
          guided vector 0,0,-1 1,0,0 H2 rapid -> X13 Y20 Z30",
     );
+    // An angle is one mistake, also beside the vector.
+    check(&mill(), "G43.5 H2\nX1 Y1 Z1 F100 A30 I0 J0 K1 G1", "! 2:15+3 PRG-TOOL-DIRECTION");
     check(
         &mill(),
         "G43.5 H2\nG1 X1 Y1 Z1 F100 I0 J0 K0\nX2 A30\nX3 G43.5 H2",
@@ -102,6 +104,15 @@ fn contradictions_are_refused() {
     );
     check(&mill(), "M33\nM34", "! 1:1+3 PRG-TOOL-CONTROL-OFF");
     check(&lathe(), "G43.4", "! 1:1+5 PRG-UNSUPPORTED-CODE");
+}
+
+#[test]
+fn a_wrong_switch_of_thinning_is_cured() {
+    let (_, findings) = interpret(b"G43.4 H1 P2\nM30\n", mill());
+    let [finding] = findings.findings() else { panic!("{findings:?}") };
+    assert_eq!(finding.values[0].value, 2.0);
+    let cures: Vec<_> = finding.suggestions.iter().filter_map(|it| it.replacement.as_deref()).collect();
+    assert_eq!(cures, ["P1", "P0"]);
 }
 
 #[test]
