@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 use feedwave_cutting::SetpointBlock;
 use feedwave_cutting::thinning::{DeviationTrace, ThinningSettings};
-use feedwave_motion::kinematics::RotaryDirections;
+use feedwave_motion::kinematics::vector::Vec3;
+use feedwave_motion::kinematics::{RotaryDirections, Setup, ToolPose};
 
 use super::canvas::{self, PlotError};
 use super::series::Series;
@@ -35,12 +36,29 @@ pub struct FiveAxisSetup {
     pub letters: [char; 2],
     /// Which directions their angles give.
     pub directions: RotaryDirections,
+    /// Work coordinates in which they are shown: rotary offsets turn them against the machine.
+    pub work: Setup,
     /// Lines of the cuts with a guided tool, in ascending stretches.
     pub cuts: Vec<RangeInclusive<u32>>,
     /// Lines of the close view.
     pub close_lines: RangeInclusive<u32>,
     /// Interpolation period, s.
     pub period_s: f64,
+}
+
+impl FiveAxisSetup {
+    /// A direction on the part of the machine that carries the work, in work coordinates.
+    fn on_work(&self, direction: Vec3) -> Vec3 {
+        self.work.to_work(&ToolPose { tip_mm: [0.0; 3], direction }).direction
+    }
+
+    /// The tool direction of a setpoint, in work coordinates.
+    fn direction(&self, block: &SetpointBlock, row: usize, angles_deg: [f64; 2]) -> Vec3 {
+        match block.tool_direction.as_slice() {
+            [x, y, z] => [x[row], y[row], z[row]],
+            _ => self.on_work(self.directions.at(angles_deg.map(f64::to_radians))),
+        }
+    }
 }
 
 /// What thinning did, for captions and tolerances.
@@ -115,7 +133,7 @@ impl Plan {
             for (extent, angle_deg) in self.cut_extents_deg.iter_mut().zip(angles_deg) {
                 *extent = (extent.0.min(angle_deg), extent.1.max(angle_deg));
             }
-            let direction = setup.directions.at(angles_deg.map(f64::to_radians));
+            let direction = setup.direction(block, row, angles_deg);
             if let Some(last) = self.last.replace(direction) {
                 self.directions.line(Stretch::Cutting, last, direction);
             }
@@ -193,5 +211,63 @@ impl FiveAxisPlots {
             files.extend(canvas::write(&DeviationPicture { program, thinning }, directory)?);
         }
         Ok(files)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use feedwave_motion::kinematics::vector::{angle, norm, sub};
+    use feedwave_motion::kinematics::{BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Wrap};
+    use feedwave_program::{Axis, Position};
+
+    use super::*;
+
+    fn block(rotary_deg: [f64; 2], tool_direction: Vec<Vec<f64>>) -> SetpointBlock {
+        let [first, second] = rotary_deg.map(|angle_deg| vec![angle_deg]);
+        SetpointBlock {
+            first_index: 0,
+            axes: vec![second, first],
+            tool_direction,
+            path_position_mm: vec![0.0],
+            feed_mm_per_min: vec![0.0],
+            vibration_offset_mm: vec![0.0],
+            spindle_angle_deg: vec![0.0],
+            line: vec![1],
+            servo: None,
+        }
+    }
+
+    #[test]
+    fn directions_are_in_work_coordinates_whatever_the_stream_is_in() {
+        let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let axis =
+            |axis, direction| ChainAxis { axis, direction, point_mm: [0.0; 3], range: None, wrap: Wrap::Counting };
+        let description = KinematicsDescription {
+            chain: vec![axis(Axis::C, z), axis(Axis::A, x), axis(Axis::Y, y), axis(Axis::X, x), axis(Axis::Z, z)],
+            gauge_point_mm: [0.0; 3],
+            tool_direction: z,
+            preferred_branch: BranchPreference::Nearest,
+        };
+        let kinematics = Kinematics::new(&description).unwrap();
+        let mut offset = Position::default();
+        (offset[Axis::A.index()], offset[Axis::C.index()]) = (-20.0, 30.0);
+        let setup = FiveAxisSetup {
+            columns: [(1, 1.0), (0, 1.0)],
+            letters: ['C', 'A'],
+            directions: kinematics.rotary_directions(),
+            work: Setup { work: kinematics.work_frame_at(&kinematics.from_position(&offset)), tool_length_mm: 0.0 },
+            cuts: vec![1..=1],
+            close_lines: 1..=1,
+            period_s: 1e-3,
+        };
+        let shown = |block: &SetpointBlock, angles_deg| setup.direction(block, 0, angles_deg);
+        // At the offsets the tool is along Z of the work, which is not the line of C any more.
+        let at_offset = shown(&block([30.0, -20.0], Vec::new()), [30.0, -20.0]);
+        assert!(norm(sub(at_offset, z)) < 1e-12, "{at_offset:?}");
+        let pole = setup.on_work(setup.directions.first_axis());
+        assert!((angle(pole, z).to_degrees() - 20.0).abs() < 1e-9);
+        // A stream in work coordinates says itself where the tool points; its angles count from the offsets.
+        let told = block([0.0, 0.0], vec![vec![0.0], vec![0.6], vec![0.8]]);
+        assert_eq!(shown(&told, [0.0, 0.0]), [0.0, 0.6, 0.8]);
     }
 }

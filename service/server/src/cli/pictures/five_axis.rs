@@ -4,8 +4,8 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use feedwave_cutting::{Frame, PipelineConfig, ValidationReport};
-use feedwave_motion::kinematics::Kinematics;
-use feedwave_program::{Axis, GuidedMove, MoveKind, ToolGuide};
+use feedwave_motion::kinematics::{Kinematics, Setup};
+use feedwave_program::{Axis, GuidedMove, MoveKind, Position, ToolGuide};
 
 use super::super::CliError;
 use super::super::local::{self, Progress};
@@ -28,6 +28,8 @@ pub(super) struct GuidedWay {
     /// Lines of the cuts.
     cuts: Vec<RangeInclusive<u32>>,
     cutting: bool,
+    /// Work offset of the first cut, whose work coordinates the tool directions are shown in.
+    work_offset: Option<Position>,
 }
 
 impl GuidedWay {
@@ -83,6 +85,9 @@ impl GuidedWay {
             Some(last) if cutting && (self.cutting || full) => *last = *last.start()..=line,
             _ if cutting => self.cuts.push(line..=line),
             _ => {}
+        }
+        if cutting {
+            self.work_offset.get_or_insert(guided.step.work_offset);
         }
         self.cutting = cutting;
     }
@@ -150,6 +155,10 @@ pub(super) fn prepare(
         columns: [first, second],
         letters: rotary.map(Axis::letter),
         directions: kinematics.rotary_directions(),
+        work: Setup {
+            work: kinematics.work_frame_at(&kinematics.from_position(&way.work_offset.unwrap_or_default())),
+            tool_length_mm: 0.0,
+        },
         cuts: way.cuts,
         close_lines,
         period_s: config.period_s(),

@@ -117,7 +117,7 @@ impl Picture for SpherePicture<'_> {
         let (globe, _) = globe.split_vertically(globe_px);
 
         let center = middle(&plots.as_run.directions);
-        let axis = plots.setup.directions.first_axis();
+        let axis = plots.setup.on_work(plots.setup.directions.first_axis());
         let pole = if dot(axis, center) < 0.0 { scaled(axis, -1.0) } else { axis };
         let map = Eye::at(center, pole);
         let (x, y) = self.extent(&map);
