@@ -1,5 +1,7 @@
 //! The whole way from program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
+mod config;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -7,79 +9,18 @@ use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
 use feedwave_program::{
     Finding, FindingLog, Function, Interpreter, InterpreterState, LineOutcome, Operation, OperationKind, SourceSpan,
-    ToolLength,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::builder::{Analysis, Builder, BuilderState};
 use crate::five_axis::{Guide, Scout, StageState, ThinningStage, TimedPlans};
 use crate::interpolator::{self, Barrier, Fill, Interpolator};
-use crate::tool_oscillation::{OscillationRequest, ToolGeometry};
-use crate::{BLOCK_LENGTH, Frame, GenerationMode, MachineProfile, ProgramThinning, SetpointBlock};
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, ProgramThinning, SetpointBlock};
 
-/// What a run of the pipeline is for; immutable while it runs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PipelineConfig {
-    /// The machine.
-    pub profile: MachineProfile,
-    /// Interpolation period, µs: [`MIN_PERIOD_US`] to [`MAX_PERIOD_US`].
-    pub interpolation_period_us: u32,
-    /// How the vibration is generated; the profile's mode unless the request says otherwise.
-    pub generation_mode: GenerationMode,
-    /// Coordinates of the axis columns.
-    pub frame: Frame,
-    /// Changes of the feed override, ascending by index. What they act on is planned at 100 % before the first.
-    pub overrides: Vec<OverrideChange>,
-    /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
-    pub tools: Vec<Tool>,
-    /// What the job asks of the oscillations of its program.
-    pub oscillation: OscillationRequest,
-    /// Runs every block even where the program has blocks thinned: what thinning is compared with.
-    pub every_block: bool,
-}
-
-impl PipelineConfig {
-    /// Default period, the profile's generation mode, machine coordinates, no tool list.
-    #[must_use]
-    pub fn new(profile: MachineProfile) -> Self {
-        let generation_mode = profile.vibration.generation_mode;
-        Self {
-            profile,
-            interpolation_period_us: DEFAULT_PERIOD_US,
-            generation_mode,
-            frame: Frame::Machine,
-            overrides: Vec::new(),
-            tools: Vec::new(),
-            oscillation: OscillationRequest::default(),
-            every_block: false,
-        }
-    }
-
-    /// The lengths of the tools that have one.
-    #[must_use]
-    pub fn tool_lengths(&self) -> Vec<ToolLength> {
-        let length = |tool: &Tool| Some(ToolLength { number: tool.number, length_mm: tool.length_mm? });
-        self.tools.iter().filter_map(length).collect()
-    }
-
-    /// Interpolation period, s.
-    #[must_use]
-    pub fn period_s(&self) -> f64 {
-        f64::from(self.interpolation_period_us) * 1e-6
-    }
-}
-
-/// Shortest interpolation period, µs.
-pub const MIN_PERIOD_US: u32 = 50;
-/// Longest interpolation period, µs.
-pub const MAX_PERIOD_US: u32 = 20_000;
-/// Interpolation period where the request names none, µs.
-pub const DEFAULT_PERIOD_US: u32 = 1_000;
-/// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
-pub const MAX_SETPOINTS: u64 = 1 << 32;
-
-/// Highest ratio of the feed override.
-pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
+pub use config::{
+    DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
+    Tool,
+};
 
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
 const MAX_HELD_ITEMS: usize = 1 << 14;
@@ -87,36 +28,6 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
 const SNAPSHOT_VERSION: u8 = 16;
-
-/// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct OverrideChange {
-    /// Index of the setpoint at whose instant it changes.
-    pub index: u64,
-    /// Ratio of the feed to the programmed one, 0 (feed hold) to 2.
-    pub ratio: f64,
-}
-
-/// What validation needs to know of a tool.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tool {
-    /// Number of the `T` word.
-    pub number: u32,
-    /// Name for people.
-    #[serde(default)]
-    pub name: String,
-    /// Highest permitted spindle speed, rev/min.
-    #[serde(default)]
-    pub max_rev_per_min: Option<f64>,
-    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
-    #[serde(default)]
-    pub length_mm: Option<f64>,
-    /// Its cutting edges, which oscillation needs.
-    #[serde(default)]
-    pub geometry: Option<ToolGeometry>,
-}
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
