@@ -40,7 +40,8 @@ fn simulator(criterion: &mut Criterion) {
                 machine
                     .push(&setpoints, &mut |batch| samples += black_box(batch).time_ns.len())
                     .expect("possible setpoints");
-                assert!(samples > 99_000, "{samples} samples");
+                // 99.9 batches of simulated time; the last one is not full yet.
+                assert_eq!(samples, 99_000);
                 samples
             });
         });

@@ -14,7 +14,7 @@ pub(super) struct ToolArgs {
     /// Tool library, TOML or JSON: `tools`, each with number, name, max_rev_per_min, length_mm and geometry (its
     /// cutting edges, which G202 needs); with any tool stated, others are unknown
     #[arg(long = "tools", value_name = "FILE")]
-    library: Option<PathBuf>,
+    tool_file: Option<PathBuf>,
     /// A tool and its length from the gauge point, such as 1=120.5; may be repeated, for tools that are not in the tool
     /// library. H of G43.4 and G43.5 means these lengths
     #[arg(long = "tool", value_name = "NUMBER=MM", value_parser = tool)]
@@ -31,7 +31,7 @@ struct Library {
 impl ToolArgs {
     /// The tools of the library and of the command line.
     pub(super) fn read(&self) -> Result<Vec<Tool>, CliError> {
-        let mut tools = match &self.library {
+        let mut tools = match &self.tool_file {
             Some(path) => read_library(path)?,
             None => Vec::new(),
         };
@@ -86,7 +86,7 @@ mod tests {
         let path = directory.path().join(name);
         std::fs::write(&path, text).unwrap();
         let lengths = lengths.iter().map(|text| tool(text).unwrap()).collect();
-        let tools = ToolArgs { library: Some(path.clone()), lengths }.read();
+        let tools = ToolArgs { tool_file: Some(path.clone()), lengths }.read();
         tools.map_err(|error| error.message.replace(&path.display().to_string(), name))
     }
 
