@@ -34,6 +34,8 @@ finding_codes! {
     UNKNOWN_CODE = "PRG-UNKNOWN-CODE": "a G or M code the dialect does not know";
     UNSUPPORTED_CODE = "PRG-UNSUPPORTED-CODE": "a known code that is not supported yet";
     GROUP_CONFLICT = "PRG-GROUP-CONFLICT": "two codes of one modal group in a block";
+    CODE_AMBIGUOUS = "PRG-CODE-AMBIGUOUS": "a code that controls read differently with these words, so that nothing moves on a guess";
+    UNIT_WITH_FEED = "PRG-UNIT-WITH-FEED": "a feed in the block that changes the unit, which controls read in different units";
     MOTION_MISSING = "PRG-MOTION-MISSING": "axis words, but no motion code in force";
     FEED_MISSING = "PRG-FEED-MISSING": "a cutting move without a valid feed; the F of a thread is none";
     FEED_NOT_POSITIVE = "PRG-FEED-NOT-POSITIVE": "a feed that is zero, negative or too small to mean anything";

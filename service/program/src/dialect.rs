@@ -5,11 +5,11 @@
 
 mod tables;
 
-use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, MILL, code};
+use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, LINUXCNC, MILL, code};
 
 pub(crate) use tables::{FunctionWordRule, function_words};
 
-use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane};
+use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane, XWord};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +20,8 @@ pub(crate) enum Group {
     Plane,
     Units,
     Distance,
+    ArcDistance,
+    Diameter,
     FeedUnit,
     SpeedMode,
     CutterCompensation,
@@ -38,6 +40,7 @@ pub(crate) enum Group {
     Spindle,
     Coolant,
     Tapping,
+    Overrides,
     Subprogram,
 }
 
@@ -53,6 +56,9 @@ impl Group {
             Self::Plane => "plane",
             Self::Units => "unit",
             Self::Distance => "distance mode",
+            Self::ArcDistance => "arc distance mode",
+            Self::Diameter => "diameter mode",
+            Self::Overrides => "override",
             Self::FeedUnit => "feed mode",
             Self::SpeedMode => "spindle speed mode",
             Self::CutterCompensation => "cutter compensation",
@@ -130,6 +136,8 @@ pub(crate) enum Meaning {
     Distance {
         absolute: bool,
     },
+    /// `G7`, `G8`
+    XWord(XWord),
     Feed(FeedUnit),
     SpeedMode {
         surface: bool,
@@ -169,6 +177,50 @@ pub(crate) struct Code {
     pub(crate) tenths: u16,
     pub(crate) group: Group,
     pub(crate) meaning: Meaning,
+    /// What another control of this kind makes of the code where axis words follow it.
+    pub(crate) other_reading: Option<&'static OtherReading>,
+}
+
+/// A second reading of a code with axis words that a dialect cannot rule out: then nothing moves on a guess.
+#[derive(Debug, PartialEq)]
+pub(crate) struct OtherReading {
+    /// What the code is without axis words.
+    pub(crate) here: &'static str,
+    /// What else it may be with them.
+    pub(crate) elsewhere: &'static str,
+    /// The other reading is that of G-code system A, which a program with codes of other systems is not written in.
+    pub(crate) of_system_a: bool,
+    /// The other reading is a motion code, so that of it and a motion code in one block the later one counts: a motion code behind
+    /// it settles the matter, one before it does not. Otherwise any motion code in the block settles it.
+    pub(crate) is_motion: bool,
+    /// Without axis words in its block, it is in force for the blocks behind it until the next motion code.
+    pub(crate) stays: bool,
+}
+
+/// What differs between dialects in the order in which the words of one block take effect.
+///
+/// Common to all, whatever the order of the words: feed mode (`G93`–`G95`), feed (`F`), tool (`T`, `M6`), speed clamp, spindle speed
+/// mode and speed (`G96`, `G97`, `S`), `M3` and `M4`, `M7` and `M8`, dwell (`G4`), plane, path control, work offset, distance mode
+/// (`G90`, `G91`), tool length (`G43`), tilted plane, machining function, reference position (`G28`), motion, stop or end. So `G91`,
+/// `G54` and `G43` hold for the motion of their own block, `M3` is in force before it, and `G4` waits before it.
+#[derive(Debug)]
+pub(crate) struct Order {
+    /// The unit (`G20`, `G21`) is in force before the feed and the speed of its block; otherwise directly behind them, before the
+    /// dwell. Lengths of axes and curves are in the new unit in either case, as are those of a machining function.
+    pub(crate) unit_before_feed: bool,
+    /// `M5` and `M9` take effect behind the motion of their block instead of before it.
+    pub(crate) stops_after_motion: bool,
+    /// Each word of a feed mode takes the feed before it out of force, even one that changes nothing.
+    pub(crate) feed_mode_clears_feed: bool,
+}
+
+impl Order {
+    /// FANUC and Haas: the unit first; the builder chooses when `M5` and `M9` act, usually behind the motion.
+    const FANUC: Self = Self { unit_before_feed: true, stops_after_motion: true, feed_mode_clears_feed: false };
+
+    /// LinuxCNC, as its handbook lists it and its interpreter does: the unit takes effect behind feed and speed, so that `G20 F6`
+    /// under `G21` is 6 mm/min.
+    const LINUXCNC: Self = Self { unit_before_feed: false, stops_after_motion: false, feed_mode_clears_feed: true };
 }
 
 /// What an address letter means outside the blocks of machining functions.
@@ -214,12 +266,16 @@ pub(crate) const fn letter_bit(letter: u8) -> u32 {
 pub(crate) struct Dialect {
     /// Meaning of each letter from A to Z.
     pub(crate) letters: [Letter; 26],
-    g_codes: &'static [Code],
-    m_codes: &'static [Code],
+    /// Lists of its own G codes; a later entry wins over an earlier one and over the common ones.
+    g_codes: &'static [&'static [Code]],
+    m_codes: &'static [&'static [Code]],
     /// A `T` word changes the tool at once, its last two digits being the offset; otherwise `M6` does.
     pub(crate) tool_word_changes: bool,
     /// `U` in a dwell is a time like `X`.
     pub(crate) dwell_takes_u: bool,
+    /// The `F` of a threading block is its lead; otherwise it is a feed, and leads have letters of their own.
+    pub(crate) f_is_lead: bool,
+    pub(crate) order: Order,
 }
 
 impl Dialect {
@@ -227,7 +283,23 @@ impl Dialect {
         match name {
             DialectName::Lathe => &LATHE,
             DialectName::Mill => &MILL,
+            DialectName::LinuxCnc => &LINUXCNC,
         }
+    }
+
+    /// Its G codes, later ones winning.
+    fn g_codes(&self) -> impl Iterator<Item = &'static Code> + use<> {
+        core::iter::once(&COMMON_G_CODES).chain(self.g_codes).flat_map(|codes| codes.iter())
+    }
+
+    /// Its M codes, later ones winning.
+    fn m_codes(&self) -> impl Iterator<Item = &'static Code> + use<> {
+        core::iter::once(&COMMON_M_CODES).chain(self.m_codes).flat_map(|codes| codes.iter())
+    }
+
+    /// Whether it has tool centre point control, without which nothing is thinned.
+    fn has_tool_control(&self) -> bool {
+        self.g_codes().any(|code| matches!(code.meaning, Meaning::ToolControl { .. }))
     }
 
     /// Mask of the letters that name an axis.
@@ -262,7 +334,8 @@ impl CodeTable {
         let functions = function_codes(Function::PathVibration, settings.path_vibration)
             .chain(function_codes(Function::ToolOscillation, settings.tool_oscillation))
             .chain(function_code(settings.thread_vibration.code, thread_vibration));
-        let switches = function_codes(Function::Thinning, settings.thinning);
+        let thins = dialect.has_tool_control();
+        let switches = function_codes(Function::Thinning, settings.thinning).filter(move |_| thins);
         let mut table = Self {
             dialect,
             axis_letters: dialect.axis_letters(),
@@ -270,8 +343,8 @@ impl CodeTable {
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
-        table.add(b'G', COMMON_G_CODES.iter().chain(dialect.g_codes).copied().chain(functions));
-        table.add(b'M', COMMON_M_CODES.iter().chain(dialect.m_codes).copied().chain(switches));
+        table.add(b'G', dialect.g_codes().copied().chain(functions));
+        table.add(b'M', dialect.m_codes().copied().chain(switches));
         table
     }
 
@@ -307,8 +380,7 @@ impl CodeTable {
 
 /// Whether a dialect, apart from any profile's function codes, carries out the G code of this number.
 pub(crate) fn carries_out_g_code(dialect: DialectName, number: f64) -> bool {
-    let tables = Dialect::of(dialect).g_codes;
-    let mut codes = COMMON_G_CODES.iter().chain(tables);
+    let mut codes = Dialect::of(dialect).g_codes();
     let supported = |code: &Code| !matches!(code.meaning, Meaning::Unsupported(_));
     tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number && supported(code)))
 }
@@ -328,7 +400,7 @@ fn function_code(number: f64, meaning: Meaning) -> Option<Code> {
 
 /// Whether a dialect, apart from any profile's function codes, knows the M code of this number.
 pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
-    let mut codes = COMMON_M_CODES.iter().chain(Dialect::of(dialect).m_codes);
+    let mut codes = Dialect::of(dialect).m_codes();
     tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number))
 }
 
@@ -359,13 +431,11 @@ mod tests {
 
     #[test]
     fn every_code_is_found_by_its_written_number() {
-        for settings in [LanguageSettings::default(), LanguageSettings::mill()] {
+        for settings in [LanguageSettings::default(), LanguageSettings::mill(), LanguageSettings::linuxcnc()] {
             let table = CodeTable::new(&settings);
             assert!(table.codes.len() < usize::from(NO_CODE));
-            let codes = [(b'G', COMMON_G_CODES), (b'G', table.dialect.g_codes), (b'M', COMMON_M_CODES)];
-            for (letter, code) in
-                codes.into_iter().flat_map(|(letter, codes)| codes.iter().map(move |code| (letter, code)))
-            {
+            let codes = table.dialect.g_codes().map(|code| (b'G', code));
+            for (letter, code) in codes.chain(table.dialect.m_codes().map(|code| (b'M', code))) {
                 let written = format!("{}.{}", code.tenths / 10, code.tenths % 10);
                 assert_eq!(meaning(&table, letter, written.parse().unwrap()), Some(code.meaning), "{written}");
             }

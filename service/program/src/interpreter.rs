@@ -1,6 +1,7 @@
 //! Interpreter: lines in, operations and findings out. It performs no I/O: the caller holds the buffer.
 
 mod arc;
+mod doubt;
 mod execute;
 mod length;
 mod motion;
@@ -34,11 +35,14 @@ pub enum LineOutcome {
 
 /// Reads a program line by line.
 ///
-/// Within a block the order of execution is fixed, whatever the order of its words: units; feed mode and feed;
-/// spindle speed; tool; spindle; coolant; dwell; plane; path control; work offset; distance mode; machining function;
-/// reference position; motion; program stop or end. This is the order of NIST's RS274/NGC (section 3.8) with one
-/// difference: units come first, because the numbers of a `G20` block are inches, its feed included. So `M5` and `M9`
-/// take effect before the motion of their block.
+/// Within a block the order of execution is fixed by the dialect, whatever the order of its words:
+///
+/// 1. unit (`G20`, `G21`) on FANUC and Haas controls; feed mode; feed; tool; spindle speed and its mode; `M3`, `M4`; coolant on;
+/// 2. unit in LinuxCNC, so that the feed of its block is read in the unit before;
+/// 3. dwell; plane; path control; work offset; distance mode; tool length; machining function; reference position;
+/// 4. motion; `M5` and `M9` on FANUC and Haas controls (in LinuxCNC with 1); program stop or end.
+///
+/// The unit comes first in a block of a machining function, whose words are its own.
 ///
 /// A NURBS, from `G5.2` to `G5.3`, is one move, and the block that opens it says its feed and its path control.
 ///
@@ -215,6 +219,7 @@ impl Interpreter {
             findings,
             used: 0,
             exact_stop: false,
+            doubt: None,
         };
         let end = execution.run();
         let is_refused = findings.count(Severity::Error) > errors_before;

@@ -13,6 +13,9 @@ pub enum DialectName {
     Lathe,
     /// Milling: `G93`/`G94`/`G95` feed modes, `G17` plane.
     Mill,
+    /// LinuxCNC, mills and lathes: `G7`/`G8`, `G33`, `G76` with a drive line, its own order of execution.
+    #[serde(rename = "linuxcnc")]
+    LinuxCnc,
 }
 
 impl DialectName {
@@ -207,6 +210,12 @@ impl LanguageSettings {
             initial_feed_mode: FeedMode::PerMinute,
             ..Self::default()
         }
+    }
+
+    /// Usual settings of LinuxCNC: `linuxcnc` dialect, radius X, feed per minute, dwell in seconds.
+    #[must_use]
+    pub fn linuxcnc() -> Self {
+        Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, ..Self::mill() }
     }
 
     /// A mode of path control, `G64` with the default tolerance.

@@ -26,6 +26,8 @@ pub struct InterpreterState {
     pub(crate) motion: Motion,
     pub(crate) plane: Plane,
     pub(crate) inch: bool,
+    /// A code was read that G-code system A does not have.
+    pub(crate) not_system_a: bool,
     pub(crate) absolute: bool,
     pub(crate) feed_unit: FeedUnit,
     /// Modal feed with lengths in mm; 0 until programmed in the present feed mode.
@@ -212,6 +214,12 @@ pub(crate) enum Motion {
     Thread,
     /// A lathe's `G92` with axis words: further blocks with axis words are further passes.
     ThreadCycle,
+    /// After a code that another control reads as a cycle: axis words are refused until the next motion code.
+    Doubtful {
+        /// Code number in tenths.
+        tenths: u16,
+        line: u32,
+    },
     /// After a finding about the motion mode: axis words are followed silently until the next motion code.
     Unclear,
 }
@@ -241,9 +249,10 @@ impl InterpreterState {
             motion: Motion::None,
             plane: match settings.dialect {
                 crate::DialectName::Lathe => Plane::Zx,
-                crate::DialectName::Mill => Plane::Xy,
+                crate::DialectName::Mill | crate::DialectName::LinuxCnc => Plane::Xy,
             },
             inch: settings.initial_inch,
+            not_system_a: false,
             absolute: true,
             feed_unit: match settings.initial_feed_mode {
                 FeedMode::PerMinute => FeedUnit::PerMinute,

@@ -1,11 +1,61 @@
 //! The tables: codes, letters and function words of each dialect.
 
-use super::{Code, Dialect, FeedUnit, Group, Letter, Meaning};
-use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection};
+use super::{Code, Dialect, FeedUnit, Group, Letter, Meaning, Order, OtherReading};
+use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
-    Code { tenths, group, meaning }
+    Code { tenths, group, meaning, other_reading: None }
 }
+
+/// A code that other controls read as something else where axis words follow it.
+const fn doubtful(tenths: u16, group: Group, meaning: Meaning, other_reading: &'static OtherReading) -> Code {
+    Code { tenths, group, meaning, other_reading: Some(other_reading) }
+}
+
+/// `G90` of G-code system A.
+static TURNING_CYCLE: OtherReading = OtherReading {
+    here: "absolute coordinates",
+    elsewhere: "the turning cycle (G-code system A)",
+    of_system_a: true,
+    is_motion: true,
+    stays: true,
+};
+
+/// `G94` of G-code system A.
+static FACING_CYCLE: OtherReading = OtherReading {
+    here: "feed per minute",
+    elsewhere: "the facing cycle (G-code system A)",
+    of_system_a: true,
+    is_motion: true,
+    stays: true,
+};
+
+/// `G20` of G-code system C. Alone in a block it is nobody's cycle, and systems A and B agree on it.
+static TURNING_CYCLE_C: OtherReading = OtherReading {
+    here: "inches",
+    elsewhere: "the turning cycle (G-code system C)",
+    of_system_a: false,
+    is_motion: true,
+    stays: false,
+};
+
+/// `G21` of G-code system C.
+static THREADING_CYCLE_C: OtherReading = OtherReading {
+    here: "millimetres",
+    elsewhere: "the threading cycle (G-code system C)",
+    of_system_a: false,
+    is_motion: true,
+    stays: false,
+};
+
+/// `G80` with axis words: LinuxCNC refuses it, FANUC controls differ.
+static CYCLE_END: OtherReading = OtherReading {
+    here: "the end of the cycles with a move behind it",
+    elsewhere: "an end without a move, or an error",
+    of_system_a: false,
+    is_motion: false,
+    stays: false,
+};
 
 /// G codes all dialects share.
 pub(super) const COMMON_G_CODES: &[Code] = &[
@@ -18,19 +68,14 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(51, Group::Motion, Meaning::QuadraticSpline),
     code(52, Group::Motion, Meaning::Nurbs),
     code(53, Group::Motion, Meaning::NurbsEnd),
-    code(80, Group::PathControl, Meaning::Unsupported("high-precision contour control")),
-    code(90, Group::NonModal, Meaning::ExactStop),
     code(100, Group::NonModal, Meaning::Unsupported("data setting")),
     code(170, Group::Plane, Meaning::Plane(Plane::Xy)),
     code(180, Group::Plane, Meaning::Plane(Plane::Zx)),
     code(190, Group::Plane, Meaning::Plane(Plane::Yz)),
     code(200, Group::Units, Meaning::Units { inch: true }),
     code(210, Group::Units, Meaning::Units { inch: false }),
-    code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
     code(280, Group::NonModal, Meaning::Reference),
-    code(290, Group::NonModal, Meaning::Unsupported("return from the reference position")),
     code(300, Group::NonModal, Meaning::Unsupported("second reference position")),
-    code(310, Group::NonModal, Meaning::Unsupported("skip motion")),
     code(330, Group::Motion, Meaning::Thread),
     code(400, Group::CutterCompensation, Meaning::AlreadySo),
     code(410, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
@@ -43,14 +88,10 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(570, Group::WorkOffset, Meaning::WorkOffset(3)),
     code(580, Group::WorkOffset, Meaning::WorkOffset(4)),
     code(590, Group::WorkOffset, Meaning::WorkOffset(5)),
-    code(541, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
     code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactPath)),
     code(611, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(640, Group::PathControl, Meaning::PathControl(PathControlMode::Continuous)),
-    code(650, Group::NonModal, Meaning::Unsupported("macro call")),
-    code(660, Group::MacroCall, Meaning::Unsupported("modal macro call")),
-    code(670, Group::MacroCall, Meaning::AlreadySo),
-    code(800, Group::Cycle, Meaning::AlreadySo),
+    doubtful(800, Group::Cycle, Meaning::AlreadySo, &CYCLE_END),
     code(810, Group::Motion, Meaning::Unsupported("drilling cycle")),
     code(820, Group::Motion, Meaning::Unsupported("drilling cycle with dwell")),
     code(830, Group::Motion, Meaning::Unsupported("deep-hole drilling cycle")),
@@ -69,6 +110,25 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(970, Group::SpeedMode, Meaning::SpeedMode { surface: false }),
 ];
 
+/// G codes of FANUC controls and the like, lathe and mill.
+const FANUC_G_CODES: &[Code] = &[
+    code(80, Group::PathControl, Meaning::Unsupported("high-precision contour control")),
+    code(90, Group::NonModal, Meaning::ExactStop),
+    code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
+    code(290, Group::NonModal, Meaning::Unsupported("return from the reference position")),
+    code(310, Group::NonModal, Meaning::Unsupported("skip motion")),
+    code(541, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(650, Group::NonModal, Meaning::Unsupported("macro call")),
+    code(660, Group::MacroCall, Meaning::Unsupported("modal macro call")),
+    code(670, Group::MacroCall, Meaning::AlreadySo),
+];
+
+/// M codes of FANUC controls and the like.
+const FANUC_M_CODES: &[Code] = &[
+    code(290, Group::Tapping, Meaning::Unsupported("rigid tapping")),
+    code(970, Group::Subprogram, Meaning::Unsupported("local subprogram call")),
+];
+
 /// M codes all dialects share.
 pub(super) const COMMON_M_CODES: &[Code] = &[
     code(0, Group::Stop, Meaning::Stop { optional: false }),
@@ -82,8 +142,6 @@ pub(super) const COMMON_M_CODES: &[Code] = &[
     code(80, Group::Coolant, Meaning::Flood),
     code(90, Group::Coolant, Meaning::CoolantOff),
     code(190, Group::Spindle, Meaning::Unsupported("spindle orientation")),
-    code(290, Group::Tapping, Meaning::Unsupported("rigid tapping")),
-    code(970, Group::Subprogram, Meaning::Unsupported("local subprogram call")),
     code(980, Group::Subprogram, Meaning::Unsupported("subprogram call")),
     code(990, Group::Subprogram, Meaning::Unsupported("return from a subprogram")),
 ];
@@ -137,61 +195,143 @@ pub(super) static LATHE: Dialect = Dialect {
             (b'E', Letter::Parameter),
         ],
     ),
-    g_codes: &[
-        code(320, Group::Motion, Meaning::Thread),
-        code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
-        code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-        code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-        code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
-        code(490, Group::LengthCompensation, Meaning::AlreadySo),
-        code(500, Group::NonModal, Meaning::SpeedClamp),
-        code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
-        code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
-        code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
-        code(730, Group::Motion, Meaning::Unsupported("pattern repeating cycle")),
-        code(740, Group::Motion, Meaning::Unsupported("peck cycle")),
-        code(750, Group::Motion, Meaning::Unsupported("grooving cycle")),
-        code(760, Group::Motion, Meaning::ThreadCycles),
-        code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
-        code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
-        code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
-    ],
+    g_codes: &[FANUC_G_CODES, LATHE_G_CODES],
     // The T word has changed the tool already; some posts write M6 after it all the same.
-    m_codes: &[code(60, Group::ToolChange, Meaning::AlreadySo)],
+    m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::AlreadySo)]],
     tool_word_changes: true,
     dwell_takes_u: true,
+    f_is_lead: true,
+    order: Order::FANUC,
 };
+
+const LATHE_G_CODES: &[Code] = &[
+    doubtful(200, Group::Units, Meaning::Units { inch: true }, &TURNING_CYCLE_C),
+    doubtful(210, Group::Units, Meaning::Units { inch: false }, &THREADING_CYCLE_C),
+    code(240, Group::Motion, Meaning::Unsupported("facing cycle of G-code system C")),
+    code(320, Group::Motion, Meaning::Thread),
+    code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
+    code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
+    code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
+    code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
+    code(490, Group::LengthCompensation, Meaning::AlreadySo),
+    code(500, Group::NonModal, Meaning::SpeedClamp),
+    code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
+    code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
+    code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
+    code(730, Group::Motion, Meaning::Unsupported("pattern repeating cycle")),
+    code(740, Group::Motion, Meaning::Unsupported("peck cycle")),
+    code(750, Group::Motion, Meaning::Unsupported("grooving cycle")),
+    code(760, Group::Motion, Meaning::ThreadCycles),
+    code(770, Group::Motion, Meaning::Unsupported("turning cycle of G-code system B, grooving cycle of C")),
+    code(780, Group::Motion, Meaning::Unsupported("threading cycle of G-code systems B and C")),
+    code(790, Group::Motion, Meaning::Unsupported("facing cycle of G-code system B")),
+    doubtful(900, Group::Distance, Meaning::Distance { absolute: true }, &TURNING_CYCLE),
+    code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
+    doubtful(940, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute), &FACING_CYCLE),
+    code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
+    code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
+];
 
 pub(super) static MILL: Dialect = Dialect {
     letters: with_letters(
         COMMON_LETTERS,
         [(b'U', Letter::Axis(Axis::U)), (b'V', Letter::Axis(Axis::V)), (b'W', Letter::Axis(Axis::W))],
     ),
-    g_codes: &[
-        code(150, Group::PolarCoordinates, Meaning::AlreadySo),
-        code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
-        code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
-        code(440, Group::LengthCompensation, Meaning::LengthCompensation { negative: true }),
-        code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
-        code(435, Group::LengthCompensation, Meaning::ToolControl { vectors: true }),
-        code(490, Group::LengthCompensation, Meaning::ToolControlOff),
-        code(500, Group::Scaling, Meaning::AlreadySo),
-        code(510, Group::Scaling, Meaning::Unsupported("scaling")),
-        code(680, Group::Rotation, Meaning::Unsupported("coordinate rotation")),
-        code(531, Group::NonModal, Meaning::AlignTool),
-        code(682, Group::Rotation, Meaning::TiltedPlane),
-        code(690, Group::Rotation, Meaning::RotationOff),
-        code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
-        code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
-        code(760, Group::Motion, Meaning::Unsupported("fine boring cycle")),
-        code(920, Group::NonModal, Meaning::SpeedClamp),
-        code(980, Group::CycleReturn, Meaning::AlreadySo),
-        code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
-    ],
-    m_codes: &[code(60, Group::ToolChange, Meaning::ToolChange)],
+    g_codes: &[FANUC_G_CODES, MILL_G_CODES],
+    m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::ToolChange)]],
     tool_word_changes: false,
     dwell_takes_u: false,
+    f_is_lead: true,
+    order: Order::FANUC,
 };
+
+const MILL_G_CODES: &[Code] = &[
+    code(150, Group::PolarCoordinates, Meaning::AlreadySo),
+    code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
+    code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
+    code(440, Group::LengthCompensation, Meaning::LengthCompensation { negative: true }),
+    code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
+    code(435, Group::LengthCompensation, Meaning::ToolControl { vectors: true }),
+    code(490, Group::LengthCompensation, Meaning::ToolControlOff),
+    code(500, Group::Scaling, Meaning::AlreadySo),
+    code(510, Group::Scaling, Meaning::Unsupported("scaling")),
+    code(680, Group::Rotation, Meaning::Unsupported("coordinate rotation")),
+    code(531, Group::NonModal, Meaning::AlignTool),
+    code(682, Group::Rotation, Meaning::TiltedPlane),
+    code(690, Group::Rotation, Meaning::RotationOff),
+    code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
+    code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
+    code(760, Group::Motion, Meaning::Unsupported("fine boring cycle")),
+    code(920, Group::NonModal, Meaning::SpeedClamp),
+    code(980, Group::CycleReturn, Meaning::AlreadySo),
+    code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
+];
+
+pub(super) static LINUXCNC: Dialect = Dialect {
+    letters: with_letters(
+        COMMON_LETTERS,
+        [
+            (b'U', Letter::Axis(Axis::U)),
+            (b'V', Letter::Axis(Axis::V)),
+            (b'W', Letter::Axis(Axis::W)),
+            // The length of a thread's tapers in G76.
+            (b'E', Letter::Parameter),
+        ],
+    ),
+    g_codes: &[LINUXCNC_G_CODES],
+    m_codes: &[LINUXCNC_M_CODES],
+    tool_word_changes: false,
+    dwell_takes_u: false,
+    f_is_lead: false,
+    order: Order::LINUXCNC,
+};
+
+const LINUXCNC_G_CODES: &[Code] = &[
+    code(70, Group::Diameter, Meaning::XWord(XWord::Diameter)),
+    code(80, Group::Diameter, Meaning::XWord(XWord::Radius)),
+    code(281, Group::NonModal, Meaning::Unsupported("storing the reference position")),
+    code(301, Group::NonModal, Meaning::Unsupported("storing the second reference position")),
+    code(331, Group::Motion, Meaning::Unsupported("rigid tapping")),
+    code(382, Group::Motion, Meaning::Unsupported("probing")),
+    code(383, Group::Motion, Meaning::Unsupported("probing")),
+    code(384, Group::Motion, Meaning::Unsupported("probing")),
+    code(385, Group::Motion, Meaning::Unsupported("probing")),
+    code(411, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
+    code(421, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
+    code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
+    code(431, Group::LengthCompensation, Meaning::Unsupported("tool length offset by words")),
+    code(432, Group::LengthCompensation, Meaning::Unsupported("additional tool length offset")),
+    code(490, Group::LengthCompensation, Meaning::ToolControlOff),
+    code(591, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(592, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(593, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
+    code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
+    code(711, Group::Motion, Meaning::Unsupported("turning cycle")),
+    code(712, Group::Motion, Meaning::Unsupported("turning cycle")),
+    code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
+    code(721, Group::Motion, Meaning::Unsupported("facing cycle")),
+    code(722, Group::Motion, Meaning::Unsupported("facing cycle")),
+    code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
+    code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
+    code(760, Group::Motion, Meaning::ThreadCycles),
+    code(901, Group::ArcDistance, Meaning::Unsupported("absolute arc centres")),
+    code(911, Group::ArcDistance, Meaning::AlreadySo),
+    code(920, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
+    // There is no offset that they could clear.
+    code(921, Group::NonModal, Meaning::AlreadySo),
+    code(922, Group::NonModal, Meaning::AlreadySo),
+    code(923, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
+    code(980, Group::CycleReturn, Meaning::AlreadySo),
+    code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
+];
+
+const LINUXCNC_M_CODES: &[Code] = &[
+    code(60, Group::ToolChange, Meaning::ToolChange),
+    code(480, Group::Overrides, Meaning::Unsupported("switching overrides")),
+    code(490, Group::Overrides, Meaning::Unsupported("switching overrides")),
+    code(600, Group::Stop, Meaning::Unsupported("pallet change stop")),
+];
 
 /// A word of a machining function.
 #[derive(Clone, Copy, Debug)]

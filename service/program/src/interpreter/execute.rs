@@ -1,5 +1,6 @@
 //! Execution of one block: everything but motion.
 
+use super::doubt::Doubt;
 use crate::block::{Block, CodeWord, Word};
 use crate::code;
 use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, Meaning, function_words, letter_bit};
@@ -33,6 +34,8 @@ pub(super) struct Execution<'a> {
     pub(super) used: u32,
     /// `G9`: this block ends in an exact stop.
     pub(super) exact_stop: bool,
+    /// A code that another control reads as a cycle.
+    pub(super) doubt: Option<Doubt>,
 }
 
 impl Execution<'_> {
@@ -44,9 +47,14 @@ impl Execution<'_> {
         }
         self.labels();
         let other_codes = self.block.has_codes_besides_motion();
+        let order = &self.table.dialect.order;
+        let unit_first = order.unit_before_feed || self.block.code(Group::Function).is_some();
         let mut function = None;
         if other_codes {
-            self.units();
+            self.doubt = self.doubt();
+            if unit_first {
+                self.units();
+            }
             self.feed_unit();
             self.tool_control();
             function = self.function();
@@ -58,7 +66,13 @@ impl Execution<'_> {
             self.spindle();
         }
         if other_codes {
-            self.coolant();
+            if !order.stops_after_motion {
+                self.spindle_stop();
+            }
+            self.coolant(!order.stops_after_motion);
+            if !unit_first {
+                self.units();
+            }
             self.dwell();
             self.modes();
             self.length_compensation();
@@ -71,6 +85,10 @@ impl Execution<'_> {
             self.reference();
         }
         self.motion();
+        if other_codes && order.stops_after_motion {
+            self.spindle_stop();
+            self.coolant(true);
+        }
         self.unused_words();
         if other_codes { self.stop() } else { None }
     }
@@ -134,14 +152,34 @@ impl Execution<'_> {
     }
 
     fn units(&mut self) {
-        if let Some((Meaning::Units { inch }, _)) = self.code(Group::Units) {
-            self.state.inch = inch;
+        let Some((Meaning::Units { inch }, span)) = self.code(Group::Units) else {
+            return;
+        };
+        if inch != self.state.inch && self.block.word(b'F').is_some() && self.block.code(Group::Function).is_none() {
+            self.unit_with_feed(span);
         }
+        self.state.inch = inch;
+    }
+
+    /// A feed in the block that changes the unit: dialects differ in the unit that it is read in.
+    #[cold]
+    fn unit_with_feed(&mut self, span: SourceSpan) {
+        let (new, old) = if self.state.inch { ("mm", "inch") } else { ("inch", "mm") };
+        let (here, elsewhere, others) = match self.table.dialect.order.unit_before_feed {
+            true => (new, old, "LinuxCNC"),
+            false => (old, new, "other controls"),
+        };
+        self.findings.push_with(Severity::Warning, || {
+            let message =
+                format!("the feed in the block that changes the unit is read in {here}, by {others} in {elsewhere}");
+            Finding::warning(code::UNIT_WITH_FEED, span, message)
+                .suggest("change the unit in a block of its own before it")
+        });
     }
 
     fn feed_unit(&mut self) {
         if let Some((Meaning::Feed(unit), _)) = self.code(Group::FeedUnit)
-            && unit != self.state.feed_unit
+            && (unit != self.state.feed_unit || self.table.dialect.order.feed_mode_clears_feed)
         {
             self.state.feed_unit = unit;
             self.state.feed = 0.0;
@@ -306,10 +344,14 @@ impl Execution<'_> {
         None
     }
 
-    fn coolant(&mut self) {
+    /// `M7`, `M8`, and where `off` says so `M9`.
+    fn coolant(&mut self, off: bool) {
         let Some((meaning, span)) = self.code(Group::Coolant) else {
             return;
         };
+        if meaning == Meaning::CoolantOff && !off {
+            return;
+        }
         let mut coolant = self.state.coolant;
         match meaning {
             Meaning::Mist => coolant.mist = true,
@@ -382,6 +424,19 @@ impl Execution<'_> {
         }
         if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
             self.state.absolute = absolute;
+        }
+        if let Some((Meaning::XWord(x_word), span)) = self.code(Group::Diameter)
+            && x_word != self.settings.x_word
+        {
+            self.findings.push_with(Severity::Error, || {
+                let (code, name) = match x_word {
+                    XWord::Diameter => ("G7", "diameters"),
+                    XWord::Radius => ("G8", "radii"),
+                };
+                let message = format!("{code} makes X words {name}, but the machine profile says otherwise");
+                Finding::error(code::UNSUPPORTED_CODE, span, message)
+                    .suggest(format!("let x_word of the profile's language say {name}, and use {code} throughout"))
+            });
         }
     }
 

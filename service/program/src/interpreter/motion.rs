@@ -42,6 +42,11 @@ impl Execution<'_> {
     #[inline]
     pub(super) fn motion(&mut self) {
         let before = self.state.motion;
+        if let Some(doubt) = self.doubt
+            && self.is_doubtful_motion(doubt)
+        {
+            return;
+        }
         if let Some(code) = self.block.code(Group::Motion) {
             self.state.motion = match self.table.code(code.place).meaning {
                 Meaning::Rapid => Motion::Rapid,
@@ -128,6 +133,10 @@ impl Execution<'_> {
                     Finding::error(code::MOTION_MISSING, span, "axis words, but no motion code says how to move")
                         .suggest("add G0 or G1")
                 });
+            }
+            Motion::Doubtful { tenths, line } => {
+                self.used |= CURVE_LETTERS;
+                self.doubtful_before(tenths, line);
             }
             Motion::Nurbs | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => self.used |= CURVE_LETTERS,
         }

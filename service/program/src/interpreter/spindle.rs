@@ -3,27 +3,43 @@
 use super::execute::{Execution, LEAST_RATE};
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::{Finding, OperationKind, Severity, SourceSpan, SpindleDirection};
+use crate::{Finding, OperationKind, Severity, SourceSpan, Spindle, SpindleDirection};
 
 impl Execution<'_> {
-    /// Carries out `S`, `G96`, `G97`, the clamp and `M3`, `M4`, `M5`; emits the spindle if it changed.
+    /// Carries out `S`, `G96`, `G97`, the clamp and `M3`, `M4`; emits the spindle if it changed.
     pub(super) fn spindle(&mut self) {
         let before = self.state.spindle();
         let clamp = self.speed_clamp();
         let mode = self.speed_mode();
         let speed = self.speed();
         let mut direction_span = None;
-        if let Some((Meaning::Spindle(direction), span)) = self.code(Group::Spindle) {
+        if let Some((Meaning::Spindle(direction), span)) = self.code(Group::Spindle)
+            && direction != SpindleDirection::Stopped
+        {
             self.state.spindle_direction = direction;
             self.state.reported.spindle = false;
             direction_span = Some(span);
         }
+        if let Some(span) = direction_span.or(speed).or(mode).or(clamp) {
+            self.emit_spindle(before, span);
+        }
+    }
+
+    /// Carries out `M5`.
+    pub(super) fn spindle_stop(&mut self) {
+        let Some((Meaning::Spindle(SpindleDirection::Stopped), span)) = self.code(Group::Spindle) else {
+            return;
+        };
+        let before = self.state.spindle();
+        self.state.spindle_direction = SpindleDirection::Stopped;
+        self.state.reported.spindle = false;
+        self.emit_spindle(before, span);
+    }
+
+    fn emit_spindle(&mut self, before: Spindle, span: SourceSpan) {
         let after = self.state.spindle();
         let stays_stopped = [before, after].iter().all(|spindle| spindle.direction == SpindleDirection::Stopped);
-        if after != before
-            && !stays_stopped
-            && let Some(span) = direction_span.or(speed).or(mode).or(clamp)
-        {
+        if after != before && !stays_stopped {
             self.emit(span, OperationKind::Spindle(after));
         }
     }

@@ -1,10 +1,12 @@
 //! Tests of the interpreter through one [`check`]: program text in, one line per operation and finding out.
 
 mod arcs;
+mod doubt;
 mod framing;
 mod hostile;
 mod language;
 mod length;
+mod order;
 mod path_control;
 mod splines;
 mod thread_cycles;
@@ -178,4 +180,8 @@ fn lathe() -> LanguageSettings {
 
 fn mill() -> LanguageSettings {
     LanguageSettings::mill()
+}
+
+fn linuxcnc() -> LanguageSettings {
+    LanguageSettings::linuxcnc()
 }

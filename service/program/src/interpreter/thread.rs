@@ -41,13 +41,19 @@ struct Cut {
 impl Execution<'_> {
     /// Whether the `F` of this block is the lead of a thread.
     pub(super) fn is_thread_block(&self) -> bool {
+        if !self.table.dialect.f_is_lead {
+            return false;
+        }
         let meaning = |group| self.block.code(group).map(|code| self.table.code(code.place).meaning);
         if meaning(Group::NonModal) == Some(Meaning::SpeedClampOrThreadCycle) {
             return self.block.letters & self.table.axis_letters != 0;
         }
         match meaning(Group::Motion) {
             Some(meaning) => matches!(meaning, Meaning::Thread | Meaning::ThreadCycles),
-            None => matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle),
+            None => {
+                let in_force = matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
+                in_force && self.doubt.is_none_or(|doubt| !doubt.stays())
+            }
         }
     }
 

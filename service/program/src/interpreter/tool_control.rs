@@ -215,7 +215,7 @@ impl Execution<'_> {
                 });
                 return self.state.position = end;
             }
-            Motion::Unclear => (MoveKind::Rapid, None, None),
+            Motion::Unclear | Motion::Doubtful { .. } => (MoveKind::Rapid, None, None),
             Motion::Arc { .. }
             | Motion::Cubic
             | Motion::Quadratic

@@ -145,6 +145,7 @@ fn language_from_proto(
     let dialect = match enumeration(violations, "language.dialect", language.dialect) {
         Some(proto::Dialect::Mill) => DialectName::Mill,
         Some(proto::Dialect::Lathe) => DialectName::Lathe,
+        Some(proto::Dialect::Linuxcnc) => DialectName::LinuxCnc,
         Some(proto::Dialect::Unspecified) | None => match kind {
             MachineKind::Lathe => DialectName::Lathe,
             MachineKind::Mill => DialectName::Mill,
@@ -153,6 +154,7 @@ fn language_from_proto(
     let usual = match dialect {
         DialectName::Lathe => LanguageSettings::default(),
         DialectName::Mill => LanguageSettings::mill(),
+        DialectName::LinuxCnc => LanguageSettings::linuxcnc(),
     };
     let decimal_point = enumeration(violations, "language.decimal_point", language.decimal_point);
     let x_word = enumeration(violations, "language.x_word", language.x_word);
@@ -337,6 +339,7 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
     let dialect = match language.dialect {
         DialectName::Lathe => proto::Dialect::Lathe,
         DialectName::Mill => proto::Dialect::Mill,
+        DialectName::LinuxCnc => proto::Dialect::Linuxcnc,
     };
     let decimal_point = match language.decimal_point {
         DecimalPointRule::Calculator => proto::DecimalPointRule::Calculator,

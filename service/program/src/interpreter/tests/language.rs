@@ -68,13 +68,13 @@ fn diameters_radii_and_incremental_words() {
 fn inches() {
     check(
         &mill(),
-        "G20 G1 X1. F10.\nG91 Y-.5 A90\nG21 X1.6",
+        "G20\nG1 X1. F10.\nG91 Y-.5 A90\nG21 X1.6",
         "line 0 -> X25.4 @254/min
          line X25.4 -> X25.4 Y-12.7 A90 @254/min
          line X25.4 Y-12.7 A90 -> X27 Y-12.7 A90 @254/min",
     );
     // Degrees per minute are no inches.
-    check(&mill(), "G20 G1 A90. F10.", "line 0 -> A90 @10/min");
+    check(&mill(), "G20\nG1 A90. F10.", "line 0 -> A90 @10/min");
     check(&lathe(), "G20 G0 X1.", "rapid 0 -> X12.7");
 }
 
@@ -83,7 +83,7 @@ fn decimal_point_rule() {
     let settings = LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, ..mill() };
     check(
         &settings,
-        "G0 X1500 Y1500. A1500\nG20 X10000\nG21 G1 X0 F100\nG4 X1500\nG4 X1.5",
+        "G0 X1500 Y1500. A1500\nG20 X10000\nG21\nG1 X0 F100\nG4 X1500\nG4 X1.5",
         "rapid 0 -> X1.5 Y1500 A1.5
          rapid X1.5 Y1500 A1.5 -> X25.4 Y1500 A1.5
          line X25.4 Y1500 A1.5 -> Y1500 A1.5 @100/min
@@ -183,14 +183,14 @@ fn return_to_the_reference_position() {
 fn feed_modes() {
     check(
         &lathe(),
-        "M3 S500 G1 Z1 F.2\nG98 Z2 F100\nZ3\nG99 Z4 F.1\nG94 Z5 F200\nG93 Z6 F4",
+        "M3 S500 G1 Z1 F.2\nG98 Z2 F100\nZ3\nG99 Z4 F.1\nG93 Z5 F4\nG94 Z6 F200",
         "spindle cw 500
          line 0 -> Z1 @0.2/rev
          line Z1 -> Z2 @100/min
          line Z2 -> Z3 @100/min
          line Z3 -> Z4 @0.1/rev
-         line Z4 -> Z5 @200/min
-         line Z5 -> Z6 @1/4",
+         line Z4 -> Z5 @1/4
+         line Z5 -> Z6 @200/min",
     );
     check(&mill(), "G93 G1 X1 F2\nX2\nG0 X3", "line 0 -> X1 @1/2\nrapid X2 -> X3\n! 2:1+2 PRG-FEED-MISSING");
     check(
@@ -328,6 +328,8 @@ fn groups_duplicates_and_strangers() {
     check(&mill(), "M3 M5 S5", "! 1:4+2 PRG-GROUP-CONFLICT");
     check(&mill(), "G0 X1 X2", "! 1:7+2 PRG-WORD-DUPLICATE");
     check(&mill(), "G0 E5 X1", "! 1:4+2 PRG-WORD-UNKNOWN");
+    // Without tool centre point control nothing is thinned, and M33 is the machine builder's.
+    check(&lathe(), "M33\nM34", "! 1:1+3 PRG-UNKNOWN-CODE\n! 2:1+3 PRG-UNKNOWN-CODE");
     check(&mill(), "G123 M77", "! 1:1+4 PRG-UNKNOWN-CODE\n! 1:6+3 PRG-UNKNOWN-CODE");
     check(&mill(), "G0 X1 P2 R3", "! 1:7+2 PRG-WORD-UNUSED\n! 1:10+2 PRG-WORD-UNUSED");
     check(&mill(), "G0 X1e5", "! 1:6+2 PRG-WORD-UNKNOWN");

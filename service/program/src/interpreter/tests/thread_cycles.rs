@@ -269,7 +269,8 @@ fn cycles_end_where_the_control_stands() {
 fn words_of_g92_that_are_refused() {
     refused("G92 X18. F2.", "! 3:1+12 PRG-THREAD-CYCLE-WORD");
     refused("G92 X18. F2.\nX17.\nX16.", "! 3:1+12 PRG-THREAD-CYCLE-WORD");
-    refused("G92 X18. Z-20.", "! 3:1+14 PRG-THREAD-LEAD-MISSING");
+    refused("G92 X18. Z-20.", "! 3:1+3 PRG-CODE-AMBIGUOUS");
+    refused("G92 X18. Z-20. R0", "! 3:1+17 PRG-THREAD-LEAD-MISSING");
     refused("G92 X18. Z5. F2.", "! 3:1+16 PRG-THREAD-TRAVEL");
     refused("G92 X20. Z-5. F2.", "! 3:1+17 PRG-THREAD-CYCLE-START");
     refused("G92 X18. Z-5. R2. F2.", "! 3:1+21 PRG-THREAD-CYCLE-START");

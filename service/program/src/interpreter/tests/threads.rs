@@ -76,7 +76,7 @@ fn diameters_radii_increments_and_inches() {
     // Leads and amplitudes are inches, angles are degrees.
     check(
         &lathe(),
-        "G20 M3 S100 G32 Z-1. F.1 A.1 R90. Q45.",
+        "G20\nM3 S100 G32 Z-1. F.1 A.1 R90. Q45.",
         "spindle cw 100\nthread 0 -> Z-25.4 @2.54 from 45 amplitude 1.27 shift 90",
     );
     check(&lathe(), "G20 M3 S100\nG165 P3 X1. Q1.5", "spindle cw 100\nThreadVibration on X12.7 Q1.5");

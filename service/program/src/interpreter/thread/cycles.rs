@@ -87,6 +87,11 @@ impl Execution<'_> {
             self.state.motion = Motion::Unclear;
             return;
         }
+        if let Some((_, span)) = self.code(Group::NonModal)
+            && self.is_doubtful_thread(span)
+        {
+            return;
+        }
         if let Some((_, span)) = self.code(Group::Motion) {
             self.findings.push_with(Severity::Error, || {
                 Finding::error(code::GROUP_CONFLICT, span, "a threading cycle is a motion code itself")
@@ -160,7 +165,8 @@ impl Execution<'_> {
                     .suggest("write them in two blocks")
             });
         }
-        match Form::of(letters) {
+        // LinuxCNC knows its own form only.
+        match Form::of(letters).filter(|form| self.table.dialect.f_is_lead || *form == Form::DriveLine) {
             Some(Form::Modes) => self.cycle_modes(),
             Some(Form::TwoLines) => self.two_line_cycle(),
             Some(Form::OneLine) => self.one_line_cycle(),
