@@ -43,10 +43,22 @@ pub enum Step {
     Refused,
 }
 
-/// The state cannot be restored from these bytes.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("the snapshot cannot be read: {0}")]
-pub struct SnapshotError(String);
+/// The state cannot be kept as bytes, or not be restored from them.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SnapshotError {
+    /// The state could not be serialised.
+    #[error("the snapshot cannot be written: {0}")]
+    Write(postcard::Error),
+    /// The bytes are no snapshot.
+    #[error("the snapshot cannot be read: {0}")]
+    Read(postcard::Error),
+    /// Written by another version.
+    #[error("the snapshot has layout version {found}, this is version {SNAPSHOT_VERSION}")]
+    Version {
+        /// Version of the snapshot.
+        found: u8,
+    },
+}
 
 /// A change of the feed override that cannot be appended; nothing changes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -104,7 +116,6 @@ struct OverrideState {
 /// Everything that changes while a pipeline runs.
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
-    version: u8,
     offset: u64,
     interpreter: InterpreterState,
     thinning: StageState,
@@ -113,6 +124,11 @@ struct Snapshot {
     planner: Planner<Barrier>,
     interpolator: interpolator::State,
     overrides: OverrideState,
+}
+
+/// The version and a state behind it.
+fn encoded<T: Serialize>(state: &T) -> Result<Vec<u8>, SnapshotError> {
+    postcard::to_extend(state, vec![SNAPSHOT_VERSION]).map_err(SnapshotError::Write)
 }
 
 impl Pipeline {
@@ -175,10 +191,11 @@ impl Pipeline {
     /// # Errors
     /// [`SnapshotError`] when the bytes are not a snapshot of this version.
     pub fn restore(config: Arc<PipelineConfig>, snapshot: &[u8]) -> Result<Self, SnapshotError> {
-        let snapshot: Snapshot = postcard::from_bytes(snapshot).map_err(|error| SnapshotError(error.to_string()))?;
-        if snapshot.version != SNAPSHOT_VERSION {
-            return Err(SnapshotError(format!("layout version {} is not {SNAPSHOT_VERSION}", snapshot.version)));
+        let (found, state) = postcard::take_from_bytes::<u8>(snapshot).map_err(SnapshotError::Read)?;
+        if found != SNAPSHOT_VERSION {
+            return Err(SnapshotError::Version { found });
         }
+        let snapshot: Snapshot = postcard::from_bytes(state).map_err(SnapshotError::Read)?;
         let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter)
             .with_tool_lengths(config.tool_lengths());
         let mut fresh = Self::new(config);
@@ -192,10 +209,11 @@ impl Pipeline {
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
     /// depend on the frame: a snapshot taken with one may be restored with the other.
-    #[must_use]
-    pub fn snapshot(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`] when the state cannot be serialised; there is nothing to store then.
+    pub fn snapshot(&self) -> Result<Vec<u8>, SnapshotError> {
         let snapshot = Snapshot {
-            version: SNAPSHOT_VERSION,
             offset: self.offset,
             interpreter: self.interpreter.state().clone(),
             thinning: self.thinning.state.clone(),
@@ -205,8 +223,7 @@ impl Pipeline {
             interpolator: self.interpolator.state().clone(),
             overrides: self.overrides,
         };
-        // Serialising plain data into memory has no way to fail.
-        postcard::to_stdvec(&snapshot).unwrap_or_default()
+        encoded(&snapshot)
     }
 
     /// Program offset, in bytes, of the first byte that a restored pipeline needs to be given.
@@ -516,5 +533,40 @@ impl Pipeline {
 
     pub(crate) fn interpreter_state(&self) -> &InterpreterState {
         self.interpreter.state()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::{Serialize, Serializer, ser::SerializeSeq as _};
+
+    use super::*;
+    use crate::MachineProfile;
+
+    /// A list that does not say how long it is, as a member of the state with a serialisation of its own might.
+    struct Unserialisable;
+
+    impl Serialize for Unserialisable {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            serializer.serialize_seq(None)?.end()
+        }
+    }
+
+    #[test]
+    fn a_state_that_cannot_be_serialised_is_an_error_and_no_snapshot() {
+        assert!(matches!(encoded(&Unserialisable), Err(SnapshotError::Write(_))));
+        assert_eq!(encoded(&7_u8), Ok(vec![SNAPSHOT_VERSION, 7]));
+    }
+
+    #[test]
+    fn bytes_that_are_no_snapshot_of_this_version_are_refused() {
+        let config = Arc::new(PipelineConfig::new(MachineProfile::lathe()));
+        let restore = |bytes: &[u8]| Pipeline::restore(Arc::clone(&config), bytes).err();
+        let mut snapshot = Pipeline::new(Arc::clone(&config)).snapshot().expect("plain data");
+        assert_eq!(restore(&snapshot), None);
+        assert!(matches!(restore(&[]), Some(SnapshotError::Read(_))), "what an unwritten one would be");
+        assert!(matches!(restore(&snapshot[..snapshot.len() / 2]), Some(SnapshotError::Read(_))));
+        snapshot[0] += 1;
+        assert_eq!(restore(&snapshot), Some(SnapshotError::Version { found: SNAPSHOT_VERSION + 1 }));
     }
 }

@@ -109,7 +109,10 @@ pub fn snapshots(program: &[u8], config: &PipelineConfig) -> Vec<(u64, u64, Vec<
     let mut given = false;
     loop {
         match pipeline.next_block(&mut block) {
-            Step::Block => taken.push((pipeline.next_index(), pipeline.input_offset(), pipeline.snapshot())),
+            Step::Block => {
+                let snapshot = pipeline.snapshot().expect("plain data");
+                taken.push((pipeline.next_index(), pipeline.input_offset(), snapshot));
+            }
             Step::NeedInput if given => pipeline.finish_input(),
             Step::NeedInput => {
                 pipeline.push(program);

@@ -121,7 +121,7 @@ async fn attempt(engine: &Engine, id: Uuid) -> Result<()> {
             let checkpoint = Checkpoint {
                 setpoint_index: pipeline.next_index(),
                 input_offset: pipeline.input_offset(),
-                snapshot: pipeline.snapshot().into(),
+                snapshot: pipeline.snapshot().map_err(Error::internal)?.into(),
             };
             match runtime.block_on(store.put_checkpoints(&set, vec![checkpoint])) {
                 // Derived data: without it streams only begin later. A wide look-ahead over splines is that large.
