@@ -2,8 +2,8 @@
 //!
 //! It runs along the [`Track`] in activities (a planned stretch, or a hold), each of which starts at an exact
 //! instant and covers the grid periods up to its end; what is left of a period is carried into the next
-//! activity. Starts and ends of vibrating sections and the end of the program are aligned to the grid, so that
-//! the exact end point is a setpoint. A sample is a function of its index and the activity only, never of where
+//! activity. Starts and ends of vibrating sections, ends of oscillating ones and the end of the program are aligned
+//! to the grid, so that the exact end point is a setpoint. A sample is a function of its index and the activity only, never of where
 //! a block or a stream began.
 
 mod amplitude;
@@ -188,6 +188,8 @@ enum After {
     SettleSection,
     /// The section is over.
     CloseSection,
+    /// The oscillating section is over.
+    CloseOscillation,
     /// Nothing: the last setpoint was given.
     EndProgram,
 }
@@ -388,6 +390,10 @@ impl Interpolator {
                 self.state.finished_section = self.state.section.take().map(|section| section.samples);
                 self.state.track.advance(0.0);
             }
+            After::CloseOscillation => {
+                self.state.oscillation = None;
+                self.state.track.advance(0.0);
+            }
             After::EndProgram => self.state.ended = true,
         }
     }
@@ -468,10 +474,7 @@ impl Interpolator {
                 self.state.oscillation = Some(run);
                 self.state.track.advance(0.0);
             }
-            Planned::Barrier(Barrier::OscillationEnd) => {
-                self.state.oscillation = None;
-                self.state.track.advance(0.0);
-            }
+            Planned::Barrier(Barrier::OscillationEnd) => self.align_then(After::CloseOscillation),
             &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
                 self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
             }

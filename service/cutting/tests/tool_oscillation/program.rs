@@ -3,6 +3,7 @@
 use feedwave_cutting::tool_oscillation::{NamedCondition, OscillationPeriod, ToolOscillation, Waveform, blend};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};
 use feedwave_program::Severity;
+use proptest::prelude::*;
 
 use super::common::{Setpoints, resume, run, snapshots, validate};
 use super::{condition, tool};
@@ -183,6 +184,45 @@ fn axes_stay_within_their_limits() {
     assert_eq!((one.on_line, one.line, one.tool, one.condition.as_str()), (4, 5, 4, "smooth"));
     assert_eq!(one.report.finishing_edges, [4]);
     assert_eq!(report.summary.oscillation_count, 1);
+}
+
+/// Every block a section of its own: no two follow each other without a corner.
+const PATH: [(&str, [f64; 3]); 5] = [
+    ("G1 X20 F617", [20.0, 0.0, -DEPTH_MM]),
+    ("G1 X19 Y12.3 F600", [19.0, 12.3, -DEPTH_MM]),
+    ("G3 X0.7 Y30.6 I-18.3 J0", [0.7, 30.6, -DEPTH_MM]),
+    ("G1 X-13.137 Y20 F590", [-13.137, 20.0, -DEPTH_MM]),
+    ("G2 X0 Y0 R30", [0.0, 0.0, -DEPTH_MM]),
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_last_setpoint_of_every_section_is_its_programmed_end(
+        period_us in 500_u32..5_000,
+        overrides in prop::collection::vec((1_u64..1_500, 0_u32..=20), 0..6),
+    ) {
+        let mut index = 0;
+        let mut changes = Vec::new();
+        for (pause, tenths) in overrides {
+            index += pause;
+            changes.push(OverrideChange { index, ratio: f64::from(tenths) / 10.0 });
+        }
+        // A hold that nothing ends lasts for ever.
+        changes.push(OverrideChange { index: index + 700, ratio: 1.0 });
+        let config = PipelineConfig { interpolation_period_us: period_us, overrides: changes, ..config() };
+        let text = program(&PATH.map(|(block, _)| block).join("\n"));
+        let setpoints = run(&text, &config);
+        for (line, (block, end)) in (5..).zip(PATH) {
+            let last = (0..setpoints.len()).rev().find(|&k| setpoints.line[k] == line).expect("it is cut");
+            let found: Vec<u64> = setpoints.axes.iter().map(|column| column[last].to_bits()).collect();
+            prop_assert_eq!(&found[..], &end.map(f64::to_bits)[..], "{} at {}: {:?}", block, last, end);
+            prop_assert_eq!(setpoints.vibration[last], 0.0);
+            let reach = (0..setpoints.len()).filter(|&k| setpoints.line[k] == line);
+            prop_assert!(reach.into_iter().any(|k| setpoints.vibration[k].abs() > 0.1), "{} oscillates", block);
+        }
+    }
 }
 
 #[test]

@@ -67,7 +67,8 @@ pub struct KinematicsDescription {
     /// The axes in order from the workpiece to the tool, whatever stands still: a table-table machine is
     /// `C A X Y Z`, a head-table machine `C X Y Z B`, a head-head machine `X Y Z C A`.
     pub chain: Vec<ChainAxis>,
-    /// Where the gauge point of the spindle (from which tool lengths count) is with all axes at zero, mm.
+    /// Where the gauge point of the spindle (from which tool lengths count) is with all axes at zero, mm from the origin
+    /// that [`ChainAxis::point_mm`] counts from: any fixed point, since only the distances between them matter.
     pub gauge_point_mm: Vec3,
     /// Tool direction, from the tip to the spindle, with all axes at zero; any length but zero.
     pub tool_direction: Vec3,
