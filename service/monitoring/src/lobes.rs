@@ -1,18 +1,21 @@
 //! Stability lobes of milling and turning, and the spindle table they fill (page 04, Decisions).
 
+mod chart;
+mod limit;
 mod pockets;
+mod trace;
 
-pub use pockets::{ChartLimit, ChartPoint, Pocket, PocketRequest};
+pub use chart::ChartPoint;
+pub use limit::ChartLimit;
+pub use pockets::{Pocket, PocketRequest};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use thiserror::Error;
 
 /// Most modes of one direction.
 const MAX_MODES: usize = 32;
-/// Chatter frequencies at which the limit is computed.
-const FREQUENCIES: usize = 4000;
 /// Most lobes.
-const MAX_LOBES: usize = 300;
+const MAX_LOBES: u32 = 300;
 /// Largest ratio of radial to tangential coefficient.
 const MAX_RADIAL_RATIO: f64 = 10.0;
 
@@ -212,14 +215,6 @@ pub struct LobePoint {
     pub phase_rad: f64,
 }
 
-/// Stability limit over the chatter frequency, in branches that are continuous.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lobes {
-    branches: Vec<Vec<LobePoint>>,
-    edges: f64,
-    max_hz: f64,
-}
-
 impl MillingModel {
     /// Directional coefficients α_xx, α_xy, α_yx, α_yy (Altintas and Budak 1995).
     pub fn directional_coefficients(&self) -> [f64; 4] {
@@ -241,7 +236,11 @@ impl MillingModel {
     ///
     /// a₀Λ² + a₁Λ + 1 = 0; a_lim = −(2π Re Λ/(z K_t))·(1 + κ²), κ = Im Λ/Re Λ; ε = π − 2 atan κ.
     pub fn limits_at(&self, frequency_hz: f64) -> [Option<LobePoint>; 2] {
-        let [xx, xy, yx, yy] = self.directional_coefficients();
+        self.limits_with(self.directional_coefficients(), frequency_hz)
+    }
+
+    /// The same with directional coefficients that are known already.
+    fn limits_with(&self, [xx, xy, yx, yy]: [f64; 4], frequency_hz: f64) -> [Option<LobePoint>; 2] {
         let (g_x, g_y) = (receptance(&self.modes_x, frequency_hz), receptance(&self.modes_y, frequency_hz));
         let determinant = xx * yy - xy * yx;
         let product = mul(g_x, g_y);
@@ -291,8 +290,8 @@ impl MillingModel {
     /// [`LobeError::Value`] for modal or cutting data that is impossible.
     pub fn lobes(&self) -> Result<Lobes, LobeError> {
         Check(self.problems()).finish()?;
-        let modes = self.modes_x.iter().chain(&self.modes_y);
-        Ok(Lobes::trace(modes, f64::from(self.edges), |frequency_hz| self.limits_at(frequency_hz)))
+        let coefficients = self.directional_coefficients();
+        Ok(Lobes::trace(Model::Milling(self.clone(), coefficients)))
     }
 }
 
@@ -328,71 +327,66 @@ impl TurningModel {
     /// [`LobeError::Value`] for modal or cutting data that is impossible.
     pub fn lobes(&self) -> Result<Lobes, LobeError> {
         Check(self.problems()).finish()?;
-        Ok(Lobes::trace(self.modes.iter(), 1.0, |frequency_hz| [self.limit_at(frequency_hz), None]))
+        Ok(Lobes::trace(Model::Turning(self.clone())))
     }
 }
 
-impl Lobes {
-    /// Follows the limits over a geometric grid of frequencies around the modes, dense enough for narrow ones.
-    fn trace<'a>(
-        modes: impl Iterator<Item = &'a Mode> + Clone,
-        edges: f64,
-        limits_at: impl Fn(f64) -> [Option<LobePoint>; 2],
-    ) -> Self {
-        let lowest = modes.clone().map(|mode| mode.frequency_hz).fold(f64::MAX, f64::min) * 0.2;
-        let highest = modes.clone().map(|mode| mode.frequency_hz).fold(0.0, f64::max) * 5.0;
-        let ratio = libm::log(highest / lowest);
-        let mut grid: Vec<f64> =
-            (0..=FREQUENCIES).map(|index| lowest * libm::exp(ratio * index as f64 / FREQUENCIES as f64)).collect();
-        // Around each resonance the grid follows the half-power width.
-        for mode in modes {
-            let width = mode.frequency_hz * mode.damping_ratio;
-            grid.extend((-200..=200).map(|step| mode.frequency_hz + f64::from(step) * 0.05 * width));
+/// What lobes are traced of.
+#[derive(Debug, Clone, PartialEq)]
+enum Model {
+    /// With its directional coefficients.
+    Milling(MillingModel, [f64; 4]),
+    Turning(TurningModel),
+}
+
+impl Model {
+    fn limits_at(&self, frequency_hz: f64) -> [Option<LobePoint>; 2] {
+        match self {
+            Self::Milling(model, coefficients) => model.limits_with(*coefficients, frequency_hz),
+            Self::Turning(model) => [model.limit_at(frequency_hz), None],
         }
-        grid.retain(|frequency| *frequency > 0.0);
-        grid.sort_by(f64::total_cmp);
-        let mut branches = Vec::new();
-        let mut open: [Vec<LobePoint>; 2] = Default::default();
-        for &frequency_hz in &grid {
-            let mut limits = limits_at(frequency_hz);
-            // The two roots may change places from one frequency to the next: the phase tells them apart.
-            let distance = |branch: &Vec<LobePoint>, point: Option<LobePoint>| match (branch.last(), point) {
-                (Some(last), Some(point)) => (last.phase_rad - point.phase_rad).abs(),
-                _ => 1.0,
-            };
-            let straight = distance(&open[0], limits[0]) + distance(&open[1], limits[1]);
-            let crossed = distance(&open[0], limits[1]) + distance(&open[1], limits[0]);
-            if crossed < straight {
-                limits.swap(0, 1);
-            }
-            for (branch, limit) in open.iter_mut().zip(limits) {
-                let breaks = limit.is_none_or(|point| {
-                    branch.last().is_some_and(|last| (last.phase_rad - point.phase_rad).abs() > PI)
-                });
-                if breaks {
-                    branches.push(std::mem::take(branch));
-                }
-                branch.extend(limit);
-            }
-        }
-        branches.extend(open);
-        branches.retain(|branch| branch.len() > 1);
-        Self { branches, edges, max_hz: highest }
     }
 
+    fn modes(&self) -> impl Iterator<Item = &Mode> {
+        let [first, second]: [&[Mode]; 2] = match self {
+            Self::Milling(model, _) => [&model.modes_x, &model.modes_y],
+            Self::Turning(model) => [&model.modes, &[]],
+        };
+        first.iter().chain(second)
+    }
+
+    /// Cutting edges that follow each other; turning has one.
+    fn edges(&self) -> f64 {
+        match self {
+            Self::Milling(model, _) => f64::from(model.edges),
+            Self::Turning(_) => 1.0,
+        }
+    }
+}
+
+/// Stability limit over the chatter frequency, in branches that are continuous, fine enough to find the exact limit from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lobes {
+    model: Model,
+    branches: Vec<trace::Branch>,
+    /// Where a branch has a least limit, and its ends.
+    lows: Vec<LobePoint>,
+}
+
+impl Lobes {
     /// The limit over the chatter frequency, branch by branch.
-    pub fn branches(&self) -> &[Vec<LobePoint>] {
-        &self.branches
+    pub fn branches(&self) -> impl Iterator<Item = &[LobePoint]> {
+        self.branches.iter().map(|branch| &*branch.points)
     }
 
     /// Smallest limit of all speeds, mm: below it nothing chatters. `None` when nothing ever does.
     pub fn least_limit_mm(&self) -> Option<f64> {
-        self.branches.iter().flatten().map(|point| point.limit_mm).reduce(f64::min)
+        self.lows.iter().map(|point| point.limit_mm).reduce(f64::min)
     }
 
     /// Spindle speed in rev/min of a point on lobe k: S = 60·ω_c/(z·(ε + 2πk)).
     pub fn speed_rpm(&self, point: &LobePoint, lobe: u32) -> f64 {
-        60.0 * TAU * point.frequency_hz / (self.edges * (point.phase_rad + TAU * f64::from(lobe)))
+        60.0 * TAU * point.frequency_hz / (self.model.edges() * (point.phase_rad + TAU * f64::from(lobe)))
     }
 }
 

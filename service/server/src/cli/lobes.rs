@@ -91,7 +91,7 @@ pub struct Args {
     /// Depth or width that must be stable in every band, margin included
     #[arg(long, value_name = "MM", help_heading = "Spindle table")]
     required: Option<f64>,
-    /// Speeds of chart and picture
+    /// Evenly spaced speeds of chart and picture; more are added where the limit bends
     #[arg(long, value_name = "COUNT", default_value_t = 1_000, help_heading = "Output")]
     chart_speeds: u32,
     /// Directory to draw a picture into
@@ -215,7 +215,7 @@ fn text(heading: &str, lobes: &StabilityLobes, style: Style) -> Result<String, C
     let mut text = format!("{}\n", style.bold(&format!("Stability lobes: {heading}")));
     let all_speeds = lobes.least_limit_mm.map_or_else(
         || "nothing chatters".to_owned(),
-        |limit| format!("up to {limit:.4} mm nothing chatters at any speed"),
+        |limit| format!("up to {} mm nothing chatters at any speed", rounded_down(limit)),
     );
     let margin = lobes.search.and_then(|search| search.margin).unwrap_or_default();
     // Writing into a string does not fail.
@@ -224,7 +224,7 @@ fn text(heading: &str, lobes: &StabilityLobes, style: Style) -> Result<String, C
     let _ = writeln!(text, "{:>24}  {:>12}  {:>10}", "current speed, rev/min", "new speed", "stable mm");
     for pocket in &lobes.pockets {
         let band = pocket.band.unwrap_or_default();
-        let stable = pocket.stable_mm.map_or_else(|| "any".to_owned(), |stable| format!("{stable:.4}"));
+        let stable = pocket.stable_mm.map_or_else(|| "any".to_owned(), rounded_down);
         let range = format!("{:.1} to {:.1}", band.above_rpm, band.up_to_rpm);
         let _ = writeln!(text, "{range:>24}  {:>12.1}  {stable:>10}", band.speed_rpm);
     }
@@ -233,6 +233,14 @@ fn text(heading: &str, lobes: &StabilityLobes, style: Style) -> Result<String, C
         text.push_str(&findings::text(&lobes.findings, &mut Source::of_text(NAME, "")?, style)?);
     }
     Ok(text)
+}
+
+/// A depth with at least four digits, rounded down: what is printed holds.
+fn rounded_down(depth_mm: f64) -> String {
+    let leading = depth_mm.log10().floor().clamp(-300.0, 0.0);
+    let places = 4.0 - leading.min(0.0) - f64::from(leading < 0.0);
+    let unit = 10_f64.powf(places);
+    format!("{:.*}", places as usize, (depth_mm * unit).floor() / unit)
 }
 
 /// Violations by the options that they are about.
@@ -265,6 +273,14 @@ mod tests {
         let lines =
             "--mode-x: damping_ratio must be otherwise\n--exit: must be otherwise\n--required: must be otherwise";
         assert_eq!(told(violations.as_slice()), lines);
+    }
+
+    #[test]
+    fn depths_are_rounded_down() {
+        let expected = [(1.999_99, "1.9999"), (0.309, "0.3090"), (0.012_349, "0.01234"), (0.000_199_99, "0.0001999")];
+        for (depth_mm, text) in expected {
+            assert_eq!(rounded_down(depth_mm), text);
+        }
     }
 
     #[test]

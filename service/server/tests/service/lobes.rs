@@ -60,7 +60,8 @@ async fn compute(server: &TestServer, model: StabilityModel, search: PocketSearc
 async fn a_stored_tool_gives_chart_and_table_with_the_stated_margin() {
     let server = with_mill().await;
     let lobes = compute(&server, milling(90.0, 180.0), search()).await.unwrap();
-    assert_eq!((lobes.chart.len(), lobes.chart[0].speed_rpm, lobes.chart[500].speed_rpm), (501, 2_000.0, 12_000.0));
+    let ends = [lobes.chart.first(), lobes.chart.last()].map(|point| point.unwrap().speed_rpm);
+    assert!(lobes.chart.len() > 501 && ends == [2_000.0, 12_000.0], "{} {ends:?}", lobes.chart.len());
     assert_eq!(lobes.search.unwrap().margin, Some(0.15));
     assert!((lobes.radial_immersion.unwrap() - 0.5).abs() < 1e-12);
     assert!(lobes.findings.is_empty(), "half immersion is not low");
