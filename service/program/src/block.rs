@@ -3,11 +3,30 @@
 use crate::code;
 use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
 use crate::lexer::{Lexer, Token, TokenKind};
+use crate::lookalike::{self, Stretch};
 use crate::number::Number;
 use crate::{Finding, FindingLog, Severity, SourceSpan};
 
 /// Numbers beyond this are mistakes: a thousand kilometres. It keeps all later arithmetic finite.
 const LARGEST_NUMBER: f64 = 1e9;
+
+/// Largest line or program number: eight digits, as long as controls take them.
+const LARGEST_LABEL: f64 = 99_999_999.0;
+
+/// The cure where something stands within a word.
+const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
+
+/// Whether a number can be a line or a program number.
+fn is_label(number: Number) -> bool {
+    let value = number.value();
+    (0.0..=LARGEST_LABEL).contains(&value) && f64::from(value as u32) == value
+}
+
+/// Mask of the letters that occur in a text.
+fn letters_in(text: &[u8]) -> u32 {
+    let letters = text.iter().filter(|byte| byte.is_ascii_alphabetic());
+    letters.fold(0, |mask, byte| mask | letter_bit(byte.to_ascii_uppercase()))
+}
 
 /// A word: where it stands and what it says.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +62,8 @@ pub(crate) struct Block {
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
     pub(crate) unclear: bool,
+    /// Letters of words that could not be read, one bit each; `G` and `M` too.
+    pub(crate) unread: u32,
 }
 
 impl Default for Block {
@@ -58,6 +79,7 @@ impl Default for Block {
             codes: [code; GROUP_COUNT],
             percent: None,
             unclear: false,
+            unread: 0,
         }
     }
 }
@@ -73,14 +95,31 @@ impl Block {
         findings: &mut FindingLog,
     ) {
         self.line = line_number;
-        self.extent = (u32::MAX, 0);
-        self.letters = 0;
-        self.groups = 0;
-        self.percent = None;
-        self.unclear = false;
+        self.clear();
+        let mark = findings.mark();
         let mut slash_seen = false;
+        let mut looked = false;
         for token in Lexer::new(line) {
             match token.kind {
+                // Words with characters that only look like others are read again as a whole, the rest without them.
+                TokenKind::Unexpected | TokenKind::NotUtf8 if !looked => {
+                    looked = true;
+                    let stretches = lookalike::find(line);
+                    if stretches.is_empty() {
+                        self.report_defect(line, token, findings);
+                        continue;
+                    }
+                    findings.rewind(mark);
+                    let mut rest = line.to_vec();
+                    for stretch in &stretches {
+                        rest[stretch.start..stretch.end].fill(b' ');
+                    }
+                    self.parse(&rest, line_number, table, block_delete, findings);
+                    for stretch in stretches {
+                        self.report_lookalike(line, &stretch, findings);
+                    }
+                    return;
+                }
                 TokenKind::Word => self.add_word(token, table, findings),
                 TokenKind::Comment => self.check_comment(line, token, findings),
                 TokenKind::BlockDelete if !slash_seen && self.letters & !letter_bit(b'N') == 0 && self.groups == 0 => {
@@ -99,6 +138,15 @@ impl Block {
                 _ => self.report_defect(line, token, findings),
             }
         }
+    }
+
+    fn clear(&mut self) {
+        self.extent = (u32::MAX, 0);
+        self.letters = 0;
+        self.groups = 0;
+        self.percent = None;
+        self.unclear = false;
+        self.unread = 0;
     }
 
     /// Whether there is any word at all.
@@ -175,7 +223,11 @@ impl Block {
                     finding
                 });
             }
-            Letter::Label => {}
+            Letter::Label => {
+                if !is_label(number) {
+                    return self.report_label(token, findings);
+                }
+            }
             _ if !(-LARGEST_NUMBER..=LARGEST_NUMBER).contains(&number.value()) => {
                 return self.report_huge_number(token, findings);
             }
@@ -231,6 +283,9 @@ impl Block {
         fill: impl FnOnce(Finding) -> Finding,
     ) {
         self.unclear = true;
+        if token.letter != 0 {
+            self.unread |= letter_bit(token.letter);
+        }
         let span = self.span_of(token.start, token.end);
         findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
     }
@@ -253,9 +308,48 @@ impl Block {
         });
     }
 
+    /// A line or program number that is none; it moves nothing, so that the block without it does the same.
+    #[cold]
+    fn report_label(&mut self, token: Token, findings: &mut FindingLog) {
+        let value = token.number.value();
+        let code = if value > LARGEST_LABEL { code::NUMBER_RANGE } else { code::NUMBER_NOT_WHOLE };
+        self.defect(code, token, findings, |mut finding| {
+            let (name, letter) = if token.letter == b'N' { ("line", 'N') } else { ("program", 'O') };
+            finding.message = format!("{letter}{value} is no {name} number: it must be whole, 0 to {LARGEST_LABEL}");
+            let finding = finding.with_value("number", value, "").with_value("limit", LARGEST_LABEL, "");
+            finding.suggest_replacement(format!("remove it: a {name} number moves nothing"), "")
+        });
+    }
+
+    #[cold]
+    fn report_lookalike(&mut self, line: &[u8], stretch: &Stretch, findings: &mut FindingLog) {
+        let Stretch { start, end, text, is_certain } = stretch;
+        self.unclear = true;
+        self.unread |= letters_in(text.as_bytes());
+        self.extent = (self.extent.0.min(*start as u32), self.extent.1.max(*end as u32));
+        let span = self.span_of(*start as u32, *end as u32);
+        findings.push_with(Severity::Error, || {
+            let written = quote(&line[*start..*end]);
+            let message =
+                format!("{written} holds characters that only look like those of a program; it looks like {text}");
+            let finding = Finding::error(code::LOOKALIKE, span, message);
+            if *is_certain {
+                return finding.suggest_replacement(format!("write {text}"), text.clone());
+            }
+            finding.suggest(format!("write it again, as {text} if that is meant: it may be read in two ways"))
+        });
+    }
+
     /// Everything that is neither a word nor a comment.
     #[cold]
     fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        let (start, end) = (token.start as usize, token.end as usize);
+        if matches!(token.kind, TokenKind::Expression | TokenKind::Text) {
+            self.unread |= letters_in(&line[start..end]);
+        }
+        let in_a_word = |at: Option<&u8>| at.is_some_and(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
+        // Taking something out of the middle of a word makes another number of it.
+        let within = in_a_word(start.checked_sub(1).map(|before| &line[before])) || in_a_word(line.get(end));
         let code = match token.kind {
             TokenKind::HugeNumber => return self.report_huge_number(token, findings),
             TokenKind::MalformedNumber => code::NUMBER_INVALID,
@@ -264,6 +358,7 @@ impl Block {
             TokenKind::StrayNumber => code::NUMBER_STRAY,
             TokenKind::Text => code::TEXT,
             TokenKind::Expression => code::EXPRESSION,
+            TokenKind::Corner => code::UNSUPPORTED_CODE,
             TokenKind::Nul => code::NUL,
             TokenKind::NotUtf8 => code::NOT_UTF8,
             _ => code::CHARACTER,
@@ -287,9 +382,15 @@ impl Block {
                     format!("variables, expressions and control flow are not supported yet: {text}"),
                     "let the CAM post write plain numbers",
                 ),
-                TokenKind::Nul => (format!("{length} NUL bytes"), "remove them"),
-                TokenKind::NotUtf8 => (format!("{length} bytes that are not UTF-8 text"), "remove them"),
-                _ => (format!("{text} has no meaning here"), "remove it"),
+                TokenKind::Corner => (
+                    format!("the corner {text} is not supported yet"),
+                    "write the chamfer or the rounding as a block of its own, with G1, G2 or G3",
+                ),
+                TokenKind::Nul => (format!("{length} NUL bytes"), if within { AGAIN } else { "remove them" }),
+                TokenKind::NotUtf8 => {
+                    (format!("{length} bytes that are not UTF-8 text"), if within { AGAIN } else { "remove them" })
+                }
+                _ => (format!("{text} has no meaning here"), if within { AGAIN } else { "remove it" }),
             };
             finding.message = message;
             finding.suggest(cure)

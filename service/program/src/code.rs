@@ -11,10 +11,12 @@ macro_rules! finding_codes {
 }
 
 finding_codes! {
+    NOT_A_PROGRAM = "PRG-NOT-A-PROGRAM": "the file is no program of this language; nothing else of it is reported";
     LINE_TOO_LONG = "PRG-LINE-TOO-LONG": "a line is longer than the profile allows and was skipped";
     NUL = "PRG-NUL": "a run of NUL bytes";
     NOT_UTF8 = "PRG-NOT-UTF8": "a run of bytes that are not UTF-8 text";
     CHARACTER = "PRG-CHARACTER": "a character that has no meaning in a program, or not at this place";
+    LOOKALIKE = "PRG-LOOKALIKE": "characters that only look like those of a program, such as a minus sign of typesetting";
     COMMENT_UNCLOSED = "PRG-COMMENT-UNCLOSED": "a comment is opened with ( and not closed on its line";
     TEXT = "PRG-TEXT": "letters without numbers outside a comment";
     EXPRESSION = "PRG-EXPRESSION": "variables, expressions and control flow are known, but not supported yet";

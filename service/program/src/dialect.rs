@@ -297,6 +297,18 @@ impl Dialect {
         core::iter::once(&COMMON_M_CODES).chain(self.m_codes).flat_map(|codes| codes.iter())
     }
 
+    /// Every letter of the axes that absolute words among these letters place.
+    pub(crate) fn letters_placed_by(&self, letters: u32) -> u32 {
+        let axis_at = |place: usize| match self.letters[place] {
+            Letter::Axis(axis) | Letter::Increment(axis) => Some(axis),
+            _ => None,
+        };
+        let is_absolute =
+            |place: &usize| matches!(self.letters[*place], Letter::Axis(_)) && letters & (1 << place) != 0;
+        let placed = |axis| (0..26).filter(is_absolute).any(|place| axis_at(place) == Some(axis));
+        (0..26).filter(|&place| axis_at(place).is_some_and(placed)).fold(0, |mask, place| mask | 1 << place)
+    }
+
     /// Whether it has tool centre point control, without which nothing is thinned.
     fn has_tool_control(&self) -> bool {
         self.g_codes().any(|code| matches!(code.meaning, Meaning::ToolControl { .. }))

@@ -137,6 +137,26 @@ impl Finding {
     }
 }
 
+/// How far a [`FindingLog`] was filled.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FindingMark {
+    kept: usize,
+    dropped: u64,
+    counts: [u64; 3],
+}
+
+impl FindingMark {
+    /// How many findings were kept.
+    pub(crate) const fn kept(self) -> usize {
+        self.kept
+    }
+
+    /// How many errors had been pushed.
+    pub(crate) const fn errors(self) -> u64 {
+        self.counts[Severity::Error as usize]
+    }
+}
+
 /// A bounded collection of findings: keeps the first ones in full and counts the rest, so that a program of
 /// nothing but mistakes cannot exhaust memory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -180,6 +200,30 @@ impl FindingLog {
             self.counts[severity as usize] += 1;
             self.dropped += 1;
         }
+    }
+
+    /// A mark to withdraw from.
+    #[inline]
+    pub(crate) const fn mark(&self) -> FindingMark {
+        FindingMark { kept: self.findings.len(), dropped: self.dropped, counts: self.counts }
+    }
+
+    /// Takes back everything since the mark.
+    pub(crate) fn rewind(&mut self, mark: FindingMark) {
+        self.findings.truncate(mark.kept);
+        (self.dropped, self.counts) = (mark.dropped, mark.counts);
+    }
+
+    /// Takes back the findings from the `from`th on that `is_void` says; those that were only counted stay counted.
+    pub(crate) fn withdraw(&mut self, from: usize, is_void: impl Fn(&Finding) -> bool) {
+        let mut index = 0;
+        let counts = &mut self.counts;
+        self.findings.retain(|finding| {
+            let goes = index >= from && is_void(finding);
+            index += 1;
+            counts[finding.severity as usize] -= u64::from(goes);
+            !goes
+        });
     }
 
     /// The findings kept, in the order of discovery.

@@ -15,7 +15,9 @@ mod tool_control;
 
 use crate::block::Block;
 use crate::code;
-use crate::dialect::{CodeTable, Group};
+use crate::consequence;
+use crate::dialect::{CodeTable, Group, letter_bit};
+use crate::foreign::{self, Foreign};
 use crate::state::Phase;
 use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Severity, SourceSpan};
 
@@ -128,17 +130,31 @@ impl Interpreter {
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
     ) -> LineOutcome {
+        if self.state.after_return && !input.is_empty() {
+            self.state.after_return = false;
+            if input[0] == b'\n' {
+                return LineOutcome::Consumed(1);
+            }
+        }
         if self.state.skipping_line || self.state.reported.trailing {
             return self.skip_line(input, end_of_input, operations, findings);
         }
         let longest = self.settings.max_line_bytes as usize;
         let window = &input[..input.len().min(longest.saturating_add(1))];
-        match find_line_feed(window) {
+        match find_line_end(window) {
             Some(length) => {
                 self.line(&input[..length], operations, findings);
-                LineOutcome::Consumed(length + 1)
+                LineOutcome::Consumed(self.line_end(input, length))
             }
             None if input.len() > longest => {
+                let line = self.state.lines.saturating_add(1);
+                if !self.state.readable_seen
+                    && !self.state.has_ended()
+                    && let Some(foreign) = foreign::recognise(window, true)
+                {
+                    self.refuse_file(foreign, window.len(), line, operations, findings);
+                    return LineOutcome::Consumed(input.len());
+                }
                 self.report_long_line(window, findings);
                 self.state.skipping_line = true;
                 self.skip_line(input, end_of_input, operations, findings)
@@ -151,6 +167,21 @@ impl Interpreter {
             None => {
                 self.line(input, operations, findings);
                 LineOutcome::Consumed(input.len())
+            }
+        }
+    }
+
+    /// Where the line ends whose terminator is at `at`: behind a line feed, a carriage return, or both.
+    #[inline]
+    fn line_end(&mut self, input: &[u8], at: usize) -> usize {
+        if input[at] == b'\n' {
+            return at + 1;
+        }
+        match input.get(at + 1) {
+            Some(b'\n') => at + 2,
+            next => {
+                self.state.after_return = next.is_none();
+                at + 1
             }
         }
     }
@@ -173,30 +204,44 @@ impl Interpreter {
         if self.state.reported.trailing {
             return LineOutcome::Consumed(input.len());
         }
-        match find_line_feed(input) {
+        let end = find_line_end(input);
+        let length = end.unwrap_or(input.len());
+        self.state.last_line_bytes =
+            self.state.last_line_bytes.saturating_add(u32::try_from(length).unwrap_or(u32::MAX));
+        match end {
             Some(length) => {
                 self.state.skipping_line = false;
                 self.state.lines = self.state.lines.saturating_add(1);
-                LineOutcome::Consumed(length + 1)
+                LineOutcome::Consumed(self.line_end(input, length))
             }
             None => LineOutcome::Consumed(input.len()),
         }
     }
 
-    /// Reads one whole line without its line feed.
+    /// Reads one whole line without its end.
     #[inline]
     fn line(&mut self, line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         let first = self.state.lines == 0;
         let line = if first { line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line) } else { line };
-        let line = line.strip_suffix(b"\r").unwrap_or(line);
         self.state.lines = self.state.lines.saturating_add(1);
+        self.state.last_line_bytes = line.len() as u32;
         let number = self.state.lines;
         if self.state.has_ended() {
             return self.report_trailing(line, number, findings);
         }
-        let errors_before = findings.count(Severity::Error);
+        if !self.state.content_seen && self.is_foreign_start(line, number, operations, findings) {
+            return;
+        }
+        let mark = findings.mark();
         let operations_before = operations.len();
         self.block.parse(line, number, &self.table, self.settings.block_delete, findings);
+        if self.block.unclear {
+            if let Some(foreign) = foreign::recognise(line, !self.state.readable_seen) {
+                return self.refuse_file(foreign, line.len(), number, operations, findings);
+            }
+        } else if !self.block.is_empty() {
+            self.state.readable_seen = true;
+        }
         if let Some(span) = self.block.percent {
             if self.state.percent_seen || self.state.phase != Phase::Start {
                 if !self.block.is_empty() {
@@ -207,6 +252,7 @@ impl Interpreter {
             self.state.percent_seen = true;
         }
         if self.block.is_empty() {
+            self.state.unread |= self.block.unread;
             return;
         }
         let mut execution = Execution {
@@ -222,7 +268,10 @@ impl Interpreter {
             doubt: None,
         };
         let end = execution.run();
-        let is_refused = findings.count(Severity::Error) > errors_before;
+        let is_refused = findings.count(Severity::Error) > mark.errors();
+        if self.state.unread | self.block.unread != 0 {
+            self.note_unread(mark.kept(), findings);
+        }
         if self.block.code(Group::Function).is_some() {
             self.note_functions(&operations[operations_before..], is_refused);
         }
@@ -233,6 +282,63 @@ impl Interpreter {
         if let Some(span) = end {
             self.end(span, operations, findings);
         }
+    }
+
+    /// Takes back what only follows from words that could not be read, and remembers which modal words those were.
+    #[cold]
+    fn note_unread(&mut self, from: usize, findings: &mut FindingLog) {
+        let (in_block, modal) = (self.block.unread, self.state.unread);
+        findings.withdraw(from, |finding| consequence::follows_from(&finding.code, in_block, modal));
+        let mut read = self.block.letters & !self.table.axis_letters;
+        for (group, letter) in [(Group::Motion, b'G'), (Group::Spindle, b'M')] {
+            if self.block.code(group).is_some() {
+                read |= letter_bit(letter);
+            }
+        }
+        if self.state.absolute {
+            read |= self.table.dialect.letters_placed_by(self.block.letters);
+        }
+        self.state.unread = modal & !read | in_block;
+    }
+
+    /// Whether the first line with something in it is that of a file which is no program; that is then reported.
+    fn is_foreign_start(
+        &mut self,
+        line: &[u8],
+        number: u32,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        self.state.content_seen = line.iter().any(|byte| !byte.is_ascii_whitespace());
+        if !self.state.content_seen {
+            return false;
+        }
+        let Some(foreign) = foreign::recognise(line, true) else {
+            return false;
+        };
+        self.refuse_file(foreign, line.len(), number, operations, findings);
+        true
+    }
+
+    /// Reports that the file is no program, in place of everything found in it before, and ends it.
+    #[cold]
+    fn refuse_file(
+        &mut self,
+        Foreign { what, cure }: Foreign,
+        length: usize,
+        line: u32,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
+        findings.withdraw(0, |finding| code::FINDING_CODES.iter().any(|(code, _)| *code == finding.code));
+        let span = SourceSpan { line, column: 1, length: length as u32 };
+        findings.push_with(Severity::Error, || {
+            let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
+            Finding::error(code::NOT_A_PROGRAM, span, message).suggest(cure)
+        });
+        self.state.nurbs = None;
+        self.state.reported.trailing = true;
+        self.end(span, operations, findings);
     }
 
     /// Remembers which machining functions a block has switched, or would have without its error.
@@ -272,7 +378,10 @@ impl Interpreter {
         if self.state.has_ended() {
             return;
         }
-        let span = SourceSpan { line: self.state.lines.max(1), column: 1, length: 0 };
+        // A line that is too long and has no end has not been counted yet.
+        self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
+        let column = self.state.last_line_bytes.saturating_add(1);
+        let span = SourceSpan { line: self.state.lines.max(1), column, length: 0 };
         findings.push_with(Severity::Warning, || {
             Finding::warning(code::NO_END, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
         });
@@ -284,6 +393,9 @@ impl Interpreter {
     fn report_long_line(&mut self, start: &[u8], findings: &mut FindingLog) {
         let longest = self.settings.max_line_bytes;
         let line = self.state.lines.saturating_add(1);
+        self.state.last_line_bytes = 0;
+        // Any word may have stood in it.
+        self.state.unread = u32::MAX;
         if self.state.has_ended() {
             return self.report_trailing(start, line, findings);
         }
@@ -320,21 +432,23 @@ pub fn interpret(source: &[u8], settings: LanguageSettings) -> (Vec<Operation>, 
     Interpreter::new(settings).read_all(source)
 }
 
-/// Offset of the first line feed, eight bytes at a time.
+/// Offset of the first line feed or carriage return, eight bytes at a time.
 #[inline]
-fn find_line_feed(bytes: &[u8]) -> Option<usize> {
+fn find_line_end(bytes: &[u8]) -> Option<usize> {
     const ONES: u64 = u64::from_ne_bytes([1; 8]);
     const HIGHS: u64 = u64::from_ne_bytes([0x80; 8]);
     const LINE_FEEDS: u64 = u64::from_ne_bytes([b'\n'; 8]);
+    const RETURNS: u64 = u64::from_ne_bytes([b'\r'; 8]);
     let (chunks, rest) = bytes.as_chunks::<8>();
     for (index, chunk) in chunks.iter().enumerate() {
-        // A zero byte of `difference` is a line feed; the lowest bit found marks the first one exactly.
-        let difference = u64::from_le_bytes(*chunk) ^ LINE_FEEDS;
-        let zeros = difference.wrapping_sub(ONES) & !difference & HIGHS;
+        // A zero byte of a difference is one of the two; the lowest bit found of each marks its first one exactly.
+        let chunk = u64::from_le_bytes(*chunk);
+        let (feeds, returns) = (chunk ^ LINE_FEEDS, chunk ^ RETURNS);
+        let zeros = (feeds.wrapping_sub(ONES) & !feeds | returns.wrapping_sub(ONES) & !returns) & HIGHS;
         if zeros != 0 {
             return Some(index * 8 + zeros.trailing_zeros() as usize / 8);
         }
     }
-    let place = rest.iter().position(|&byte| byte == b'\n')?;
+    let place = rest.iter().position(|&byte| matches!(byte, b'\n' | b'\r'))?;
     Some(chunks.len() * 8 + place)
 }

@@ -48,6 +48,8 @@ pub enum TokenKind {
     Text,
     /// A variable, expression or control statement, to the end of the line.
     Expression,
+    /// A comma with a word behind it: `,R5`, `,C2`.
+    Corner,
     /// A run of NUL bytes.
     Nul,
     /// A run of bytes above ASCII that is not UTF-8.
@@ -157,6 +159,16 @@ impl<'a> Lexer<'a> {
         (if is_text { TokenKind::Unexpected } else { TokenKind::NotUtf8 }, end)
     }
 
+    /// Where a comma with a word behind it ends.
+    fn corner(&self, start: usize) -> Option<usize> {
+        let letter = start + 1;
+        if self.line[start] != b',' || self.class_at(letter) != Some(Class::Letter) {
+            return None;
+        }
+        let number = self.skip_class(letter + 1, Class::Blank);
+        (self.class_at(number) == Some(Class::Number)).then(|| scan_number(self.line, number).end)
+    }
+
     fn block_delete(&self, start: usize) -> usize {
         let at = self.skip_class(start + 1, Class::Blank);
         match self.line.get(at) {
@@ -204,6 +216,9 @@ impl Iterator for Lexer<'_> {
             Class::Macro => (TokenKind::Expression, self.line.len()),
             Class::Nul => (TokenKind::Nul, self.skip_class(start, Class::Nul)),
             Class::HighByte => self.high_bytes(start),
+            Class::Other if self.corner(start).is_some() => {
+                (TokenKind::Corner, self.corner(start).unwrap_or(start + 1))
+            }
             Class::Other | Class::Blank => (TokenKind::Unexpected, self.skip_class(start + 1, Class::Other)),
         };
         self.at = end;

@@ -8,11 +8,14 @@
 mod axis;
 mod block;
 mod code;
+mod consequence;
 mod dialect;
 mod finding;
+mod foreign;
 mod guided;
 mod interpreter;
 pub mod lexer;
+mod lookalike;
 mod number;
 mod operation;
 mod settings;

@@ -16,6 +16,16 @@ pub struct InterpreterState {
     /// Lines read so far.
     pub(crate) lines: u32,
     pub(crate) phase: Phase,
+    /// The last line ended with a carriage return, to which a line feed may still belong.
+    pub(crate) after_return: bool,
+    /// Bytes of the last line without its end.
+    pub(crate) last_line_bytes: u32,
+    /// A line with something in it was looked at.
+    pub(crate) content_seen: bool,
+    /// A line could be read.
+    pub(crate) readable_seen: bool,
+    /// Letters of modal words that could not be read and have not been since, one bit each.
+    pub(crate) unread: u32,
     /// A leading `%` was read.
     pub(crate) percent_seen: bool,
     /// Within a line that is too long to be read.
@@ -242,6 +252,11 @@ impl InterpreterState {
         Self {
             lines: 0,
             phase: Phase::Start,
+            after_return: false,
+            last_line_bytes: 0,
+            content_seen: false,
+            readable_seen: false,
+            unread: 0,
             percent_seen: false,
             skipping_line: false,
             reported: Reported::default(),

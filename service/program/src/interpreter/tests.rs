@@ -1,11 +1,14 @@
 //! Tests of the interpreter through one [`check`]: program text in, one line per operation and finding out.
 
 mod arcs;
+mod consequences;
 mod doubt;
+mod foreign_files;
 mod framing;
 mod hostile;
 mod language;
 mod length;
+mod misread;
 mod order;
 mod path_control;
 mod splines;

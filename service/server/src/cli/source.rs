@@ -12,7 +12,7 @@ const PIECE_BYTES: usize = 256 * 1024;
 /// Bytes shown before and after a place in a long line.
 const SHOWN_BYTES: usize = 90;
 /// Longest line kept to show a part of it; the language reads no longer ones.
-const LONGEST_LINE_BYTES: u64 = 65_536 + 3;
+const LONGEST_LINE_BYTES: usize = 65_536 + 3;
 
 /// A program that can be read again and again.
 #[derive(Debug)]
@@ -109,7 +109,7 @@ impl Source {
             while line_number < place.line {
                 line.clear();
                 let wanted = line_number + 1 == place.line;
-                let read = if wanted { read_line(&mut reader, &mut line) } else { reader.skip_until(b'\n') };
+                let read = read_line(&mut reader, if wanted { Some(&mut line) } else { None });
                 if read.map_err(|error| CliError::written(&self.name, &error))? == 0 {
                     break;
                 }
@@ -124,16 +124,31 @@ impl Source {
     }
 }
 
-/// Reads a line, keeping no more of it than could be shown; returns the bytes consumed.
-fn read_line(reader: &mut impl io::BufRead, line: &mut Vec<u8>) -> io::Result<usize> {
-    let mut read = reader.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', line)?;
-    if read > 0 && line.last() != Some(&b'\n') {
-        read += reader.skip_until(b'\n')?;
+/// Reads a line, keeping no more of it than could be shown, and without its end: a line feed, a carriage return, or both, as
+/// the interpreter counts lines. Returns the bytes consumed.
+fn read_line(reader: &mut impl io::BufRead, mut line: Option<&mut Vec<u8>>) -> io::Result<usize> {
+    let mut read = 0;
+    loop {
+        let piece = reader.fill_buf()?;
+        let end = piece.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let length = end.unwrap_or(piece.len());
+        if let Some(line) = line.as_deref_mut() {
+            let room = LONGEST_LINE_BYTES.saturating_sub(line.len());
+            line.extend_from_slice(&piece[..length.min(room)]);
+        }
+        let is_last = piece.is_empty();
+        let is_return = end.is_some_and(|end| piece[end] == b'\r');
+        let consumed = length + usize::from(end.is_some());
+        reader.consume(consumed);
+        read += consumed;
+        if is_return && reader.fill_buf()?.first() == Some(&b'\n') {
+            reader.consume(1);
+            read += 1;
+        }
+        if end.is_some() || is_last {
+            return Ok(read);
+        }
     }
-    while line.last().is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
-        line.pop();
-    }
-    Ok(read)
 }
 
 fn snippet(line: &[u8], place: &Place) -> Snippet {

@@ -12,13 +12,30 @@ fn line_ends_and_byte_order_mark() {
     }
     // The mark is no column.
     assert_eq!(render("\u{feff}E1\nM30", &mill()), "end\n! 1:1+2 PRG-WORD-UNKNOWN");
-    assert_eq!(render("G0 X1\rY2\nM30", &mill()), "end\n! 1:6+1 PRG-CHARACTER");
+    // A carriage return alone ends a line as well, and every mixture counts the same lines.
+    for end in ["\r", "\n", "\r\n"] {
+        let program = ["G0 X1", "", "E1 X2", "X3", "M30", ""].join(end);
+        assert_eq!(
+            render(&program, &mill()),
+            "rapid 0 -> X1\nrapid X2 -> X3\nend\n! 3:1+2 PRG-WORD-UNKNOWN",
+            "{end:?}"
+        );
+    }
+    assert_eq!(
+        render("G0 X1\r\r\nX2\n\rE1\rM30", &mill()),
+        "rapid 0 -> X1\nrapid X1 -> X2\nend\n! 5:1+2 PRG-WORD-UNKNOWN"
+    );
 }
 
 #[test]
 fn ways_to_end() {
     assert_eq!(render("", &mill()), "end\nw 1:1+0 PRG-NO-END");
     assert_eq!(render("G0 X1\n\n", &mill()), "rapid 0 -> X1\nend\nw 2:1+0 PRG-NO-END");
+    // The end of the last line, however it ends.
+    for program in ["G0 X1\nX2.5", "G0 X1\nX2.5\n", "G0 X1\r\nX2.5\r\n", "G0 X1\rX2.5\r", "\u{feff}G0 X1\nX2.5"] {
+        assert!(render(program, &mill()).ends_with("\nw 2:5+0 PRG-NO-END"), "{program:?}");
+    }
+    assert_eq!(render("\u{feff}G0 X1", &mill()), "rapid 0 -> X1\nend\nw 1:6+0 PRG-NO-END");
     assert_eq!(render("%\nG0 X1\n%\n", &mill()), "rapid 0 -> X1\nend");
     assert_eq!(render("%\n%\n", &mill()), "end");
     assert_eq!(render("%\nG0 X1\nM2\n\n%\n\0\0\n", &mill()), "rapid 0 -> X1\nend");
@@ -33,8 +50,23 @@ fn a_line_that_is_too_long() {
     let program = "G0 X1     \nG0 X2      \nG0 X3\nX4 (.......)";
     assert_eq!(
         render(program, &settings),
-        "rapid 0 -> X1\nrapid X1 -> X3\nend\n! 2:1+10 PRG-LINE-TOO-LONG\n! 4:1+10 PRG-LINE-TOO-LONG\nw 3:1+0 PRG-NO-END"
+        "rapid 0 -> X1\nrapid X1 -> X3\nend\n! 2:1+10 PRG-LINE-TOO-LONG\n! 4:1+10 PRG-LINE-TOO-LONG\nw 4:13+0 PRG-NO-END"
     );
+}
+
+#[test]
+fn a_carriage_return_at_the_border_of_two_pieces() {
+    let mut interpreter = Interpreter::new(mill());
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    let mut read = |input: &[u8], end| interpreter.read_line(input, end, &mut operations, &mut findings);
+    assert_eq!(read(b"G0 X1\r", false), LineOutcome::Consumed(6), "not held back");
+    assert_eq!(read(b"", false), LineOutcome::NeedMore);
+    assert_eq!(read(b"\nX2\r\nE1\r", false), LineOutcome::Consumed(1));
+    assert_eq!(read(b"X2\r\nE1\r", false), LineOutcome::Consumed(4));
+    assert_eq!(read(b"E1\r", false), LineOutcome::Consumed(3));
+    assert_eq!(read(b"E2\rM30", false), LineOutcome::Consumed(3));
+    let places: Vec<_> = findings.findings().iter().map(|finding| finding.span.line).collect();
+    assert_eq!(places, [3, 4]);
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn block_delete() {
     let program = "/G0 X1\nN5 /2 G0 X2\nG0 X3\n/M30";
     check(&mill(), program, "rapid 0 -> X1\nrapid X1 -> X2\nrapid X2 -> X3\nend");
     let settings = LanguageSettings { block_delete: true, ..mill() };
-    check(&settings, program, "rapid 0 -> X3\nend\nw 4:1+0 PRG-NO-END");
+    check(&settings, program, "rapid 0 -> X3\nend\nw 4:5+0 PRG-NO-END");
     check(&mill(), "G0 / X1", "! 1:4+1 PRG-CHARACTER");
 }
 

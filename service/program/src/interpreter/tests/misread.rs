@@ -1,0 +1,85 @@
+//! Words that look right and are not: the cure, followed to the letter, gives the program that was meant.
+
+use super::*;
+
+/// The program with every replacement of its findings made.
+fn cured(program: &str, settings: &LanguageSettings) -> String {
+    let (_, findings) = interpret(program.as_bytes(), settings.clone());
+    let mut lines: Vec<Vec<u8>> = program.split('\n').map(|line| line.as_bytes().to_vec()).collect();
+    let mut findings: Vec<_> =
+        findings.findings().iter().filter(|finding| finding.severity == Severity::Error).collect();
+    findings.sort_by_key(|finding| core::cmp::Reverse((finding.span.line, finding.span.column)));
+    for finding in findings {
+        let replacement = finding.suggestions[0].replacement.as_ref().expect("a replacement");
+        let start = finding.span.column as usize - 1;
+        let line = &mut lines[finding.span.line as usize - 1];
+        line.splice(start..start + finding.span.length as usize, replacement.bytes());
+    }
+    String::from_utf8(lines.join(&b'\n')).expect("text")
+}
+
+#[test]
+fn a_minus_sign_of_typesetting() {
+    check(&mill(), "G0 X\u{2212}5 Y3\nX1", "rapid Y3 -> X1 Y3\n! 1:4+5 PRG-LOOKALIKE");
+    for (written, meant) in [
+        ("G0 X\u{2212}5", "G0 X-5"),
+        ("G0 X\u{2013}5.2 Y\u{2014}3 Z\u{2011}1", "G0 X-5.2 Y-3 Z-1"),
+        ("G0 X \u{2212}5 Y3", "G0 X-5 Y3"),
+        ("G0 X\u{2212} 5", "G0 X- 5"),
+        ("\u{ff27}\u{ff10}\u{3000}\u{ff38}\u{ff11}\u{ff10}", "G0 X10"),
+        ("G0\u{a0}X10\u{a0}Y5", "G0 X10 Y5"),
+        ("G0 \u{425}10 (\u{425})", "G0 X10 (\u{425})"),
+        ("G0 X1,5 Y,25", "G0 X1.5 Y.25"),
+    ] {
+        let program = format!("{written}\nM30");
+        assert_eq!(cured(&program, &mill()), format!("{meant}\nM30"), "{written:?}");
+    }
+}
+
+#[test]
+fn one_finding_for_a_word() {
+    check(&mill(), "G0 X1 Y\u{2212}5.\u{ff15} E1 Z2", "! 1:17+2 PRG-WORD-UNKNOWN\n! 1:7+9 PRG-LOOKALIKE");
+    assert_eq!(render(b"G0 X\x965\nM30", &mill()), "end\n! 1:4+3 PRG-LOOKALIKE");
+    check(&mill(), "G0 X1 (\u{2212})\nX2 ; \u{2212}", "rapid 0 -> X1\nrapid X1 -> X2");
+    // What can be read in two ways is not replaced.
+    for written in ["X1,000", "X\u{ad}5", "X1\u{41e}"] {
+        let (_, findings) = interpret(format!("G0 {written}").as_bytes(), mill());
+        let finding = &findings.findings()[0];
+        assert_eq!(finding.code, "PRG-LOOKALIKE");
+        assert!(finding.suggestions.iter().all(|cure| cure.replacement.is_none()), "{finding:?}");
+    }
+}
+
+#[test]
+fn nothing_is_taken_out_of_the_middle_of_a_word() {
+    for written in ["X!5", "X1\u{e9}5", "X\05", "X1\05", "X\u{e9}5"] {
+        let (_, findings) = interpret(format!("G0 {written}").as_bytes(), mill());
+        for finding in findings.findings() {
+            let cures = finding.suggestions.iter().map(|cure| cure.message.as_str());
+            assert!(
+                !cures.clone().any(|cure| cure.starts_with("remove")) || finding.severity == Severity::Warning,
+                "{finding:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn corners_are_no_moves_of_an_axis() {
+    check(
+        &mill(),
+        "G0 X1\nG1 Y5 ,C2 F10\nX3",
+        "rapid 0 -> X1\nline X1 Y5 -> X3 Y5 @10/min\n! 2:7+3 PRG-UNSUPPORTED-CODE",
+    );
+    check(&lathe(), "G0 X2 ,R5.", "! 1:7+4 PRG-UNSUPPORTED-CODE");
+}
+
+#[test]
+fn numbers_of_lines_and_programs() {
+    check(&mill(), "N0 G0 X1\nN99999999 X2\nN10. X3", "rapid 0 -> X1\nrapid X1 -> X2\nrapid X2 -> X3");
+    check(&mill(), "N-1 G0 X1", "! 1:1+3 PRG-NUMBER-NOT-WHOLE");
+    check(&mill(), "N1.5 G0 X1", "! 1:1+4 PRG-NUMBER-NOT-WHOLE");
+    check(&mill(), "N99999999999 G0 X1", "! 1:1+12 PRG-NUMBER-RANGE");
+    check(&mill(), "O-1\nG0 X1", "rapid 0 -> X1\n! 1:1+3 PRG-NUMBER-NOT-WHOLE");
+    assert_eq!(cured("N-1 G0 X1\nN1.5 X2\nM30", &mill()), " G0 X1\n X2\nM30");
+}
