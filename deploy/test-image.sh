@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds the image and runs it as compose.yaml says, then proves: it becomes healthy; nothing of it runs as root, has a
 # capability or can write outside its volume; a job goes through it; SIGTERM ends it in order, with a stream open that
-# nobody reads; the job is still there after a restart.
+# nobody reads; the job is still there after a restart; under mutual TLS with a private authority, as compose.tls.yaml says,
+# it becomes healthy by the probe's own certificate and serves clients with one, and nobody else.
 #
 # Needs the Rust toolchain and Python 3; installs buildah, podman and runc with apt-get where they are missing. Images,
 # volumes and settings of the engine live in a directory of their own, which is removed at the end. Works without systemd
@@ -19,7 +20,7 @@ fail() {
 say() { printf '%s\n' "--- $*"; }
 
 missing=()
-for tool in buildah podman runc curl; do
+for tool in buildah podman runc curl openssl; do
     command -v "$tool" >/dev/null || missing+=("$tool")
 done
 if ((${#missing[@]} > 0)); then
@@ -49,9 +50,9 @@ printf 'services:\n  feedwave:\n    ulimits: {nofile: 4096, nproc: 4096}\n' >"$w
 python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check "podman-compose==$podman_compose_version"
 # Without systemd the engine cannot schedule health checks and complains at every step; they are run by hand here.
+compose_files=(-f deploy/compose.yaml -f "$work/limits.yaml")
 compose() {
-    PATH="$work/venv/bin:$PATH" podman-compose --no-ansi -f deploy/compose.yaml -f "$work/limits.yaml" "$@" \
-        2> >(grep -v 'systemd' >&2)
+    PATH="$work/venv/bin:$PATH" podman-compose --no-ansi "${compose_files[@]}" "$@" 2> >(grep -v 'systemd' >&2)
 }
 container=feedwave_feedwave_1
 client_pid=
@@ -144,5 +145,36 @@ wait_until_healthy
 [[ $("$binary" submit "$work/shaft.nc" --request-id image-test) == "$job" ]] || fail "the job is forgotten"
 "$binary" stream "$job" --out "$work/after.csv"
 cmp "$work/before.csv" "$work/after.csv" || fail "the setpoints are others after the restart"
+
+say "mutual TLS with a private authority"
+export FEEDWAVE_TLS_DIRECTORY=$work/tls FEEDWAVE_TLS_DOMAIN=feedwave.plant
+mkdir "$FEEDWAVE_TLS_DIRECTORY"
+in_tls() { (cd "$FEEDWAVE_TLS_DIRECTORY" && openssl "$@" 2>/dev/null); }
+in_tls req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj "/CN=plant authority" \
+    -keyout ca-key.pem -out ca.pem
+for holder in server probe; do
+    in_tls req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj "/CN=$holder" -keyout "$holder-key.pem" -out "$holder.csr"
+    # The server's name is in its certificate, no address is; the probe's is good for clients only.
+    [[ $holder == server ]] && usage=serverAuth || usage=clientAuth
+    printf 'subjectAltName=DNS:%s\nextendedKeyUsage=%s\n' "$FEEDWAVE_TLS_DOMAIN" "$usage" >"$work/extensions"
+    in_tls x509 -req -in "$holder.csr" -CA ca.pem -CAkey ca-key.pem -CAcreateserial -days 2 -extfile "$work/extensions" \
+        -out "$holder.pem"
+done
+rm "$FEEDWAVE_TLS_DIRECTORY/ca-key.pem"
+# The work directory is its owner's alone; what the container reads is the service's.
+chmod 0711 "$work"
+chown -R 65532:65532 "$FEEDWAVE_TLS_DIRECTORY"
+compose down >/dev/null 2>&1
+compose_files+=(-f deploy/compose.tls.yaml)
+compose up -d >/dev/null
+wait_until_healthy
+tls_client() { "$binary" submit "$work/shaft.nc" --request-id image-test --server https://127.0.0.1:50051 --domain feedwave.plant "$@"; }
+[[ $(tls_client --ca "$FEEDWAVE_TLS_DIRECTORY/ca.pem" --cert "$FEEDWAVE_TLS_DIRECTORY/probe.pem" --key "$FEEDWAVE_TLS_DIRECTORY/probe-key.pem") == "$job" ]] ||
+    fail "a client with a certificate is not served"
+if tls_client --ca "$FEEDWAVE_TLS_DIRECTORY/ca.pem" >/dev/null 2>&1; then fail "a client without a certificate is served"; fi
+# A probe that finds no certificate says so instead of being healthy.
+if podman exec -e FEEDWAVE_HEALTHCHECK__CA=/etc/feedwave/tls/probe.pem "$container" /feedwave healthcheck 2>/dev/null; then
+    fail "the probe trusts any authority"
+fi
 
 say "passed"

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 
-use feedwave::config::{Config, Overrides, TlsConfig};
+use feedwave::config::{Config, HealthcheckConfig, Overrides, TlsConfig};
 use feedwave_tests::feedwave_binary;
 use tokio::process::Command;
 
@@ -59,6 +59,12 @@ fn the_example_states_every_key_with_its_default() {
     let tls = TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()) };
     let mut full = expected;
     full.grpc.tls = Some(tls);
+    full.healthcheck = HealthcheckConfig {
+        ca: Some("ca".into()),
+        cert: Some("cert".into()),
+        key: Some("key".into()),
+        domain: Some("name".to_owned()),
+    };
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");
     let mut keys = BTreeSet::new();

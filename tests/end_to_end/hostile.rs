@@ -7,7 +7,7 @@ use feedwave::proto::{JobState, Severity, ValidateProgramRequest, ValidationRepo
 use feedwave_tests::{Clients, SHAFT, Server, upload};
 use tonic::Code;
 
-use crate::status::violated_fields;
+use crate::status::{assert_error, violated_fields};
 
 async fn validate(clients: &mut Clients, program: Vec<u8>) -> ValidationReport {
     let request = ValidateProgramRequest {
@@ -66,7 +66,7 @@ async fn messages_and_programs_beyond_the_limits_are_refused() {
     let server = Server::start().await;
     let mut clients = server.connect().await;
     let oversize = clients.create(vec![b' '; 5 << 20]).await.unwrap_err();
-    assert_eq!(oversize.code(), Code::OutOfRange, "{oversize:?}");
+    assert_error(&oversize, Code::ResourceExhausted, "MESSAGE_TOO_LARGE");
     let inline = clients.create(vec![b' '; 2 << 20]).await.unwrap_err();
     assert_eq!(violated_fields(&inline), ["inline_program"]);
     // The connection is as good as before.

@@ -164,6 +164,32 @@ def test_errors_carry_details(service):
     assert caught.value.code() == grpc.StatusCode.NOT_FOUND
 
 
+@pytest.mark.parametrize("compression", [grpc.Compression.NoCompression, grpc.Compression.Gzip])
+def test_a_refusal_with_many_violations_reaches_the_client(service, compression):
+    tools = [f"tools/No Tool {index} {'x' * 500}" for index in range(50)]
+    request = jobs_pb2.CreateJobRequest(machine="machines/lathe", tools=tools, inline_program=b"M30\n")
+    with pytest.raises(grpc.RpcError) as caught:
+        service.jobs.CreateJob(request, timeout=60, compression=compression)
+    assert caught.value.code() == grpc.StatusCode.INVALID_ARGUMENT
+    details = {detail.TypeName(): detail for detail in rpc_status.from_call(caught.value).details}
+    bad_request, info = error_details_pb2.BadRequest(), error_details_pb2.ErrorInfo()
+    assert details["google.rpc.BadRequest"].Unpack(bad_request)
+    assert details["google.rpc.ErrorInfo"].Unpack(info)
+    assert len(bad_request.field_violations) + int(info.metadata["violations_not_listed"]) == len(tools)
+
+
+@pytest.mark.parametrize("compression", [grpc.Compression.NoCompression, grpc.Compression.Gzip])
+def test_a_message_that_is_too_large_is_told_as_such(service, compression):
+    request = machines_pb2.GetMachineRequest(name="x" * (5 << 20))
+    with pytest.raises(grpc.RpcError) as caught:
+        service.machines.GetMachine(request, timeout=60, compression=compression)
+    assert caught.value.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+    info = error_details_pb2.ErrorInfo()
+    details = {detail.TypeName(): detail for detail in rpc_status.from_call(caught.value).details}
+    assert details["google.rpc.ErrorInfo"].Unpack(info)
+    assert (info.reason, info.metadata["limit_bytes"]) == ("MESSAGE_TOO_LARGE", str(4 << 20))
+
+
 def test_the_service_describes_itself(channel):
     database = ProtoReflectionDescriptorDatabase(channel)
     services = set(database.get_services())

@@ -21,12 +21,13 @@ use feedwave_store::{Machines as _, PageRequest, Store, StoreError};
 use tonic::{Request, Response, Status};
 
 pub(crate) use decisions::decision_from_record;
+pub(crate) use guarded::deadline;
 pub(crate) use jobs::state_to_proto;
 pub(crate) use telemetry::run_state_to_proto;
 
 use crate::config::Limits;
 use crate::engine::Engine;
-use crate::error::{Result, Violations};
+use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
 
 /// What the services work with. Cloning is cheap.
@@ -91,4 +92,10 @@ fn page_request(violations: &mut Violations, page_size: i32, page_token: String)
 /// An etag as the store wants it: empty means any.
 fn etag(etag: &str) -> Option<&str> {
     Some(etag).filter(|etag| !etag.is_empty())
+}
+
+/// What is wrong with a message of a client's stream; `None` where it is the connection that broke: then there is nobody
+/// to tell, and what was under way goes on without the client.
+fn unreadable(status: Status) -> Option<Error> {
+    std::error::Error::source(&status).is_none().then(|| status.into())
 }

@@ -36,6 +36,8 @@ pub struct Config {
     pub log: LogConfig,
     /// Export of traces.
     pub telemetry: TelemetryConfig,
+    /// What `feedwave healthcheck` needs where the gRPC port is encrypted.
+    pub healthcheck: HealthcheckConfig,
 }
 
 /// The gRPC port.
@@ -180,6 +182,24 @@ pub struct TelemetryConfig {
     pub otlp_endpoint: Option<String>,
 }
 
+/// What `feedwave healthcheck` needs where the gRPC port is encrypted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HealthcheckConfig {
+    /// File with the certificates that the server must be signed by, PEM; absent: those of `grpc.tls.cert` itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ca: Option<PathBuf>,
+    /// File with the certificate chain of the client, PEM; absent: none is shown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cert: Option<PathBuf>,
+    /// File with the key of the client's certificate, PEM.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub key: Option<PathBuf>,
+    /// Name that the server's certificate must have; absent: the address that is asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub domain: Option<String>,
+}
+
 /// One thing that makes configuration unusable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigProblem {
@@ -298,13 +318,24 @@ impl Config {
                 problems.push(("telemetry.otlp_endpoint", format!("must be a URL with a scheme, is {endpoint:?}")));
             }
         }
-        if let Some(tls) = &self.grpc.tls {
-            let files = [("grpc.tls.cert", Some(&tls.cert)), ("grpc.tls.key", Some(&tls.key))];
-            for (key, path) in files.into_iter().chain([("grpc.tls.client_ca", tls.client_ca.as_ref())]) {
-                if let Some(error) = path.and_then(|path| std::fs::File::open(path).err().map(|e| (path, e))) {
-                    problems.push((key, format!("{}: {}", error.0.display(), error.1)));
-                }
+        let (tls, probe) = (self.grpc.tls.as_ref(), &self.healthcheck);
+        let files = [
+            ("grpc.tls.cert", tls.map(|tls| &tls.cert)),
+            ("grpc.tls.key", tls.map(|tls| &tls.key)),
+            ("grpc.tls.client_ca", tls.and_then(|tls| tls.client_ca.as_ref())),
+            ("healthcheck.ca", probe.ca.as_ref()),
+            ("healthcheck.cert", probe.cert.as_ref()),
+            ("healthcheck.key", probe.key.as_ref()),
+        ];
+        for (key, path) in files {
+            if let Some((path, error)) = path.and_then(|path| std::fs::File::open(path).err().map(|e| (path, e))) {
+                problems.push((key, format!("{}: {error}", path.display())));
             }
+        }
+        match (&probe.cert, &probe.key) {
+            (Some(_), None) => problems.push(("healthcheck.cert", "needs healthcheck.key".to_owned())),
+            (None, Some(_)) => problems.push(("healthcheck.key", "needs healthcheck.cert".to_owned())),
+            _ => {}
         }
         problems
     }

@@ -165,7 +165,7 @@ fn stored_profile(profile: &proto::MachineProfile) -> Result<MachineProfile> {
 }
 
 /// Waits until an instant; for ever where there is none.
-async fn until(instant: Option<impl Into<Instant>>) {
+pub(crate) async fn until(instant: Option<impl Into<Instant>>) {
     match instant {
         Some(instant) => tokio::time::sleep_until(instant.into()).await,
         None => std::future::pending().await,

@@ -2,18 +2,18 @@
 
 use std::error::Error;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use tonic::transport::{Certificate, ClientTlsConfig, Endpoint, Identity};
+use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
 use crate::args::GlobalArgs;
 use crate::cli::CliError;
-use crate::config::Overrides;
+use crate::client_tls::{ClientTls, chain};
+use crate::config::{Config, Overrides};
 
 /// Flags of `feedwave healthcheck`.
 #[derive(Clone, Debug, clap::Args)]
@@ -27,18 +27,8 @@ pub struct Args {
     /// How long to wait for an answer, s
     #[arg(long, value_name = "SECONDS", default_value_t = 3)]
     timeout: u64,
-    /// Certificates that the server must be signed by, PEM
-    #[arg(long, value_name = "FILE")]
-    ca: Option<PathBuf>,
-    /// Client certificate, PEM
-    #[arg(long, value_name = "FILE", requires = "key")]
-    cert: Option<PathBuf>,
-    /// Key of the client certificate, PEM
-    #[arg(long, value_name = "FILE", requires = "cert")]
-    key: Option<PathBuf>,
-    /// Name that the server's certificate must have, where it differs from the URL's
-    #[arg(long, value_name = "NAME")]
-    domain: Option<String>,
+    #[command(flatten)]
+    tls: ClientTls,
 }
 
 /// Asks.
@@ -46,19 +36,23 @@ pub struct Args {
 /// # Errors
 /// [`CliError`] with exit code 1 when the service does not answer that it serves.
 pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> {
-    let url = match &args.server {
-        Some(url) => url.clone(),
-        None => {
-            let config = global.load(Overrides::default())?;
-            let scheme = if config.grpc.tls.is_some() { "https" } else { "http" };
-            format!("{scheme}://{}", reachable(config.grpc.listen))
-        }
-    };
+    let config = global.load(Overrides::default())?;
+    let url = args.server.clone().unwrap_or_else(|| {
+        let scheme = if config.grpc.tls.is_some() { "https" } else { "http" };
+        format!("{scheme}://{}", reachable(config.grpc.listen))
+    });
     let timeout = Duration::from_secs(args.timeout);
     let mut endpoint = Endpoint::from_shared(url.clone()).map_err(|error| CliError::new(format!("{url}: {error}")))?;
     endpoint = endpoint.connect_timeout(timeout).timeout(timeout);
     if url.starts_with("https:") {
-        endpoint = endpoint.tls_config(tls(&args)?).map_err(CliError::new)?;
+        let tls = tls(args.tls, &config);
+        let asked = args.server.is_none() && config.grpc.tls.as_ref().is_some_and(|tls| tls.client_ca.is_some());
+        if asked && tls.cert.is_none() {
+            return Err(CliError::new(
+                "grpc.tls.client_ca asks clients for a certificate: set healthcheck.cert and healthcheck.key",
+            ));
+        }
+        endpoint = endpoint.tls_config(tls.config().map_err(CliError::new)?).map_err(CliError::new)?;
     }
     let failed = |error: &dyn Error| CliError::new(format!("{url}: {}", chain(error)));
     let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
@@ -75,31 +69,13 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     }
 }
 
-/// An error and its causes: "transport error" alone tells nobody anything.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text.push_str(&format!(": {error}"));
-        cause = error.source();
-    }
-    text
-}
-
-fn tls(args: &Args) -> Result<ClientTlsConfig, CliError> {
-    let read =
-        |path: &PathBuf| std::fs::read(path).map_err(|error| CliError::new(format!("{}: {error}", path.display())));
-    let mut tls = ClientTlsConfig::new();
-    if let Some(ca) = &args.ca {
-        tls = tls.ca_certificate(Certificate::from_pem(read(ca)?));
-    }
-    if let (Some(cert), Some(key)) = (&args.cert, &args.key) {
-        tls = tls.identity(Identity::from_pem(read(cert)?, read(key)?));
-    }
-    Ok(match &args.domain {
-        Some(domain) => tls.domain_name(domain),
-        None => tls,
-    })
+/// What the flags say, then the section `healthcheck`; by default the server must show what it is configured with.
+fn tls(flags: ClientTls, config: &Config) -> ClientTls {
+    let probe = config.healthcheck.clone();
+    let own = || config.grpc.tls.as_ref().map(|tls| tls.cert.clone());
+    // A certificate and a key belong together, wherever they come from.
+    let (cert, key) = if flags.cert.is_some() { (flags.cert, flags.key) } else { (probe.cert, probe.key) };
+    ClientTls { ca: flags.ca.or(probe.ca).or_else(own), cert, key, domain: flags.domain.or(probe.domain) }
 }
 
 /// An address to connect to: a server that listens everywhere listens on this machine.
@@ -114,7 +90,30 @@ fn reachable(listen: SocketAddr) -> SocketAddr {
 
 #[cfg(test)]
 mod tests {
+    use crate::config::{HealthcheckConfig, TlsConfig};
+
     use super::*;
+
+    #[test]
+    fn flags_win_over_configuration_and_the_own_certificates_are_trusted_without_either() {
+        let mut config = Config::default();
+        config.grpc.tls = Some(TlsConfig { cert: "own".into(), key: "own.key".into(), client_ca: None });
+        assert_eq!(tls(ClientTls::default(), &config).ca, Some("own".into()));
+
+        config.healthcheck = HealthcheckConfig {
+            ca: Some("ca".into()),
+            cert: Some("cert".into()),
+            key: Some("key".into()),
+            domain: Some("feedwave.plant".to_owned()),
+        };
+        let configured = tls(ClientTls::default(), &config);
+        assert_eq!((configured.ca, configured.domain.as_deref()), (Some("ca".into()), Some("feedwave.plant")));
+        assert_eq!((configured.cert, configured.key), (Some("cert".into()), Some("key".into())));
+
+        let flags = ClientTls { cert: Some("a".into()), key: Some("b".into()), ..ClientTls::default() };
+        let both = tls(flags, &config);
+        assert_eq!((both.ca, both.cert, both.key), (Some("ca".into()), Some("a".into()), Some("b".into())));
+    }
 
     #[test]
     fn a_server_that_listens_everywhere_is_asked_on_this_machine() {

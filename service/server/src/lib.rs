@@ -8,6 +8,7 @@
 pub mod api;
 pub mod args;
 pub mod cli;
+mod client_tls;
 pub mod config;
 pub mod convert;
 pub mod delta;
@@ -24,3 +25,4 @@ pub mod output;
 pub mod plot;
 pub mod proto;
 pub mod serve;
+mod services;

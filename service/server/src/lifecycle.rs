@@ -11,13 +11,11 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_stream::StreamExt as _;
 use tokio_util::sync::CancellationToken;
-use tonic::codec::CompressionEncoding;
-use tonic::server::NamedService;
-use tonic::service::Routes;
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Certificate, Identity, ServerTlsConfig};
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
+use tower::util::MapRequestLayer;
 use tower_http::classify::{GrpcCode, GrpcErrorsAsFailures, SharedClassifier};
 use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
 use tower_http::trace::{DefaultOnFailure, DefaultOnResponse, TraceLayer};
@@ -32,29 +30,13 @@ use crate::http::{HttpState, router};
 use crate::lingering::Lingering;
 use crate::observability::metrics::Metrics;
 use crate::observability::rpc::RpcLayer;
-use crate::proto::DESCRIPTOR_SET;
-use crate::proto::jobs_server::JobsServer;
-use crate::proto::machines_server::MachinesServer;
-use crate::proto::runs_server::RunsServer;
-use crate::proto::setpoints_server::SetpointsServer;
-use crate::proto::telemetry_server::TelemetryServer;
-use crate::proto::threads_server::ThreadsServer;
-use crate::proto::tools_server::ToolsServer;
+use crate::services;
+
+/// The header with the id of a call.
+const REQUEST_ID: &str = "x-request-id";
 
 /// Connections are asked for a sign of life after this time without one.
 const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
-
-/// Names of the services, for health.
-const SERVICES: [&str; 8] = [
-    "",
-    JobsServer::<Api>::NAME,
-    SetpointsServer::<Api>::NAME,
-    RunsServer::<Api>::NAME,
-    ThreadsServer::<Api>::NAME,
-    TelemetryServer::<Api>::NAME,
-    MachinesServer::<Api>::NAME,
-    ToolsServer::<Api>::NAME,
-];
 
 /// Why a server could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -135,11 +117,12 @@ impl Server {
         api.seed_machines().await.map_err(|error| StartError::Setup(error.to_string()))?;
 
         let health = HealthReporter::new();
-        for service in SERVICES {
+        for service in services::names() {
             health.set_service_status(service, ServingStatus::Serving).await;
         }
-        let rpc = RpcLayer::new(metrics.clone(), config.limits.concurrent_requests, draining.clone());
-        let routes = routes(&api, &config, &health).map_err(|error| StartError::Setup(error.to_string()))?;
+        let rpc = RpcLayer::new(metrics.clone(), &config.limits, draining.clone());
+        let routes = services::routes(&api, config.limits.message_bytes, &health)
+            .map_err(|error| StartError::Setup(error.to_string()))?;
         let mut server = tonic::transport::Server::builder()
             .accept_http1(true)
             .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
@@ -155,6 +138,7 @@ impl Server {
             .on_failure(DefaultOnFailure::new().level(Level::WARN));
         let grpc = server
             .layer(tonic_web::GrpcWebLayer::new())
+            .layer(MapRequestLayer::new(bound_request_id))
             .layer(SetRequestIdLayer::x_request_id(NewRequestId))
             .layer(trace)
             .layer(PropagateRequestIdLayer::x_request_id())
@@ -216,7 +200,7 @@ impl RunningServer {
     /// Ends the server: new calls are refused, open streams end at once with the reason, other calls have the
     /// configured time to finish. The HTTP port says so until the end.
     pub async fn shutdown(mut self) {
-        for service in SERVICES {
+        for service in services::names() {
             self.health.set_service_status(service, ServingStatus::NotServing).await;
         }
         self.engine.draining().cancel();
@@ -269,33 +253,6 @@ fn tls_config(tls: &TlsConfig) -> Result<ServerTlsConfig, StartError> {
     })
 }
 
-/// Every gRPC service. Setpoints are never compressed: it would cost more time than it saves.
-fn routes(api: &Api, config: &Config, health: &HealthReporter) -> Result<Routes, Box<dyn std::error::Error>> {
-    let message_bytes = config.limits.message_bytes;
-    let reflection = || {
-        tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(DESCRIPTOR_SET)
-            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-    };
-    let health = tonic_health::server::HealthService::from_health_reporter(health.clone());
-    Ok(Routes::new(
-        JobsServer::new(api.clone())
-            .max_decoding_message_size(message_bytes)
-            .accept_compressed(CompressionEncoding::Gzip)
-            .send_compressed(CompressionEncoding::Gzip),
-    )
-    .add_service(SetpointsServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(ThreadsServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(RunsServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(TelemetryServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(MachinesServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(ToolsServer::new(api.clone()).max_decoding_message_size(message_bytes))
-    .add_service(tonic_health::pb::health_server::HealthServer::new(health))
-    .add_service(reflection().build_v1()?)
-    .add_service(reflection().build_v1alpha()?)
-    .prepare())
-}
-
 /// What a client did wrong, or had happen by its own wish, is no failure of the service.
 fn classifier() -> GrpcErrorsAsFailures {
     let by_the_client = [
@@ -317,6 +274,17 @@ fn span<B>(request: &Request<B>) -> tracing::Span {
     let id = request.extensions().get::<RequestId>();
     let id = id.and_then(|id| id.header_value().to_str().ok()).unwrap_or_default();
     tracing::info_span!("call", method = request.uri().path(), request_id = id)
+}
+
+/// Longest request id that is taken over from a client, bytes: it comes back in the headers of the answer.
+const MAX_REQUEST_ID_BYTES: usize = 128;
+
+/// Takes away a request id that is too long, so that the call gets one of ours.
+fn bound_request_id<B>(mut request: Request<B>) -> Request<B> {
+    if request.headers().get(REQUEST_ID).is_some_and(|id| id.len() > MAX_REQUEST_ID_BYTES) {
+        request.headers_mut().remove(REQUEST_ID);
+    }
+    request
 }
 
 /// Gives calls an id that come without one.

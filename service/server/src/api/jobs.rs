@@ -426,7 +426,7 @@ impl Jobs for Api {
     type WatchJobsStream = ResponseStream<WatchJobsResponse>;
 
     async fn watch_jobs(&self, request: Request<WatchJobsRequest>) -> Result<Response<Self::WatchJobsStream>, Status> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let events = Box::pin(self.watch_events(&request.into_inner())?);
         let guarded = Guarded::new(events, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))

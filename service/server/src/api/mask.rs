@@ -1,4 +1,5 @@
-//! Partial updates: copies the fields that a mask names from one message to another, at any depth.
+//! Partial updates (AIP-134): takes the fields that a mask names, or those that are populated, from one message into
+//! another, at any depth.
 
 use prost::Name;
 use prost_reflect::{DynamicMessage, ReflectMessage as _, Value};
@@ -7,15 +8,29 @@ use prost_types::FieldMask;
 use crate::error::{Error, Result, Violations};
 use crate::json::to_dynamic;
 
-/// `stored` with the fields that the mask names taken from `given`; all of `given` where the mask is absent,
-/// empty or `*`.
-pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Option<&FieldMask>) -> Result<M> {
+/// The path of a full replacement.
+const EVERYTHING: &str = "*";
+
+/// What an update keeps of the stored message.
+pub(super) struct Updated<M> {
+    /// The message as it is to be stored.
+    pub(super) message: M,
+    /// Whether something of the stored message is in it, which must not have changed since.
+    pub(super) keeps_stored: bool,
+}
+
+/// `stored` with the fields that the mask names taken from `given`, cleared where `given` has none; without a mask or with
+/// an empty one, the fields that are populated in `given`, at any depth, lists as a whole; with `*`, all of `given`.
+pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Option<&FieldMask>) -> Result<Updated<M>> {
     let paths = mask.map_or(&[][..], |mask| &mask.paths);
-    if paths.is_empty() || paths == ["*"] {
-        return Ok(given.clone());
+    if paths == [EVERYTHING] {
+        return Ok(Updated { message: given.clone(), keeps_stored: false });
     }
     let mut target = to_dynamic(stored);
     let source = to_dynamic(given);
+    if paths.is_empty() {
+        merge(&mut target, &source);
+    }
     let mut violations = Violations::default();
     for path in paths {
         if let Err(reason) = copy(&mut target, &source, path) {
@@ -23,10 +38,27 @@ pub(super) fn apply<M: Name + Default + Clone>(stored: &M, given: &M, mask: Opti
         }
     }
     violations.finish()?;
-    target.transcode_to().map_err(Error::internal)
+    Ok(Updated { message: target.transcode_to().map_err(Error::internal)?, keeps_stored: true })
+}
+
+/// Takes over every populated field: what a message does not say stays as it is.
+fn merge(target: &mut DynamicMessage, source: &DynamicMessage) {
+    for (field, value) in source.fields() {
+        match (value, target.has_field(&field)) {
+            (Value::Message(source), true) => {
+                if let Value::Message(target) = target.get_field_mut(&field) {
+                    merge(target, source);
+                }
+            }
+            (value, _) => target.set_field(&field, value.clone()),
+        }
+    }
 }
 
 fn copy(target: &mut DynamicMessage, source: &DynamicMessage, path: &str) -> Result<(), String> {
+    if path == EVERYTHING {
+        return Err("replaces everything and cannot stand beside other paths or inside of one".to_owned());
+    }
     let (name, rest) = path.split_once('.').map_or((path, None), |(name, rest)| (name, Some(rest)));
     let descriptor = target.descriptor();
     let field =
@@ -42,16 +74,22 @@ fn copy(target: &mut DynamicMessage, source: &DynamicMessage, path: &str) -> Res
     if field.is_list() || field.is_map() {
         return Err(format!("{name:?} is a list and can be replaced as a whole only"));
     }
-    match (target.get_field_mut(&field), source.get_field(&field).as_ref()) {
-        (Value::Message(target), Value::Message(source)) => copy(target, source, rest),
-        _ => Err(format!("{name:?} has no fields")),
+    let inside = source.get_field(&field);
+    let Value::Message(source_inside) = inside.as_ref() else { return Err(format!("{name:?} has no fields")) };
+    if source.has_field(&field) || target.has_field(&field) {
+        let Value::Message(target) = target.get_field_mut(&field) else {
+            return Err(format!("{name:?} has no fields"));
+        };
+        return copy(target, source_inside, rest);
     }
+    // Neither has the message: the path is checked, and no empty message comes of it.
+    copy(&mut source_inside.clone(), source_inside, rest)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proto::{Machine, MachineProfile, VibrationSettings};
+    use crate::proto::{Machine, MachineProfile, OscillationCondition, VibrationSettings};
 
     fn machine(frequency: f64, amplitude: f64, name: &str) -> Machine {
         let vibration = VibrationSettings {
@@ -63,32 +101,74 @@ mod tests {
         Machine { display_name: name.to_owned(), profile: Some(profile), ..Default::default() }
     }
 
+    fn mask(paths: &[&str]) -> FieldMask {
+        FieldMask { paths: paths.iter().map(|&path| path.to_owned()).collect() }
+    }
+
     fn masked(paths: &[&str]) -> Result<Machine> {
-        let mask = FieldMask { paths: paths.iter().map(|&path| path.to_owned()).collect() };
-        apply(&machine(100.0, 0.1, "old"), &machine(200.0, 0.2, "new"), Some(&mask))
+        let (stored, given) = (machine(100.0, 0.1, "old"), machine(200.0, 0.2, "new"));
+        apply(&stored, &given, Some(&mask(paths))).map(|updated| updated.message)
     }
 
     #[test]
     fn only_the_named_fields_change_at_any_depth() {
         assert_eq!(masked(&["profile.vibration.max_frequency_hz"]).unwrap(), machine(200.0, 0.1, "old"));
         assert_eq!(masked(&["display_name"]).unwrap(), machine(100.0, 0.1, "new"));
-        assert_eq!(masked(&[]).unwrap(), machine(200.0, 0.2, "new"));
         assert_eq!(masked(&["*"]).unwrap(), machine(200.0, 0.2, "new"));
     }
 
     #[test]
+    fn without_a_mask_populated_fields_change_at_any_depth_and_nothing_else() {
+        let condition = |name: &str| OscillationCondition { name: name.to_owned(), ..Default::default() };
+        let mut stored = machine(100.0, 0.1, "old");
+        stored.profile.as_mut().unwrap().tool_oscillation = vec![condition("a"), condition("b")];
+        let vibration = VibrationSettings { max_frequency_hz: Some(200.0), ..Default::default() };
+        let profile = MachineProfile { vibration: Some(vibration), ..Default::default() };
+        let given = Machine { profile: Some(profile), ..Default::default() };
+        for mask in [None, Some(mask(&[]))] {
+            let updated = apply(&stored, &given, mask.as_ref()).unwrap();
+            let mut expected = stored.clone();
+            expected.profile.as_mut().unwrap().vibration.as_mut().unwrap().max_frequency_hz = Some(200.0);
+            assert_eq!(updated.message, expected);
+            assert!(updated.keeps_stored);
+            assert_eq!(apply(&stored, &Machine::default(), mask.as_ref()).unwrap().message, stored);
+        }
+        // A list is one value.
+        let mut other = Machine::default();
+        other.profile.get_or_insert_default().tool_oscillation = vec![condition("c")];
+        let updated = apply(&stored, &other, None).unwrap().message.profile.unwrap();
+        assert_eq!(updated.tool_oscillation, [condition("c")]);
+        assert_eq!(updated.vibration, stored.profile.unwrap().vibration);
+    }
+
+    #[test]
+    fn everything_is_replaced_only_where_it_is_asked_for() {
+        let stored = machine(100.0, 0.1, "old");
+        let updated = apply(&stored, &Machine::default(), Some(&mask(&["*"]))).unwrap();
+        assert_eq!((updated.message, updated.keeps_stored), (Machine::default(), false));
+    }
+
+    #[test]
     fn a_named_field_that_is_absent_is_cleared() {
-        let mask = FieldMask { paths: vec!["profile.vibration".to_owned()] };
-        let cleared = apply(&machine(1.0, 1.0, "m"), &Machine::default(), Some(&mask)).unwrap();
+        let mask = mask(&["profile.vibration"]);
+        let cleared = apply(&machine(1.0, 1.0, "m"), &Machine::default(), Some(&mask)).unwrap().message;
         assert_eq!(cleared.profile.unwrap().vibration, None);
     }
 
     #[test]
+    fn a_path_into_a_message_that_neither_has_changes_nothing() {
+        let stored = Machine::default();
+        let mask = mask(&["profile.vibration.max_frequency_hz"]);
+        assert_eq!(apply(&stored, &Machine::default(), Some(&mask)).unwrap().message, stored);
+    }
+
+    #[test]
     fn paths_that_lead_nowhere_are_all_reported() {
-        let Err(Error::Invalid(violations)) = masked(&["nothing", "profile.machine.axes.name", "display_name.x"])
-        else {
-            panic!("accepted");
-        };
-        assert_eq!(violations.len(), 3);
+        let wrong = ["nothing", "", "profile.machine.axes.name", "display_name.x", "profile.", "profile.*", "*"];
+        let Err(Error::Invalid(violations)) = masked(&wrong) else { panic!("accepted") };
+        assert_eq!(violations.count(), wrong.len(), "{violations}");
+        // In a message that is in neither, too.
+        let empty = Machine::default();
+        assert!(apply(&empty, &empty, Some(&mask(&["profile.vibration.nothing"]))).is_err());
     }
 }

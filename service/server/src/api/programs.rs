@@ -106,7 +106,7 @@ impl Api {
             Ok(Some(UploadProgramRequest { message: None })) => {
                 Err(Error::invalid("message", "header or chunk must be set"))
             }
-            Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+            Err(status) => Err(status.into()),
         }
     }
 

@@ -10,7 +10,7 @@ use uuid::Uuid;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::telemetry::{config_from_message, run_settings};
-use super::{Api, answer};
+use super::{Api, answer, unreadable};
 use crate::convert::{
     enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto, overrides_to_proto,
     state_to_proto as monitor_state_to_proto,
@@ -84,7 +84,7 @@ fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
 
 impl Api {
     async fn start_run(&self, request: Request<Streaming<RunRequest>>) -> Result<ResponseStream<RunResponse>> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
         let CheckedStart { target, encoding } = check_start(&start)?;
@@ -213,7 +213,7 @@ async fn first_message(messages: &mut Streaming<RunRequest>) -> Result<RunStart>
     match messages.message().await {
         Ok(Some(RunRequest { message: Some(RequestMessage::Start(start)) })) => Ok(start),
         Ok(_) => Err(Error::invalid("message", "the first message must be the start")),
-        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+        Err(status) => Err(status.into()),
     }
 }
 
@@ -254,15 +254,21 @@ async fn take_in(mut messages: Streaming<RunRequest>, intake: LiveIntake) {
             message = messages.message() => message,
             () = intake.left() => return,
         };
-        let Ok(Some(RunRequest { message })) = message else { return };
-        let input = match message {
-            Some(RequestMessage::Batch(batch)) => LiveInput::Batch(Box::new(batch), std::time::Instant::now()),
-            Some(RequestMessage::Credit(credit)) => LiveInput::Credit(credit.end_index),
-            Some(RequestMessage::Receipt(receipt)) => LiveInput::Receipt(receipt.received),
-            Some(RequestMessage::Command(command)) => LiveInput::Command(command.kind()),
-            Some(RequestMessage::Start(_)) | None => {
+        let input = match message.map(|message| message.map(|RunRequest { message }| message)) {
+            Ok(None) => return,
+            Ok(Some(Some(RequestMessage::Batch(batch)))) => {
+                LiveInput::Batch(Box::new(batch), std::time::Instant::now())
+            }
+            Ok(Some(Some(RequestMessage::Credit(credit)))) => LiveInput::Credit(credit.end_index),
+            Ok(Some(Some(RequestMessage::Receipt(receipt)))) => LiveInput::Receipt(receipt.received),
+            Ok(Some(Some(RequestMessage::Command(command)))) => LiveInput::Command(command.kind()),
+            Ok(Some(Some(RequestMessage::Start(_)) | None)) => {
                 LiveInput::Refused(Error::invalid("message", "must be set, and only the first one is the start"))
             }
+            Err(status) => match unreadable(status) {
+                Some(error) => LiveInput::Refused(error),
+                None => return,
+            },
         };
         if !intake.take(input).await {
             return;

@@ -164,7 +164,7 @@ impl Api {
         &self,
         request: Request<StreamSetpointsRequest>,
     ) -> Result<ResponseStream<StreamSetpointsResponse>> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let request = request.into_inner();
         let id = job_id("job", &request.job)?;
         // Registered before the state is read, so that a cancellation in between is not missed.

@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::{Api, answer, page_request};
+use super::{Api, answer, page_request, unreadable};
 use crate::convert::{
     monitoring_from_proto, monitoring_to_proto, overrides_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
 };
@@ -144,7 +144,7 @@ impl Api {
         &self,
         request: Request<Streaming<IngestRequest>>,
     ) -> Result<ResponseStream<IngestResponse>> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
         let target = start.target.as_ref().ok_or_else(|| Error::invalid("start.target", "job or run must be set"))?;
@@ -206,7 +206,7 @@ async fn first_message(messages: &mut Streaming<IngestRequest>) -> Result<Ingest
     match messages.message().await {
         Ok(Some(IngestRequest { message: Some(RequestMessage::Start(start)) })) => Ok(start),
         Ok(_) => Err(Error::invalid("message", "the first message must be the start")),
-        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+        Err(status) => Err(status.into()),
     }
 }
 
@@ -235,7 +235,11 @@ async fn take_in(mut messages: Streaming<IngestRequest>, intake: Intake) {
                 let error = Error::invalid("message", "after the start it must be a batch or the end");
                 return intake.refuse(error).await;
             }
-            Ok(None) | Err(_) => return,
+            Ok(None) => return,
+            Err(status) => match unreadable(status) {
+                Some(error) => return intake.refuse(error).await,
+                None => return,
+            },
         };
         if !wanted {
             return;
@@ -286,7 +290,7 @@ impl Telemetry for Api {
         &self,
         request: Request<WatchDecisionsRequest>,
     ) -> Result<Response<Self::WatchDecisionsStream>, Status> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let decisions = Box::pin(self.watch_decisions(&request.into_inner())?);
         let guarded = Guarded::new(decisions, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))

@@ -100,7 +100,7 @@ async fn next_angles(messages: &mut Streaming<FollowSpindleRequest>) -> Result<O
         Ok(None) => Ok(None),
         Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Angles(angles)) })) => Ok(Some(angles.angles_deg)),
         Ok(Some(_)) => Err(Error::invalid("message", "after the start every message must carry angles")),
-        Err(status) => Err(Error::Transport { code: status.code(), message: status.message().to_owned() }),
+        Err(status) => Err(status.into()),
     }
 }
 
@@ -145,14 +145,12 @@ impl Api {
         &self,
         request: Request<Streaming<FollowSpindleRequest>>,
     ) -> Result<ResponseStream<FollowSpindleResponse>> {
-        let deadline = deadline(request.metadata());
+        let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = match messages.message().await {
             Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Start(start)) })) => start,
             Ok(_) => return Err(Error::invalid("message", "the first message must be the start")),
-            Err(status) => {
-                return Err(Error::Transport { code: status.code(), message: status.message().to_owned() });
-            }
+            Err(status) => return Err(status.into()),
         };
         let id = job_id("start.job", &start.job)?;
         // Registered before the state is read, so that a cancellation in between is not missed.

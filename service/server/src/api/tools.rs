@@ -80,10 +80,10 @@ impl Api {
         let id = names::parse_tool(&given.name).map_err(|error| Error::invalid("tool.name", error.to_string()))?;
         let record = self.store.tool(id).await?;
         let updated = mask::apply(&from_record(&record)?, &given, request.update_mask.as_ref())?;
-        let document = checked_document(Violations::default(), &updated)?;
-        // Fields outside the mask are those just read: they must not have changed since.
-        let expected = etag(&given.etag).or_else(|| request.update_mask.is_some().then_some(record.etag.as_str()));
-        let record = self.store.update_tool(id, expected, updated.number, document).await?;
+        let document = checked_document(Violations::default(), &updated.message)?;
+        // What is kept was just read: it must not have changed since.
+        let expected = etag(&given.etag).or_else(|| updated.keeps_stored.then_some(record.etag.as_str()));
+        let record = self.store.update_tool(id, expected, updated.message.number, document).await?;
         Ok(UpdateToolResponse { tool: Some(from_record(&record)?) })
     }
 

@@ -1,16 +1,17 @@
 //! The client side of the contract: connecting, uploading, waiting for validation, decoding setpoints.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use feedwave_cutting::{ServoColumns, SetpointBlock};
 use sha2::{Digest, Sha256};
 use tonic::Status;
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
+use tonic::transport::{Channel, Endpoint};
+use tonic_types::StatusExt as _;
 
 use super::CliError;
 use super::source::Source;
 use super::terminal::{Unit, progress};
+use crate::client_tls::{ClientTls, chain};
 use crate::delta;
 use crate::engine::MAX_CHUNK_SIZE;
 use crate::output::{AxisColumn, Layout};
@@ -33,15 +34,8 @@ pub(super) struct ServerArgs {
     /// The service's URL, such as http://127.0.0.1:50051
     #[arg(long, value_name = "URL", env = "FEEDWAVE_SERVER", default_value = "http://127.0.0.1:50051")]
     server: String,
-    /// Certificates that the server must be signed by, PEM
-    #[arg(long, value_name = "FILE")]
-    ca: Option<PathBuf>,
-    /// Client certificate, PEM
-    #[arg(long, value_name = "FILE", requires = "key")]
-    cert: Option<PathBuf>,
-    /// Key of the client certificate, PEM
-    #[arg(long, value_name = "FILE", requires = "cert")]
-    key: Option<PathBuf>,
+    #[command(flatten)]
+    tls: ClientTls,
 }
 
 /// Clients over one connection, which is set up anew by itself when it breaks.
@@ -62,37 +56,11 @@ impl ServerArgs {
             .connect_timeout(CONNECT_TIMEOUT)
             .http2_keep_alive_interval(Duration::from_secs(20));
         if self.server.starts_with("https:") {
-            endpoint = endpoint.tls_config(self.tls()?).map_err(|error| failed(&error))?;
+            endpoint = endpoint.tls_config(self.tls.config()?).map_err(|error| failed(&error))?;
         }
         let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
         Ok(Client::new(self.server.clone(), channel))
     }
-
-    fn tls(&self) -> Result<ClientTlsConfig, CliError> {
-        let read = |path: &PathBuf| std::fs::read(path).map_err(|error| CliError::file(path, &error));
-        let mut tls = ClientTlsConfig::new();
-        if let Some(ca) = &self.ca {
-            tls = tls.ca_certificate(Certificate::from_pem(read(ca)?));
-        }
-        if let (Some(cert), Some(key)) = (&self.cert, &self.key) {
-            tls = tls.identity(Identity::from_pem(read(cert)?, read(key)?));
-        }
-        Ok(tls)
-    }
-}
-
-/// An error with its causes.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        let cause_text = cause.to_string();
-        if !text.ends_with(&cause_text) {
-            text = format!("{text}: {cause_text}");
-        }
-        source = cause.source();
-    }
-    text
 }
 
 impl Client {
@@ -234,8 +202,11 @@ async fn send_program(
 /// Whether trying again can help.
 pub(super) fn is_passing(status: &Status) -> bool {
     use tonic::Code;
+    // Of what is exhausted only that comes back which the service says to ask for again: no message becomes smaller.
+    let told_to_retry = || status.get_details_retry_info().is_some();
     // A connection that breaks in the middle shows as UNKNOWN or INTERNAL with the transport's error as source.
-    matches!(status.code(), Code::Unavailable | Code::ResourceExhausted)
+    status.code() == Code::Unavailable
+        || status.code() == Code::ResourceExhausted && told_to_retry()
         || matches!(status.code(), Code::Unknown | Code::Internal | Code::Cancelled)
             && std::error::Error::source(status).is_some()
 }

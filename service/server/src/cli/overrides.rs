@@ -47,7 +47,11 @@ impl OverrideArgs {
                 None => format!("--override: {}", violation.description),
             }
         });
-        Err(CliError::trouble(lines.collect::<Vec<_>>().join("\n")))
+        let more = match violations.not_listed() {
+            0 => None,
+            count => Some(format!("--override: and {count} more")),
+        };
+        Err(CliError::trouble(lines.chain(more).collect::<Vec<_>>().join("\n")))
     }
 }
 

@@ -30,9 +30,9 @@ pub fn thread_request_from_proto(
     machine_field: &str,
     profile: Option<&MachineProfile>,
 ) -> Option<(ThreadRequest, ThreadTextOptions)> {
-    let known = violations.as_slice().len();
+    let known = violations.count();
     let converted = convert(&mut Checked(violations), given, machine_field, profile);
-    converted.filter(|_| violations.as_slice().len() == known)
+    converted.filter(|_| violations.count() == known)
 }
 
 /// Violations of values that lie outside their range.

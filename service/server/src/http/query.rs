@@ -111,7 +111,7 @@ mod tests {
         query.states("state");
         query.time("created_from");
         let Err(Error::Invalid(violations)) = query.finish() else { panic!("accepted") };
-        let fields: Vec<_> = violations.iter().map(|violation| violation.field.as_str()).collect();
+        let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
         assert_eq!(fields, ["page_size", "state", "created_from", "colour"]);
     }
 }

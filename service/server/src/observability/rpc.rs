@@ -1,5 +1,6 @@
 //! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are under way,
-//! and turns new ones away while the service is ending.
+//! turns new ones away while the service is ending, ends them at their deadline, and completes statuses that the
+//! transport makes.
 
 use std::collections::HashSet;
 use std::pin::Pin;
@@ -17,8 +18,12 @@ use tonic::body::Body;
 use tonic::{Code, Status};
 
 use super::metrics::{GaugeGuard, Metrics};
-use crate::error::Error;
+use crate::api::deadline;
+use crate::config::Limits;
+use crate::engine::until;
+use crate::error::{Error, complete};
 use crate::proto::DESCRIPTORS;
+use crate::services;
 
 /// Paths that may appear as a label; everything else is counted as one, so that clients cannot grow the metrics.
 static METHODS: LazyLock<HashSet<String>> = LazyLock::new(|| {
@@ -39,14 +44,16 @@ pub struct RpcLayer {
     metrics: Arc<Metrics>,
     places: Arc<Semaphore>,
     limit: usize,
+    message_bytes: usize,
     draining: CancellationToken,
 }
 
 impl RpcLayer {
-    /// A layer that lets `limit` calls through at once, and none once `draining` is cancelled.
+    /// A layer that lets as many calls through at once as the limits permit, and none once `draining` is cancelled.
     #[must_use]
-    pub fn new(metrics: Arc<Metrics>, limit: usize, draining: CancellationToken) -> Self {
-        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, draining }
+    pub fn new(metrics: Arc<Metrics>, limits: &Limits, draining: CancellationToken) -> Self {
+        let (limit, message_bytes) = (limits.concurrent_requests, limits.message_bytes);
+        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, draining }
     }
 
     /// A place for a call, held to the end of its response.
@@ -91,7 +98,10 @@ where
         self.inner.poll_ready(cx)
     }
 
-    fn call(&mut self, request: Request<B>) -> Self::Future {
+    fn call(&mut self, mut request: Request<B>) -> Self::Future {
+        if !services::may_compress(request.uri().path()) {
+            request.headers_mut().remove("grpc-accept-encoding");
+        }
         let path = request.uri().path();
         let admitted = self.layer.admit(path);
         let metrics = &self.layer.metrics;
@@ -99,6 +109,7 @@ where
         let mut call = Call {
             metrics: metrics.clone(),
             method,
+            message_bytes: self.layer.message_bytes,
             started: Instant::now(),
             code: None,
             sent_bytes: metrics.sent_bytes.with_label_values(&[method]),
@@ -108,8 +119,16 @@ where
         match admitted {
             Ok(place) => {
                 call.place = place;
+                let deadline = deadline(request.headers());
                 let response = self.inner.call(request);
-                Box::pin(async move { Ok(observe(response.await?, call)) })
+                Box::pin(async move {
+                    let response = tokio::select! {
+                        biased;
+                        response = response => response?,
+                        () = until(deadline) => Status::from(Error::DeadlineExceeded).into_http(),
+                    };
+                    Ok(observe(response, call))
+                })
             }
             Err(error) => {
                 let response = Status::from(error).into_http();
@@ -119,8 +138,8 @@ where
     }
 }
 
-fn observe(response: Response<Body>, mut call: Call) -> Response<Body> {
-    call.see(response.headers());
+fn observe(mut response: Response<Body>, mut call: Call) -> Response<Body> {
+    call.see(response.headers_mut());
     response.map(|inner| Body::new(ObservedBody { inner, call }))
 }
 
@@ -128,6 +147,7 @@ fn observe(response: Response<Body>, mut call: Call) -> Response<Body> {
 struct Call {
     metrics: Arc<Metrics>,
     method: &'static str,
+    message_bytes: usize,
     started: Instant,
     code: Option<Code>,
     sent_bytes: IntCounter,
@@ -136,8 +156,9 @@ struct Call {
 }
 
 impl Call {
-    /// Notes the status where these headers or trailers have one.
-    fn see(&mut self, headers: &HeaderMap) {
+    /// Completes and notes the status where these headers or trailers have one.
+    fn see(&mut self, headers: &mut HeaderMap) {
+        complete(headers, self.message_bytes);
         if let Some(code) = headers.get("grpc-status") {
             self.code = Some(Code::from_bytes(code.as_bytes()));
         }
@@ -166,12 +187,12 @@ impl http_body::Body for ObservedBody {
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
-        let polled = Pin::new(&mut self.inner).poll_frame(cx);
-        if let Poll::Ready(Some(Ok(frame))) = &polled {
+        let mut polled = Pin::new(&mut self.inner).poll_frame(cx);
+        if let Poll::Ready(Some(Ok(frame))) = &mut polled {
             if let Some(data) = frame.data_ref() {
                 self.call.sent_bytes.inc_by(data.len() as u64);
             }
-            if let Some(trailers) = frame.trailers_ref() {
+            if let Some(trailers) = frame.trailers_mut() {
                 self.call.see(trailers);
             }
         }
@@ -208,5 +229,27 @@ pub const fn code_name(code: Code) -> &'static str {
         Code::Unavailable => "UNAVAILABLE",
         Code::DataLoss => "DATA_LOSS",
         Code::Unauthenticated => "UNAUTHENTICATED",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tonic_types::StatusExt as _;
+    use tower::{Layer as _, Service as _};
+
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
+        let layer = RpcLayer::new(Arc::new(Metrics::new()), &Limits::default(), CancellationToken::new());
+        let endless = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
+        let mut request = Request::new(Body::empty());
+        request.headers_mut().insert("grpc-timeout", "2S".parse().unwrap());
+        let started = tokio::time::Instant::now();
+        let response = layer.layer(endless).call(request).await.unwrap();
+        assert_eq!(started.elapsed().as_secs(), 2);
+        let status = Status::from_header_map(response.headers()).unwrap();
+        assert_eq!(status.code(), Code::DeadlineExceeded);
+        assert_eq!(status.get_error_details().error_info().unwrap().reason, "DEADLINE_EXCEEDED");
     }
 }

@@ -8,6 +8,7 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
 
+mod encryption;
 mod five_axis;
 mod lobes;
 mod oscillation;

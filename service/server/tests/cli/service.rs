@@ -21,10 +21,15 @@ pub(super) struct Service {
 
 impl Service {
     pub(super) fn start() -> Self {
+        Self::with(GrpcConfig::default())
+    }
+
+    /// A service with this gRPC port, on a free one.
+    pub(super) fn with(grpc: GrpcConfig) -> Self {
         let directory = tempfile::tempdir().unwrap();
         let free_port = SocketAddr::from(([127, 0, 0, 1], 0));
         let config = Config {
-            grpc: GrpcConfig { listen: free_port, ..GrpcConfig::default() },
+            grpc: GrpcConfig { listen: free_port, ..grpc },
             http: HttpConfig { listen: free_port },
             database: DatabaseConfig { path: directory.path().join("test.db") },
             ..Config::default()
@@ -32,6 +37,10 @@ impl Service {
         let runtime = tokio::runtime::Runtime::new().unwrap();
         let server = runtime.block_on(Server::start(config)).unwrap();
         Self { address: server.grpc_addr(), runtime, server: Some(server), _directory: directory }
+    }
+
+    pub(super) const fn address(&self) -> SocketAddr {
+        self.address
     }
 
     pub(super) fn run(&self, arguments: &[&str]) -> Output {

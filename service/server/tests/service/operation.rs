@@ -123,15 +123,9 @@ async fn metrics_count_calls_by_method_and_code() {
 #[tokio::test(flavor = "multi_thread")]
 async fn health_and_reflection_are_served() {
     let test = TestServer::start().await;
-    for service in [
-        "",
-        "feedwave.v1.Jobs",
-        "feedwave.v1.Setpoints",
-        "feedwave.v1.Threads",
-        "feedwave.v1.Machines",
-        "feedwave.v1.Tools",
-    ] {
-        let request = HealthCheckRequest { service: service.to_owned() };
+    let services = feedwave::proto::DESCRIPTORS.services().map(|service| service.full_name().to_owned());
+    for service in services.chain([String::new()]) {
+        let request = HealthCheckRequest { service: service.clone() };
         let response = HealthClient::new(test.channel.clone()).check(request).await.unwrap().into_inner();
         assert_eq!(response.status(), ServingStatus::Serving, "{service}");
     }
@@ -200,16 +194,6 @@ async fn calls_beyond_the_limit_are_turned_away() {
     // Health has a place of its own.
     HealthClient::new(test.channel.clone()).check(HealthCheckRequest::default()).await.unwrap();
     drop(watch);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_message_that_is_too_large_is_refused() {
-    let limits = Limits { message_bytes: 64 << 10, inline_program_bytes: 1_000, ..Limits::default() };
-    let test = TestServer::with_limits(limits).await;
-    let status = test.jobs().create_job(lathe_job(&" ".repeat(1_001))).await.unwrap_err();
-    assert_eq!(told(&status).2, ["inline_program"]);
-    let status = test.jobs().create_job(lathe_job(&" ".repeat(100 << 10))).await.unwrap_err();
-    assert_eq!(status.code(), Code::OutOfRange);
 }
 
 #[tokio::test(flavor = "multi_thread")]
