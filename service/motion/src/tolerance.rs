@@ -93,6 +93,9 @@ pub(crate) const SPLINE_ROUNDING: f64 = 4e-15;
 pub(crate) const SPLINE_STRAIGHT_MM: f64 = 1e-12;
 /// Steps of direction, and relative steps of curvature, below this are rounding.
 pub(crate) const SPLINE_BEND: f64 = 1e-6;
+/// How much of the rounding of positions may come together in a derivative of a piece: second differences of the points of
+/// a span of degree 9, 4·9·8.
+pub(crate) const SPLINE_BEND_ROUNDING: f64 = 288.0;
 /// Share of an axis' jerk that turning alone may use on a spline; see `limits::pieces`.
 pub(crate) const SPLINE_TURNING_JERK_SHARE: f64 = 0.25;
 /// Part of its time that a place of a spline may lose to limits in common with the stretch around it.

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::bezier::{Bezier, Weighted, binomial};
 use super::fit;
 use crate::tolerance::{
-    MAX_SPLINE_DEGREE, MAX_SPLINE_PIECES, SAME_POINT_MM, SPLINE_BEND, SPLINE_ROUNDING, SPLINE_STRAIGHT_MM,
+    MAX_SPLINE_DEGREE, MAX_SPLINE_PIECES, SAME_POINT_MM, SPLINE_BEND, SPLINE_BEND_ROUNDING, SPLINE_ROUNDING,
+    SPLINE_STRAIGHT_MM,
 };
 
 /// Coefficients of a piece's polynomial: degree 9.
@@ -450,11 +451,17 @@ impl Spline {
             .map(|piece| Part::new(piece.end(), piece.length, core::array::from_fn(|axis| piece.bernstein(axis, 1))))
     }
 
-    /// Arc lengths inside where direction or curvature jump.
+    /// Arc lengths inside where direction or curvature jump by more than rounding.
+    ///
+    /// Pieces round positions, so that their derivatives by arc length are off by that rounding over their length, once for
+    /// each derivative: in sharp turns, where pieces are short, and where curvature passes through zero, that is more than
+    /// a share of the derivatives themselves.
     pub(super) fn bends(&self) -> impl Iterator<Item = f64> {
         let jumps = |[before, after]: [f64; 2], (jump, scale): (f64, f64)| {
             (jump + (after - before) * (after - before), scale.max(before * before).max(after * after))
         };
+        let places = self.pieces.iter().flat_map(|piece| &piece.coefficients).map(|axis| axis[0].abs());
+        let rounding = SPLINE_BEND_ROUNDING * SPLINE_ROUNDING * places.fold(0.0, f64::max);
         self.pieces.windows(2).filter_map(move |pair| {
             let s = pair[1].start;
             let at = |evaluate: fn(&Piece, usize, f64) -> f64| {
@@ -462,10 +469,12 @@ impl Spline {
                     .map(|axis| [0, 1].map(|k| evaluate(&pair[k], axis, s)))
                     .fold((0.0, 0.0), |sum, both| jumps(both, sum))
             };
+            let per_length = pair[0].per_length.max(pair[1].per_length);
             let (kink, _) = at(Piece::slope);
             let (bend, curvature) = at(Piece::second);
-            let allowed = SPLINE_BEND * (curvature.sqrt() + SPLINE_BEND);
-            (kink.sqrt() > SPLINE_BEND || bend.sqrt() > allowed).then_some(s)
+            let allowed_kink = SPLINE_BEND + rounding * per_length;
+            let allowed_bend = SPLINE_BEND * (curvature.sqrt() + SPLINE_BEND) + rounding * per_length * per_length;
+            (kink.sqrt() > allowed_kink || bend.sqrt() > allowed_bend).then_some(s)
         })
     }
 
