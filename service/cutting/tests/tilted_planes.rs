@@ -189,7 +189,7 @@ fn every_kind_of_machine_stays_on_the_path() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
+    #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
     fn any_plane_on_any_machine(

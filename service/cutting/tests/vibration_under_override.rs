@@ -180,7 +180,7 @@ fn all_bits(setpoints: &Setpoints) -> Vec<Vec<u64>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
     fn whatever_the_changes_limits_hold_the_path_stays_and_every_way_gives_the_same_bits(

@@ -279,7 +279,7 @@ async fn many_writers_and_readers_never_find_it_busy() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// However an upload is cut and wherever the store is opened anew, the program is the same.
     #[test]

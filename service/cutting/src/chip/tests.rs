@@ -190,7 +190,7 @@ fn feed_per_minute_bounds_the_speeds_on_both_sides() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn the_analysis_agrees_with_the_simulated_surface(d in 0.3..6.0f64, q in 0.2..12.0f64) {
@@ -361,7 +361,7 @@ fn nothing_at_constant_surface_speed_means_no_report() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn surface_speed_shares_agree_with_sampling(

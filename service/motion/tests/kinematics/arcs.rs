@@ -10,7 +10,7 @@ use crate::machines::{a_direction, a_machine, a_point};
 use crate::properties::a_setup;
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
     fn the_tip_stays_on_its_arc(

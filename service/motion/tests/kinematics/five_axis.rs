@@ -61,7 +61,7 @@ fn only(motion: &FiveAxisMotion) -> &Element {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
     fn by_angles_the_tip_stays_on_its_segment(

@@ -161,7 +161,7 @@ fn check(elements: &[Element], machine: &Machine, feed_mm_per_min: f64, period_s
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(120) })]
+    #![proptest_config(ProptestConfig::with_cases(120))]
 
     #[test]
     fn setpoints_of_whole_five_axis_plans_keep_every_limit(
