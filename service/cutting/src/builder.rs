@@ -70,6 +70,8 @@ pub(crate) struct Analysis {
     open: Option<SectionAnalyzer>,
     /// Sections whose setpoints are still to come.
     awaiting: VecDeque<SectionAnalyzer>,
+    /// Feed override in force; `None` before the first change.
+    feed_override: Option<f64>,
     /// The element before, for the angle of the junction in a section.
     previous: Option<Element>,
     pub(crate) sections: Vec<SectionReport>,
@@ -95,12 +97,32 @@ pub(crate) struct Analysis {
 impl Analysis {
     /// A section's setpoints have all been generated.
     pub(crate) fn finish_section(&mut self, samples: SectionSamples, findings: &mut FindingLog) {
+        self.is_cut(f64::INFINITY);
         if let Some(analyzer) = self.awaiting.pop_front() {
             let report = analyzer.finish(samples.clamped, samples.total, findings);
             self.section_count += 1;
             if self.sections.len() < MAX_SECTION_REPORTS {
                 self.sections.push(report);
             }
+        }
+    }
+
+    /// The section under way has been cut up to a place, mm from its start, at the feed override in force.
+    pub(crate) fn is_cut(&mut self, up_to_mm: f64) {
+        let feed_override = self.feed_override.unwrap_or(1.0);
+        if let Some(under_way) = self.awaiting.front_mut().or(self.open.as_mut()) {
+            under_way.is_cut(up_to_mm, feed_override);
+        }
+    }
+
+    /// The feed override changes, in a section at a place of it.
+    pub(crate) fn changes_override(&mut self, place_mm: Option<f64>, feed_override: f64) {
+        if let Some(place_mm) = place_mm {
+            self.is_cut(place_mm);
+        }
+        // What is cut while the path comes to rest is cut at the override before.
+        if feed_override > 0.0 {
+            self.feed_override = Some(feed_override);
         }
     }
 
@@ -452,6 +474,8 @@ impl Builder {
                 &profile.following,
                 period_s,
             );
+            let changes = !config.overrides.is_empty();
+            let analyzer = analyzer.with_feed_overrides(profile.max_feed_override, changes);
             analysis.open = Some(analyzer.with_word_spans(vibration.words));
         }
     }

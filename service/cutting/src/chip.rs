@@ -152,7 +152,7 @@ impl CutCondition {
 }
 
 /// 2A·|sin πD|/f_r ≥ 1, within the rounding of the limits computed from it.
-fn reaches_through(margin: f64) -> bool {
+pub(crate) fn reaches_through(margin: f64) -> bool {
     margin >= 1.0 - BREAKING_ALLOWANCE
 }
 

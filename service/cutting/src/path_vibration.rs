@@ -1,6 +1,7 @@
 //! Vibration along the programmed path (ES 2 634 340 T3): its settings and words, what has to hold before it
 //! runs, and the drive-side reference generator. Setpoints themselves come out of the pipeline's interpolator.
 
+mod chip_course;
 mod chips;
 mod findings;
 mod loads;
@@ -17,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::interpolator::PEAK_RESERVE;
 
-pub use report::{AxisLoadReport, ChipSpan, SamplingReport, SectionReport};
+pub use report::{AxisLoadReport, ChipSpan, OverrideReport, SamplingReport, SectionReport};
 pub use section::SectionAnalyzer;
 pub(crate) use section::direction_change;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};

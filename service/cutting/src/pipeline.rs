@@ -299,7 +299,14 @@ impl Pipeline {
     fn run(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
         loop {
             match self.interpolator.fill(block, most) {
-                Fill::Full => break,
+                Fill::Full => {
+                    if let (Some(analysis), Some(place_mm)) =
+                        (&mut self.builder.analysis, self.interpolator.section_place_mm())
+                    {
+                        analysis.is_cut(place_mm);
+                    }
+                    break;
+                }
                 Fill::Ended => return if block.is_empty() { Step::Finished } else { Step::Block },
                 Fill::SectionEnded => {
                     let samples = self.interpolator.take_finished_section();
@@ -380,8 +387,12 @@ impl Pipeline {
             self.interpolator.follow_with_amplitude(change.ratio);
         }
         let Some(ratio) = self.overrides.pending else { return self.interpolator.pause_at(self.next_override()) };
+        let place_mm = self.interpolator.section_place_mm();
         let again = self.interpolator.change_override(&mut self.planner, ratio);
         if again.is_none() {
+            if let Some(analysis) = &mut self.builder.analysis {
+                analysis.changes_override(place_mm, ratio);
+            }
             self.overrides.pending = None;
             self.interpolator.follow_override(ratio);
         }

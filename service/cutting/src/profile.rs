@@ -47,6 +47,10 @@ pub struct MachineProfile {
     /// Thinning of five-axis blocks.
     #[serde(default)]
     pub thinning: ThinningSettings,
+    /// Largest feed override that operators and monitoring may use on this machine, as a factor, 1 to
+    /// [`MAX_OVERRIDE_RATIO`]: whether a chip breaks is judged up to it. A plan that states a higher one is judged at that.
+    #[serde(default = "default_max_feed_override")]
+    pub max_feed_override: f64,
     /// Elements that the feed is planned ahead: [`MIN_LOOK_AHEAD_BLOCKS`] to [`MAX_LOOK_AHEAD_BLOCKS`].
     #[serde(default = "default_look_ahead_blocks")]
     pub look_ahead_blocks: u32,
@@ -68,6 +72,7 @@ impl MachineProfile {
             pole_tolerance_deg: 0.0,
             corner_direction_tolerance_deg: DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG,
             thinning: ThinningSettings::default(),
+            max_feed_override: DEFAULT_MAX_FEED_OVERRIDE,
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
         }
     }
@@ -100,6 +105,10 @@ impl MachineProfile {
         if !(0.0..=MAX_CORNER_DIRECTION_TOLERANCE_DEG).contains(&tolerance_deg) {
             let message = format!("must lie between 0 and {MAX_CORNER_DIRECTION_TOLERANCE_DEG}, is {tolerance_deg}");
             problems.push(problem("corner_direction_tolerance_deg", message));
+        }
+        if !(1.0..=MAX_OVERRIDE_RATIO).contains(&self.max_feed_override) {
+            let message = format!("must lie between 1 and {MAX_OVERRIDE_RATIO}, is {}", self.max_feed_override);
+            problems.push(problem("max_feed_override", message));
         }
         if !(MIN_LOOK_AHEAD_BLOCKS..=MAX_LOOK_AHEAD_BLOCKS).contains(&self.look_ahead_blocks) {
             let blocks = self.look_ahead_blocks;
@@ -251,6 +260,8 @@ const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
+/// What monitoring is bounded by where nothing else is said, and the usual end of a machine's override switch.
+const DEFAULT_MAX_FEED_OVERRIDE: f64 = 1.5;
 /// Fewest elements looked ahead.
 pub const MIN_LOOK_AHEAD_BLOCKS: u32 = 4;
 /// Most elements looked ahead: bounds the memory of a plan, and the size of its snapshots.
@@ -260,6 +271,10 @@ const DEFAULT_LOOK_AHEAD_BLOCKS: u32 = 5_000;
 
 const fn default_corner_direction_tolerance_deg() -> f64 {
     DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG
+}
+
+const fn default_max_feed_override() -> f64 {
+    DEFAULT_MAX_FEED_OVERRIDE
 }
 
 const fn default_look_ahead_blocks() -> u32 {
@@ -301,6 +316,7 @@ mod tests {
         profile.following.filter_length_s = Some(-1.0);
         profile.pole_tolerance_deg = 6.0;
         profile.machine.max_spindle_rev_per_min = 0.0;
+        profile.max_feed_override = 0.9;
         profile.look_ahead_blocks = 3;
         let fields: Vec<String> = profile.problems().into_iter().map(|problem| problem.field).collect();
         let expected = [
@@ -324,6 +340,7 @@ mod tests {
             "following.filter_length_s",
             "thinning.group_blocks",
             "pole_tolerance_deg",
+            "max_feed_override",
             "look_ahead_blocks",
         ];
         assert_eq!(fields, expected);

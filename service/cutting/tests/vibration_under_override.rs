@@ -7,8 +7,10 @@ use std::sync::Arc;
 
 use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{
-    CutCondition, FeedCoupling, GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step,
+    CutCondition, FeedCoupling, GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig,
+    SectionReport, Step,
 };
+use feedwave_program::{Finding, Severity};
 use proptest::prelude::*;
 
 /// 1000 rev/min, 2.5 vibrations per revolution, twice the amplitude is 1.2 times the feed per revolution.
@@ -206,5 +208,133 @@ proptest! {
             let (first, rest) = resume(TURNED.as_bytes(), &config, offset, &snapshot);
             prop_assert_eq!(all_bits(&rest), all_bits(&whole)[first as usize..].to_vec());
         }
+    }
+}
+
+/// 2.5 vibrations per revolution at 1000 rev/min, and a margin of 1.1 at the programmed feed of 0.01 mm/rev.
+const SCARCE: &str = "G21 G97 S1000 M3\nG0 X6. Z2.\nG200 F41.66666667 A0.0055\nG1 Z12. F0.01\nG201\nM30\n";
+
+/// Its only section, and what is said about its chip.
+fn judged(program: &str, config: &PipelineConfig) -> (SectionReport, Vec<Finding>) {
+    let mut report = validate(program, config);
+    assert!(report.is_accepted(), "{:#?}", report.findings);
+    let about_chips = |finding: &Finding| finding.code.contains("CHIP") || finding.code.contains("UNBROKEN");
+    report.findings.retain(about_chips);
+    (report.sections.remove(0), report.findings)
+}
+
+fn codes(findings: &[Finding]) -> Vec<&str> {
+    findings.iter().map(|finding| finding.code.as_ref()).collect()
+}
+
+fn value(finding: &Finding, name: &str) -> f64 {
+    let value = finding.values.iter().find(|value| value.name == name);
+    value.unwrap_or_else(|| panic!("no {name} in {finding:#?}")).value
+}
+
+#[test]
+fn the_verdict_holds_at_the_overridden_feed() {
+    let (section, findings) = judged(SCARCE, &config(None, &[(0, 1.5)]));
+    assert_eq!(codes(&findings), ["VIB-CHIP-UNBROKEN"]);
+    let chip = section.chip.unwrap();
+    assert!(!chip.broken && (chip.condition.feed_per_rev_mm - 0.015).abs() < 1e-12);
+    assert_eq!((section.broken_share, section.feed_override), (Some(0.0), Some(1.5)));
+    assert_eq!(value(&findings[0], "feed_override"), 150.0);
+    assert!(findings[0].message.contains("override of 150 %"), "{}", findings[0].message);
+
+    // The same of a feed per minute; and where the amplitude follows there is nothing to say.
+    let per_minute = SCARCE.replace("G21", "G21 G94").replace("F0.01", "F10");
+    assert_eq!(codes(&judged(&per_minute, &config(None, &[(0, 1.5)])).1), ["VIB-CHIP-UNBROKEN"]);
+    let (section, findings) = judged(SCARCE, &config(Some(1.5), &[(0, 1.5)]));
+    assert!(codes(&findings).is_empty() && section.chip.unwrap().broken, "{findings:#?}");
+    assert_eq!(section.at_max_feed_override.unwrap().broken_share, 1.0);
+}
+
+#[test]
+fn what_the_machine_permits_beyond_the_plan_is_a_warning_with_the_feed_and_the_amplitude_that_serve() {
+    for changes in [&[][..], &[(0, 0.5)], &[(0, 1.05)], &[(1_000, 0.3), (3_000, 0.0), (3_500, 1.0)]] {
+        let (section, findings) = judged(SCARCE, &config(None, changes));
+        assert_eq!(codes(&findings), ["VIB-CHIP-OVERRIDE"], "{changes:?}");
+        assert!(section.chip.unwrap().broken);
+        let found = &findings[0];
+        assert_eq!(found.severity, Severity::Warning);
+        assert!((value(found, "largest_feed_override") - 110.0).abs() < 0.011);
+        assert!((value(found, "largest_feed_per_rev") - 0.011).abs() < 1.1e-5);
+        assert_eq!(value(found, "max_feed_override"), 150.0);
+    }
+    let (_, findings) = judged(SCARCE, &config(None, &[]));
+    let cure = findings[0].suggestions[0].replacement.clone().expect("a word");
+    assert_eq!(cure, "A0.0075");
+    // Each cure cures; the smallest amplitude that serves has no room for the spindle's speed besides.
+    let changed = SCARCE.replace("A0.0055", &cure);
+    assert!(codes(&judged(&changed, &config(None, &[])).1).is_empty());
+    assert_eq!(codes(&judged(&changed, &config(None, &[(0, 1.5)])).1), ["VIB-CHIP-MARGINAL"]);
+    assert!(codes(&judged(SCARCE, &config(Some(1.5), &[])).1).is_empty());
+    let mut limited = config(None, &[]);
+    let limit = findings[0].suggestions.iter().filter_map(|cure| cure.value.as_ref());
+    limited.profile.max_feed_override = limit.rev().find(|value| value.name == "max_feed_override").unwrap().value;
+    assert!(codes(&judged(SCARCE, &limited).1).is_empty());
+    // A machine that permits more than what is stated is judged at that.
+    let mut fast = config(None, &[]);
+    fast.profile.max_feed_override = 2.0;
+    assert_eq!(value(&judged(SCARCE, &fast).1[0], "max_feed_override"), 200.0);
+}
+
+#[test]
+fn a_change_within_a_section_counts_from_its_place_on() {
+    let config = config(None, &[(20_000, 1.5)]);
+    let (section, findings) = judged(SCARCE, &config);
+    assert_eq!(codes(&findings), ["VIB-CHIP-UNBROKEN"]);
+    let setpoints = run(SCARCE, &config);
+    let start_mm = setpoints.path[(0..setpoints.len()).find(|&k| setpoints.line[k] == 4).unwrap()];
+    let place_mm = setpoints.path[20_000] - start_mm;
+    assert!((section.broken_share.unwrap() - place_mm / 10.0).abs() < 1e-4, "{:?} {place_mm}", section.broken_share);
+    let spans: Vec<_> = section.chip_spans.iter().map(|span| (span.feed_override, span.broken)).collect();
+    assert_eq!(spans, [(1.0, true), (1.5, false)]);
+}
+
+#[test]
+fn constant_surface_speed_is_judged_at_the_override_too() {
+    // From D = 2.5 to 2.58, with a margin of 1.06 there.
+    let program = "G21 G96 S10 M3\nG0 X6.\nZ2.\nG200 F22.1 A0.0055\nG1 X6.2 Z-8. F0.01\nG201\nM30\n";
+    let (section, findings) = judged(program, &config(None, &[]));
+    assert_eq!((codes(&findings), section.broken_share), (vec!["VIB-CHIP-OVERRIDE"], Some(1.0)), "{section:#?}");
+    let largest = value(&findings[0], "largest_feed_override") / 100.0;
+    for (ratio, breaks) in [(largest - 0.001, true), (largest + 0.001, false)] {
+        let (section, findings) = judged(program, &config(None, &[(0, ratio)]));
+        assert_eq!(section.broken_share == Some(1.0), breaks, "{ratio}");
+        assert_eq!(codes(&findings).contains(&"VIB-PARTLY-UNBROKEN"), !breaks, "{ratio}: {findings:#?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_report_and_the_plan_agree(
+        changes in prop::collection::vec((300_u64..4_000, 0_u32..=20), 1..6),
+        follows in any::<bool>(),
+    ) {
+        let mut index = 0;
+        let mut overrides = Vec::new();
+        for (pause, tenths) in changes {
+            index += pause;
+            overrides.push((index, f64::from(tenths) / 10.0));
+        }
+        overrides.push((index + 1_000, 0.9));
+        let up_to = follows.then_some(1.3);
+        let config = config(up_to, &overrides);
+        let (section, findings) = judged(SCARCE, &config);
+        let setpoints = run(SCARCE, &config);
+        let section_rows = (0..setpoints.len()).filter(|&k| setpoints.line[k] == 4);
+        let fastest_mm = section_rows.map(|k| setpoints.feed[k] / 1_000.0).fold(0.0, f64::max);
+        let fastest = fastest_mm / 0.01;
+        let margin = 1.1 * if follows { fastest.min(1.3) } else { 1.0 } / fastest;
+        let chip = section.chip.unwrap();
+        prop_assert!((chip.condition.feed_per_rev_mm - fastest_mm).abs() < 1e-6 || follows, "{:?}", chip.condition);
+        prop_assert!(margin > 1.0 - 1e-6 || !chip.broken);
+        prop_assert!(margin < 1.0 - 1e-3 || chip.broken, "{} {:?}", margin, chip.condition);
+        let said = codes(&findings).contains(&"VIB-CHIP-UNBROKEN");
+        prop_assert_eq!(said, !chip.broken);
     }
 }

@@ -10,6 +10,7 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::breaking_ranges::BreakingRanges;
+use super::{CutCondition, FeedCoupling};
 
 /// Unbroken spans listed in a report.
 const MAX_LISTED_SPANS: usize = 64;
@@ -104,21 +105,20 @@ impl SurfaceSpeedAnalysis {
     /// Analyses one span; spans come in the order of the path. Spans without length and spindle speed are passed
     /// over.
     pub fn add(&mut self, span: &LinearSpan) {
-        let sound = span.length_mm > 0.0 && span.surface_speed_m_per_min > 0.0 && span.frequency_hz > 0.0;
-        if !sound {
+        if !span.is_sound() {
             return;
         }
         self.length_mm += span.length_mm;
-        // D is piecewise linear: the radius' magnitude turns at the axis, and below the clamp radius D stays.
-        let (start, end) = (span.start_radius_mm, span.end_radius_mm);
-        let clamp_radius_mm = span.clamp_radius_mm();
-        let mut cuts = [0.0, -clamp_radius_mm, clamp_radius_mm].map(|radius| (radius - start) / (end - start));
-        cuts.sort_by(f64::total_cmp);
         let mut from = 0.0;
-        for to in cuts.into_iter().filter(|cut| *cut > 0.0 && *cut < 1.0).chain([1.0]) {
+        for to in span.ends_of_linear_parts() {
             self.add_linear(span, from, to);
             from = to;
         }
+    }
+
+    /// Whether there is a place where the chip does not break.
+    pub(crate) fn is_unbroken_somewhere(&self) -> bool {
+        self.last_end_mm.is_some()
     }
 
     /// The report; `None` when nothing was cut at constant surface speed.
@@ -204,6 +204,67 @@ impl SurfaceSpeedAnalysis {
 }
 
 impl LinearSpan {
+    fn is_sound(&self) -> bool {
+        self.length_mm > 0.0 && self.surface_speed_m_per_min > 0.0 && self.frequency_hz > 0.0
+    }
+
+    /// Shares at which parts end along which D is linear: the radius' magnitude turns at the axis, and below the clamp
+    /// radius D stays.
+    fn ends_of_linear_parts(&self) -> impl Iterator<Item = f64> + use<> {
+        let (start, end) = (self.start_radius_mm, self.end_radius_mm);
+        let clamp_radius_mm = self.clamp_radius_mm();
+        let mut cuts = [0.0, -clamp_radius_mm, clamp_radius_mm].map(|radius| (radius - start) / (end - start));
+        cuts.sort_by(f64::total_cmp);
+        cuts.into_iter().filter(|cut| *cut > 0.0 && *cut < 1.0).chain([1.0])
+    }
+
+    /// The cut at a share of the span.
+    pub(crate) fn cut_at(&self, share: f64) -> CutCondition {
+        let spindle_rev_per_min = self.rev_per_min_at(share);
+        let (feed_per_rev_mm, feed_coupling) = match self.feed {
+            SpanFeed::PerRevolution(mm) => (mm, FeedCoupling::PerRevolution),
+            SpanFeed::PerMinute(mm) => (mm / spindle_rev_per_min, FeedCoupling::PerMinute),
+        };
+        CutCondition {
+            feed_per_rev_mm,
+            amplitude_mm: self.amplitude_mm,
+            frequency_hz: self.frequency_hz,
+            spindle_rev_per_min,
+            diameter_mm: 2.0 * self.radius_at(share).abs(),
+            feed_coupling,
+        }
+    }
+
+    /// The cut of the span that is furthest from breaking, and its margin; `None` for a span without length or speed.
+    ///
+    /// Between two whole D the margin |sin πD|/f_r is concave, or with a feed per minute concave over linear: it is least at
+    /// one of the ends. At a whole D it is 0.
+    pub(crate) fn worst_cut(&self) -> Option<(f64, CutCondition)> {
+        if !self.is_sound() {
+            return None;
+        }
+        let with_margin = |share: f64| {
+            let cut = self.cut_at(share);
+            (cut.breaking_margin(), cut)
+        };
+        let mut worst = with_margin(0.0);
+        let mut from = 0.0;
+        for to in self.ends_of_linear_parts() {
+            let (start, end) = (self.vibrations_at(from), self.vibrations_at(to));
+            let whole = start.min(end).ceil();
+            if whole <= start.max(end) {
+                let share = if end == start { from } else { from + (to - from) * (whole - start) / (end - start) };
+                return Some((0.0, self.cut_at(share)));
+            }
+            let at_end = with_margin(to);
+            if at_end.0 < worst.0 {
+                worst = at_end;
+            }
+            from = to;
+        }
+        Some(worst)
+    }
+
     fn radius_at(&self, share: f64) -> f64 {
         self.start_radius_mm + (self.end_radius_mm - self.start_radius_mm) * share
     }
@@ -214,7 +275,7 @@ impl LinearSpan {
     }
 
     /// Spindle speed at a share of the span, rev/min.
-    pub(crate) fn rev_per_min_at(&self, share: f64) -> f64 {
+    fn rev_per_min_at(&self, share: f64) -> f64 {
         60.0 * self.frequency_hz / self.vibrations_at(share)
     }
 

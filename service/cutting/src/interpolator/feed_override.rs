@@ -4,7 +4,7 @@
 //! allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The path
 //! itself is the same all the time.
 
-use feedwave_motion::{Ahead, PathItem, Planned, Planner};
+use feedwave_motion::{Ahead, PathItem, Planned, PlannedStretch, Planner};
 
 use super::{Activity, ActivityKind, After, Barrier, Interpolator};
 
@@ -60,6 +60,27 @@ impl Interpolator {
     pub(crate) fn follow_with_amplitude(&mut self, ratio: f64) {
         let section = self.state.section.as_ref().map(|section| &section.condition);
         self.state.amplitude.follow(section, self.settings.period_s, self.state.next, ratio);
+    }
+
+    /// Commanded place of the next setpoint in the vibrating section under way, mm from its start.
+    pub(crate) fn section_place_mm(&self) -> Option<f64> {
+        let state = &self.state;
+        state.section?;
+        let item = state.track.current_index();
+        let (start_mm, _) = state.track.section_place(item);
+        let (Some(activity), Some(motion)) = (state.activity, state.track.motion(item)) else { return Some(start_mm) };
+        let s = match activity.kind {
+            ActivityKind::Stretch(index) => {
+                let PlannedStretch { start, profile, .. } = motion.stretches.get(index)?;
+                let (mut s, mut speed) = ([0.0], [0.0]);
+                let first = state.next - state.clock.period;
+                profile.fill(first, self.settings.period_s, state.clock.lead_s, &mut s, &mut speed);
+                start + s[0]
+            }
+            ActivityKind::FeedHold { s } => s,
+            _ => motion.element.length,
+        };
+        Some(start_mm + s)
     }
 
     /// Rests until the setpoint with the index `until`, because no speed is commanded.

@@ -1,17 +1,21 @@
 //! Chip breaking along a section at constant spindle speed: stretches of equal cutting conditions.
 
 use super::ChipSpan;
+use super::chip_course::WorstCut;
 use crate::CutCondition;
 
 /// Stretches listed in a report.
 const MAX_LISTED_SPANS: usize = 64;
 
 /// What one block contributes.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct ChipBlock {
     pub(super) line: u32,
     pub(super) start_mm: f64,
     pub(super) length_mm: f64,
     pub(super) cut: CutCondition,
+    /// The feed override that the cut is at.
+    pub(super) feed_override: f64,
 }
 
 /// Gathers the stretches; bounded memory.
@@ -21,15 +25,15 @@ pub(super) struct ChipStretches {
     not_listed: u64,
     /// The cut of the last block, listed or not.
     last: Option<CutCondition>,
-    /// The cut that is furthest from breaking, and its line.
-    worst: Option<(f64, CutCondition, u32)>,
+    /// The cut that is furthest from breaking, and its margin.
+    worst: Option<(f64, WorstCut)>,
     length_mm: f64,
     broken_mm: f64,
 }
 
 impl ChipStretches {
     pub(super) fn add(&mut self, block: &ChipBlock) {
-        let ChipBlock { line, start_mm, length_mm, cut } = *block;
+        let ChipBlock { line, start_mm, length_mm, cut, feed_override } = *block;
         let continues = self.last.is_some_and(|last| CutCondition { diameter_mm: cut.diameter_mm, ..last } == cut);
         self.last = Some(cut);
         let breaking_margin = cut.breaking_margin();
@@ -38,11 +42,11 @@ impl ChipStretches {
         self.broken_mm += if broken { length_mm } else { 0.0 };
         match &mut self.worst {
             // Of equal cuts the one at the largest diameter has the longest chips.
-            Some((margin, worst, _)) if *margin == breaking_margin => {
-                worst.diameter_mm = worst.diameter_mm.max(cut.diameter_mm);
+            Some((margin, worst)) if *margin == breaking_margin => {
+                worst.cut.diameter_mm = worst.cut.diameter_mm.max(cut.diameter_mm);
             }
-            Some((margin, ..)) if *margin <= breaking_margin => {}
-            worst => *worst = Some((breaking_margin, cut, line)),
+            Some((margin, _)) if *margin <= breaking_margin => {}
+            worst => *worst = Some((breaking_margin, WorstCut { cut, line, feed_override })),
         }
         if continues {
             // The stretch that continues may be one of those not listed.
@@ -57,6 +61,7 @@ impl ChipStretches {
                 start_mm,
                 length_mm,
                 share: 0.0,
+                feed_override,
                 feed_per_rev_mm: cut.feed_per_rev_mm,
                 spindle_rev_per_min: cut.spindle_rev_per_min,
                 vibrations_per_rev: cut.vibrations_per_rev(),
@@ -73,9 +78,9 @@ impl ChipStretches {
         self.last = None;
     }
 
-    /// The cut that is furthest from breaking, and the line of its first block.
-    pub(super) fn worst(&self) -> Option<(CutCondition, u32)> {
-        self.worst.map(|(_, cut, line)| (cut, line))
+    /// The cut that is furthest from breaking, with the line of its first block.
+    pub(super) fn worst(&self) -> Option<WorstCut> {
+        self.worst.map(|(_, worst)| worst)
     }
 
     pub(super) fn length_mm(&self) -> f64 {

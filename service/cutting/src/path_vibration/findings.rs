@@ -267,6 +267,7 @@ impl Evidence {
             findings.push(self.unbroken(chip, line));
         } else {
             self.marginal(chip, line, findings);
+            findings.extend(self.unbroken_at_permitted_override());
         }
     }
 
@@ -292,8 +293,15 @@ impl Evidence {
         } else {
             String::new()
         };
+        let under = match self.report.feed_override {
+            Some(ratio) if ratio != 1.0 => {
+                let feed_mm = decimal(cut.feed_per_rev_mm, 5);
+                format!(" under the feed override of {} %, {feed_mm} mm/rev", percent(ratio))
+            }
+            _ => String::new(),
+        };
         let message = format!(
-            "the chip does not break in line {line}: {} Hz at {} rev/min {reason}{extent}",
+            "the chip does not break in line {line}{under}: {} Hz at {} rev/min {reason}{extent}",
             decimal(cut.frequency_hz, 3),
             decimal(cut.spindle_rev_per_min, 1)
         );
@@ -307,6 +315,9 @@ impl Evidence {
             .with_value("spindle_speed", cut.spindle_rev_per_min, "rev/min")
             .with_value("broken_share", share, "")
             .with_value("line", f64::from(line), "");
+        if let Some(ratio) = self.report.feed_override.filter(|ratio| *ratio != 1.0) {
+            finding = finding.with_value("feed_override", 100.0 * ratio, "%");
+        }
         if amplitude_first {
             finding = self.suggest_amplitude(finding, chip, true);
         }
@@ -315,7 +326,82 @@ impl Evidence {
             let message = format!("turn the spindle at {} rev/min", decimal(rev_per_min, 1));
             finding = finding.suggest_value(message, None, "spindle_speed", rev_per_min, "rev/min");
         }
-        if amplitude_first { finding } else { self.suggest_amplitude(finding, chip, false) }
+        let finding = if amplitude_first { finding } else { self.suggest_amplitude(finding, chip, false) };
+        // At the programmed feed the override is not the cause.
+        if self.report.feed_override == Some(1.0) { finding } else { self.suggest_override(finding) }
+    }
+
+    /// The chip breaks at every override of the plan, but not at the largest one that the machine permits.
+    fn unbroken_at_permitted_override(&self) -> Option<Finding> {
+        let permitted = self.report.at_max_feed_override.filter(|permitted| permitted.broken_share < 1.0)?;
+        let top = percent(permitted.max_feed_override);
+        let largest = permitted.largest_breaking_override.map(|ratio| round_down(100.0 * ratio, 2));
+        let breaking = match (largest, permitted.largest_breaking_feed_per_rev_mm) {
+            (Some(largest), Some(feed_mm)) => format!(
+                "up to a feed override of {} %, {} mm/rev",
+                decimal(largest, 2),
+                decimal(round_down(feed_mm, 5), 5)
+            ),
+            _ => "at the overrides of this plan".to_owned(),
+        };
+        let least_mm = permitted.min_amplitude_mm.map(|least_mm| round_up(least_mm, 4));
+        let serving = least_mm.map_or_else(
+            || format!("no amplitude up to the machine's {} mm serves", decimal(self.settings.max_amplitude_mm, 4)),
+            |least_mm| format!("an amplitude of {} mm serves", decimal(least_mm, 4)),
+        );
+        let message = format!(
+            "the chip in line {} breaks {breaking}, and the machine permits {top} %, where {serving}",
+            permitted.line
+        );
+        let mut finding = Finding::warning("VIB-CHIP-OVERRIDE", self.amplitude_span(), message)
+            .with_value("max_feed_override", 100.0 * permitted.max_feed_override, "%")
+            .with_value("breaking_margin", permitted.breaking_margin, "")
+            .with_value("broken_share", permitted.broken_share, "")
+            .with_value("line", f64::from(permitted.line), "");
+        if let (Some(largest), Some(feed_mm)) = (largest, permitted.largest_breaking_feed_per_rev_mm) {
+            finding = finding.with_value("largest_feed_override", largest, "%").with_value(
+                "largest_feed_per_rev",
+                round_down(feed_mm, 5),
+                "mm",
+            );
+        }
+        if let Some(least_mm) = least_mm {
+            finding = self.suggest_least_amplitude(finding, least_mm, true);
+        }
+        Some(self.suggest_override(finding))
+    }
+
+    /// What helps against an override beyond which the chip no longer breaks.
+    fn suggest_override(&self, finding: Finding) -> Finding {
+        let Some(permitted) = self.report.at_max_feed_override else { return finding };
+        let programmed_breaks = permitted.largest_breaking_override.is_some_and(|largest| largest >= 1.0);
+        let reach_mm = self.condition().amplitude_mm * permitted.max_feed_override;
+        let mut finding = finding;
+        if self.settings.amplitude_follows_feed_up_to.is_none()
+            && programmed_breaks
+            && reach_mm <= self.settings.max_amplitude_mm
+        {
+            let message = format!(
+                "let the amplitude follow the feed: vibration.amplitude_follows_feed_up_to = {} in the machine profile",
+                decimal(permitted.max_feed_override, 4)
+            );
+            finding = finding.suggest(message);
+        }
+        match permitted.largest_breaking_override.map(|largest| round_down(largest, 4)) {
+            Some(largest) if largest >= 1.0 => {
+                let message = format!(
+                    "permit no feed override above {} %: max_feed_override = {} in the machine profile",
+                    percent(largest),
+                    decimal(largest, 4)
+                );
+                finding.suggest_value(message, None, "max_feed_override", largest, "")
+            }
+            Some(largest) if largest > 0.0 => {
+                let message = format!("feed at most {} % of what is programmed", percent(largest));
+                finding.suggest_value(message, None, "feed_override", 100.0 * largest, "%")
+            }
+            _ => finding,
+        }
     }
 
     fn suggest_frequencies(&self, mut finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
@@ -335,11 +421,26 @@ impl Evidence {
     }
 
     fn suggest_amplitude(&self, finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
-        let least_mm = chip.min_amplitude_mm.map(|least_mm| round_up(least_mm, 4));
-        let Some(least_mm) = least_mm.filter(|least_mm| *least_mm <= self.settings.max_amplitude_mm) else {
-            return finding;
+        // What has to be programmed for this cut, whose amplitude may have followed the feed; it serves at every permitted
+        // override as well, where one does.
+        let followed = chip.condition.amplitude_mm / self.condition().amplitude_mm;
+        let here_mm = chip.min_amplitude_mm.map(|least_mm| least_mm / followed);
+        let everywhere_mm = self.report.at_max_feed_override.and_then(|permitted| permitted.min_amplitude_mm);
+        let least_mm = here_mm.map(|here_mm| round_up(here_mm.max(everywhere_mm.unwrap_or(0.0)), 4));
+        match least_mm.filter(|least_mm| *least_mm <= self.settings.max_amplitude_mm) {
+            Some(least_mm) => self.suggest_least_amplitude(finding, least_mm, on_word),
+            None => finding,
+        }
+    }
+
+    fn suggest_least_amplitude(&self, finding: Finding, least_mm: f64, on_word: bool) -> Finding {
+        let up_to = match self.report.at_max_feed_override {
+            Some(permitted) if permitted.max_feed_override > 1.0 && permitted.min_amplitude_mm.is_some() => {
+                format!(", which serves up to a feed override of {} %", percent(permitted.max_feed_override))
+            }
+            _ => String::new(),
         };
-        let message = format!("raise the amplitude to at least {} mm", decimal(least_mm, 4));
+        let message = format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4));
         let word = self.amplitude_cure(least_mm).filter(|_| on_word);
         finding.suggest_value(message, word, "amplitude", least_mm, "mm")
     }
@@ -429,6 +530,11 @@ impl Evidence {
             None => finding.suggest("choose a lower frequency, or a stiffer position loop"),
         });
     }
+}
+
+/// A factor as a percentage, never rounded up.
+fn percent(ratio: f64) -> String {
+    decimal(round_down(100.0 * ratio, 2), 2)
 }
 
 fn axis_code(quantity: Quantity) -> &'static str {

@@ -35,6 +35,12 @@ pub struct SectionReport {
     pub junction_jump_mm: f64,
     /// Chip breaking where it is worst; `None` when nothing was cut with a turning spindle.
     pub chip: Option<ChipReport>,
+    /// Feed override of that cut, as a factor: the one in force at that place of the plan; `None` without such a cut.
+    #[serde(default)]
+    pub feed_override: Option<f64>,
+    /// Chip breaking at the largest feed override that the machine permits; `None` likewise.
+    #[serde(default)]
+    pub at_max_feed_override: Option<OverrideReport>,
     /// Chip breaking along the section at constant spindle speed, in order; the first spans where there are very
     /// many.
     pub chip_spans: Vec<ChipSpan>,
@@ -55,6 +61,31 @@ pub struct SectionReport {
     pub highest_frequency_hz: Option<f64>,
     /// Whether nothing of the above forbids running the section.
     pub feasible: bool,
+}
+
+/// Whether the chip breaks at the largest feed override that the machine permits, whatever the plan runs at.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OverrideReport {
+    /// That override, as a factor.
+    pub max_feed_override: f64,
+    /// Share of the length cut with a turning spindle on which the chip breaks at it.
+    pub broken_share: f64,
+    /// Least 2A·|sin πD|/f_r at it: the chip breaks everywhere at 1 and above.
+    pub breaking_margin: f64,
+    /// Line of the cut that is furthest from breaking.
+    pub line: u32,
+    /// Largest feed override at which the chip still breaks everywhere, as a factor; `None` where none does.
+    pub largest_breaking_override: Option<f64>,
+    /// Feed of that cut at that override, mm/rev.
+    pub largest_breaking_feed_per_rev_mm: Option<f64>,
+    /// Smallest programmed amplitude that breaks the chip everywhere at the largest permitted override, mm; `None` where no
+    /// permitted amplitude does.
+    pub min_amplitude_mm: Option<f64>,
+}
+
+/// Reports from before overrides were judged are about the programmed feed.
+const fn programmed() -> f64 {
+    1.0
 }
 
 /// How finely the wave is sampled.
@@ -106,7 +137,10 @@ pub struct ChipSpan {
     pub length_mm: f64,
     /// Its share of the section's length.
     pub share: f64,
-    /// Feed along the path, mm/rev.
+    /// Feed override that it is cut at, as a factor.
+    #[serde(default = "programmed")]
+    pub feed_override: f64,
+    /// Feed along the path under the override, mm/rev.
     pub feed_per_rev_mm: f64,
     /// Spindle speed, rev/min.
     pub spindle_rev_per_min: f64,

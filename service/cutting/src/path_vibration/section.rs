@@ -5,15 +5,14 @@
 use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
 use feedwave_program::{AXIS_COUNT, Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
-use super::chips::{ChipBlock, ChipStretches};
+use super::chip_course::{ChipCourse, ChipVerdict, Piece};
+use super::chips::ChipBlock;
 use super::findings::Evidence;
 use super::loads::AxisLoads;
 use super::{
     GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans, sin_turns,
 };
-use crate::{
-    CutCondition, FeedCoupling, FollowingModel, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport, analyse,
-};
+use crate::{CutCondition, FeedCoupling, FollowingModel, LinearSpan, SpanFeed, analyse};
 
 /// Pieces in which the radius of an arc counts as linear, for constant surface speed. The chord of a 32nd of
 /// a full circle leaves it by half a hundredth of its radius.
@@ -38,10 +37,7 @@ pub struct SectionAnalyzer {
     sharpest: Option<(f64, u32)>,
     /// Largest |τ₂−τ₁| of a junction that is not tangent, and its line.
     corner: Option<(f64, u32)>,
-    chips: ChipStretches,
-    surface_speed: SurfaceSpeedAnalysis,
-    /// First block cut at constant surface speed, and the cut at its start.
-    surface_cut: Option<(CutCondition, FeedCoupling, u32)>,
+    chips: ChipCourse,
     /// First block cut with a stopped spindle.
     stopped_line: Option<u32>,
 }
@@ -77,9 +73,7 @@ impl SectionAnalyzer {
             loads: AxisLoads::new(condition, settings, machine),
             sharpest: None,
             corner: None,
-            chips: ChipStretches::default(),
-            surface_speed: SurfaceSpeedAnalysis::default(),
-            surface_cut: None,
+            chips: ChipCourse::new(condition, settings),
             stopped_line: None,
         }
     }
@@ -89,6 +83,20 @@ impl SectionAnalyzer {
     pub fn with_word_spans(mut self, words: VibrationWordSpans) -> Self {
         self.words = words;
         self
+    }
+
+    /// Says which feed overrides there are: the largest one that the machine permits, and whether the plan changes it, so that
+    /// [`SectionAnalyzer::is_cut`] will be called. Without, all is judged at the programmed feed.
+    #[must_use]
+    pub fn with_feed_overrides(mut self, max_feed_override: f64, changes: bool) -> Self {
+        self.chips = self.chips.with_overrides(max_feed_override, changes);
+        self
+    }
+
+    /// The path has been cut up to a place, mm from the section's start, at this feed override from where it had been cut to
+    /// before.
+    pub fn is_cut(&mut self, up_to_mm: f64, feed_override: f64) {
+        self.chips.is_cut(up_to_mm, feed_override);
     }
 
     /// Adds the next cutting element of the section. `limits` is what the vibration leaves for the feed on it,
@@ -125,7 +133,7 @@ impl SectionAnalyzer {
 
         if !spindle.is_turning() {
             self.stopped_line.get_or_insert(line);
-            self.chips.interrupt();
+            self.chips.add(Piece::Stopped { start_mm, length_mm: element.length });
             return;
         }
         let span_feed = match feed {
@@ -141,10 +149,10 @@ impl SectionAnalyzer {
                     MachineKind::Mill => 0.0,
                 };
                 let cut = self.cut(span_feed, rev_per_min, diameter_mm);
-                self.chips.add(&ChipBlock { line, start_mm, length_mm: element.length, cut });
+                let block = ChipBlock { line, start_mm, length_mm: element.length, cut, feed_override: 1.0 };
+                self.chips.add(Piece::Constant(block));
             }
             SpindleSpeed::Surface { m_per_min, max_rev_per_min } => {
-                self.chips.interrupt();
                 let max_rev_per_min = max_rev_per_min.min(self.max_rev_per_min);
                 self.add_surface_speed(element, start_mm, span_feed, m_per_min, max_rev_per_min);
             }
@@ -198,11 +206,7 @@ impl SectionAnalyzer {
                 surface_speed_m_per_min,
                 max_rev_per_min,
             };
-            if self.surface_cut.is_none() {
-                let cut = self.cut(feed, span.rev_per_min_at(0.0), 2.0 * span.start_radius_mm.abs());
-                self.surface_cut = Some((cut, cut.feed_coupling, span.line));
-            }
-            self.surface_speed.add(&span);
+            self.chips.add(Piece::Surface(span));
         }
     }
 
@@ -214,14 +218,12 @@ impl SectionAnalyzer {
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
         let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
-        let surface_speed = self.surface_speed.clone().finish();
-        let (broken_share, worst_cut) = self.chip_breaking(surface_speed.as_ref());
-        let chip = worst_cut.map(|(cut, _)| analyse(&cut));
+        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted } =
+            self.chips.finish(self.length_mm);
         let following_amplitude = self.following.predict(frequency_hz, amplitude_mm);
         let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
         let corner = self.corner.map_or(0.0, |(change, _)| change);
         let turns_per_period = frequency_hz * self.period_s;
-        let (chip_spans, chip_spans_not_listed) = self.chips.into_spans(self.length_mm);
         let report = SectionReport {
             on_line: self.on_span.line,
             first_line: self.first_line.unwrap_or(self.on_span.line),
@@ -239,9 +241,11 @@ impl SectionAnalyzer {
             min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
             contour_deviation_mm: only_off_contour(0.5 * reach_mm * reach_mm * curvature),
             junction_jump_mm: only_off_contour(reach_mm * corner),
-            chip,
-            chip_spans,
-            chip_spans_not_listed,
+            chip: worst.map(|worst| analyse(&worst.cut)),
+            feed_override: worst.map(|worst| worst.feed_override),
+            at_max_feed_override: permitted,
+            chip_spans: spans,
+            chip_spans_not_listed: spans_not_listed,
             surface_speed,
             broken_share,
             following: following_amplitude,
@@ -259,41 +263,10 @@ impl SectionAnalyzer {
             exceeded: self.loads.exceeded,
             curve_line: self.sharpest.map(|(_, line)| line),
             corner_line: self.corner.map(|(_, line)| line),
-            chip_line: worst_cut.map(|(_, line)| line),
+            chip_line: worst.map(|worst| worst.line),
             stopped_line: self.stopped_line,
         }
         .conclude(findings)
-    }
-
-    /// Share of the length cut with a turning spindle on which the chip breaks, and the cut furthest from
-    /// breaking: at constant surface speed that in the middle of the first span that does not break.
-    fn chip_breaking(&self, surface: Option<&SurfaceSpeedReport>) -> (Option<f64>, Option<(CutCondition, u32)>) {
-        let surface_mm = surface.map_or(0.0, |surface| surface.length_mm);
-        let broken_mm = self.chips.broken_mm() + surface.map_or(0.0, |surface| surface.broken_share * surface_mm);
-        let turning_mm = self.chips.length_mm() + surface_mm;
-        let share = (turning_mm > 0.0).then(|| broken_mm / turning_mm);
-
-        let at_surface_speed = self.surface_cut.map(|(start, coupling, line)| {
-            let Some(span) = surface.and_then(|surface| surface.unbroken_spans.first()) else { return (start, line) };
-            let vibrations_per_rev = 0.5 * (span.start_vibrations_per_rev + span.end_vibrations_per_rev);
-            let spindle_rev_per_min = 60.0 * start.frequency_hz / vibrations_per_rev;
-            let speed_ratio = match coupling {
-                FeedCoupling::PerRevolution => 1.0,
-                FeedCoupling::PerMinute => start.spindle_rev_per_min / spindle_rev_per_min,
-            };
-            let cut = CutCondition {
-                feed_per_rev_mm: start.feed_per_rev_mm * speed_ratio,
-                spindle_rev_per_min,
-                diameter_mm: 0.5 * (span.start_diameter_mm + span.end_diameter_mm),
-                ..start
-            };
-            (cut, span.first_line)
-        });
-        let worst = [self.chips.worst(), at_surface_speed]
-            .into_iter()
-            .flatten()
-            .min_by(|a, b| a.0.breaking_margin().total_cmp(&b.0.breaking_margin()));
-        (share, worst)
     }
 }
 

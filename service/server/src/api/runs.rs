@@ -138,7 +138,7 @@ impl Api {
     async fn begin_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<AttachedRun> {
         let job = detail.job.id;
         let monitoring = config_from_message(&json::from_stored(self.store.monitoring(job).await?.get())?)?;
-        self.check_monitoring(job, &monitoring).await?;
+        self.check_monitoring(detail, &monitoring).await?;
         let config = pipeline_config(detail, &asked)?;
         let settings = RunSettings {
             interpolation_period_us: config.interpolation_period_us,
@@ -154,7 +154,8 @@ impl Api {
     }
 
     /// Refuses monitoring whose decisions setpoints cannot follow.
-    async fn check_monitoring(&self, job: Uuid, monitoring: &MonitoringConfig) -> Result<()> {
+    async fn check_monitoring(&self, detail: &JobDetail, monitoring: &MonitoringConfig) -> Result<()> {
+        let job = detail.job.id;
         let unfit = |message| {
             let subject = format!("{}/monitoring", names::job(job));
             Err(Error::Precondition { reason: "MONITORING_UNFIT", subject, message })
@@ -165,8 +166,18 @@ impl Api {
                 "rules.feed_bounds.upper is {upper}, setpoints follow a feed override up to {MAX_OVERRIDE_RATIO}: lower it"
             ));
         }
+        let judged = engine::job_config(detail)?.profile.max_feed_override;
+        if upper <= judged && monitoring.rules.spindle == SpindleRule::None {
+            return Ok(());
+        }
+        let report: ValidationReport = json::from_stored(self.store.report(job).await?.report.get())?;
+        if upper > judged && !report.sections.is_empty() {
+            return unfit(format!(
+                "rules.feed_bounds.upper is {upper}, whether the chip of the program's vibration breaks was judged up to \
+                 {judged}, the max_feed_override of its machine: lower it, or raise that one and validate a new job"
+            ));
+        }
         if monitoring.rules.spindle != SpindleRule::None {
-            let report: ValidationReport = json::from_stored(self.store.report(job).await?.report.get())?;
             let in_step = [
                 (!report.sections.is_empty(), "vibration is tuned"),
                 (!report.threads.is_empty(), "threads are tied"),

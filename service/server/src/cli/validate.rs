@@ -25,7 +25,7 @@ Examples:
   feedwave validate --profile lathe-3.toml --period-us 250 shaft.nc
       The machine's own limits, codes and diameter rule; setpoints every 0.25 ms.
   feedwave validate --override 0:80 shaft.nc
-      Times and peaks at 80 % of the programmed feed.
+      Times, peaks and chips at 80 % of the programmed feed.
   feedwave validate --format json shaft.nc | jq '.sections[].chip.broken'
       For scripts; docs/cli-json.md describes the object.
   cat shaft.nc | feedwave validate --deny-warnings - && echo clean"

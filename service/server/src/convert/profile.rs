@@ -85,6 +85,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
         thinning: thinning_from_proto(&profile.thinning.unwrap_or_default()),
         tool_oscillation: tool_oscillation?,
         oscillation_floor: floor_from_proto(&profile.oscillation_floor.unwrap_or_default()),
+        max_feed_override: profile.max_feed_override.unwrap_or(MachineProfile::lathe().max_feed_override),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(MachineProfile::lathe().look_ahead_blocks),
     })
 }
@@ -295,6 +296,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
             position_loop_gain_per_s: profile.following.position_loop_gain_per_s,
         }),
         look_ahead_blocks: Some(profile.look_ahead_blocks),
+        max_feed_override: Some(profile.max_feed_override),
         thread_vibration: Some(thread_vibration_to_proto(&profile.thread_vibration)),
         kinematics: profile.kinematics.as_ref().map(kinematics_to_proto),
         thinning: Some(thinning_to_proto(&profile.thinning)),

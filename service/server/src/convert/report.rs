@@ -1,8 +1,8 @@
 //! Validation reports: from the pipeline to the contract.
 
 use feedwave_cutting::{
-    AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, LimitTimes, Nearest, PeakPlace,
-    ProgramSummary, SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
+    AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, LimitTimes, Nearest,
+    OverrideReport, PeakPlace, ProgramSummary, SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
 };
 use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
 
@@ -145,6 +145,20 @@ fn section(section: &SectionReport) -> proto::SectionReport {
         largest_amplitude_mm: section.largest_amplitude_mm,
         highest_frequency_hz: section.highest_frequency_hz,
         feasible: section.feasible,
+        feed_override: section.feed_override,
+        at_max_feed_override: section.at_max_feed_override.as_ref().map(override_report),
+    }
+}
+
+const fn override_report(report: &OverrideReport) -> proto::OverrideReport {
+    proto::OverrideReport {
+        max_feed_override: report.max_feed_override,
+        broken_share: report.broken_share,
+        breaking_margin: report.breaking_margin,
+        line: report.line,
+        largest_breaking_override: report.largest_breaking_override,
+        largest_breaking_feed_per_rev_mm: report.largest_breaking_feed_per_rev_mm,
+        min_amplitude_mm: report.min_amplitude_mm,
     }
 }
 
@@ -207,6 +221,7 @@ const fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
         start_mm: span.start_mm,
         length_mm: span.length_mm,
         share: span.share,
+        feed_override: span.feed_override,
         feed_per_rev_mm: span.feed_per_rev_mm,
         spindle_rev_per_min: span.spindle_rev_per_min,
         vibrations_per_rev: span.vibrations_per_rev,

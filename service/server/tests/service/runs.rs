@@ -334,10 +334,13 @@ async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
 
     let mut too_fast = config();
     too_fast.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 0.1, upper: 3.0 });
+    // Beyond what the chip of its vibration was judged up to.
+    let mut unjudged = config();
+    unjudged.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 0.1, upper: 1.6 });
     let mut spindle = config();
     let rule = TurningRule { lower_rad: -0.1, upper_rad: 0.1, ..Default::default() };
     spindle.rules.as_mut().unwrap().spindle = Some(SpindleRule { rule: Some(Rule::Turning(rule)) });
-    for unfit in [too_fast, spindle] {
+    for unfit in [too_fast, unjudged, spindle] {
         let request = SetMonitoringRequest { job: job.name.clone(), config: Some(unfit) };
         monitoring.set_monitoring(request).await.unwrap();
         let start = RunStart { target: target(), ..Default::default() };

@@ -3,7 +3,8 @@
 use super::super::terminal::{Style, number};
 use super::Rows;
 use crate::proto::{
-    AxisLoadReport, ChipReport, ChipSpan, FollowingReport, GenerationMode, Nearest, SectionReport, SurfaceSpeedReport,
+    AxisLoadReport, ChipReport, ChipSpan, FollowingReport, GenerationMode, Nearest, OverrideReport, SectionReport,
+    SurfaceSpeedReport,
 };
 
 /// Spans listed; the JSON has all.
@@ -26,13 +27,16 @@ pub(super) fn text(position: usize, section: &SectionReport, style: Style) -> St
         ),
     );
     if let Some(chip) = &section.chip {
-        chip_rows(&mut rows, chip);
+        chip_rows(&mut rows, chip, section.feed_override.unwrap_or(1.0));
     }
     if section.chip_spans.len() > 1 {
         spans(&mut rows, &section.chip_spans);
     }
     if let Some(surface_speed) = &section.surface_speed {
         surface_speed_rows(&mut rows, surface_speed);
+    }
+    if let Some(permitted) = &section.at_max_feed_override {
+        permitted_row(&mut rows, permitted);
     }
     if let (Some(share), true) = (section.broken_share, section.chip_spans.len() > 1) {
         rows.row("", format!("the chip breaks on {} of the path cut", percent(share)));
@@ -53,7 +57,26 @@ fn percent(share: f64) -> String {
     format!("{} %", number(share * 100.0, 3))
 }
 
-fn chip_rows(rows: &mut Rows, chip: &ChipReport) {
+/// Whether the chip breaks at the largest feed override that the machine permits.
+fn permitted_row(rows: &mut Rows, permitted: &OverrideReport) {
+    let style = rows.style;
+    let breaks = permitted.broken_share >= 1.0;
+    let verdict = if breaks { style.good("breaks") } else { style.bad("does not break everywhere") };
+    let limit = permitted.largest_breaking_override.map(|largest| format!(", breaks up to {}", percent(largest)));
+    let amplitude = permitted.min_amplitude_mm.filter(|_| !breaks);
+    let amplitude = amplitude.map(|needed| format!("; {} mm serve", number(needed, 4)));
+    rows.row(
+        "override",
+        format!(
+            "permitted up to {}: {verdict}{}{}",
+            percent(permitted.max_feed_override),
+            limit.unwrap_or_default(),
+            amplitude.unwrap_or_default()
+        ),
+    );
+}
+
+fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
     let style = rows.style;
     let verdict = if chip.broken {
         style.good("breaks")
@@ -66,9 +89,14 @@ fn chip_rows(rows: &mut Rows, chip: &ChipReport) {
     rows.row(
         "cut",
         format!(
-            "{} rev/min, feed {} mm/rev: D = {:.3} vibrations per revolution, Q = 2A/f = {}",
+            "{} rev/min, feed {} mm/rev{}: D = {:.3} vibrations per revolution, Q = 2A/f = {}",
             number(chip.spindle_rev_per_min, 6),
             number(chip.feed_per_rev_mm, 4),
+            if feed_override == 1.0 {
+                String::new()
+            } else {
+                format!(" ({} of the programmed)", percent(feed_override))
+            },
             chip.vibrations_per_rev,
             number(chip.amplitude_ratio, 3)
         ),

@@ -31,6 +31,7 @@ fn profiles_survive_the_round_trip() {
     lathe.language.thread_e_word = ThreadEWord::PreciseLead;
     lathe.following.filter_length_s = Some(0.02);
     lathe.look_ahead_blocks = 100;
+    lathe.max_feed_override = 1.2;
     for profile in [lathe, five_axis_mill(), oscillating_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
         assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
     }
