@@ -344,7 +344,9 @@ impl Block {
     #[cold]
     fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
         let (start, end) = (token.start as usize, token.end as usize);
-        if matches!(token.kind, TokenKind::Expression | TokenKind::Text) {
+        // A few letters may be a code that is misspelt, as in GO; more are text.
+        let is_typing_error = token.kind == TokenKind::Text && end - start <= 3;
+        if token.kind == TokenKind::Expression || is_typing_error {
             self.unread |= letters_in(&line[start..end]);
         }
         let in_a_word = |at: Option<&u8>| at.is_some_and(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(byte));

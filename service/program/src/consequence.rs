@@ -18,6 +18,9 @@ const fn letters(text: &[u8]) -> u32 {
 /// Letters of the axes, of the centre of an arc and of its radius.
 const PLACE: u32 = letters(b"XYZUVWABCHIJKR");
 
+/// Letters of what a cut is judged by: feed, speed and sense of the spindle, tool. A cut with one of them unknown is not handed on.
+pub(crate) const JUDGED_BY: u32 = letters(b"FSMT");
+
 /// Findings about what is missing or does not fit, and the letters that would explain each: words of any block before that
 /// are still in force, or of its own block only.
 const EXPLAINED_BY: &[(&str, Scope, u32)] = &[
@@ -53,10 +56,11 @@ enum Scope {
     Modal,
 }
 
-/// Whether a finding with this code only follows from words that could not be read: of its own block, or of this and those before.
-pub(crate) fn follows_from(code: &str, in_block: u32, modal: u32) -> bool {
+/// Whether a finding with this code only follows from words that could not be read: those of its own block, or those that were
+/// in force in it.
+pub(crate) fn follows_from(code: &str, in_block: u32, in_force: u32) -> bool {
     EXPLAINED_BY.iter().any(|&(explained, scope, by)| {
-        let unread = if scope == Scope::Block { in_block } else { modal | in_block };
+        let unread = if scope == Scope::Block { in_block } else { in_force };
         explained == code && by & unread != 0
     })
 }

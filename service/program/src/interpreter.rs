@@ -253,8 +253,10 @@ impl Interpreter {
         }
         if self.block.is_empty() {
             self.state.unread |= self.block.unread;
+            self.forget_unread_feed();
             return;
         }
+        let unread = self.state.unread | self.block.unread;
         let mut execution = Execution {
             settings: &self.settings,
             table: &self.table,
@@ -269,8 +271,8 @@ impl Interpreter {
         };
         let end = execution.run();
         let is_refused = findings.count(Severity::Error) > mark.errors();
-        if self.state.unread | self.block.unread != 0 {
-            self.note_unread(mark.kept(), findings);
+        if unread != 0 {
+            self.note_unread(mark.kept(), unread, findings);
         }
         if self.block.code(Group::Function).is_some() {
             self.note_functions(&operations[operations_before..], is_refused);
@@ -286,9 +288,9 @@ impl Interpreter {
 
     /// Takes back what only follows from words that could not be read, and remembers which modal words those were.
     #[cold]
-    fn note_unread(&mut self, from: usize, findings: &mut FindingLog) {
-        let (in_block, modal) = (self.block.unread, self.state.unread);
-        findings.withdraw(from, |finding| consequence::follows_from(&finding.code, in_block, modal));
+    fn note_unread(&mut self, from: usize, unread: u32, findings: &mut FindingLog) {
+        let in_block = self.block.unread;
+        findings.withdraw(from, |finding| consequence::follows_from(&finding.code, in_block, unread));
         let mut read = self.block.letters & !self.table.axis_letters;
         for (group, letter) in [(Group::Motion, b'G'), (Group::Spindle, b'M')] {
             if self.block.code(group).is_some() {
@@ -298,7 +300,17 @@ impl Interpreter {
         if self.state.absolute {
             read |= self.table.dialect.letters_placed_by(self.block.letters);
         }
-        self.state.unread = modal & !read | in_block;
+        self.state.unread = self.state.unread & !read | in_block;
+        self.forget_unread_feed();
+    }
+
+    /// A feed or a lead that could not be read takes the one before it out of force, so that nothing is judged by it.
+    fn forget_unread_feed(&mut self) {
+        if self.block.unread & letter_bit(b'F') != 0 {
+            self.state.feed = 0.0;
+            self.state.thread.lead_mm = None;
+            (self.state.reported.feed, self.state.reported.lead) = (true, true);
+        }
     }
 
     /// Whether the first line with something in it is that of a file which is no program; that is then reported.

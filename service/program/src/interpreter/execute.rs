@@ -195,6 +195,7 @@ impl Execution<'_> {
         let Some(word) = self.take(b'F') else {
             return;
         };
+        self.state.unread &= !letter_bit(b'F');
         // One modal word: a feed takes the place of a thread's lead.
         self.state.thread.lead_mm = None;
         self.state.reported.lead = false;
@@ -305,6 +306,7 @@ impl Execution<'_> {
         if let Some(word) = self.take(b'T')
             && let Some(tool) = self.whole(&word)
         {
+            self.state.unread &= !letter_bit(b'T');
             if self.table.dialect.tool_word_changes {
                 // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one.
                 let (number, offset) =

@@ -3,6 +3,7 @@
 use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
+use crate::consequence::JUDGED_BY;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::{Motion, ToolMode};
 use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity};
@@ -260,6 +261,9 @@ impl Execution<'_> {
                 self.state.reported.feed = true;
                 self.feed_missing("a cutting move, but no feed has been programmed in this feed mode");
             }
+            return None;
+        }
+        if self.state.unread & JUDGED_BY != 0 {
             return None;
         }
         match self.state.feed_unit {

@@ -17,6 +17,7 @@ impl Execution<'_> {
             && direction != SpindleDirection::Stopped
         {
             self.state.spindle_direction = direction;
+            self.state.unread &= !letter_bit(b'M');
             self.state.reported.spindle = false;
             direction_span = Some(span);
         }
@@ -116,6 +117,7 @@ impl Execution<'_> {
     /// `S`; returns its place.
     fn speed(&mut self) -> Option<SourceSpan> {
         let word = self.take(b'S')?;
+        self.state.unread &= !letter_bit(b'S');
         let span = self.block.word_span(&word);
         let value = word.number.value();
         if value != 0.0 && value < LEAST_RATE {

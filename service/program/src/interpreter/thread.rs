@@ -15,6 +15,7 @@ use super::execute::{Execution, MM_PER_INCH};
 use super::motion::{Frame, set_bits};
 use crate::block::Word;
 use crate::code;
+use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{
@@ -134,6 +135,7 @@ impl Execution<'_> {
             (Some(word), None) | (None, Some(word)) => (word, word.number.value() * inch),
         };
         let lead_mm = self.checked_lead(&word, lead_mm);
+        self.state.unread &= !letter_bit(b'F');
         // One modal word: the lead takes the place of the feed.
         self.state.feed = 0.0;
         self.state.reported.feed = false;
@@ -281,6 +283,9 @@ impl Execution<'_> {
                     )
                 });
             }
+            return false;
+        }
+        if self.state.unread & JUDGED_BY != 0 {
             return false;
         }
         if self.state.spindle_turns() {

@@ -27,3 +27,28 @@ fn what_does_not_follow_is_said() {
     check(&mill(), "G0 X#1\nX0 Y0\nG2 X1 Y1 I0.5 J5 F10", "! 1:4+3 PRG-EXPRESSION\n! 3:10+4 PRG-ARC-RADIUS-MISMATCH");
     check(&mill(), "P#1\nG4", "! 1:1+3 PRG-EXPRESSION\n! 2:1+2 PRG-DWELL-TIME");
 }
+
+#[test]
+fn a_cut_with_something_unknown_is_judged_by_nothing() {
+    // Neither the feed nor the speed of before counts for what follows.
+    check(
+        &mill(),
+        "G1 X1 F10\nF#1\nX2\nG0 X3\nG1 X4 F5",
+        "line 0 -> X1 @10/min\nrapid X2 -> X3\nline X3 -> X4 @5/min\n! 2:1+3 PRG-EXPRESSION",
+    );
+    check(
+        &lathe(),
+        "S500 M3\nG1 X2 F.1\nS#1\nX4\nG32 Z-5 F2\nS600\nG1 X6 F.1",
+        "spindle cw 500
+         line 0 -> X1 @0.1/rev
+         spindle cw 600
+         line X2 Z-5 -> X3 Z-5 @0.1/rev
+         ! 3:1+3 PRG-EXPRESSION",
+    );
+    check(
+        &mill(),
+        "G1 X1 F10\nT#1\nM6\nG1 X2\nT2 M6\nX3",
+        "line 0 -> X1 @10/min\ntool 2.0\nline X2 -> X3 @10/min\n! 2:1+3 PRG-EXPRESSION",
+    );
+    check(&lathe(), "G32 Z-5 F#1\nZ-6", "! 1:9+3 PRG-EXPRESSION");
+}
