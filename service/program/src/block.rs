@@ -223,11 +223,8 @@ impl Block {
                     finding
                 });
             }
-            Letter::Label => {
-                if !is_label(number) {
-                    return self.report_label(token, findings);
-                }
-            }
+            Letter::Label if !is_label(number) => return self.report_label(token, findings),
+            Letter::Label => {}
             _ if !(-LARGEST_NUMBER..=LARGEST_NUMBER).contains(&number.value()) => {
                 return self.report_huge_number(token, findings);
             }
