@@ -2,7 +2,7 @@
 //! twice and its lines be shown.
 
 use std::fs::File;
-use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _};
+use std::io::{self, BufReader, Read as _, Seek as _};
 use std::path::Path;
 
 use super::CliError;
@@ -208,6 +208,12 @@ mod tests {
         assert_eq!(shown(program, at(3, 4, 2)), Some(("G2 Q3".to_owned(), "Q3".to_owned())));
         assert_eq!(shown(program, at(3, 6, 0)), Some(("G2 Q3".to_owned(), String::new())));
         assert_eq!(shown(program, at(4, 1, 1)), None);
+        for end in ["\r", "\n", "\r\n"] {
+            let program = ["%", "", "G1 X10", "G2 Q3"].join(end);
+            assert_eq!(shown(&program, at(3, 4, 3)), Some(("G1 X10".to_owned(), "X10".to_owned())), "{end:?}");
+            assert_eq!(shown(&program, at(4, 4, 2)), Some(("G2 Q3".to_owned(), "Q3".to_owned())), "{end:?}");
+            assert_eq!(shown(&program, at(5, 1, 1)), None);
+        }
     }
 
     #[test]
