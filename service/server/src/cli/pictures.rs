@@ -8,14 +8,16 @@ use std::ops::Range;
 
 use feedwave_cutting::{Cut, CutCondition, PipelineConfig, SectionReport, SetpointBlock, ValidationReport};
 use feedwave_motion::{Element, MachineKind, PathSmoother, Smoothed};
-use feedwave_program::{FindingLog, Function, Interpreter, LineOutcome, MoveKind, Operation, OperationKind, Position};
+use feedwave_program::{
+    Feed, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, Operation, OperationKind, Position, Spindle,
+    SpindleSpeed, ThreadMove,
+};
 
 use self::five_axis::GuidedWay;
 use super::CliError;
-use super::machine::axis_columns;
 use super::source::Source;
 use super::terminal::number;
-use crate::plot::{self, PathTrace, Plots, Point, Stretch};
+use crate::plot::{self, AxisShown, PathTrace, Plots, Point, RapidLines, Stretch};
 
 /// Pictures of chips at most: sections of one program are mostly alike.
 const MAX_CHIP_PICTURES: usize = 8;
@@ -73,11 +75,14 @@ pub(super) fn prepare(
     let profile = &config.profile;
     let turning = profile.machine.kind == MachineKind::Lathe;
     let program = source.name.rsplit('/').next().unwrap_or_default().to_owned();
-    let mut plots = Plots::new(program, turning, &axis_columns(profile), config.period_s(), period_s);
+    let mut plots = Plots::new(program, turning, axes(config), config.period_s(), period_s);
     for change in &config.overrides {
         plots.add_override(change.index as f64 * config.period_s(), change.ratio);
     }
-    let way = trace(source, config, plots.trace_mut())?;
+    let mut tracer = Tracer::new(config);
+    tracer.read(source, config)?;
+    let Tracer { trace, rapids, way, .. } = tracer;
+    plots.set_path(trace, rapids);
     if let Some(five_axis) = five_axis::prepare(source, config, report, way)? {
         plots.set_five_axis(five_axis);
     }
@@ -116,70 +121,159 @@ fn windows(indices: &Range<u64>, title: String, wave_s: f64, period_s: f64) -> [
     ]
 }
 
-/// Draws the path that is run, in work coordinates: the moves of the program, and the curves that `G64` puts in place
-/// of their corners; the way of a guided tool.
-fn trace(source: &mut Source, config: &PipelineConfig, trace: &mut PathTrace) -> Result<GuidedWay, CliError> {
-    source.rewind()?;
-    let mut interpreter = Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths());
-    let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
-    let (mut unread, mut ended) = (Vec::new(), false);
-    let mut smoother = PathSmoother::default();
-    let (mut cutting, mut way) = (Stretch::Cutting, GuidedWay::default());
-    loop {
-        let mut consumed = 0;
-        let outcome = loop {
-            match interpreter.read_line(&unread[consumed..], ended, &mut operations, &mut findings) {
-                LineOutcome::Consumed(bytes) => consumed += bytes,
-                outcome => break outcome,
+/// The axes of the machine with their limits.
+fn axes(config: &PipelineConfig) -> Vec<AxisShown> {
+    let axes = config.profile.machine.axes.iter();
+    axes.map(|axis| AxisShown {
+        name: axis.name.clone(),
+        rotary: axis.axis.is_rotary(),
+        max_velocity_per_s: axis.max_velocity_per_s,
+        max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        max_jerk_per_s3: axis.max_jerk_per_s3,
+    })
+    .collect()
+}
+
+/// Follows the program through its operations: the path that is run, in work coordinates, with the curves that `G64` puts
+/// in place of corners; which lines move rapidly; the way of a guided tool.
+struct Tracer {
+    trace: PathTrace,
+    rapids: RapidLines,
+    way: GuidedWay,
+    smoother: PathSmoother<Cut>,
+    /// What cuts are at this place of the program.
+    cutting: Stretch,
+    thread_vibration: bool,
+    /// Largest feed override.
+    most: f64,
+}
+
+impl Tracer {
+    fn new(config: &PipelineConfig) -> Self {
+        Self {
+            trace: PathTrace::default(),
+            rapids: RapidLines::default(),
+            way: GuidedWay::default(),
+            smoother: PathSmoother::default(),
+            cutting: Stretch::Cutting,
+            thread_vibration: false,
+            most: config.overrides.iter().map(|change| change.ratio).fold(1.0, f64::max),
+        }
+    }
+
+    /// Reads the whole program.
+    fn read(&mut self, source: &mut Source, config: &PipelineConfig) -> Result<(), CliError> {
+        source.rewind()?;
+        let mut interpreter =
+            Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths());
+        let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
+        let (mut unread, mut ended) = (Vec::new(), false);
+        loop {
+            let mut consumed = 0;
+            let outcome = loop {
+                match interpreter.read_line(&unread[consumed..], ended, &mut operations, &mut findings) {
+                    LineOutcome::Consumed(bytes) => consumed += bytes,
+                    outcome => break outcome,
+                }
+                operations.drain(..).for_each(|operation| self.follow(&operation));
+            };
+            if outcome == LineOutcome::Ended {
+                self.flush();
+                self.rapids.finish();
+                return Ok(());
             }
-            for Operation { kind, span } in operations.drain(..) {
+            unread.drain(..consumed);
+            let piece = source.next_piece()?;
+            ended = piece.is_empty();
+            unread.extend_from_slice(piece);
+        }
+    }
+
+    fn follow(&mut self, Operation { kind, span }: &Operation) {
+        match kind {
+            OperationKind::Move(step) => {
+                self.way.interrupt();
+                self.count(step, span.line);
+                if step.kind == MoveKind::Rapid {
+                    self.flush();
+                }
+                let Some(element) = Element::from_move(step, *span) else { return };
+                let cut = Cut::of(step, &element);
+                let (trace, cutting) = (&mut self.trace, self.cutting);
                 let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, cutting, trace);
-                match &kind {
-                    OperationKind::Move(step) => {
-                        way.interrupt();
-                        if step.kind == MoveKind::Rapid {
-                            smoother.flush(&mut draw);
-                        }
-                        let Some(element) = Element::from_move(step, span) else { continue };
-                        let cut = Cut::of(step, &element);
-                        for part in element.smooth_parts() {
-                            smoother.push(part, step.path_control, cut, &mut draw);
-                        }
-                    }
-                    OperationKind::Guided(guided) => {
-                        smoother.flush(&mut draw);
-                        way.add(guided, span.line, trace);
-                    }
-                    OperationKind::Thread(pass) => {
-                        smoother.flush(&mut draw);
-                        trace.line(Stretch::Cutting, point(&pass.start), point(&pass.end));
-                    }
-                    other => {
-                        smoother.flush(&mut draw);
-                        let on = match other {
-                            OperationKind::Function(command) if command.function == Function::PathVibration => {
-                                Some((command.on, Stretch::Vibrating))
-                            }
-                            OperationKind::Function(command) if command.function == Function::ToolOscillation => {
-                                Some((command.on, Stretch::Oscillating))
-                            }
-                            _ => None,
-                        };
-                        if let Some((on, superposed)) = on {
-                            cutting = if on { superposed } else { Stretch::Cutting };
-                        }
-                    }
+                for part in element.smooth_parts() {
+                    self.smoother.push(part, step.path_control, cut, &mut draw);
                 }
             }
-        };
-        if outcome == LineOutcome::Ended {
-            smoother.flush(&mut |smoothed| draw_element(&smoothed.element, cutting, trace));
-            return Ok(way);
+            OperationKind::Guided(guided) => {
+                self.flush();
+                self.count(&guided.step, span.line);
+                self.way.add(guided, span.line, &mut self.trace);
+            }
+            OperationKind::Thread(pass) => {
+                self.flush();
+                self.rapids.cut(span.line, THREAD_ROOM * pass.lead_mm * most_rev_per_min(&pass.spindle));
+                self.thread(pass);
+            }
+            OperationKind::Function(command) => {
+                self.flush();
+                let of = |superposed| if command.on { superposed } else { Stretch::Cutting };
+                match command.function {
+                    Function::PathVibration => self.cutting = of(Stretch::Vibrating),
+                    Function::ToolOscillation => self.cutting = of(Stretch::Oscillating),
+                    Function::ThreadVibration => self.thread_vibration = command.on,
+                    _ => {}
+                }
+            }
+            _ => self.flush(),
         }
-        unread.drain(..consumed);
-        let piece = source.next_piece()?;
-        ended = piece.is_empty();
-        unread.extend_from_slice(piece);
+    }
+
+    fn flush(&mut self) {
+        let (trace, cutting) = (&mut self.trace, self.cutting);
+        self.smoother.flush(&mut |smoothed| draw_element(&smoothed.element, cutting, trace));
+    }
+
+    /// Keeps whether a line moves rapidly, and how fast it cuts.
+    fn count(&mut self, step: &Move, line: u32) {
+        if step.kind == MoveKind::Rapid {
+            return self.rapids.rapid(line);
+        }
+        let feed_mm_per_min = match step.feed {
+            Feed::PerMinute(feed) => feed,
+            Feed::PerRevolution(feed) => feed * most_rev_per_min(&step.spindle),
+            Feed::InverseTime(_) => f64::INFINITY,
+        };
+        self.rapids.cut(line, self.most * feed_mm_per_min);
+    }
+
+    /// A threading pass, with its pull-out; a pass with an amplitude of 0 of its own does not vibrate.
+    fn thread(&mut self, pass: &ThreadMove) {
+        let vibrates = self.thread_vibration && pass.amplitude_mm != Some(0.0);
+        let stretch = if vibrates { Stretch::VibratingThread } else { Stretch::Threading };
+        let (from, mut to) = (point(&pass.start), point(&pass.end));
+        let mut last = from;
+        if let Some(pull_out) = pass.pull_out {
+            let way = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let length = way.iter().fold(0.0_f64, |length, way| length.max(way.abs()));
+            let share = if length > 0.0 { (pull_out.travel_mm / length).min(1.0) } else { 0.0 };
+            let begin = [0, 1, 2].map(|axis| to[axis] - share * way[axis]);
+            self.trace.line(stretch, last, begin);
+            last = begin;
+            to[0] += pull_out.retreat_mm;
+        }
+        self.trace.line(stretch, last, to);
+    }
+}
+
+/// The way along a taper is longer than the travel of the lead axis, at most by this.
+const THREAD_ROOM: f64 = 1.5;
+
+/// Highest speed that a spindle state permits; infinite under constant surface speed without a limit.
+const fn most_rev_per_min(spindle: &Spindle) -> f64 {
+    match spindle.speed {
+        SpindleSpeed::Constant { rev_per_min } => rev_per_min,
+        SpindleSpeed::Surface { max_rev_per_min, .. } => max_rev_per_min,
     }
 }
 

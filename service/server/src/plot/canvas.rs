@@ -1,12 +1,12 @@
-//! From a picture to its files: SVG as drawn, PNG drawn larger and averaged down so that lines are smooth.
+//! From a picture to its files: SVG in fine coordinates, PNG drawn larger and averaged down so that lines are smooth.
 
 use std::path::{Path, PathBuf};
 
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
-use plotters::coord::Shift;
-use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
-use plotters::style::WHITE;
+use plotters::drawing::{DrawingAreaErrorKind, IntoDrawingArea};
 
+use super::draw;
+use super::figure::Figure;
 use super::theme::{self, Scale};
 
 /// A picture cannot be drawn or written.
@@ -17,62 +17,64 @@ pub struct PlotError(pub String);
 /// What drawing on a backend returns.
 pub(super) type DrawResult<T, DB> = Result<T, DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
 
-/// Something to look at.
-pub(super) trait Picture {
-    /// File name without the ending.
-    fn name(&self) -> String;
-
-    /// Width and height, design units.
-    fn size(&self) -> (u32, u32) {
-        (1_400, 900)
-    }
-
-    /// Draws it.
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB>;
-}
-
-/// How much larger bitmaps are drawn before they are averaged down.
-const OVERSAMPLING: u32 = 2;
+/// How much larger bitmaps are drawn before they are averaged down. Lines are drawn between whole pixels: with fewer of
+/// them arcs are seen as polygons.
+const OVERSAMPLING: u32 = 3;
+/// Units of the SVG's coordinates in a design unit: they are whole numbers, too.
+const SVG_UNITS: u32 = 10;
 /// Bitmaps start white.
 const WHITE_BYTE: u8 = 255;
 
+/// Creates a directory where it is missing.
+pub(super) fn make(directory: &Path) -> Result<(), PlotError> {
+    std::fs::create_dir_all(directory)
+        .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))
+}
+
 /// Writes a picture as SVG and PNG; the paths of both.
-pub(super) fn write(picture: &impl Picture, directory: &Path) -> Result<[PathBuf; 2], PlotError> {
-    theme::load_font()?;
-    let svg = directory.join(format!("{}.svg", picture.name()));
-    let png = directory.join(format!("{}.png", picture.name()));
-    let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, picture.size()).into_drawing_area();
-        area.fill(&WHITE).map_err(|error| failed(&svg, &error))?;
-        draw_on(&area, picture, Scale(1.0)).map_err(|error| failed(&svg, &error))?;
-    }
+pub(super) fn write(figure: &Figure, directory: &Path) -> Result<[PathBuf; 2], PlotError> {
+    let svg = directory.join(format!("{}.svg", figure.name));
+    let png = directory.join(format!("{}.png", figure.name));
+    let text = svg_text(figure).map_err(|error| failed(&svg, &error))?;
     std::fs::write(&svg, text).map_err(|error| failed(&svg, &error))?;
-    write_png(picture, &png)?;
+    let pixels = pixels(figure).map_err(|error| failed(&png, &error))?;
+    blit(&png, figure.size, &pixels).map_err(|error| failed(&png, &error))?;
     Ok([svg, png])
 }
 
-fn draw_on<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    picture: &impl Picture,
-    scale: Scale,
-) -> DrawResult<(), DB> {
-    picture.draw(area, scale)?;
-    area.present()
+fn blit(png: &Path, size: (u32, u32), pixels: &[u8]) -> Result<(), PlotError> {
+    let mut backend = BitMapBackend::new(png, size);
+    backend.blit_bitmap((0, 0), size, pixels).map_err(|error| PlotError(error.to_string()))?;
+    backend.present().map_err(|error| PlotError(error.to_string()))
 }
 
-fn write_png(picture: &impl Picture, path: &Path) -> Result<(), PlotError> {
-    let (width, height) = picture.size();
+fn svg_text(figure: &Figure) -> Result<String, PlotError> {
+    theme::load_font()?;
+    let (width, height) = figure.size;
+    let fine = (width * SVG_UNITS, height * SVG_UNITS);
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, fine).into_drawing_area();
+        let drawn = draw::clear(&area).and_then(|()| draw::figure(&area, Scale(f64::from(SVG_UNITS)), figure));
+        drawn.and_then(|()| area.present()).map_err(|error| PlotError(error.to_string()))?;
+    }
+    // Shown in its size, whatever the units of its coordinates.
+    let size = |(width, height): (u32, u32)| format!("<svg width=\"{width}\" height=\"{height}\"");
+    Ok(text.replacen(&size(fine), &size(figure.size), 1))
+}
+
+/// The picture as bytes of red, green and blue, row by row.
+pub(super) fn pixels(figure: &Figure) -> Result<Vec<u8>, PlotError> {
+    theme::load_font()?;
+    let (width, height) = figure.size;
     let large = (width * OVERSAMPLING, height * OVERSAMPLING);
     let mut pixels = vec![WHITE_BYTE; large.0 as usize * large.1 as usize * 3];
     {
         let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
-        draw_on(&area, picture, Scale(f64::from(OVERSAMPLING))).map_err(|error| failed(path, &error))?;
+        let drawn = draw::figure(&area, Scale(f64::from(OVERSAMPLING)), figure);
+        drawn.and_then(|()| area.present()).map_err(|error| PlotError(error.to_string()))?;
     }
-    let averaged = average(&pixels, width as usize);
-    let mut backend = BitMapBackend::new(path, (width, height));
-    backend.blit_bitmap((0, 0), (width, height), &averaged).map_err(|error| failed(path, &error))?;
-    backend.present().map_err(|error| failed(path, &error))
+    Ok(average(&pixels, width as usize))
 }
 
 /// Each pixel the mean of the square of pixels that it stands for.
@@ -80,21 +82,21 @@ fn write_png(picture: &impl Picture, path: &Path) -> Result<(), PlotError> {
 fn average(pixels: &[u8], width: usize) -> Vec<u8> {
     let factor = OVERSAMPLING as usize;
     let count = (factor * factor) as u32;
-    let row_bytes = width * 3;
+    let row_bytes = 3 * width * factor;
     let mut averaged = Vec::with_capacity(pixels.len() / (factor * factor));
-    let mut sums = vec![0_u32; row_bytes];
-    for rows in pixels.chunks_exact(row_bytes * factor * factor) {
-        sums.fill(0);
-        for row in rows.chunks_exact(row_bytes * factor) {
-            for (sums, square) in sums.chunks_exact_mut(3).zip(row.chunks_exact(3 * factor)) {
-                for pixel in square.chunks_exact(3) {
+    for rows in pixels.chunks_exact(row_bytes * factor) {
+        for column in 0..width {
+            let mut sums = [0_u32; 3];
+            for row in 0..factor {
+                let start = row * row_bytes + 3 * factor * column;
+                for pixel in rows[start..start + 3 * factor].chunks_exact(3) {
                     sums[0] += u32::from(pixel[0]);
                     sums[1] += u32::from(pixel[1]);
                     sums[2] += u32::from(pixel[2]);
                 }
             }
+            averaged.extend(sums.map(|sum| ((sum + count / 2) / count) as u8));
         }
-        averaged.extend(sums.iter().map(|sum| ((sum + count / 2) / count) as u8));
     }
     averaged
 }

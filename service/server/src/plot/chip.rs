@@ -1,15 +1,10 @@
 //! Picture of the chip: how thick it is around the revolution, and the tracks of the tool that make it so.
 
 use feedwave_cutting::{CutCondition, thickness};
-use plotters::coord::Shift;
-use plotters::element::{PathElement, Polygon, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
+use plotters::style::RGBColor;
 
-use super::DrawResult;
-use super::canvas::Picture;
-use super::theme::{self, AxisSpec, Scale, Swatch};
+use super::figure::{Axis, DEGREES, Figure, Layout, MM, Panel, Place, REVOLUTIONS as TURNS, extent, padded};
+use super::theme::{self, Ink};
 
 /// Revolutions shown.
 const REVOLUTIONS: u32 = 4;
@@ -37,100 +32,66 @@ pub(super) struct ChipPicture {
     pub(super) cuts: Vec<Cut>,
 }
 
-impl Picture for ChipPicture {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
-        let title = "Chip thickness around the revolution";
-        let body = theme::headline(area, scale, title, &self.subtitle)?;
-        let entries = [
-            (Swatch::Line, theme::COMMAND, "chip thickness"),
-            (Swatch::Fill, theme::COMMAND, "material cut"),
-            (Swatch::Fill, theme::BAD, "air: the chip is cut through"),
-        ];
-        let body = theme::legend(&body, scale, &entries)?;
+impl ChipPicture {
+    pub(super) fn figure(&self) -> Figure {
         // One scale for all, so that the cuts can be compared.
         let curves: Vec<_> = self.cuts.iter().map(|cut| thickness_curve(&cut.condition)).collect();
-        let values = || curves.iter().flatten().map(|point| point.1);
-        let low = values().fold(0.0, f64::min);
-        let high = values().fold(0.0, f64::max);
-        let y = AxisSpec::new("chip thickness h, mm", theme::padded(low, high, 0.1));
-        let columns = body.split_evenly((1, self.cuts.len().max(1)));
-        for ((area, cut), curve) in columns.iter().zip(&self.cuts).zip(curves) {
-            draw_cut(area, scale, cut, curve, &y)?;
-        }
-        Ok(())
+        let thickness = curves.iter().flatten().map(|point| point.1).chain([0.0]);
+        let range = extent(thickness).map_or(0.0..1.0, |(low, high)| padded(low, high, 0.1));
+        let columns = self.cuts.iter().zip(curves).map(|(cut, curve)| {
+            let upper = thickness_panel(cut, curve, range.clone());
+            (1.0, Layout::Column(vec![(0.55, upper.into()), (0.45, tracks(&cut.condition).into())]))
+        });
+        let title = "Chip thickness around the revolution";
+        Figure::new(&self.name, title, &self.subtitle, Layout::Row(columns.collect())).with_height(960)
     }
 }
 
-fn draw_cut<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    scale: Scale,
-    cut: &Cut,
-    curve: Vec<(f64, f64)>,
-    y: &AxisSpec,
-) -> DrawResult<(), DB> {
-    let anchor = Pos::new(HPos::Left, VPos::Top);
-    let left = scale.px(theme::PANEL_LEFT);
-    let color = if cut.broken { theme::GOOD } else { theme::BAD };
-    area.draw(&Text::new(cut.heading.clone(), (left, scale.px(12.0)), scale.text(18.0, theme::INK).pos(anchor)))?;
-    area.draw(&Text::new(cut.verdict.clone(), (left, scale.px(36.0)), scale.text(16.0, color).pos(anchor)))?;
-    let (_, area) = area.split_vertically(scale.px(54.0));
-    let (upper, lower) = area.split_vertically(area.dim_in_pixel().1 * 52 / 100);
-
-    let x = AxisSpec::new("spindle angle, revolutions", 0.0..f64::from(REVOLUTIONS));
-    let mut chart = theme::panel(&upper, scale, "thickness over several revolutions", &x, y)?;
-    fill_to_zero(&mut chart, &curve, theme::COMMAND, |value| value.max(0.0))?;
-    fill_to_zero(&mut chart, &curve, theme::BAD, |value| value.min(0.0))?;
-    let zero = vec![(x.range.start, 0.0), (x.range.end, 0.0)];
-    chart.draw_series([PathElement::new(zero, scale.stroke(theme::INK, 1.2))])?;
-    theme::curve(&mut chart, &curve, scale.stroke(theme::COMMAND, 2.0))?;
-
-    draw_tracks(&lower, scale, &cut.condition)
+fn thickness_panel(cut: &Cut, curve: Vec<Place>, range: std::ops::Range<f64>) -> Panel {
+    let x = Axis::new("spindle angle", TURNS, 0.0..f64::from(REVOLUTIONS));
+    let mut panel = Panel::new(&cut.heading, x, Axis::new("chip thickness h", MM, range));
+    panel.note(&cut.verdict);
+    let cutting = Ink::fill("material cut", theme::COMMAND, 0.22);
+    fill_to_zero(&mut panel, &curve, &cutting, |value| value.max(0.0));
+    let air = Ink::fill("air: the chip is cut through", theme::VIBRATION, 0.6);
+    fill_to_zero(&mut panel, &curve, &air, |value| value.min(0.0));
+    let zero = Ink::line("no thickness", theme::INK, 1.2);
+    panel.endless(&zero, vec![(0.0, 0.0), (f64::from(REVOLUTIONS), 0.0)]);
+    panel
+        .path(&Ink::line("chip thickness; below 0 the distance of the tool from the work", theme::COMMAND, 2.2), curve);
+    panel
 }
 
 /// Fills between the curve and zero, one side of zero at a time.
-fn fill_to_zero<'a, DB: DrawingBackend + 'a>(
-    chart: &mut theme::Panel<'a, DB>,
-    curve: &[(f64, f64)],
-    color: RGBColor,
-    side: impl Fn(f64) -> f64,
-) -> DrawResult<(), DB> {
-    let fill = color.mix(0.25).filled();
+fn fill_to_zero(panel: &mut Panel, curve: &[Place], ink: &Ink, side: impl Fn(f64) -> f64) {
     // One polygon per stretch: a single one with parts of no height confuses rasterizers.
     for stretch in curve.split(|point| side(point.1) == 0.0).filter(|stretch| stretch.len() > 1) {
         let (first, last) = (stretch[0].0, stretch[stretch.len() - 1].0);
         let outline = std::iter::once((first, 0.0)).chain(stretch.iter().copied()).chain([(last, 0.0)]);
-        chart.draw_series([Polygon::new(outline.collect::<Vec<_>>(), fill)])?;
+        panel.area(ink, outline.collect());
     }
-    Ok(())
 }
 
-fn draw_tracks<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    scale: Scale,
-    condition: &CutCondition,
-) -> DrawResult<(), DB> {
-    let tracks: Vec<Vec<(f64, f64)>> = (0..REVOLUTIONS).map(|revolution| track(condition, revolution)).collect();
-    let values = || tracks.iter().flatten().map(|point| point.1);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    let x = AxisSpec::new("spindle angle within the revolution, degrees", 0.0..360.0);
-    let y = AxisSpec::new("tool position, mm", theme::padded(low, high, 0.08));
-    let title = "tracks of successive revolutions (the latest darkest): where they meet, the chip breaks";
-    let mut chart = theme::panel(area, scale, title, &x, &y)?;
+fn tracks(condition: &CutCondition) -> Panel {
+    let tracks: Vec<Vec<Place>> = (0..REVOLUTIONS).map(|revolution| track(condition, revolution)).collect();
+    let positions = extent(tracks.iter().flatten().map(|point| point.1));
+    let range = positions.map_or(0.0..1.0, |(low, high)| padded(low, high, 0.08));
+    let x = Axis::new("spindle angle within the revolution", DEGREES, 0.0..360.0);
+    let title = "tracks of successive revolutions: where they cross, the chip breaks";
+    let mut panel = Panel::new(title, x, Axis::new("tool position", MM, range));
     for (revolution, track) in (0_u32..).zip(tracks) {
         // The newest track stands out, earlier ones fade.
-        let strength = 0.3 + 0.7 * f64::from(revolution + 1) / f64::from(REVOLUTIONS);
-        let style = scale.stroke(theme::VIBRATION.mix(strength), 2.0);
-        chart.draw_series([PathElement::new(track, style)])?;
+        let share = f64::from(revolution + 1) / f64::from(REVOLUTIONS);
+        let fade = |channel: u8| (255.0 - (0.25 + 0.75 * share) * (255.0 - f64::from(channel))).round() as u8;
+        let RGBColor(red, green, blue) = theme::VIBRATION;
+        let color = RGBColor(fade(red), fade(green), fade(blue));
+        panel.path(&Ink::line(format!("track of revolution {}", revolution + 1), color, 1.4 + 1.4 * share), track);
     }
-    Ok(())
+    panel
 }
 
 /// h over the spindle angle in revolutions.
-fn thickness_curve(condition: &CutCondition) -> Vec<(f64, f64)> {
+fn thickness_curve(condition: &CutCondition) -> Vec<Place> {
     let vibrations_per_rev = condition.vibrations_per_rev();
     (0..=REVOLUTIONS * POINTS_PER_REVOLUTION)
         .map(|step| {
@@ -141,7 +102,7 @@ fn thickness_curve(condition: &CutCondition) -> Vec<(f64, f64)> {
 }
 
 /// Position of the tool over the angle within one revolution (path vibration page, "Will the chip break?").
-fn track(condition: &CutCondition, revolution: u32) -> Vec<(f64, f64)> {
+fn track(condition: &CutCondition, revolution: u32) -> Vec<Place> {
     (0..=POINTS_PER_REVOLUTION)
         .map(|step| {
             let share = f64::from(step) / f64::from(POINTS_PER_REVOLUTION);

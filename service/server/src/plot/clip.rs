@@ -4,10 +4,11 @@ use std::ops::Range;
 
 type Point = (f64, f64);
 
-/// The parts of a polyline inside the rectangle, each with at least two points.
+/// The parts of a polyline inside the rectangle, each with at least two points. Points that are no numbers interrupt it.
 pub(super) fn polyline(line: &[Point], x: &Range<f64>, y: &Range<f64>) -> Vec<Vec<Point>> {
     let mut parts: Vec<Vec<Point>> = Vec::new();
-    for pair in line.windows(2) {
+    let is_place = |point: &Point| point.0.is_finite() && point.1.is_finite();
+    for pair in line.windows(2).filter(|pair| pair.iter().all(is_place)) {
         let Some((from, to)) = segment(pair[0], pair[1], x, y) else { continue };
         match parts.last_mut() {
             Some(part) if part.last() == Some(&from) => part.push(to),
@@ -42,6 +43,36 @@ fn segment(from: Point, to: Point, x: &Range<f64>, y: &Range<f64>) -> Option<(Po
     Some((start, end))
 }
 
+/// The part of a polygon inside the rectangle, one edge after the other (Sutherland and Hodgman, "Reentrant polygon
+/// clipping", 1974). Edges along the rectangle may lie on each other where the polygon is not convex.
+pub(super) fn polygon(outline: &[Point], x: &Range<f64>, y: &Range<f64>) -> Vec<Point> {
+    let finite = outline.iter().copied().filter(|point| !point.0.is_nan() && !point.1.is_nan());
+    // What is infinite is far enough away at a hundred spans.
+    let far = |value: f64, range: &Range<f64>| {
+        let span = 100.0 * (range.end - range.start);
+        if value.is_infinite() { value.clamp(range.start - span, range.end + span) } else { value }
+    };
+    let mut kept: Vec<Point> = finite.map(|point| (far(point.0, x), far(point.1, y))).collect();
+    let sides: [&dyn Fn(Point) -> f64; 4] =
+        [&|point| point.0 - x.start, &|point| x.end - point.0, &|point| point.1 - y.start, &|point| y.end - point.1];
+    for room in sides {
+        let mut inside = Vec::with_capacity(kept.len() + 4);
+        for (index, &to) in kept.iter().enumerate() {
+            let from = kept[(index + kept.len() - 1) % kept.len()];
+            let (before, after) = (room(from), room(to));
+            if (before < 0.0) != (after < 0.0) {
+                let share = before / (before - after);
+                inside.push((from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1)));
+            }
+            if after >= 0.0 {
+                inside.push(to);
+            }
+        }
+        kept = inside;
+    }
+    kept
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,6 +91,19 @@ mod tests {
         let line = [(5.0, 5.0), (5.0, 15.0), (7.0, 15.0), (7.0, 5.0)];
         let parts = polyline(&line, &X, &Y);
         assert_eq!(parts, [vec![(5.0, 5.0), (5.0, 10.0)], vec![(7.0, 10.0), (7.0, 5.0)]]);
+    }
+
+    #[test]
+    fn a_polygon_is_cut_at_every_edge_and_one_outside_vanishes() {
+        let whole = [(-5.0, -5.0), (20.0, -5.0), (20.0, f64::INFINITY), (-5.0, f64::INFINITY)];
+        let corners = polygon(&whole, &X, &Y);
+        for corner in [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)] {
+            assert!(corners.contains(&corner), "{corners:?}");
+        }
+        assert!(corners.iter().all(|point| (0.0..=10.0).contains(&point.0) && (0.0..=10.0).contains(&point.1)));
+        assert!(polygon(&[(11.0, 1.0), (12.0, 1.0), (12.0, 9.0)], &X, &Y).is_empty());
+        let inside = [(1.0, 1.0), (9.0, 1.0), (5.0, 9.0)];
+        assert_eq!(polygon(&inside, &X, &Y), inside);
     }
 
     #[test]

@@ -2,22 +2,22 @@
 
 use std::ops::Range;
 
-use feedwave_cutting::SetpointBlock;
-use plotters::coord::Shift;
-use plotters::element::{DashedPathElement, EmptyElement, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::DrawResult;
-use super::canvas::Picture;
+use super::AxisShown;
+use super::figure::{Axis, Beside, Figure, Layout, M_PER_S2, M_PER_S3, MM_PER_MIN, Panel, SECONDS, Unit};
 use super::motion::MotionCurves;
+use super::rapids::RapidLines;
 use super::series::Series;
-use super::theme::{self, AxisSpec, Scale, Swatch};
+use super::theme::{self, Ink};
+use feedwave_cutting::SetpointBlock;
 
 /// Changes of the override marked at most; more of them are a grey wall.
 const MAX_MARKS: usize = 100;
-/// Room that the label of a change takes, design units.
-const LABEL_ROOM: f64 = 56.0;
+/// Share of the panel that the label of a change takes.
+const LABEL_ROOM: f64 = 0.055;
+/// Room above the highest value.
+const HEADROOM: f64 = 1.15;
+/// A limit up to this many times as large as what is drawn is drawn, too.
+const NEAR_LIMIT: f64 = 2.5;
 
 /// Collects the motion along the path from its feed, setpoint by setpoint, in bounded memory.
 #[derive(Clone, Debug)]
@@ -51,11 +51,16 @@ impl PathDynamics {
     }
 
     /// Takes in a block of setpoints at the interpolation period.
-    pub(super) fn push(&mut self, block: &SetpointBlock) {
+    pub(super) fn push(&mut self, block: &SetpointBlock, rapids: &RapidLines) {
         let h = self.period_s;
-        for (&feed_mm_per_min, index) in block.feed_mm_per_min.iter().zip(block.first_index..) {
+        for ((&feed_mm_per_min, &line), index) in block.feed_mm_per_min.iter().zip(&block.line).zip(block.first_index..)
+        {
             let time_s = index as f64 * h;
-            self.feed_mm_per_min.push(time_s, feed_mm_per_min);
+            if rapids.contains(line, feed_mm_per_min) {
+                self.feed_mm_per_min.push(time_s, feed_mm_per_min);
+            } else {
+                self.feed_mm_per_min.push_cut(time_s, feed_mm_per_min);
+            }
             let speed = feed_mm_per_min / 60.0 / 1e3;
             let [older, last] = self.last;
             // A difference belongs to the middle of its setpoints.
@@ -82,94 +87,100 @@ pub(super) struct DynamicsPicture<'a> {
     pub(super) dynamics: &'a PathDynamics,
     /// For the stretches that vibrate.
     pub(super) curves: &'a MotionCurves,
+    pub(super) axes: &'a [AxisShown],
 }
 
-impl Picture for DynamicsPicture<'_> {
-    fn name(&self) -> String {
-        "motion".to_owned()
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+impl DynamicsPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
         let dynamics = self.dynamics;
-        let period_ms = dynamics.period_s * 1e3;
-        let subtitle =
-            format!("{} \u{b7} along the path, without vibration \u{b7} setpoints every {period_ms} ms", self.program);
-        let body = theme::headline(area, scale, "Motion over time", &subtitle)?;
+        let subtitle = format!(
+            "{} \u{b7} along the path, without vibration \u{b7} setpoints every {} ms \u{b7} limits are those of single \
+             linear axes: along several at once the path may have more",
+            self.program,
+            dynamics.period_s * 1e3
+        );
         let end_s = dynamics.feed_mm_per_min.points().last().map_or(0.0, |point| point.0).max(dynamics.period_s);
-        let marks = dynamics.overrides_within(end_s);
-        let mut entries = Vec::new();
-        if !marks.is_empty() {
-            entries.push((Swatch::Dashed, theme::GOOD, "the feed override changes"));
+        let limit = Ink::limit("limit of single axes");
+        let feed = &dynamics.feed_mm_per_min;
+        let high = feed.legible_extent().map_or(0.0, |extent| extent.1);
+        let mut panel = self.panel("feed", MM_PER_MIN, 0.0..(high * HEADROOM).max(1e-3), end_s);
+        self.mark_overrides(&mut panel, end_s, true);
+        let ink = Ink::line("feed along the path", theme::INK, 2.0);
+        panel.path_beyond(&ink, feed.points(), "rapid moves");
+        for (value, axes) in limits(self.axes, |axis| 60.0 * axis.max_velocity_per_s) {
+            panel.limit(&limit, value, &format!("limit of {axes}"));
         }
-        if self.curves.vibrates() {
-            entries.push((Swatch::Fill, theme::VIBRATION, self.curves.doing()));
+        let mut panels = vec![panel];
+        let acceleration = limits(self.axes, |axis| 1e-3 * axis.max_acceleration_per_s2);
+        let jerk = limits(self.axes, |axis| 1e-3 * axis.max_jerk_per_s3);
+        for (name, unit, series, limits, color) in [
+            ("acceleration", M_PER_S2, &dynamics.acceleration_m_per_s2, acceleration, theme::COMMAND),
+            ("jerk", M_PER_S3, &dynamics.jerk_m_per_s3, jerk, theme::PALETTE[3]),
+        ] {
+            let mut panel = self.panel(name, unit, about_zero(series, &limits), end_s);
+            self.mark_overrides(&mut panel, end_s, false);
+            panel.path(&Ink::line(format!("{name} along the path"), color, 2.0), series.points());
+            both_limits(&mut panel, &limit, &limits);
+            panels.push(panel);
         }
-        let body = if entries.is_empty() { body } else { theme::legend(&body, scale, &entries)? };
+        panels.iter_mut().rev().skip(1).for_each(|panel| panel.x.labelled = false);
+        Figure::new("motion", "Motion over time", subtitle, Layout::column(panels))
+    }
 
-        let feed = dynamics.feed_mm_per_min.legible_extent();
-        let is_cut = feed.is_some_and(|(_, is_cut)| is_cut);
-        let feed_range = feed.map_or(0.0..1.0, |((_, high), _)| 0.0..(high * HEADROOM).max(1e-3));
-        let note = if is_cut { "rapid moves go beyond the scale" } else { "" };
-        let panels = [
-            ("feed, mm/min", &dynamics.feed_mm_per_min, feed_range, theme::INK, note),
-            (
-                "acceleration, m/s²",
-                &dynamics.acceleration_m_per_s2,
-                about_zero(&dynamics.acceleration_m_per_s2),
-                theme::COMMAND,
-                "",
-            ),
-            ("jerk, m/s³", &dynamics.jerk_m_per_s3, about_zero(&dynamics.jerk_m_per_s3), theme::PALETTE[3], ""),
-        ];
-        let areas = body.split_evenly((panels.len(), 1));
-        for (number, (area, (label, series, range, color, note))) in areas.iter().zip(panels).enumerate() {
-            let x = AxisSpec::new(if number == 2 { "time, s" } else { "" }, 0.0..end_s);
-            let y = AxisSpec::new(label, range);
-            let mut chart = theme::panel(area, scale, note, &x, &y)?;
-            self.curves.shade_vibrating(&mut chart, &y.range)?;
-            // The curves on top of the marks: what happens at a change is what one wants to see.
-            draw_marks(&mut chart, scale, marks, &y.range, number == 0)?;
-            theme::curve(&mut chart, &series.points(), scale.stroke(color, 1.6))?;
+    fn panel(&self, label: &str, unit: Unit, range: Range<f64>, end_s: f64) -> Panel {
+        let mut panel = Panel::new("", Axis::new("time", SECONDS, 0.0..end_s), Axis::new(label, unit, range));
+        self.curves.shade_vibrating(&mut panel);
+        panel
+    }
+
+    /// Changes of the feed override as upright lines; `labelled` with the percentage where there is room for it.
+    fn mark_overrides(&self, panel: &mut Panel, end_s: f64, labelled: bool) {
+        let ink = Ink::dashed("the feed override changes", theme::GOOD, 1.6);
+        let mut free_from_s = f64::NEG_INFINITY;
+        for &(time_s, ratio) in self.dynamics.overrides_within(end_s).iter().take(MAX_MARKS) {
+            panel.upright(&ink, time_s);
+            if labelled && time_s >= free_from_s {
+                free_from_s = time_s + LABEL_ROOM * end_s;
+                let text = if ratio == 0.0 { "hold".to_owned() } else { format!("{} %", (ratio * 1e4).round() / 1e2) };
+                panel.label((time_s, panel.y.range.end), text, theme::INK, Beside::INSIDE_TOP);
+            }
         }
-        Ok(())
     }
 }
 
-/// Changes of the feed override as upright lines; `labelled` with the percentage where there is room for it.
-fn draw_marks<'a, DB: DrawingBackend + 'a>(
-    chart: &mut theme::Panel<'a, DB>,
-    scale: Scale,
-    marks: &[(f64, f64)],
-    y: &Range<f64>,
-    labelled: bool,
-) -> DrawResult<(), DB> {
-    let label_style = scale.text(13.0, theme::GOOD).pos(Pos::new(HPos::Left, VPos::Top));
-    let mut free_from = i32::MIN;
-    for &(time_s, ratio) in marks.iter().take(MAX_MARKS) {
-        let line = [(time_s, y.start), (time_s, y.end)];
-        chart.draw_series([DashedPathElement::new(
-            line,
-            scale.px(6.0),
-            scale.px(5.0),
-            scale.stroke(theme::GOOD, 1.2),
-        )])?;
-        let (left, _) = chart.plotting_area().map_coordinate(&(time_s, y.end));
-        if labelled && left >= free_from {
-            free_from = left + scale.px(LABEL_ROOM);
-            let text = if ratio == 0.0 { "hold".to_owned() } else { format!("{} %", (ratio * 1e4).round() / 1e2) };
-            let text = Text::new(text, (scale.px(4.0), scale.px(2.0)), label_style.clone());
-            chart.draw_series([EmptyElement::at((time_s, y.end)) + text])?;
+/// Distinct limits of the linear axes with the letters of those that have them.
+fn limits(axes: &[AxisShown], of: impl Fn(&AxisShown) -> f64) -> Vec<(f64, String)> {
+    let mut limits: Vec<(f64, String)> = Vec::new();
+    for axis in axes.iter().filter(|axis| !axis.rotary) {
+        let value = of(axis);
+        match limits.iter_mut().find(|(known, _)| *known == value) {
+            Some((_, names)) => *names = format!("{names}, {}", axis.name),
+            None => limits.push((value, axis.name.clone())),
         }
     }
-    Ok(())
+    limits
 }
 
-/// Room above the highest value.
-const HEADROOM: f64 = 1.15;
+/// Draws limits of both signs; named once.
+pub(super) fn both_limits(panel: &mut Panel, ink: &Ink, limits: &[(f64, String)]) {
+    for (value, axes) in limits {
+        let what = format!("limit of {axes}");
+        let y = panel.y.range.clone();
+        match [y.contains(value), y.contains(&-value)] {
+            [false, true] => panel.limit(ink, -value, &what),
+            [_, false] => panel.limit(ink, *value, &what),
+            [true, true] => {
+                panel.limit(ink, *value, &what);
+                panel.endless(ink, vec![(panel.x.range.start, -value), (panel.x.range.end, -value)]);
+            }
+        }
+    }
+}
 
-/// A range with zero in its middle.
-fn about_zero(series: &Series) -> Range<f64> {
+/// A range with zero in its middle, with the limits that are near.
+fn about_zero(series: &Series, limits: &[(f64, String)]) -> Range<f64> {
     let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));
-    let largest = (largest * HEADROOM).max(1e-3);
+    let near = limits.iter().map(|limit| limit.0).filter(|limit| *limit <= NEAR_LIMIT * largest);
+    let largest = (near.fold(largest, f64::max) * HEADROOM).max(1e-3);
     -largest..largest
 }

@@ -6,16 +6,15 @@ mod rotary;
 mod sphere;
 
 use std::ops::{Range, RangeInclusive};
-use std::path::{Path, PathBuf};
 
 use feedwave_cutting::SetpointBlock;
 use feedwave_cutting::thinning::{DeviationTrace, ThinningSettings};
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{RotaryDirections, Setup, ToolPose};
 
-use super::canvas::{self, PlotError};
+use super::figure::Figure;
 use super::series::Series;
-use super::theme;
+use super::theme::{self, Ink};
 use super::trace::{PathTrace, Point, Stretch};
 use deviation::DeviationPicture;
 use rotary::RotaryPicture;
@@ -23,9 +22,8 @@ use sphere::SpherePicture;
 
 /// Samples kept of the close view at most.
 const MAX_CLOSE_SAMPLES: usize = 20_000;
-/// The colours of both plans.
-const AS_PROGRAMMED: plotters::style::RGBColor = theme::VIBRATION;
-const AS_RUN: plotters::style::RGBColor = theme::COMMAND;
+/// A rotary axis that turns back by less has not turned back: setpoints are rounded, degrees.
+const STILL_DEG: f64 = 1e-6;
 
 /// What has to be known of the machine and the program before setpoints come.
 #[derive(Clone, Debug)]
@@ -68,9 +66,9 @@ pub struct ThinningShown {
     pub settings: ThinningSettings,
     /// Deviations along the program.
     pub deviations: DeviationTrace,
-    /// Reversals of each rotary axis as programmed.
+    /// Reversals of each rotary axis inside the thinned cuts as programmed.
     pub reversals_before: [u64; 2],
-    /// Reversals that are left.
+    /// Reversals inside them that are left.
     pub reversals_after: [u64; 2],
     /// Times of the thinned blocks as programmed and as they are left, s.
     pub times_s: [f64; 2],
@@ -89,6 +87,32 @@ struct Plan {
     directions: PathTrace,
     close: Vec<CloseSample>,
     last: Option<Point>,
+    reversals: [Reversals; 2],
+}
+
+/// Counts how often an angle turns back.
+#[derive(Clone, Copy, Debug, Default)]
+struct Reversals {
+    /// Farthest angle in the sense of the last turn, and that sense; none before it has turned.
+    farthest: Option<(f64, f64)>,
+    count: u64,
+}
+
+impl Reversals {
+    fn add(&mut self, angle_deg: f64) {
+        match self.farthest {
+            None => self.farthest = Some((angle_deg, 0.0)),
+            Some((from, sense)) => {
+                let way = angle_deg - from;
+                if way * sense > 0.0 {
+                    self.farthest = Some((angle_deg, sense));
+                } else if way.abs() > STILL_DEG {
+                    self.count += u64::from(sense != 0.0);
+                    self.farthest = Some((angle_deg, way.signum()));
+                }
+            }
+        }
+    }
 }
 
 /// A setpoint of the close view.
@@ -114,6 +138,7 @@ impl Plan {
             directions: PathTrace::default(),
             close: Vec::new(),
             last: None,
+            reversals: Default::default(),
         }
     }
 
@@ -123,6 +148,9 @@ impl Plan {
             let angles_deg = setup.columns.map(|(column, sign)| sign * block.axes[column][row]);
             for (series, angle_deg) in self.angles_deg.iter_mut().zip(angles_deg) {
                 series.push(time_s, angle_deg);
+            }
+            for (reversals, angle_deg) in self.reversals.iter_mut().zip(angles_deg) {
+                reversals.add(angle_deg);
             }
             let (line, path_mm) = (block.line[row], block.path_position_mm[row]);
             let place = setup.cuts.partition_point(|cut| *cut.end() < line);
@@ -194,23 +222,23 @@ impl FiveAxisPlots {
         self.as_run.push(block, &self.setup, &self.close);
     }
 
-    /// Both plans with their colours and names, the first one below.
-    fn plans(&self) -> impl Iterator<Item = (&Plan, plotters::style::RGBColor, &'static str)> {
-        let before = self.as_programmed.iter().map(|plan| (plan, AS_PROGRAMMED, "as programmed"));
-        before.chain([(&self.as_run, AS_RUN, if self.as_programmed.is_some() { "thinned" } else { "as run" })])
+    /// Both plans with their inks, the first one below and wider, so that neither hides the other.
+    fn plans(&self) -> impl Iterator<Item = (&Plan, Ink)> {
+        let before = self.as_programmed.iter().map(|plan| (plan, Ink::line("as programmed", theme::VIBRATION, 3.2)));
+        let name = if self.as_programmed.is_some() { "thinned" } else { "as run" };
+        before.chain([(&self.as_run, Ink::line(name, theme::COMMAND, 1.6))])
     }
 
-    /// Draws everything.
-    pub(super) fn write(&self, program: &str, directory: &Path) -> Result<Vec<PathBuf>, PlotError> {
-        let mut files = Vec::new();
-        files.extend(canvas::write(&RotaryPicture { program, plots: self }, directory)?);
+    /// Every picture, as data.
+    pub(super) fn figures(&self, program: &str) -> Vec<Figure> {
+        let mut figures = vec![RotaryPicture { program, plots: self }.figure()];
         if !self.as_run.directions.runs().is_empty() {
-            files.extend(canvas::write(&SpherePicture { program, plots: self }, directory)?);
+            figures.push(SpherePicture { program, plots: self }.figure());
         }
         if let Some(thinning) = self.thinning.as_ref().filter(|thinning| thinning.blocks[1] > 0) {
-            files.extend(canvas::write(&DeviationPicture { program, thinning }, directory)?);
+            figures.push(DeviationPicture { program, thinning }.figure());
         }
-        Ok(files)
+        figures
     }
 }
 
@@ -235,6 +263,21 @@ mod tests {
             line: vec![1],
             servo: None,
         }
+    }
+
+    #[test]
+    fn turning_back_is_counted_and_noise_is_not() {
+        let count = |angles: &[f64]| {
+            let mut reversals = Reversals::default();
+            angles.iter().for_each(|angle| reversals.add(*angle));
+            reversals.count
+        };
+        assert_eq!(count(&[0.0, 0.0, 1.0, 2.0, 2.0 - 1e-9, 3.0, 3.0]), 0);
+        assert_eq!(count(&[0.0, -1.0, -2.0, -1.0, -1.0, 5.0, 4.0]), 2);
+        // Slowly, by less than the threshold at a time.
+        let slowly: Vec<f64> =
+            (0..100).map(|step| f64::from(if step < 50 { step } else { 100 - step }) * 4e-7).collect();
+        assert_eq!(count(&slowly), 1);
     }
 
     #[test]

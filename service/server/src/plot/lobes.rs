@@ -3,14 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use plotters::coord::Shift;
-use plotters::element::{Circle, PathElement, Polygon, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
-
-use super::canvas::{self, DrawResult, Picture, PlotError};
-use super::theme::{self, AxisSpec, Scale, Swatch};
+use super::canvas::{self, PlotError};
+use super::figure::{Axis, Beside, Figure, HERTZ, Layout, MM, Panel, Place, REV_PER_MIN, extent, padded};
+use super::theme::{self, Ink};
 use crate::proto::StabilityLobes;
 
 /// Room above the deepest speed of the table.
@@ -32,9 +27,8 @@ pub struct LobesPicture<'a> {
 /// # Errors
 /// [`PlotError`] when a file cannot be written.
 pub fn write_lobes(picture: &LobesPicture<'_>, directory: &Path) -> Result<[PathBuf; 2], PlotError> {
-    std::fs::create_dir_all(directory)
-        .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))?;
-    canvas::write(picture, directory)
+    canvas::make(directory)?;
+    canvas::write(&picture.figure(), directory)
 }
 
 /// Speed and stable depth of a row of the table, and where its band ends.
@@ -66,62 +60,50 @@ impl LobesPicture<'_> {
         (HEADROOM * deepest / (1.0 - self.margin())).max(LEAST_LIMITS * least).max(1e-6)
     }
 
-    /// The limit over the speed, times `share`; where nothing chatters it lies above the picture.
-    fn curve(&self, share: f64, top_mm: f64) -> Vec<(f64, f64)> {
+    /// The limit over the speed, times `share`; `unlimited` where nothing chatters.
+    fn curve(&self, share: f64, unlimited: f64) -> Vec<Place> {
         let chart = self.lobes.chart.iter();
-        chart.map(|point| (point.speed_rpm, point.limit_mm.map_or(2.0 * top_mm, |limit| share * limit))).collect()
+        chart.map(|point| (point.speed_rpm, point.limit_mm.map_or(unlimited, |limit| share * limit))).collect()
     }
 
-    fn depths<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: Scale,
-        x: &AxisSpec,
-    ) -> DrawResult<(), DB> {
+    fn depths(&self, speeds: Axis) -> Panel {
         let top_mm = self.top_mm();
-        let depth = if self.lobes.radial_immersion.is_some() { "axial depth, mm" } else { "width of cut, mm" };
-        let mut chart = theme::panel(area, scale, "limit of stability", x, &AxisSpec::new(depth, 0.0..top_mm))?;
-        let stable = self.curve(1.0 - self.margin(), top_mm);
-        let ends = [(x.range.end, 0.0), (x.range.start, 0.0)];
-        let region = stable.iter().map(|&(speed, limit)| (speed, limit.min(top_mm))).chain(ends);
-        chart.draw_series([Polygon::new(region.collect::<Vec<_>>(), theme::GOOD.mix(0.12).filled())])?;
-        theme::curve(&mut chart, &stable, scale.stroke(theme::GOOD, 1.4))?;
-        theme::curve(&mut chart, &self.curve(1.0, top_mm), scale.stroke(theme::BAD, 2.2))?;
+        let depth = if self.lobes.radial_immersion.is_some() { "axial depth" } else { "width of cut" };
+        let range = speeds.range.clone();
+        let y = Axis::new(depth, MM, 0.0..top_mm);
+        let mut panel = Panel::new("limit of stability", speeds.labelled_if(false), y);
+        let stable = self.curve(1.0 - self.margin(), 2.0 * top_mm);
+        let name = format!("stable with the margin of {:.0} %", 100.0 * self.margin());
+        let ends = [(range.end, 0.0), (range.start, 0.0)];
+        panel.area(&Ink::fill(name.clone(), theme::GOOD, 0.15), stable.iter().copied().chain(ends).collect());
+        panel.endless(&Ink::line(name, theme::GOOD, 1.6), stable);
+        let limit = Ink::line("limit: chatter above", theme::BAD, 2.6);
+        panel.path(&limit, self.curve(1.0, f64::NAN));
         let marks = self.marks();
         // The last band ends with the picture.
         for mark in marks.iter().rev().skip(1) {
-            let line = vec![(mark.up_to_rpm, 0.0), (mark.up_to_rpm, top_mm)];
-            chart.draw_series([PathElement::new(line, scale.stroke(theme::RAPID.mix(0.7), 1.0))])?;
+            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), mark.up_to_rpm);
         }
-        let style = scale.text(14.0, theme::INK).pos(Pos::new(HPos::Left, VPos::Bottom));
+        let name = "best speed of its band, rev/min, with its depth";
         for mark in &marks {
             let depth = mark.stable_mm.unwrap_or(top_mm).min(top_mm);
-            let line = vec![(mark.speed_rpm, 0.0), (mark.speed_rpm, depth)];
-            chart.draw_series([PathElement::new(line, scale.stroke(theme::COMMAND, 1.6))])?;
-            chart.draw_series([Circle::new((mark.speed_rpm, depth), scale.px(4.5), theme::COMMAND.filled())])?;
-            // At the foot of its line, where no curve passes. On the whole panel: the chart would cut it off at its end.
-            let (left, foot) = chart.plotting_area().map_coordinate(&(mark.speed_rpm, 0.0));
-            let (columns, rows) = area.get_pixel_range();
-            let place = (left - columns.start + scale.px(5.0), foot - rows.start - scale.px(4.0));
-            area.draw(&Text::new(format!("{:.0}", mark.speed_rpm), place, style.clone()))?;
+            panel.endless(&Ink::line(name, theme::COMMAND, 2.0), vec![(mark.speed_rpm, 0.0), (mark.speed_rpm, depth)]);
+            panel.dots(&Ink::dot(name, theme::COMMAND, 5.5), vec![(mark.speed_rpm, depth)]);
+            // At the foot of its line, where no curve passes.
+            let text = super::figure::short(mark.speed_rpm, 0);
+            panel.label((mark.speed_rpm, 0.0), text, theme::INK, Beside { by: (6.0, -5.0), ..Beside::INSIDE_BOTTOM });
         }
-        Ok(())
+        panel
     }
 
-    fn frequencies<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: Scale,
-        x: &AxisSpec,
-    ) -> DrawResult<(), DB> {
+    fn frequencies(&self, speeds: Axis) -> Panel {
         let points = self.lobes.chart.iter().filter(|point| point.limit_mm.is_some());
-        let (low, high) = points.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| {
-            (low.min(point.chatter_hz), high.max(point.chatter_hz))
-        });
-        let y = AxisSpec::new("frequency, Hz", theme::padded(low, high, 0.1));
-        let mut chart = theme::panel(area, scale, "frequency at which it chatters beyond", x, &y)?;
+        let frequencies = extent(points.clone().map(|point| point.chatter_hz));
+        let range = frequencies.map_or(0.0..1.0, |(low, high)| padded(low, high, 0.1));
+        let y = Axis::new("frequency", HERTZ, range);
+        let mut panel = Panel::new("frequency at which it chatters beyond the limit", speeds, y);
         // Along a branch of a lobe the frequency rises less than the speed; anything else is a jump to another one.
-        let mut lines: Vec<Vec<(f64, f64)>> = Vec::new();
+        let mut lines: Vec<Vec<Place>> = Vec::new();
         let mut lobe = None;
         for point in points {
             let place = (point.speed_rpm, point.chatter_hz);
@@ -131,10 +113,19 @@ impl LobesPicture<'_> {
                 _ => lines.push(vec![place]),
             }
         }
-        for line in lines.iter().filter(|line| line.len() > 1) {
-            theme::curve(&mut chart, line, scale.stroke(theme::VIBRATION, 2.0))?;
+        let ink = Ink::line("frequency of the chatter, one line for each branch of a lobe", theme::VIBRATION, 2.4);
+        for line in lines.into_iter().filter(|line| line.len() > 1) {
+            panel.path(&ink, line);
         }
-        Ok(())
+        panel
+    }
+
+    pub(super) fn figure(&self) -> Figure {
+        let speed = |point: Option<&crate::proto::StabilityPoint>| point.map_or(0.0, |point| point.speed_rpm);
+        let range = speed(self.lobes.chart.first())..speed(self.lobes.chart.last());
+        let speeds = || Axis::new("spindle speed", REV_PER_MIN, range.clone());
+        let panels = vec![self.depths(speeds()), self.frequencies(speeds())];
+        Figure::new("lobes", "Stability lobes", &self.subtitle, Layout::column(panels))
     }
 }
 
@@ -142,26 +133,4 @@ impl LobesPicture<'_> {
 fn continues((speed, frequency): (f64, f64), (next_speed, next_frequency): (f64, f64)) -> bool {
     let rise = next_frequency / frequency;
     (1.0 - 1e-6..1.0 + 2.0 * (next_speed / speed - 1.0)).contains(&rise)
-}
-
-impl Picture for LobesPicture<'_> {
-    fn name(&self) -> String {
-        "lobes".to_owned()
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
-        let body = theme::headline(area, scale, "Stability lobes", &self.subtitle)?;
-        let stable = format!("stable with the margin of {:.0} %", 100.0 * self.margin());
-        let entries: [(Swatch, RGBColor, &str); 3] = [
-            (Swatch::Line, theme::BAD, "limit: chatter above"),
-            (Swatch::Fill, theme::GOOD, &stable),
-            (Swatch::Line, theme::COMMAND, "speed of the table for its band, rev/min"),
-        ];
-        let body = theme::legend(&body, scale, &entries)?;
-        let speed = |point: Option<&crate::proto::StabilityPoint>| point.map_or(0.0, |point| point.speed_rpm);
-        let range = speed(self.lobes.chart.first())..speed(self.lobes.chart.last());
-        let areas = body.split_evenly((2, 1));
-        self.depths(&areas[0], scale, &AxisSpec::new("", range.clone()))?;
-        self.frequencies(&areas[1], scale, &AxisSpec::new("spindle speed, rev/min", range))
-    }
 }

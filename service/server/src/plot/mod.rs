@@ -5,11 +5,15 @@
 mod canvas;
 mod chip;
 mod clip;
+mod draw;
 mod dynamics;
+mod figure;
 mod five_axis;
+mod layout;
 mod lobes;
 mod motion;
 mod oscillation;
+mod rapids;
 mod run;
 mod series;
 mod theme;
@@ -22,27 +26,44 @@ use std::path::{Path, PathBuf};
 
 use feedwave_cutting::SetpointBlock;
 
-use crate::output::AxisColumn;
-use canvas::DrawResult;
 pub use canvas::PlotError;
 use chip::ChipPicture;
 pub use chip::Cut;
 use dynamics::{DynamicsPicture, PathDynamics};
+use figure::Figure;
 pub use five_axis::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 pub use lobes::{LobesPicture, write_lobes};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
 pub use oscillation::{OscillationPictures, write_oscillation};
+pub use rapids::RapidLines;
 pub use run::{RunTrace, write_run};
 pub use thread::{ThreadPictures, write_thread};
 use tool_path::ToolPathPicture;
 pub use trace::{PathTrace, Point, Stretch};
+
+/// An axis of the machine, as pictures show it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisShown {
+    /// Its name in the setpoints.
+    pub name: String,
+    /// Whether its values are degrees rather than millimetres.
+    pub rotary: bool,
+    /// Largest velocity, mm/s or degrees/s.
+    pub max_velocity_per_s: f64,
+    /// Largest acceleration, mm/s² or degrees/s².
+    pub max_acceleration_per_s2: f64,
+    /// Largest jerk, mm/s³ or degrees/s³.
+    pub max_jerk_per_s3: f64,
+}
 
 /// Collects what the pictures of one program show, and draws them.
 #[derive(Clone, Debug)]
 pub struct Plots {
     program: String,
     turning: bool,
+    axes: Vec<AxisShown>,
     trace: PathTrace,
+    rapids: RapidLines,
     curves: MotionCurves,
     dynamics: PathDynamics,
     chips: Vec<ChipPicture>,
@@ -56,7 +77,7 @@ impl Plots {
     pub fn new(
         program: impl Into<String>,
         turning: bool,
-        axes: &[AxisColumn],
+        axes: Vec<AxisShown>,
         command_period_s: f64,
         period_s: f64,
     ) -> Self {
@@ -64,16 +85,18 @@ impl Plots {
             program: program.into(),
             turning,
             trace: PathTrace::default(),
-            curves: MotionCurves::new(axes, period_s),
+            rapids: RapidLines::default(),
+            curves: MotionCurves::new(&axes, period_s),
+            axes,
             dynamics: PathDynamics::new(command_period_s),
             chips: Vec::new(),
             five_axis: None,
         }
     }
 
-    /// The tool path, to be filled with the program's moves.
-    pub const fn trace_mut(&mut self) -> &mut PathTrace {
-        &mut self.trace
+    /// The tool path and the lines that move rapidly. Call before setpoints and commands are pushed.
+    pub fn set_path(&mut self, trace: PathTrace, rapids: RapidLines) {
+        (self.trace, self.rapids) = (trace, rapids);
     }
 
     /// Says that what is superposed on the path is a tool oscillation.
@@ -103,7 +126,7 @@ impl Plots {
 
     /// Takes in a block of commands; blocks come in order.
     pub fn push_commands(&mut self, block: &SetpointBlock) {
-        self.dynamics.push(block);
+        self.dynamics.push(block, &self.rapids);
         if let Some(pictures) = &mut self.five_axis {
             pictures.push(block);
         }
@@ -111,7 +134,7 @@ impl Plots {
 
     /// Takes in a block of setpoints; blocks come in order.
     pub fn push(&mut self, block: &SetpointBlock) {
-        self.curves.push(block);
+        self.curves.push(block, &self.rapids);
     }
 
     /// Draws everything into the directory, which is created where it is missing.
@@ -119,21 +142,30 @@ impl Plots {
     /// # Errors
     /// When a file cannot be written.
     pub fn write(&self, directory: &Path) -> Result<Vec<PathBuf>, PlotError> {
-        std::fs::create_dir_all(directory)
-            .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))?;
-        let (program, turning, trace, curves) = (self.program.as_str(), self.turning, &self.trace, &self.curves);
-        let mut files = Vec::new();
-        files.extend(canvas::write(&ToolPathPicture { program, trace, turning }, directory)?);
-        files.extend(canvas::write(&PositionPicture { program, curves }, directory)?);
-        files.extend(canvas::write(&FeedPicture { program, curves }, directory)?);
-        files.extend(canvas::write(&DynamicsPicture { program, dynamics: &self.dynamics, curves }, directory)?);
-        for chip in &self.chips {
-            files.extend(canvas::write(chip, directory)?);
-        }
-        if let Some(pictures) = &self.five_axis {
-            files.extend(pictures.write(program, directory)?);
+        canvas::make(directory)?;
+        let figures = self.figures();
+        let mut files = Vec::with_capacity(2 * figures.len());
+        for figure in &figures {
+            files.extend(canvas::write(figure, directory)?);
         }
         Ok(files)
+    }
+
+    /// Every picture, as data.
+    fn figures(&self) -> Vec<Figure> {
+        let (program, turning, trace, curves) = (self.program.as_str(), self.turning, &self.trace, &self.curves);
+        let (dynamics, axes) = (&self.dynamics, self.axes.as_slice());
+        let mut figures = vec![
+            ToolPathPicture { program, trace, turning }.figure(),
+            PositionPicture { program, curves }.figure(),
+            FeedPicture { program, curves }.figure(),
+            DynamicsPicture { program, dynamics, curves, axes }.figure(),
+        ];
+        figures.extend(self.chips.iter().map(ChipPicture::figure));
+        if let Some(pictures) = &self.five_axis {
+            figures.extend(pictures.figures(program));
+        }
+        figures
     }
 }
 

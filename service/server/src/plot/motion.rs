@@ -2,17 +2,13 @@
 
 use std::ops::Range;
 
-use feedwave_cutting::SetpointBlock;
-use plotters::coord::Shift;
-use plotters::element::Rectangle;
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::{Color, RGBColor};
-
-use super::DrawResult;
-use super::canvas::Picture;
+use super::AxisShown;
+use super::dynamics::both_limits;
+use super::figure::{Axis, DEG_PER_MIN, Figure, Layout, MM, MM_PER_MIN, Panel, SECONDS, extent, padded};
+use super::rapids::RapidLines;
 use super::series::Series;
-use super::theme::{self, AxisSpec, Scale, Swatch};
-use crate::output::AxisColumn;
+use super::theme::{self, Ink};
+use feedwave_cutting::SetpointBlock;
 
 /// Samples kept of each window at most; the windows are a few vibration periods long.
 const MAX_WINDOW_SAMPLES: usize = 20_000;
@@ -56,20 +52,19 @@ pub(super) struct MotionCurves {
     oscillates: bool,
     period_s: f64,
     previous: Option<Vec<f64>>,
+    was_rapid: bool,
 }
 
 #[derive(Clone, Debug)]
 struct AxisCurve {
-    name: String,
-    rotary: bool,
+    axis: AxisShown,
     velocity: Series,
 }
 
 impl MotionCurves {
     /// Curves of these axes.
-    pub(super) fn new(axes: &[AxisColumn], period_s: f64) -> Self {
-        let curve =
-            |axis: &AxisColumn| AxisCurve { name: axis.name.clone(), rotary: axis.rotary, velocity: Series::default() };
+    pub(super) fn new(axes: &[AxisShown], period_s: f64) -> Self {
+        let curve = |axis: &AxisShown| AxisCurve { axis: axis.clone(), velocity: Series::default() };
         Self {
             position: Series::default(),
             feed: Series::default(),
@@ -79,6 +74,7 @@ impl MotionCurves {
             oscillates: false,
             period_s,
             previous: None,
+            was_rapid: false,
         }
     }
 
@@ -89,12 +85,18 @@ impl MotionCurves {
 
     /// Takes in a block of setpoints.
     #[allow(clippy::cast_precision_loss, reason = "indices stay far below 2^53")]
-    pub(super) fn push(&mut self, block: &SetpointBlock) {
+    pub(super) fn push(&mut self, block: &SetpointBlock, rapids: &RapidLines) {
         for row in 0..block.len() {
             let time_s = (block.first_index + row as u64) as f64 * self.period_s;
             let (position_mm, offset_mm) = (block.path_position_mm[row], block.vibration_offset_mm[row]);
             self.position.push(time_s, position_mm);
-            self.feed.push(time_s, block.feed_mm_per_min[row]);
+            let feed_mm_per_min = block.feed_mm_per_min[row];
+            let is_rapid = rapids.contains(block.line[row], feed_mm_per_min);
+            let add = |is_rapid: bool| if is_rapid { Series::push } else { Series::push_cut };
+            add(is_rapid)(&mut self.feed, time_s, feed_mm_per_min);
+            // A velocity belongs to both its setpoints.
+            let between = is_rapid || self.was_rapid;
+            self.was_rapid = is_rapid;
             for window in &mut self.windows {
                 window.push(time_s, position_mm, offset_mm);
             }
@@ -103,7 +105,7 @@ impl MotionCurves {
             }
             let previous = self.previous.get_or_insert_with(|| block.axes.iter().map(|axis| axis[row]).collect());
             for ((curve, axis), previous) in self.velocities.iter_mut().zip(&block.axes).zip(previous) {
-                curve.velocity.push(time_s, (axis[row] - *previous) / self.period_s * 60.0);
+                add(between)(&mut curve.velocity, time_s, (axis[row] - *previous) / self.period_s * 60.0);
                 *previous = axis[row];
             }
         }
@@ -122,11 +124,6 @@ impl MotionCurves {
         self.position.points().last().map_or(0.0, |point| point.0)
     }
 
-    /// Whether the tool vibrates at any time.
-    pub(super) fn vibrates(&self) -> bool {
-        !self.vibrating_spans.is_empty()
-    }
-
     /// Says that what is superposed is a tool oscillation.
     pub(super) const fn oscillate(&mut self) {
         self.oscillates = true;
@@ -138,15 +135,12 @@ impl MotionCurves {
     }
 
     /// Colours the times in which the tool vibrates.
-    pub(super) fn shade_vibrating<'a, DB: DrawingBackend + 'a>(
-        &self,
-        chart: &mut theme::Panel<'a, DB>,
-        y: &Range<f64>,
-    ) -> DrawResult<(), DB> {
-        let fill = theme::VIBRATION.mix(0.13).filled();
-        let spans = self.vibrating_spans.iter();
-        chart.draw_series(spans.map(|span| Rectangle::new([(span.0, y.start), (span.1, y.end)], fill)))?;
-        Ok(())
+    pub(super) fn shade_vibrating(&self, panel: &mut Panel) {
+        panel.shade(&Ink::fill(self.doing(), theme::VIBRATION, 0.15), self.vibrating_spans.iter().copied());
+    }
+
+    fn time(&self) -> Axis {
+        Axis::new("time", SECONDS, 0.0..self.duration_s().max(self.period_s))
     }
 }
 
@@ -156,127 +150,84 @@ pub(super) struct PositionPicture<'a> {
     pub(super) curves: &'a MotionCurves,
 }
 
-impl Picture for PositionPicture<'_> {
-    fn name(&self) -> String {
-        "position".to_owned()
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+impl PositionPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
         let curves = self.curves;
-        let subtitle = format!("{} \u{b7} setpoints every {} ms", self.program, curves.period_s * 1e3);
-        let body = theme::headline(area, scale, "Position over time", &subtitle)?;
+        let subtitle = format!(
+            "{} \u{b7} path position: way along the programmed path since its start \u{b7} setpoints every {} ms",
+            self.program,
+            curves.period_s * 1e3
+        );
+        let y = Axis::new("path position", MM.along_a_path(), range_of(curves.position.extent(), 0.05));
+        let mut whole = Panel::new("the whole program", curves.time(), y);
+        curves.shade_vibrating(&mut whole);
+        whole.path(&commanded(), curves.position.points());
         let windows: Vec<_> = curves.windows.iter().filter(|window| window.command.len() > 1).collect();
-        let mut entries = vec![(Swatch::Line, theme::COMMAND, "commanded path position")];
-        if !windows.is_empty() {
-            let label = if curves.oscillates { "with oscillation along the feed" } else { "with vibration" };
-            entries.push((Swatch::Line, theme::VIBRATION, label));
-        }
-        if curves.vibrates() {
-            entries.push((Swatch::Fill, theme::VIBRATION, curves.doing()));
-        }
-        let body = theme::legend(&body, scale, &entries)?;
-        let height = body.dim_in_pixel().1;
-        let (whole, zoomed) = if windows.is_empty() { (body, None) } else { split(&body, height * 45 / 100) };
+        let body: Layout = if windows.is_empty() {
+            whole.into()
+        } else {
+            let windows = windows.into_iter().map(|window| self.window(window)).collect();
+            Layout::Column(vec![(0.45, whole.into()), (0.55, Layout::row(windows))])
+        };
+        Figure::new("position", "Position over time", subtitle, body)
+    }
 
-        let y = range_of(curves.position.extent(), 0.05);
-        let x = AxisSpec::new("time, s", 0.0..curves.duration_s().max(curves.period_s));
-        let mut chart =
-            theme::panel(&whole, scale, "the whole program", &x, &AxisSpec::new("path position, mm", y.clone()))?;
-        curves.shade_vibrating(&mut chart, &y)?;
-        theme::curve(&mut chart, &curves.position.points(), scale.stroke(theme::COMMAND, 2.0))?;
-        if let Some(zoomed) = zoomed {
-            for (area, window) in zoomed.split_evenly((1, windows.len())).iter().zip(windows) {
-                draw_window(area, scale, window)?;
-            }
-        }
-        Ok(())
+    fn window(&self, window: &Window) -> Panel {
+        let values = window.command.iter().chain(&window.vibrating).map(|point| point.1);
+        let range = extent(values).map_or(0.0..1.0, |(low, high)| padded(low, high, 0.08));
+        let x = Axis::new("time", SECONDS, window.time_s.clone());
+        let mut panel = Panel::new(&window.title, x, Axis::new("path position", MM.along_a_path(), range));
+        let name = if self.curves.oscillates { "with oscillation along the feed" } else { "with vibration" };
+        panel.path(&Ink::line(name, theme::VIBRATION, 2.6), window.vibrating.clone());
+        panel.path(&commanded(), window.command.clone());
+        panel
     }
 }
 
-type Area<DB> = DrawingArea<DB, Shift>;
-
-fn split<DB: DrawingBackend>(area: &Area<DB>, upper_px: u32) -> (Area<DB>, Option<Area<DB>>) {
-    let (upper, lower) = area.split_vertically(upper_px);
-    (upper, Some(lower))
+fn commanded() -> Ink {
+    Ink::line("commanded path position", theme::COMMAND, 2.0)
 }
 
-fn draw_window<DB: DrawingBackend>(area: &Area<DB>, scale: Scale, window: &Window) -> DrawResult<(), DB> {
-    let extent = |points: &[(f64, f64)]| {
-        points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| (low.min(point.1), high.max(point.1)))
-    };
-    let (a, b) = (extent(&window.command), extent(&window.vibrating));
-    let y = theme::padded(a.0.min(b.0), a.1.max(b.1), 0.08);
-    let x = AxisSpec::new("time, s", window.time_s.clone());
-    let mut chart = theme::panel(area, scale, &window.title, &x, &AxisSpec::new("path position, mm", y))?;
-    theme::curve(&mut chart, &window.vibrating, scale.stroke(theme::VIBRATION, 2.5))?;
-    theme::curve(&mut chart, &window.command, scale.stroke(theme::COMMAND, 1.8))?;
-    Ok(())
-}
-
-/// Feed along the path and axis velocities over time.
+/// Feed along the path and axis velocities over time, each in a panel of its own: what vibrates would hide the others.
 pub(super) struct FeedPicture<'a> {
     pub(super) program: &'a str,
     pub(super) curves: &'a MotionCurves,
 }
 
-impl Picture for FeedPicture<'_> {
-    fn name(&self) -> String {
-        "feed".to_owned()
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
-        let curves = self.curves;
-        let body = theme::headline(area, scale, "Feed and axis velocities", self.program)?;
-        let colors = theme::PALETTE.into_iter().cycle();
-        let (rotary, linear): (Vec<_>, Vec<_>) =
-            curves.velocities.iter().zip(colors).partition(|(axis, _)| axis.rotary);
-        let panels = 1 + usize::from(!linear.is_empty()) + usize::from(!rotary.is_empty());
-        let areas = body.split_evenly((panels, 1));
-
-        let feed = [(&curves.feed, theme::INK, "commanded feed along the path")];
-        self.draw_panel(&areas[0], scale, "feed, mm/min", &feed)?;
-        let groups = [(linear, "axis velocity, mm/min"), (rotary, "axis velocity, degrees/min")];
-        let groups = groups.into_iter().filter(|(group, _)| !group.is_empty());
-        for (area, (group, label)) in areas[1..].iter().zip(groups) {
-            let group: Vec<_> =
-                group.iter().map(|(axis, color)| (&axis.velocity, *color, axis.name.as_str())).collect();
-            self.draw_panel(area, scale, label, &group)?;
-        }
-        Ok(())
-    }
-}
+/// Height of a panel and of what is around all of them, design units.
+const PANEL_HEIGHT: u32 = 190;
+const AROUND_HEIGHT: u32 = 150;
 
 impl FeedPicture<'_> {
-    fn draw_panel<DB: DrawingBackend>(
-        &self,
-        area: &Area<DB>,
-        scale: Scale,
-        label: &str,
-        group: &[(&Series, RGBColor, &str)],
-    ) -> DrawResult<(), DB> {
+    pub(super) fn figure(&self) -> Figure {
         let curves = self.curves;
-        let mut entries: Vec<_> = group.iter().map(|(_, color, name)| (Swatch::Line, *color, *name)).collect();
-        if curves.vibrates() {
-            entries.push((Swatch::Fill, theme::VIBRATION, curves.doing()));
+        let range = |series: &Series| range_of(series.legible_extent(), 0.12);
+        let panel = |label: &str, unit, series: &Series| {
+            let mut panel = Panel::new("", curves.time(), Axis::new(label, unit, range(series)));
+            curves.shade_vibrating(&mut panel);
+            panel
+        };
+        let mut feed = panel("feed", MM_PER_MIN, &curves.feed);
+        let ink = Ink::line("commanded feed along the path", theme::INK, 2.0);
+        feed.path_beyond(&ink, curves.feed.points(), "rapid moves");
+        let mut panels = vec![feed];
+        for (index, AxisCurve { axis, velocity }) in curves.velocities.iter().enumerate() {
+            let unit = if axis.rotary { DEG_PER_MIN } else { MM_PER_MIN };
+            let mut panel = panel(&axis.name, unit, velocity);
+            let color = theme::PALETTE[index % theme::PALETTE.len()];
+            let ink = Ink::line(format!("velocity of {}", axis.name), color, 2.0);
+            panel.path_beyond(&ink, velocity.points(), "rapid moves");
+            let limit = (60.0 * axis.max_velocity_per_s, axis.name.clone());
+            both_limits(&mut panel, &Ink::limit("limit of the axis"), &[limit]);
+            panels.push(panel);
         }
-        let area = theme::legend(area, scale, &entries)?;
-        let extents: Vec<_> = group.iter().filter_map(|(series, _, _)| series.legible_extent()).collect();
-        let joined = extents.iter().map(|extent| extent.0).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-        let cut = extents.iter().any(|extent| extent.1);
-        let title = if cut { "rapid moves go beyond the scale" } else { "" };
-        let x = AxisSpec::new("time, s", 0.0..curves.duration_s().max(curves.period_s));
-        let y = AxisSpec::new(label, range_of(joined, 0.08));
-        let mut chart = theme::panel(&area, scale, title, &x, &y)?;
-        curves.shade_vibrating(&mut chart, &y.range)?;
-        for (series, color, _) in group {
-            theme::curve(&mut chart, &series.points(), scale.stroke(*color, 1.6))?;
-        }
-        Ok(())
+        panels.iter_mut().rev().skip(1).for_each(|panel| panel.x.labelled = false);
+        let height = AROUND_HEIGHT + PANEL_HEIGHT * u32::try_from(panels.len()).unwrap_or(1);
+        let figure = Figure::new("feed", "Feed and axis velocities", self.program, Layout::column(panels));
+        figure.with_height(height.max(super::figure::SIZE.1))
     }
 }
 
 fn range_of(extent: Option<(f64, f64)>, share: f64) -> Range<f64> {
-    extent.map_or(0.0..1.0, |(low, high)| theme::padded(low, high, share))
+    extent.map_or(0.0..1.0, |(low, high)| padded(low, high, share))
 }

@@ -14,17 +14,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use feedwave_cutting::tool_oscillation::{OscillationSectionReport, ToolGeometry, ToolOffset, ToolOscillation};
-use plotters::element::{Circle, EmptyElement, Polygon, Text};
-use plotters::prelude::DrawingBackend;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
+use plotters::style::RGBColor;
 
-use super::DrawResult;
 use super::canvas::{self, PlotError};
-use super::theme::{self, Scale, Swatch};
-
-/// Edges that a legend names.
-const LEGEND_EDGES: usize = 12;
+use super::figure::{Figure, Place, short};
+use super::theme::{self, Ink};
 
 /// An oscillating pass to draw.
 #[derive(Clone, Debug)]
@@ -44,16 +38,24 @@ pub struct OscillationPictures<'a> {
 /// # Errors
 /// When a file cannot be written.
 pub fn write_oscillation(pass: &OscillationPictures<'_>, directory: &Path) -> Result<Vec<PathBuf>, PlotError> {
-    std::fs::create_dir_all(directory)
-        .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))?;
+    canvas::make(directory)?;
     let mut files = Vec::new();
-    files.extend(canvas::write(&waveform::WaveformPicture { pass }, directory)?);
-    files.extend(canvas::write(&path::PathPicture { pass }, directory)?);
-    files.extend(canvas::write(&trochoids::EdgesPicture { pass }, directory)?);
-    files.extend(canvas::write(&stages::StagesPicture { pass }, directory)?);
-    files.extend(canvas::write(&layers::LayersPicture::new(pass), directory)?);
-    files.extend(canvas::write(&floor::FloorPicture::new(pass), directory)?);
+    for figure in figures(pass) {
+        files.extend(canvas::write(&figure, directory)?);
+    }
     Ok(files)
+}
+
+/// Every picture of an oscillating pass, as data.
+pub(super) fn figures(pass: &OscillationPictures<'_>) -> Vec<Figure> {
+    vec![
+        waveform::WaveformPicture { pass }.figure(),
+        path::PathPicture { pass }.figure(),
+        trochoids::EdgesPicture { pass }.figure(),
+        stages::StagesPicture { pass }.figure(),
+        layers::LayersPicture::new(pass).figure(),
+        floor::FloorPicture::new(pass).figure(),
+    ]
 }
 
 impl OscillationPictures<'_> {
@@ -101,8 +103,8 @@ impl OscillationPictures<'_> {
     /// Label of the axis along the plane of the layers.
     fn outwards(&self) -> String {
         match short(self.section.report.plane_deg, 1) {
-            ahead if ahead == "0" => "along the feed, mm".to_owned(),
-            azimuth => format!("outwards at {azimuth} degrees from the feed, mm"),
+            ahead if ahead == "0" => "along the feed".to_owned(),
+            azimuth => format!("outwards at {azimuth} degrees from the feed"),
         }
     }
 
@@ -132,83 +134,30 @@ impl OscillationPictures<'_> {
         )
     }
 
-    /// Legend entries of the edges.
-    fn legend(&self, swatch: Swatch) -> Vec<(Swatch, RGBColor, String)> {
-        let entry = |edge: usize| (swatch, self.color(edge), format!("E{}", edge + 1));
-        (0..self.edge_count().min(LEGEND_EDGES)).map(entry).collect()
+    /// The inks of an edge: all of one colour have one name.
+    fn edge_name(&self, edge: usize) -> String {
+        let color = self.color(edge);
+        let same: Vec<usize> = (0..self.edge_count()).filter(|other| self.color(*other) == color).collect();
+        let names: Vec<_> = same.iter().take(NAMED_EDGES).map(|edge| format!("E{}", edge + 1)).collect();
+        let more = if same.len() > NAMED_EDGES { ", …" } else { "" };
+        format!("{}{more}", names.join(", "))
+    }
+
+    /// What an edge removes.
+    fn fill(&self, edge: usize) -> Ink {
+        Ink::fill(self.edge_name(edge), self.color(edge), 0.6)
+    }
+
+    /// A line of an edge.
+    fn line(&self, edge: usize, width: f64) -> Ink {
+        Ink::line(self.edge_name(edge), self.color(edge), width)
     }
 }
 
-/// A number with at most so many decimals and no superfluous ones.
-fn short(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".to_owned() } else { text.replace('-', "\u{2212}") }
-}
+/// Edges of one colour that a legend names.
+const NAMED_EDGES: usize = 3;
 
 /// Points of a curve at equal steps.
-fn sampled(from: f64, to: f64, steps: u32, point: impl Fn(f64) -> (f64, f64)) -> Vec<(f64, f64)> {
+fn sampled(from: f64, to: f64, steps: u32, point: impl Fn(f64) -> Place) -> Vec<Place> {
     (0..=steps).map(|step| point(from + (to - from) * f64::from(step) / f64::from(steps))).collect()
-}
-
-/// Where a text stands beside its point.
-#[derive(Clone, Copy)]
-struct Beside {
-    x: HPos,
-    y: VPos,
-    /// Distance, design units, right and down.
-    by: (f64, f64),
-}
-
-const RIGHT: Beside = Beside { x: HPos::Left, y: VPos::Center, by: (9.0, 0.0) };
-const CENTRE: Beside = Beside { x: HPos::Center, y: VPos::Center, by: (0.0, 0.0) };
-
-/// A text at a place of the panel.
-fn write<'a, DB: DrawingBackend + 'a>(
-    chart: &mut theme::Panel<'a, DB>,
-    scale: Scale,
-    at: (f64, f64),
-    text: &str,
-    color: RGBColor,
-    beside: Beside,
-) -> DrawResult<(), DB> {
-    let style = scale.text(15.0, color).pos(Pos::new(beside.x, beside.y));
-    let text = Text::new(text.to_owned(), (scale.px(beside.by.0), scale.px(beside.by.1)), style);
-    chart.draw_series([EmptyElement::at(at) + text])?;
-    Ok(())
-}
-
-/// A dot with a name.
-fn mark<'a, DB: DrawingBackend + 'a>(
-    chart: &mut theme::Panel<'a, DB>,
-    scale: Scale,
-    at: (f64, f64),
-    text: &str,
-    color: RGBColor,
-    beside: Beside,
-) -> DrawResult<(), DB> {
-    chart.draw_series([Circle::new(at, scale.px(5.5), color.filled())])?;
-    write(chart, scale, at, text, color, beside)
-}
-
-/// The head of an arrow that points from one place to another, at the latter.
-fn arrow<'a, DB: DrawingBackend + 'a>(
-    chart: &mut theme::Panel<'a, DB>,
-    scale: Scale,
-    from: (f64, f64),
-    to: (f64, f64),
-    color: RGBColor,
-) -> DrawResult<(), DB> {
-    let area = chart.plotting_area();
-    let (start, end) = (area.map_coordinate(&from), area.map_coordinate(&to));
-    let (x, y) = (f64::from(end.0 - start.0), f64::from(end.1 - start.1));
-    let length = x.hypot(y);
-    if length < 1.0 {
-        return Ok(());
-    }
-    let (x, y) = (x / length, y / length);
-    let corner = |back: f64, aside: f64| (scale.px(-back * x - aside * y), scale.px(-back * y + aside * x));
-    let head = Polygon::new(vec![corner(0.0, 0.0), corner(14.0, 5.5), corner(14.0, -5.5)], color.filled());
-    chart.draw_series([EmptyElement::at(to) + head])?;
-    Ok(())
 }

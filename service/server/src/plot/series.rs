@@ -10,7 +10,8 @@ pub struct Series {
     buckets: Vec<Bucket>,
     samples_per_bucket: u64,
     samples_in_last: u64,
-    magnitudes: Magnitudes,
+    /// Extent of the samples of cuts.
+    cuts: Option<(f64, f64)>,
 }
 
 type Sample = (f64, f64);
@@ -42,14 +43,20 @@ impl Bucket {
 
 impl Default for Series {
     fn default() -> Self {
-        Self { buckets: Vec::new(), samples_per_bucket: 1, samples_in_last: 0, magnitudes: Magnitudes::default() }
+        Self { buckets: Vec::new(), samples_per_bucket: 1, samples_in_last: 0, cuts: None }
     }
 }
 
 impl Series {
+    /// Adds a sample of a cut; times ascend.
+    pub fn push_cut(&mut self, time_s: f64, value: f64) {
+        let (low, high) = self.cuts.unwrap_or((value, value));
+        self.cuts = Some((low.min(value), high.max(value)));
+        self.push(time_s, value);
+    }
+
     /// Adds a sample; times ascend.
     pub fn push(&mut self, time_s: f64, value: f64) {
-        self.magnitudes.count(value);
         let sample = Bucket::of((time_s, value));
         match self.buckets.last_mut() {
             Some(last) if self.samples_in_last < self.samples_per_bucket => {
@@ -92,17 +99,14 @@ impl Series {
         points
     }
 
-    /// A range for pictures in which rare, far larger values (rapid moves in a plot of feeds) may leave the panel so
-    /// that the rest can be read; whether they do. `None` when empty.
+    /// A range in which the cuts can be read: rapid moves may leave it where they are far larger. `None` when empty.
     #[must_use]
-    pub fn legible_extent(&self) -> Option<((f64, f64), bool)> {
+    pub fn legible_extent(&self) -> Option<(f64, f64)> {
         let (low, high) = self.extent()?;
-        let usual = self.magnitudes.below(USUAL_SHARE);
-        let limit = ROOM_FACTOR * usual;
-        if usual == 0.0 || high.max(-low) <= RARE_FACTOR * usual {
-            return Some(((low, high), false));
-        }
-        Some(((low.max(-limit), high.min(limit)), true))
+        let Some((low_cut, high_cut)) = self.cuts else { return Some((low, high)) };
+        let largest = high_cut.max(-low_cut);
+        let is_legible = largest == 0.0 || high.max(-low) <= FAR_FACTOR * largest;
+        Some(if is_legible { (low, high) } else { (low_cut, high_cut) })
     }
 
     /// Lowest and highest value; `None` when empty.
@@ -114,53 +118,8 @@ impl Series {
     }
 }
 
-/// Share of the time that a curve is to be legible in.
-const USUAL_SHARE: f64 = 0.95;
-/// Values this much larger than those of most of the time may leave the panel.
-const RARE_FACTOR: f64 = 4.0;
-/// Room that is then left for values above the usual.
-const ROOM_FACTOR: f64 = 2.0;
-
-/// Counts magnitudes in classes of a few per cent: enough to say what is usual.
-#[derive(Clone, Debug)]
-struct Magnitudes {
-    classes: Vec<u64>,
-    total: u64,
-}
-
-/// Classes per factor of two, and the exponent of the smallest class.
-const CLASSES_PER_OCTAVE: f64 = 16.0;
-const SMALLEST_EXPONENT: f64 = -20.0;
-const CLASS_COUNT: usize = 1_024;
-
-impl Default for Magnitudes {
-    fn default() -> Self {
-        Self { classes: vec![0; CLASS_COUNT], total: 0 }
-    }
-}
-
-impl Magnitudes {
-    fn count(&mut self, value: f64) {
-        // Zero and the smallest fall into the first class, the largest into the last: the cast saturates.
-        let class = ((value.abs().log2() - SMALLEST_EXPONENT) * CLASSES_PER_OCTAVE) as usize;
-        self.classes[class.min(CLASS_COUNT - 1)] += 1;
-        self.total += 1;
-    }
-
-    /// The magnitude that this share of the values stays below.
-    fn below(&self, share: f64) -> f64 {
-        let wanted = share * self.total as f64;
-        let mut seen = 0;
-        for (class, count) in self.classes.iter().enumerate() {
-            seen += count;
-            if seen as f64 >= wanted {
-                let upper = (class + 1) as f64 / CLASSES_PER_OCTAVE + SMALLEST_EXPONENT;
-                return if class == 0 { 0.0 } else { upper.exp2() };
-            }
-        }
-        0.0
-    }
-}
+/// Rapid moves up to this many times as large as cuts stay in the picture.
+const FAR_FACTOR: f64 = 1.7;
 
 #[cfg(test)]
 mod tests {
@@ -192,18 +151,22 @@ mod tests {
     }
 
     #[test]
-    fn rare_large_values_leave_the_panel_and_frequent_ones_do_not() {
-        let series = |large_every: u32| {
+    fn rapid_moves_leave_the_range_where_they_are_far_larger_however_long_they_take() {
+        let extent = |rapid: f64, share: u32| {
             let mut series = Series::default();
             for step in 0..10_000 {
-                let value = if step % large_every == 0 { 30_000.0 } else { 100.0 };
-                series.push(f64::from(step), value);
+                if step % 10 < share {
+                    series.push(f64::from(step), rapid)
+                } else {
+                    series.push_cut(f64::from(step), 750.0)
+                }
             }
-            series.legible_extent().unwrap()
+            series.legible_extent()
         };
-        let ((low, high), cut) = series(100);
-        assert!(cut && low == 100.0 && (200.0..220.0).contains(&high), "{high}");
-        assert_eq!(series(10), ((100.0, 30_000.0), false));
+        assert_eq!(extent(30_000.0, 1), Some((750.0, 750.0)));
+        assert_eq!(extent(30_000.0, 9), Some((750.0, 750.0)));
+        assert_eq!(extent(1_000.0, 1), Some((750.0, 1_000.0)));
+        assert_eq!(extent(30_000.0, 10), Some((30_000.0, 30_000.0)));
         assert_eq!(Series::default().legible_extent(), None);
     }
 }

@@ -2,11 +2,20 @@ use std::path::Path;
 
 use feedwave_cutting::{CutCondition, FeedCoupling, SetpointBlock};
 
-use super::{Cut, Plots, Stretch};
-use crate::output::AxisColumn;
+use super::figure::Figure;
+use super::{AxisShown, Cut, PathTrace, Plots, RapidLines, RunTrace, Stretch};
 
-fn axes() -> Vec<AxisColumn> {
-    ["X", "Z"].map(|name| AxisColumn { name: name.to_owned(), rotary: false }).to_vec()
+mod rules;
+
+fn axes(names: &[&str]) -> Vec<AxisShown> {
+    let axis = |name: &&str| AxisShown {
+        name: (*name).to_owned(),
+        rotary: matches!(*name, "A" | "C"),
+        max_velocity_per_s: 500.0,
+        max_acceleration_per_s2: 10_000.0,
+        max_jerk_per_s3: 5e6,
+    };
+    names.iter().map(axis).collect()
 }
 
 /// A straight cut along Z with a vibration of 41.667 Hz from 0.5 s on.
@@ -42,25 +51,56 @@ fn condition(frequency_hz: f64) -> CutCondition {
 }
 
 fn plots() -> Plots {
-    let mut plots = Plots::new("test.nc", true, &axes(), 1e-3, 1e-3);
-    plots.trace_mut().line(Stretch::Rapid, [20.0, 0.0, 5.0], [10.0, 0.0, 2.0]);
-    plots.trace_mut().line(Stretch::Vibrating, [10.0, 0.0, 2.0], [10.0, 0.0, -8.0]);
+    let mut plots = Plots::new("test.nc", true, axes(&["X", "Z"]), 1e-3, 1e-3);
+    let mut trace = PathTrace::default();
+    trace.line(Stretch::Rapid, [100.0, 0.0, 150.0], [10.0, 0.0, 2.0]);
+    trace.line(Stretch::Vibrating, [10.0, 0.0, 2.0], [10.0, 0.0, -8.0]);
+    trace.line(Stretch::VibratingThread, [10.0, 0.0, -8.0], [10.0, 0.0, -9.0]);
+    let mut rapids = RapidLines::default();
+    rapids.rapid(1);
+    rapids.cut(3, 60.0);
+    rapids.finish();
+    plots.set_path(trace, rapids);
     plots.add_window("start of the vibration", 0.49..0.56);
     plots.add_override(3.0, 0.4);
     plots.add_override(4.0, 0.0);
     plots.add_override(5.0, 1.0);
     for number in 0..10 {
-        plots.push_commands(&block(number * 1_000, 1_000));
-        plots.push(&block(number * 1_000, 1_000));
+        let mut block = block(number * 1_000, 1_000);
+        if number == 0 {
+            // A rapid move of 0.2 s before the cut.
+            block.line[..200].fill(1);
+            block.feed_mm_per_min[..200].fill(30_000.0);
+            for (row, position) in block.axes[1][..200].iter_mut().enumerate() {
+                *position += 0.5 * (200 - row) as f64;
+            }
+        }
+        plots.push_commands(&block);
+        plots.push(&block);
     }
     let cut = |frequency_hz: f64| Cut {
         heading: format!("{frequency_hz} Hz"),
-        verdict: String::new(),
+        verdict: "3.000 vibrations per revolution: in phase, no amplitude breaks the chip".to_owned(),
         broken: condition(frequency_hz).breaks_chip(),
         condition: condition(frequency_hz),
     };
     plots.add_chip("chip-1", "line 3", vec![cut(50.0), cut(41.667)]);
     plots
+}
+
+fn run() -> RunTrace {
+    let mut run = RunTrace::new("jobs/1 \u{b7} runs/2", Some([0.003, 0.01]));
+    for step in 0..60 {
+        run.deflect(0.1 * f64::from(step), if step > 3 { 0.02 } else { 0.0 });
+    }
+    // Heard after the machine had gone on to 1.1 s, as from the log when a connection broke.
+    for (time_s, feed) in [(0.565, 0.95), (0.765, 0.9025), (0.965, 0.857)] {
+        run.measure(time_s, 0.012);
+        run.decide(time_s, feed);
+    }
+    run.measure(1.165, 0.009);
+    run.decide(1.165, 0.857);
+    run
 }
 
 #[test]
@@ -87,7 +127,7 @@ fn every_picture_is_written_as_svg_and_png() {
         let bytes = std::fs::read(&file).unwrap();
         if file.extension().unwrap() == "png" {
             assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n");
-            assert_eq!(bytes[16..24], [0, 0, 5, 120, 0, 0, 3, 132], "1400 by 900 pixels");
+            assert_eq!(bytes[16..20], [0, 0, 5, 120], "1400 pixels wide");
         } else {
             let text = String::from_utf8(bytes).unwrap();
             assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
@@ -100,25 +140,69 @@ fn a_picture_has_title_axes_with_units_and_legend() {
     let directory = tempfile::tempdir().unwrap();
     plots().write(directory.path()).unwrap();
     let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
-    for wanted in ["Tool path", "Z, mm", "X (radius), mm", "rapid", "cutting with vibration"] {
-        assert!(text("tool-path.svg").contains(wanted), "{wanted}");
+    for (name, wanted) in [
+        ("tool-path", &["Tool path", "Z, mm", "X (radius), mm", "rapid", "cutting with vibration"][..]),
+        ("tool-path", &["threading with vibration of X", "beyond the scale: start at Z 150 mm, X (radius) 100 mm"]),
+        ("position", &["time, s", "path position, mm", "with vibration", "start of the vibration"]),
+        (
+            "feed",
+            &[
+                "velocity of X",
+                "velocity of Z",
+                "feed, mm/min",
+                "beyond the scale: rapid moves, up to 30\u{a0}000 mm/min",
+            ],
+        ),
+        ("feed", &["limit of Z 30\u{a0}000 mm/min is beyond the scale"]),
+        (
+            "motion",
+            &["feed, mm/min", "acceleration, m/s²", "jerk, m/s³", "time, s", "40 %", "hold", "override changes"],
+        ),
+        ("motion", &["acceleration along the path", "limit of X, Z 30\u{a0}000 mm/min"]),
+        ("chip-1", &["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"]),
+    ] {
+        for wanted in wanted {
+            assert!(text(&format!("{name}.svg")).contains(wanted), "{name}: {wanted}");
+        }
     }
-    for wanted in ["time, s", "path position, mm", "with vibration", "start of the vibration"] {
-        assert!(text("position.svg").contains(wanted), "{wanted}");
-    }
-    for wanted in ["feed, mm/min", "acceleration, m/s²", "jerk, m/s³", "time, s", "40 %", "hold", "override changes"]
-    {
-        assert!(text("motion.svg").contains(wanted), "{wanted}");
-    }
-    for wanted in ["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"] {
-        assert!(text("chip-1.svg").contains(wanted), "{wanted}");
-    }
+}
+
+#[test]
+fn feeds_are_scaled_for_the_cuts() {
+    let figures = plots().figures();
+    let feed = figures.iter().find(|figure| figure.name == "feed").unwrap();
+    let panels = super::layout::panels(&feed.body);
+    assert_eq!(panels.iter().map(|panel| panel.y.label.as_str()).collect::<Vec<_>>(), ["feed", "X", "Z"]);
+    assert!(panels[0].y.range.end < 120.0 && panels[0].y.range.contains(&60.0), "{:?}", panels[0].y.range);
+    // The vibration's velocity is seen whole, the rapid move's is not.
+    assert!((400.0..800.0).contains(&panels[2].y.range.end), "{:?}", panels[2].y.range);
+}
+
+#[test]
+fn a_run_goes_forwards_and_names_its_limits() {
+    let figure = run().figure();
+    let panels = super::layout::panels(&figure.body);
+    let steps: Vec<_> = panels[1]
+        .layers
+        .iter()
+        .filter_map(
+            |layer| if let super::figure::Shape::Path(points) = &layer.shape { Some(points.clone()) } else { None },
+        )
+        .flatten()
+        .collect();
+    assert!(steps.windows(2).all(|pair| pair[0].0 <= pair[1].0), "{steps:?}");
+    assert_eq!(steps.len(), 8, "{steps:?}");
+    assert_eq!((steps[0], steps[7]), ((0.0, 100.0), (5.9, 85.7)));
+    let labels: Vec<_> = panels[0].labels.iter().map(|label| label.text.as_str()).collect();
+    assert!(labels.iter().any(|label| label.ends_with("upper limit 0.01 mm")), "{labels:?}");
+    assert!(labels.iter().any(|label| label.ends_with("lower limit 0.003 mm")), "{labels:?}");
+    assert!(panels[0].notes.iter().any(|note| note.contains("means of the windows")));
 }
 
 #[test]
 fn an_empty_program_still_draws() {
     let directory = tempfile::tempdir().unwrap();
-    assert_eq!(Plots::new("empty.nc", false, &axes(), 1e-3, 1e-3).write(directory.path()).unwrap().len(), 8);
+    assert_eq!(Plots::new("empty.nc", false, axes(&["X", "Z"]), 1e-3, 1e-3).write(directory.path()).unwrap().len(), 8);
 }
 
 #[test]
@@ -134,6 +218,16 @@ mod thread {
     };
 
     use crate::plot::{ThreadPictures, write_thread};
+
+    pub(super) fn figures() -> Vec<super::Figure> {
+        let plans = [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)];
+        let figures = plans.map(|(side, starts, first_depth_mm)| {
+            let plan = plan(side, starts, first_depth_mm);
+            let pictures = ThreadPictures { name: "thread".to_owned(), job: &plan.job, report: &plan.report };
+            crate::plot::thread::figures(&pictures)
+        });
+        figures.concat()
+    }
 
     fn plan(side: ThreadSide, starts: u32, first_depth_mm: f64) -> ThreadPlan {
         let geometry = ThreadGeometry {
@@ -182,6 +276,7 @@ mod thread {
                 ("thread-unrolled.svg", ["spindle angle, degrees", "Z, mm", "in the air with the full section"]),
                 ("thread-position.svg", ["spindle angle, degrees", "X (radius), mm", "a ribbon holds the chip"]),
                 ("thread-section.svg", ["along Z from the tip", "finished groove", "most is left at"]),
+                ("thread-unrolled.svg", ["magnified", "no vibration", "360 degrees are"]),
             ] {
                 for wanted in wanted {
                     assert!(text(name).contains(wanted), "{name}: {wanted}");
@@ -215,8 +310,41 @@ mod oscillation {
 
     use crate::plot::{OscillationPictures, write_oscillation};
 
-    /// Draws the worked example of the specification page, or it with another tool, feed and motion across.
+    pub(super) fn figures() -> Vec<super::Figure> {
+        let mut measured = ToolGeometry::even(4, 60.0, 1.5, 5.0);
+        measured.end_relief_deg = 0.1;
+        for (edge, out_mm) in measured.edges.iter_mut().zip([0.003, -0.002, 0.004, 0.001]) {
+            edge.axial_set_over_mm = out_mm;
+        }
+        let mut many = ToolGeometry::even(25, 3.0, 2.0, 0.02);
+        many.end_relief_deg = 10.0;
+        let tools = [(ToolGeometry::even(4, 60.0, 1.5, 5.0), 1), (measured, 1), (many, 25)];
+        tools
+            .iter()
+            .flat_map(|(tool, periods)| with(tool, *periods, 600.0, Some(0.05), crate::plot::oscillation::figures))
+            .collect()
+    }
+
     fn draw(tool: &ToolGeometry, periods_per_rev: u32, feed_mm_per_min: f64, across_mm: Option<f64>) -> TempDir {
+        let directory = tempfile::tempdir().unwrap();
+        let write = |pass: &OscillationPictures<'_>| write_oscillation(pass, directory.path()).unwrap();
+        let files = with(tool, periods_per_rev, feed_mm_per_min, across_mm, write);
+        let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
+        let pictures = ["waveform", "path", "edges", "stages", "layers", "floor"];
+        let expected: Vec<_> =
+            pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("pass-{name}.{end}"))).collect();
+        assert_eq!(names, expected);
+        directory
+    }
+
+    /// The worked example of the specification page, or it with another tool, feed and motion across.
+    fn with<T>(
+        tool: &ToolGeometry,
+        periods_per_rev: u32,
+        feed_mm_per_min: f64,
+        across_mm: Option<f64>,
+        use_it: impl FnOnce(&OscillationPictures<'_>) -> T,
+    ) -> T {
         let direction = |amplitude_mm, waveform| DirectionOscillation { amplitude_mm, waveform, phase_deg: 0.0 };
         let condition = OscillationCondition {
             period: OscillationPeriod::PerRevolution(periods_per_rev),
@@ -258,14 +386,7 @@ mod oscillation {
         };
         let section = OscillationSectionReport { on_line: 7, line: 8, tool: 4, condition, roles, cut, report };
         let pass = OscillationPictures { name: "pass".to_owned(), tool, oscillation: &oscillation, section: &section };
-        let directory = tempfile::tempdir().unwrap();
-        let files = write_oscillation(&pass, directory.path()).unwrap();
-        let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
-        let pictures = ["waveform", "path", "edges", "stages", "layers", "floor"];
-        let expected: Vec<_> =
-            pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("pass-{name}.{end}"))).collect();
-        assert_eq!(names, expected);
-        directory
+        use_it(&pass)
     }
 
     fn text(directory: &TempDir, name: &str) -> String {
@@ -279,15 +400,29 @@ mod oscillation {
             ("waveform", ["held for 0.3 of the period, 0.25 needed", "E4", "forwards, mm"]),
             ("path", ["along the feed, mm", "away from the work, mm", "E4 points ahead"]),
             ("edges", ["to the right of the feed, mm", "without oscillation", "E2"]),
-            ("stages", ["removes 0.3545 mm²", "1 × 0.03 mm", "surface at 1 mm"]),
+            ("stages", ["removes 0.3545 mm²", "1 × 0.03 mm", "surface of the work at 1 mm"]),
+            ("stages", ["heights are magnified", "0.35 × ", "surface after the pass"]),
             ("layers", ["1.03 mm² per revolution", "35.5 %", "finishes"]),
-            ("floor", ["peak to valley 0 µm", "along the feed, mm", "without oscillation"]),
+            ("layers", ["surface before and after", "the same without oscillation", "of the volume, %"]),
+            ("floor", ["both floors are flat", "along the feed, mm", "without oscillation"]),
         ] {
             let text = text(&drawn, name);
             for wanted in wanted {
                 assert!(text.contains(wanted), "{name}: {wanted}");
             }
         }
+    }
+
+    #[test]
+    fn an_oscillation_that_leaves_the_rougher_floor_says_why() {
+        let figures = figures();
+        let floors: Vec<_> = figures.iter().filter(|figure| figure.name == "pass-floor").collect();
+        let notes = |figure: &super::Figure| -> String {
+            crate::plot::layout::panels(&figure.body).iter().flat_map(|panel| panel.notes.clone()).collect()
+        };
+        let wanted = "E4 finishes ahead of the tool, but E3 stands out 3 µm further";
+        assert!(notes(floors[1]).contains(wanted), "{}", notes(floors[1]));
+        assert!(!notes(floors[0]).contains("rougher"));
     }
 
     #[test]

@@ -11,18 +11,19 @@ use feedwave_cutting::thread::{Clearance, ThreadJob, ThreadPass, ThreadReport};
 use plotters::style::RGBColor;
 
 use super::canvas::{self, PlotError};
-use super::theme::Swatch;
+use super::figure::Figure;
+use super::theme::Ink;
 
 /// Passes that a legend entry names.
 const LEGEND_PASSES: usize = 4;
-/// Colours of passes: none of them is near the green and the red of what becomes of the chip.
+/// Colours of passes: none of them is near those of what becomes of the chip.
 const PASS_COLORS: [RGBColor; 6] = [
-    RGBColor(37, 99, 235),
-    RGBColor(202, 138, 4),
-    RGBColor(147, 51, 234),
-    RGBColor(8, 145, 178),
-    RGBColor(120, 72, 40),
-    RGBColor(100, 116, 139),
+    RGBColor(0, 100, 170),
+    RGBColor(240, 190, 50),
+    RGBColor(205, 130, 200),
+    RGBColor(45, 15, 200),
+    RGBColor(205, 85, 0),
+    RGBColor(120, 200, 245),
 ];
 
 /// A thread to draw.
@@ -42,17 +43,25 @@ pub struct ThreadPictures<'a> {
 /// # Errors
 /// When a file cannot be written.
 pub fn write_thread(pictures: &ThreadPictures<'_>, directory: &Path) -> Result<Vec<PathBuf>, PlotError> {
-    std::fs::create_dir_all(directory)
-        .map_err(|error| PlotError(format!("cannot create {}: {error}", directory.display())))?;
-    if pictures.report.passes.is_empty() {
-        return Ok(Vec::new());
-    }
-    let groove = Groove::new(pictures);
+    canvas::make(directory)?;
     let mut files = Vec::new();
-    files.extend(canvas::write(&unrolled::UnrolledPicture { groove: &groove }, directory)?);
-    files.extend(canvas::write(&position::PositionPicture { groove: &groove }, directory)?);
-    files.extend(canvas::write(&section::SectionPicture { groove: &groove }, directory)?);
+    for figure in figures(pictures) {
+        files.extend(canvas::write(&figure, directory)?);
+    }
     Ok(files)
+}
+
+/// Every picture of a thread, as data.
+pub(super) fn figures(pictures: &ThreadPictures<'_>) -> Vec<Figure> {
+    if pictures.report.passes.is_empty() {
+        return Vec::new();
+    }
+    let groove = &Groove::new(pictures);
+    vec![
+        unrolled::UnrolledPicture { groove }.figure(),
+        position::PositionPicture { groove }.figure(),
+        section::SectionPicture { groove }.figure(),
+    ]
 }
 
 /// One groove of a thread with its passes: what the pictures show.
@@ -113,7 +122,7 @@ impl<'a> Groove<'a> {
             Some(line) => format!("from line {line} \u{b7} "),
         };
         format!(
-            "{line}{} passes on {} mm diameter \u{b7} lead {} mm \u{b7} tool {} degrees \u{b7} D = {} vibrations per \
+            "{line}{} passes on {} mm diameter \u{b7} lead {} mm \u{b7} tool {} degrees \u{b7} {} vibrations per \
              revolution{starts}",
             self.passes.len(),
             short(geometry.work_diameter_mm),
@@ -128,20 +137,22 @@ impl<'a> Groove<'a> {
         PASS_COLORS[place % PASS_COLORS.len()]
     }
 
-    /// Legend entries of the passes, one for each colour.
-    fn legend(&self) -> Vec<(Swatch, RGBColor, String)> {
-        let count = self.passes.len();
-        let number = |place: usize| (self.passes[place] + 1).to_string();
-        let label = |first: usize| {
-            let same: Vec<usize> = (first..count).step_by(PASS_COLORS.len()).collect();
-            let numbers: Vec<String> = same.iter().take(LEGEND_PASSES).map(|place| number(*place)).collect();
-            let more = if same.len() > LEGEND_PASSES { ", …" } else { "" };
-            let noun = if same.len() > 1 { "passes" } else { "pass" };
-            let still = same.len() == 1 && !self.pass(self.passes[first]).vibrates();
-            let still = if still { " (no vibration)" } else { "" };
-            (Swatch::Fill, self.color(first), format!("{noun} {}{more}{still}", numbers.join(", ")))
+    /// What the pass at a place of `passes` is called: all passes of one colour have one name.
+    fn pass_name(&self, place: usize) -> String {
+        let first = place % PASS_COLORS.len();
+        let same: Vec<usize> = (first..self.passes.len()).step_by(PASS_COLORS.len()).collect();
+        let number = |place: &usize| {
+            let still = if self.pass(self.passes[*place]).vibrates() { "" } else { " (no vibration)" };
+            format!("{}{still}", self.passes[*place] + 1)
         };
-        (0..count.min(PASS_COLORS.len())).map(label).collect()
+        let numbers: Vec<String> = same.iter().take(LEGEND_PASSES).map(number).collect();
+        let more = if same.len() > LEGEND_PASSES { ", …" } else { "" };
+        format!("{} {}{more}", if same.len() > 1 { "passes" } else { "pass" }, numbers.join(", "))
+    }
+
+    /// What the work that a pass cuts is filled with.
+    fn fill(&self, place: usize) -> Ink {
+        Ink::fill(self.pass_name(place), self.color(place), 0.6)
     }
 
     /// Spindle angle, degrees, after which everything repeats: one revolution where D is a whole number, else more, but
@@ -156,8 +167,12 @@ impl<'a> Groove<'a> {
 
 /// A number without superfluous decimals.
 fn short(value: f64) -> String {
-    let text = format!("{value:.4}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    super::figure::short(value, 4)
+}
+
+/// The ink of a path in the air, where the chip is cut through.
+fn cut_through() -> Ink {
+    Ink::line("in the air with the full section: the chip is cut through", super::theme::GOOD, 4.5)
 }
 
 /// Stretches of consecutive points for which a condition holds, each with at least two points.

@@ -11,6 +11,12 @@ pub enum Stretch {
     Vibrating,
     /// Cutting while the tool oscillates.
     Oscillating,
+    /// A threading pass.
+    Threading,
+    /// A threading pass with vibration of X.
+    VibratingThread,
+    /// Where the tool goes with the rotary axes, in a way that only the machine knows.
+    Unknown,
 }
 
 /// A point of the path: X (radius), Y, Z, mm.

@@ -60,8 +60,6 @@ pub(in crate::cli) struct Drive {
     log: u64,
     pub(in crate::cli) summary: Summary,
     pub(in crate::cli) trace: RunTrace,
-    /// Feed override decided last.
-    feed: f64,
 }
 
 impl Open {
@@ -98,8 +96,7 @@ impl Drive {
         let RunStarted { run: name, header, .. } = started;
         let header = header.ok_or_else(|| broken("a run began without header"))?;
         let subtitle = format!("{job} \u{b7} {name}");
-        let mut trace = RunTrace { subtitle, limits_mm, ..RunTrace::default() };
-        trace.feed_percent.push(0.0, 100.0);
+        let trace = RunTrace::new(subtitle, limits_mm);
         Ok(Self {
             client: client.clone(),
             machine: machine(header.period_us as u32)?,
@@ -115,7 +112,6 @@ impl Drive {
             log: 0,
             summary: Summary::default(),
             trace,
-            feed: 1.0,
         })
     }
 
@@ -230,8 +226,6 @@ impl Drive {
             }
             self.answer(on).await?;
         }
-        let now_s = self.machine.clock_ns() as f64 * 1e-9;
-        self.trace.feed_percent.push(now_s, 100.0 * self.feed);
         Ok(())
     }
 
@@ -276,12 +270,10 @@ impl Drive {
         if let Some(after) = decision.outcome.and_then(|outcome| outcome.after) {
             self.machine.set_spindle_override(after.spindle).map_err(|error| unable(&error))?;
             let time_s = decision.sensor_time_ns as f64 * 1e-9;
-            self.trace.feed_percent.push(time_s, 100.0 * self.feed);
-            self.trace.feed_percent.push(time_s, 100.0 * after.feed);
-            self.feed = after.feed;
+            self.trace.decide(time_s, after.feed);
             let evidence = decision.inputs.as_ref().and_then(|inputs| inputs.evidence.as_ref());
             if let Some(Evidence::Process(process)) = evidence {
-                self.trace.measured_mm.push(time_s, process.max_deviation);
+                self.trace.measure(time_s, process.max_deviation);
             }
         }
         self.summary.decided(decision);
@@ -302,7 +294,7 @@ impl Drive {
         };
         self.machine.push(&setpoints, &mut sink).map_err(|error| unable(&error))?;
         let time_s = self.machine.clock_ns() as f64 * 1e-9;
-        self.trace.true_mm.push(time_s, self.machine.take_peak_deflection_mm());
+        self.trace.deflect(time_s, self.machine.take_peak_deflection_mm());
         // The run may end with these setpoints, and their telemetry belongs to it.
         self.machine.flush(&mut sink);
         Ok(batches)

@@ -3,16 +3,11 @@
 use std::ops::Range;
 
 use feedwave_cutting::tool_oscillation::{FloorArea, HeightField, Roughness, ToolOscillation};
-use plotters::coord::Shift;
-use plotters::element::{Rectangle, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
+use plotters::style::RGBColor;
 
-use super::super::DrawResult;
-use super::super::canvas::Picture;
-use super::super::theme::{self, AxisSpec, Scale, Swatch};
-use super::{OscillationPictures, sampled, short};
+use super::super::figure::{Axis, ColorScale, Figure, Layout, MM, Panel, Place, UM, padded, short};
+use super::super::theme::{self, Ink};
+use super::{OscillationPictures, sampled};
 
 /// Revolutions whose feed is shown.
 const REVOLUTIONS: f64 = 6.0;
@@ -33,8 +28,10 @@ const RAMP: [RGBColor; 5] = [
     RGBColor(190, 205, 90),
     RGBColor(253, 231, 110),
 ];
-/// Room on the right for the scale of colours, design units.
-const SCALE_WIDTH: f64 = 120.0;
+/// A floor rougher than the other by this factor is called so.
+const ROUGHER: f64 = 1.05;
+/// With and without oscillation.
+const NAMES: [&str; 2] = ["with oscillation", "without oscillation"];
 
 /// The floor with and without oscillation.
 pub(super) struct FloorPicture<'a> {
@@ -95,31 +92,101 @@ impl<'a> FloorPicture<'a> {
     }
 }
 
-impl Picture for FloorPicture<'_> {
-    fn name(&self) -> String {
-        format!("{}-floor", self.pass.name)
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+impl FloorPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
         let title = "The floor that the ends of the edges leave";
-        let body = theme::headline(area, scale, title, &self.pass.subtitle())?;
+        let (name, subtitle) = (format!("{}-floor", self.pass.name), self.pass.subtitle());
         let Some(floors) = &self.floors else {
-            let style = scale.text(17.0, theme::MUTED);
-            let text = "the feed is too small for a floor of several revolutions to be simulated";
-            return body.draw(&Text::new(text, (scale.px(theme::PANEL_LEFT), scale.px(20.0)), style));
+            let text = "no picture: the feed is too small for a floor of several revolutions to be simulated";
+            return Figure::new(name, title, format!("{subtitle} \u{b7} {text}"), Layout::Row(Vec::new()))
+                .with_height(120);
         };
         let extents = floors.each_ref().map(Floor::extent_um);
         let (low, high) = (extents[0].0.min(extents[1].0), extents[0].1.max(extents[1].1));
-        let room = (0.5 * (LEAST_RANGE_UM - (high - low))).max(0.0);
-        let range = low - room..high + room;
-        let (maps, profiles) = body.split_vertically(body.dim_in_pixel().1 * 64 / 100);
-        let width = i32::try_from(maps.dim_in_pixel().0).unwrap_or(i32::MAX);
-        let (maps, colors) = maps.split_horizontally(width - scale.px(SCALE_WIDTH));
-        for ((area, floor), name) in maps.split_evenly((1, 2)).iter().zip(floors).zip(["with", "without"]) {
-            draw_map(area, scale, floor, name, self.across_mm, &range)?;
+        if high - low < LEAST_RANGE_UM {
+            return Figure::new(name, title, subtitle, self.flat(floors)).with_height(560);
         }
-        draw_colors(&colors, scale, &range)?;
-        self.draw_profiles(&profiles, scale, floors, &range)
+        let range = low..high;
+        let maps =
+            floors.iter().zip(NAMES).map(|(floor, name)| (0.455, map(floor, name, self.across_mm, &range).into()));
+        let colors = ColorScale {
+            title: "above the mean".to_owned(),
+            range: range.clone(),
+            unit: UM.symbol,
+            colors: (0..COLORS).map(color).collect(),
+        };
+        let maps = maps.chain([(0.09, Layout::Colors(colors))]).collect();
+        let profiles = self.profiles(floors, &range);
+        let body = Layout::Column(vec![(0.62, Layout::Row(maps)), (0.38, profiles.into())]);
+        Figure::new(name, title, subtitle, body).with_height(1_000)
+    }
+
+    /// Two floors without marks: how deep they lie.
+    fn flat(&self, floors: &[Floor; 2]) -> Panel {
+        let heights = floors.each_ref().map(|floor| 1e3 * floor.roughness.height_mm);
+        let (low, high) = (heights[0].min(heights[1]).min(0.0), heights[0].max(heights[1]).max(0.0));
+        let y = Axis::new("above the commanded end of the tool", UM, padded(low, high, 0.3));
+        let mut panel =
+            Panel::new("profile along the middle of the track: both floors are flat", self.along(floors), y);
+        panel.note(
+            "every edge stands out alike, and none marks the floor: what measured edges leave is seen where the tool has \
+             their set-overs",
+        );
+        self.add_profiles(&mut panel, floors, |floor| 1e3 * floor.roughness.height_mm);
+        panel
+    }
+
+    fn along(&self, floors: &[Floor; 2]) -> Axis {
+        let field = &floors[0].field;
+        Axis::new("along the feed", MM, 0.0..field.columns as f64 * field.resolution_mm)
+    }
+
+    fn profiles(&self, floors: &[Floor; 2], range: &Range<f64>) -> Panel {
+        let y = Axis::new("above the mean", UM, padded(range.start, range.end, 0.15));
+        let mut panel = Panel::new("profile along the middle of the track", self.along(floors), y);
+        if let Some(reason) = self.why_rougher(floors) {
+            panel.note(reason);
+        }
+        self.add_profiles(&mut panel, floors, |_| 0.0);
+        panel
+    }
+
+    /// Why the oscillation leaves the rougher floor, where it does.
+    fn why_rougher(&self, floors: &[Floor; 2]) -> Option<String> {
+        let [with, without] = floors.each_ref().map(|floor| floor.roughness.peak_to_valley_mm);
+        if with <= ROUGHER * without {
+            return None;
+        }
+        let edges = &self.pass.tool.edges;
+        let finishing = &self.pass.section.report.finishing_edges;
+        let stands_out = |edge: &u32| edges.get(*edge as usize - 1).map_or(0.0, |edge| edge.axial_set_over_mm);
+        let finisher = finishing.iter().copied().max_by(|a, b| stands_out(a).total_cmp(&stands_out(b)));
+        let farthest = (1..=edges.len() as u32).max_by(|a, b| stands_out(a).total_cmp(&stands_out(b)));
+        let start = "the oscillation leaves the rougher floor here";
+        Some(match (finisher, farthest) {
+            (Some(finisher), Some(farthest)) if stands_out(&farthest) > stands_out(&finisher) => format!(
+                "{start}: E{finisher} finishes ahead of the tool, but E{farthest} stands out {} µm further and cuts deeper at \
+                 the sides; let E{farthest} finish (word L)",
+                short(1e3 * (stands_out(&farthest) - stands_out(&finisher)), 2)
+            ),
+            _ => format!(
+                "{start}: its edges end at different heights where they pass, without it all of them level the floor"
+            ),
+        })
+    }
+
+    /// Profiles of both floors, above their means and `lifted`, µm.
+    fn add_profiles(&self, panel: &mut Panel, floors: &[Floor; 2], lifted: impl Fn(&Floor) -> f64) {
+        let inks = [Ink::line(NAMES[0], theme::VIBRATION, 2.8), Ink::dashed(NAMES[1], theme::INK, 2.2)];
+        for (floor, ink) in floors.iter().zip(inks) {
+            let (row, last) = (floor.field.rows / 2, floor.field.columns.saturating_sub(1));
+            let steps = u32::try_from(last).unwrap_or(1).max(1);
+            let profile = sampled(0.0, last as f64, steps, |column| {
+                let height = floor.height_um(row..row + 1, column.round() as usize).unwrap_or(f64::NAN);
+                ((column + 0.5) * floor.field.resolution_mm, height + lifted(floor))
+            });
+            panel.path(&ink, profile);
+        }
     }
 }
 
@@ -138,31 +205,22 @@ fn color(level: u32) -> RGBColor {
     RGBColor(mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
 }
 
-fn draw_map<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    scale: Scale,
-    floor: &Floor,
-    name: &str,
-    across_mm: f64,
-    range: &Range<f64>,
-) -> DrawResult<(), DB> {
+fn map(floor: &Floor, name: &str, across_mm: f64, range: &Range<f64>) -> Panel {
     let Floor { field, roughness } = floor;
     let length_mm = field.columns as f64 * field.resolution_mm;
     let width_mm = field.rows as f64 * field.resolution_mm;
     let side_mm = across_mm - 0.5 * width_mm;
-    let title = format!(
-        "{name} oscillation: peak to valley {} µm, mean {} µm, at {} mm",
-        short(1e3 * roughness.peak_to_valley_mm, 2),
+    let title = format!("{name}: peak to valley {} µm", short(1e3 * roughness.peak_to_valley_mm, 2));
+    let x = Axis::new("along the feed", MM, 0.0..length_mm);
+    let y = Axis::new("to the right of the feed", MM, side_mm..side_mm + width_mm);
+    let mut panel = Panel::new(title, x, y);
+    panel.note(format!(
+        "mean deviation {} µm, mean height {} mm",
         short(1e3 * roughness.mean_mm, 2),
         short(roughness.height_mm, 4)
-    );
-    let (x, y) = (
-        AxisSpec::new("along the feed, mm", 0.0..length_mm),
-        AxisSpec::new("to the right of the feed, mm", side_mm..side_mm + width_mm),
-    );
-    let mut chart = theme::panel(area, scale, &title, &x, &y)?;
+    ));
     let rows = ROWS.min(field.rows);
-    let mut parts = Vec::new();
+    let mut cells: Vec<([Place; 2], RGBColor)> = Vec::new();
     for row in 0..rows {
         // Where the edges go along the track their marks are finer than a row: its mean is shown.
         let of_field = row * field.rows / rows..(row + 1) * field.rows / rows;
@@ -178,66 +236,11 @@ fn draw_map<DB: DrawingBackend>(
             }
             if let Some(level) = levels[start] {
                 let at = |column: usize| column as f64 * field.resolution_mm;
-                parts.push(Rectangle::new([(at(start), low), (at(column), high)], color(level).filled()));
+                cells.push(([(at(start), low), (at(column), high)], color(level)));
             }
             start = column;
         }
     }
-    chart.draw_series(parts)?;
-    Ok(())
-}
-
-fn draw_colors<DB: DrawingBackend>(
-    area: &DrawingArea<DB, Shift>,
-    scale: Scale,
-    range: &Range<f64>,
-) -> DrawResult<(), DB> {
-    let height = i32::try_from(area.dim_in_pixel().1).unwrap_or(i32::MAX);
-    let (top, bottom) = (scale.px(theme::PANEL_TOP), height - scale.px(theme::PANEL_BOTTOM));
-    let (left, right) = (scale.px(6.0), scale.px(30.0));
-    let at = |share: f64| bottom - (share * f64::from(bottom - top)) as i32;
-    for step in 0..COLORS {
-        let corners =
-            [(left, at(f64::from(step + 1) / f64::from(COLORS))), (right, at(f64::from(step) / f64::from(COLORS)))];
-        area.draw(&Rectangle::new(corners, color(step).filled()))?;
-    }
-    let style = scale.text(14.0, theme::MUTED).pos(Pos::new(HPos::Left, VPos::Center));
-    let span = range.end - range.start;
-    let decimals = if span < 1.0 { 3 } else { 1 };
-    for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
-        let text = format!("{} µm", short(range.start + share * span, decimals));
-        area.draw(&Text::new(text, (right + scale.px(7.0), at(share)), style.clone()))?;
-    }
-    let style = scale.text(15.0, theme::INK).pos(Pos::new(HPos::Left, VPos::Top));
-    area.draw(&Text::new("above the mean", (left, scale.px(9.0)), style))
-}
-
-impl FloorPicture<'_> {
-    fn draw_profiles<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: Scale,
-        floors: &[Floor; 2],
-        range: &Range<f64>,
-    ) -> DrawResult<(), DB> {
-        let entries =
-            [(Swatch::Line, theme::VIBRATION, "with oscillation"), (Swatch::Line, theme::MUTED, "without oscillation")];
-        let area = theme::legend(area, scale, &entries)?;
-        let field = &floors[0].field;
-        let x = AxisSpec::new("along the feed, mm", 0.0..field.columns as f64 * field.resolution_mm);
-        let y = AxisSpec::new("above the mean, µm", theme::padded(range.start, range.end, 0.15));
-        let mut chart = theme::panel(&area, scale, "profile along the middle of the track", &x, &y)?;
-        for (floor, color) in floors.iter().zip([theme::VIBRATION, theme::MUTED]).rev() {
-            let (row, last) = (floor.field.rows / 2, floor.field.columns.saturating_sub(1));
-            let steps = u32::try_from(last).unwrap_or(1).max(1);
-            let profile = sampled(0.0, last as f64, steps, |column| {
-                let height = floor.height_um(row..row + 1, column.round() as usize).unwrap_or(f64::NAN);
-                ((column + 0.5) * floor.field.resolution_mm, height)
-            });
-            for swept in profile.split(|point| point.1.is_nan()).filter(|swept| swept.len() > 1) {
-                theme::curve(&mut chart, swept, scale.stroke(color, 2.4))?;
-            }
-        }
-        Ok(())
-    }
+    panel.cells(cells);
+    panel
 }

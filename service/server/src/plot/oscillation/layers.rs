@@ -2,17 +2,12 @@
 //! the shares of the volume.
 
 use feedwave_cutting::tool_oscillation::{EdgeReport, plane_section};
-use plotters::coord::Shift;
-use plotters::element::{Rectangle, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
-use super::super::DrawResult;
-use super::super::canvas::Picture;
-use super::super::theme::{self, AxisSpec, Scale, Swatch};
+use super::super::figure::{Axis, Beside, COUNT, DEGREES, Figure, Layout, MM, PERCENT, Panel, short};
+use super::super::theme::{self, Ink};
+use super::OscillationPictures;
 use super::section::Section;
-use super::{OscillationPictures, short};
 
 /// Edges whose shares are shown.
 const SHOWN_EDGES: usize = 12;
@@ -37,104 +32,91 @@ impl<'a> LayersPicture<'a> {
     }
 }
 
-impl Picture for LayersPicture<'_> {
-    fn name(&self) -> String {
-        format!("{}-layers", self.pass.name)
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
-        let pass = self.pass;
-        let title = "Which edge removes which layer in one revolution";
-        let body = theme::headline(area, scale, title, &pass.subtitle())?;
-        let mut entries = pass.legend(Swatch::Fill);
-        entries.push((Swatch::Dashed, theme::MUTED, "every edge without oscillation".to_owned()));
-        let entries: Vec<_> = entries.iter().map(|(swatch, color, label)| (*swatch, *color, label.as_str())).collect();
-        let body = theme::legend(&body, scale, &entries)?;
-        let (left, right) = body.split_horizontally(body.dim_in_pixel().0 * 54 / 100);
-        self.draw_layers(&left, scale)?;
-        let (chip, shares) = right.split_vertically(right.dim_in_pixel().1 * 55 / 100);
-        self.draw_chip(&chip, scale)?;
-        self.draw_shares(&shares, scale)
-    }
-}
-
 impl LayersPicture<'_> {
-    fn draw_layers<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+    pub(super) fn figure(&self) -> Figure {
+        let pass = self.pass;
+        let right = Layout::Column(vec![(0.55, self.chip().into()), (0.45, self.shares().into())]);
+        let body = Layout::Row(vec![(0.52, self.layers().into()), (0.48, right)]);
+        let title = "Which edge removes which layer in one revolution";
+        Figure::new(format!("{}-layers", pass.name), title, pass.subtitle(), body)
+    }
+
+    fn layers(&self) -> Panel {
         let section = Section::new(self.pass);
-        let (x, y) = section.axes();
         let total_mm2: f64 = self.pass.section.report.edges.iter().map(|edge| edge.area_mm2).sum();
         let title = format!("plane through the tool axis: {} mm² per revolution", short(total_mm2, 4));
-        let mut chart = theme::panel(area, scale, &title, &x, &y)?;
+        let mut panel = section.panel(title);
         let count = section.passes.len();
-        section.draw_work(&mut chart, scale, count)?;
+        section.add_work(&mut panel, count);
         for edge in 0..count {
-            section.draw_removed(&mut chart, edge)?;
+            section.add_removed(&mut panel, edge);
         }
-        section.draw_profile(&mut chart, scale, 0)?;
-        section.draw_profile(&mut chart, scale, count)?;
+        let ink = Ink::line("surface before and after the revolution", theme::INK, 1.8);
+        section.add_profile(&mut panel, &ink, 0);
+        section.add_profile(&mut panel, &ink, count);
         for edge in 0..count {
-            section.write_sizes(&mut chart, scale, edge, |_| format!("E{}", edge + 1))?;
+            section.write(&mut panel, edge, (590.0, 600.0), |_| [format!("E{}", edge + 1), String::new()]);
         }
-        Ok(())
+        panel
     }
 
-    fn draw_chip<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+    fn chip(&self) -> Panel {
         let edges = &self.pass.section.report.edges;
         let plain = self.plain_chip.iter().map(|point| point.1);
         let most_mm = edges.iter().map(|edge| edge.max_chip_mm).chain(plain).fold(1e-6, f64::max);
         let [from, to] = self.pass.section.cut.engagement_deg;
-        let x = AxisSpec::new("azimuth from the feed direction, degrees", from..to.max(from + 1e-3));
-        let y = AxisSpec::new("chip thickness, mm", 0.0..1.1 * most_mm);
-        let mut chart = theme::panel(area, scale, "largest chip thickness over the engagement", &x, &y)?;
-        for piece in self.plain_chip.chunks(6) {
-            theme::curve(&mut chart, &piece[..piece.len().min(4)], scale.stroke(theme::MUTED, 2.2))?;
-        }
+        let x = Axis::new("azimuth from the feed direction", DEGREES, from..to.max(from + 1e-3));
+        let y = Axis::new("chip thickness", MM, 0.0..1.1 * most_mm);
+        let mut panel = Panel::new("largest chip thickness over the engagement", x, y);
         for (index, edge) in edges.iter().enumerate() {
             let curve: Vec<_> = edge.chip_over_angle.iter().map(|[azimuth, chip]| (*azimuth, *chip)).collect();
-            theme::curve(&mut chart, &curve, scale.stroke(self.pass.color(index), 2.6))?;
+            panel.path(&self.pass.line(index, 2.6), curve);
         }
-        Ok(())
+        panel.path(&plain_ink(), self.plain_chip.clone());
+        panel
     }
 
     /// Bars of the shares of the volume, with the duty and what finishes.
-    fn draw_shares<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+    fn shares(&self) -> Panel {
         let report = &self.pass.section.report;
-        let left = Pos::new(HPos::Left, VPos::Top);
+        let shown: Vec<&EdgeReport> = report.edges.iter().take(SHOWN_EDGES).collect();
+        let percent = |share: f64| 100.0 * share;
+        let plain = |index: usize| percent(report.plain.get(index).map_or(0.0, |plain| plain.volume_share));
+        let most = shown.iter().enumerate().map(|(index, edge)| percent(edge.volume_share).max(plain(index)));
+        let most = most.fold(1e-9, f64::max);
         let title = format!(
             "shares of {} mm³ per revolution, {} mm³ without oscillation",
             short(report.volume_mm3_per_rev, 2),
             short(report.plain_volume_mm3_per_rev, 2)
         );
-        let x = scale.px(theme::PANEL_LEFT);
-        area.draw(&Text::new(title, (x, scale.px(9.0)), scale.text(17.0, theme::INK).pos(left)))?;
-        let shown: Vec<&EdgeReport> = report.edges.iter().take(SHOWN_EDGES).collect();
-        let (width, height) = area.dim_in_pixel();
-        let top = f64::from(scale.px(44.0));
-        let row = ((f64::from(height) - top) / shown.len().max(1) as f64).min(f64::from(scale.px(62.0)));
-        let full = f64::from(width) - f64::from(x) - f64::from(scale.px(240.0));
-        let most = shown.iter().map(|edge| edge.volume_share).fold(1e-9, f64::max);
+        // On the right there is room for the text of the longest bar.
+        let x = Axis::new("share of the volume", PERCENT, 0.0..2.1 * most);
+        let y = Axis::new("edge", COUNT, -(shown.len() as f64) + 0.4..0.6);
+        let mut panel = Panel { y_numbers: false, ..Panel::new(title, x, y) };
+        if report.edges.len() > shown.len() {
+            panel.note(format!("the first {} of {} edges", shown.len(), report.edges.len()));
+        }
         for (index, edge) in shown.iter().enumerate() {
-            let middle = top + row * (index as f64 + 0.45);
-            let length = full * edge.volume_share / most;
-            let (upper, lower) = (middle - 0.3 * row, middle + 0.3 * row);
-            let corners = [(x, upper as i32), (x + length as i32, lower as i32)];
-            area.draw(&Rectangle::new(corners, self.pass.color(index).mix(0.55).filled()))?;
-            let plain = report.plain.get(index).map_or(0.0, |plain| plain.volume_share);
-            let at = x + (full * plain / most) as i32;
-            let tick = [(at, (upper - 0.1 * row) as i32), (at, (lower + 0.1 * row) as i32)];
-            area.draw(&plotters::element::PathElement::new(tick.to_vec(), scale.stroke(theme::MUTED, 2.2)))?;
-            let name = scale.text(15.0, self.pass.color(index)).pos(Pos::new(HPos::Right, VPos::Center));
-            area.draw(&Text::new(format!("E{}", edge.edge), (x - scale.px(10.0), middle as i32), name))?;
+            let middle = -(index as f64);
+            let share = percent(edge.volume_share);
+            panel.rectangle(&self.pass.fill(index), 0.0..share, middle - 0.3..middle + 0.3);
+            let tick = vec![(plain(index), middle - 0.4), (plain(index), middle + 0.4)];
+            panel.path(&plain_ink(), tick);
             let text = format!(
                 "{} %, cuts {} % of the turn{}",
-                short(100.0 * edge.volume_share, 1),
-                short(100.0 * edge.duty, 0),
+                short(share, 1),
+                short(percent(edge.duty), 0),
                 if edge.finishes { ", finishes" } else { "" }
             );
-            let style = scale.text(15.0, theme::INK).pos(Pos::new(HPos::Left, VPos::Center));
-            let end = (x + length as i32).max(at) + scale.px(9.0);
-            area.draw(&Text::new(text, (end, middle as i32), style))?;
+            panel.label((share.max(plain(index)), middle), text, theme::INK, Beside::RIGHT);
+            let beside = Beside { x: HPos::Right, y: VPos::Center, by: (-10.0, 0.0) };
+            panel.label((0.0, middle), format!("E{}", edge.edge), theme::INK, beside);
         }
-        Ok(())
+        panel
     }
+}
+
+/// The same without oscillation: the largest chip of all edges, and the share of each.
+fn plain_ink() -> Ink {
+    Ink::dashed("the same without oscillation", theme::INK, 2.4)
 }

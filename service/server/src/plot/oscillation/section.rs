@@ -3,18 +3,15 @@
 
 use std::ops::Range;
 
+use super::super::figure::{Axis, Beside, MM, Panel, Place, short};
+use super::super::theme::{self, Ink};
+use super::OscillationPictures;
 use feedwave_cutting::tool_oscillation::{EdgePass, plane_section};
-use plotters::element::{PathElement, Rectangle};
-use plotters::prelude::DrawingBackend;
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, VPos};
-
-use super::super::DrawResult;
-use super::super::theme::{self, AxisSpec, Scale};
-use super::{Beside, OscillationPictures, short, write};
 
 /// Work deeper than this many times the axial travel is not shown up to its surface: the layers would be lines.
 const LARGEST_DEPTH: f64 = 6.0;
+/// Height of a line of text, design units.
+const LINE: f64 = 21.0;
 /// Heights below this are none, mm.
 const NOTHING_MM: f64 = 1e-9;
 
@@ -60,11 +57,18 @@ impl<'a> Section<'a> {
         Self { pass, advance_mm, passes, levels_mm, along_mm, height_mm: low_mm - room_mm..top_mm }
     }
 
-    pub(super) fn axes(&self) -> (AxisSpec, AxisSpec) {
-        (
-            AxisSpec::new(self.pass.outwards(), self.along_mm.clone()),
-            AxisSpec::new("height, mm", self.height_mm.clone()),
-        )
+    /// An empty panel of the plane.
+    pub(super) fn panel(&self, title: impl Into<String>) -> Panel {
+        let x = Axis::new(self.pass.outwards(), MM, self.along_mm.clone());
+        let mut panel = Panel::new(title, x, Axis::new("height", MM, self.height_mm.clone()));
+        let depth_mm = self.pass.section.cut.depth_mm;
+        if depth_mm > self.height_mm.end {
+            panel.note(format!(
+                "cut off above: work and edges go on up to the surface of the work at {} mm",
+                short(depth_mm, 3)
+            ));
+        }
+        panel
     }
 
     fn cuts(&self, edge: usize, low_mm: f64, high_mm: f64) -> bool {
@@ -81,7 +85,7 @@ impl<'a> Section<'a> {
     }
 
     /// The part of a rectangle that is shown.
-    fn shown(&self, along_mm: Range<f64>, height_mm: Range<f64>) -> Option<[(f64, f64); 2]> {
+    fn shown(&self, along_mm: Range<f64>, height_mm: Range<f64>) -> Option<[Place; 2]> {
         let (x, y) = (&self.along_mm, &self.height_mm);
         let corners = [
             (along_mm.start.max(x.start), height_mm.start.max(y.start)),
@@ -91,95 +95,79 @@ impl<'a> Section<'a> {
     }
 
     /// The work as it stands after `passed` edges of this revolution.
-    pub(super) fn draw_work<'b, DB: DrawingBackend + 'b>(
-        &self,
-        chart: &mut theme::Panel<'b, DB>,
-        scale: Scale,
-        passed: usize,
-    ) -> DrawResult<(), DB> {
+    pub(super) fn add_work(&self, panel: &mut Panel, passed: usize) {
         let depth_mm = self.pass.section.cut.depth_mm;
         let below = f64::NEG_INFINITY..self.levels_mm.first().copied().unwrap_or(depth_mm).min(depth_mm);
         let mut parts = vec![(self.along_mm.clone(), below)];
         for level in self.levels_mm.windows(2) {
             parts.push((self.front_mm(passed, level[0], level[1])..self.along_mm.end, level[0]..level[1]));
         }
-        let fill = theme::RAPID.mix(0.45).filled();
-        let corners = parts.into_iter().filter_map(|(along, height)| self.shown(along, height));
-        chart.draw_series(corners.map(|corners| Rectangle::new(corners, fill)))?;
-        if depth_mm > self.height_mm.end {
-            let at = (self.along_mm.end, self.height_mm.end);
-            let beside = Beside { x: HPos::Right, y: VPos::Top, by: (-8.0, 6.0) };
-            write(chart, scale, at, &format!("surface at {} mm", short(depth_mm, 3)), theme::MUTED, beside)?;
+        let ink = Ink::fill("work", theme::RAPID, 0.4);
+        for [from, to] in parts.into_iter().filter_map(|(along, height)| self.shown(along, height)) {
+            panel.rectangle(&ink, from.0..to.0, from.1..to.1);
         }
-        Ok(())
     }
 
     /// What an edge removes in this revolution.
-    pub(super) fn draw_removed<'b, DB: DrawingBackend + 'b>(
-        &self,
-        chart: &mut theme::Panel<'b, DB>,
-        edge: usize,
-    ) -> DrawResult<(), DB> {
-        let color = self.pass.color(edge);
+    pub(super) fn add_removed(&self, panel: &mut Panel, edge: usize) {
+        let ink = self.pass.fill(edge);
         for layer in &self.passes[edge].layers {
-            if let Some(corners) = self.shown(layer.from_mm..layer.to_mm, layer.low_mm..layer.high_mm) {
-                chart.draw_series([Rectangle::new(corners, color.mix(0.55).filled())])?;
+            if let Some([from, to]) = self.shown(layer.from_mm..layer.to_mm, layer.low_mm..layer.high_mm) {
+                panel.rectangle(&ink, from.0..to.0, from.1..to.1);
             }
         }
-        Ok(())
     }
 
-    /// Sizes of the shown layers of an edge, where there is room for them.
-    pub(super) fn write_sizes<'b, DB: DrawingBackend + 'b>(
+    /// Writes something into the shown layers of an edge, in one line or two as the `room` of the panel permits, design
+    /// units; what finds no room.
+    pub(super) fn write(
         &self,
-        chart: &mut theme::Panel<'b, DB>,
-        scale: Scale,
+        panel: &mut Panel,
         edge: usize,
-        text: impl Fn(&feedwave_cutting::tool_oscillation::RemovedLayer) -> String,
-    ) -> DrawResult<(), DB> {
+        room: (f64, f64),
+        text: impl Fn(&feedwave_cutting::tool_oscillation::RemovedLayer) -> [String; 2],
+    ) -> Vec<String> {
+        let mut left_out = Vec::new();
         for layer in &self.passes[edge].layers {
+            let [first, second] = text(layer);
+            let line = format!("{first}{second}");
             let shown = self.shown(layer.from_mm..layer.to_mm, layer.low_mm..layer.high_mm);
-            let Some([from, to]) = shown else { continue };
-            let area = chart.plotting_area();
-            let (start, end) = (area.map_coordinate(&from), area.map_coordinate(&to));
-            let text = text(layer);
-            let needed = (scale.px(8.0 * text.len() as f64), scale.px(18.0));
-            if (end.0 - start.0) >= needed.0 && (start.1 - end.1) >= needed.1 {
-                let middle = (0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1));
-                write(chart, scale, middle, &text, theme::INK, super::CENTRE)?;
+            let Some([from, to]) = shown else {
+                left_out.push(line);
+                continue;
+            };
+            let width = room.0 * (to.0 - from.0) / (self.along_mm.end - self.along_mm.start);
+            let height = room.1 * (to.1 - from.1) / (self.height_mm.end - self.height_mm.start);
+            let fits = |text: &str| theme::text_width(text, theme::LABEL_SIZE) + 8.0 <= width;
+            let middle = (0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1));
+            if fits(&line) && height >= LINE {
+                panel.label(middle, line, theme::INK, Beside::CENTER);
+            } else if fits(&first) && fits(&second) && height >= 2.0 * LINE {
+                for (part, down) in [(first, -0.5), (second, 0.5)] {
+                    let by = (0.0, down * LINE);
+                    panel.label(middle, part.trim().to_owned(), theme::INK, Beside { by, ..Beside::CENTER });
+                }
+            } else {
+                left_out.push(line);
             }
         }
-        Ok(())
+        left_out
     }
 
     /// Outline of an edge at its pass.
-    pub(super) fn draw_edge<'b, DB: DrawingBackend + 'b>(
-        &self,
-        chart: &mut theme::Panel<'b, DB>,
-        scale: Scale,
-        edge: usize,
-        width: f64,
-    ) -> DrawResult<(), DB> {
+    pub(super) fn add_edge(&self, panel: &mut Panel, edge: usize) {
         let (pass, tool) = (&self.passes[edge], self.pass.tool);
         let (front_mm, back_mm) = (pass.front_mm, pass.front_mm - tool.radial_edge_length_mm);
         let rise_mm = tool.radial_edge_length_mm * tool.end_relief_deg.to_radians().tan();
         let top_mm = pass.end_mm + tool.axial_edge_height_mm;
-        let outline =
+        let outline: [Place; 4] =
             [(front_mm, top_mm), (front_mm, pass.end_mm), (back_mm, pass.end_mm + rise_mm), (back_mm, top_mm)];
-        for corners in outline.windows(2) {
-            theme::curve(chart, corners, scale.stroke(self.pass.color(edge), width))?;
-        }
-        Ok(())
+        panel.endless(&self.pass.line(edge, 3.4), outline.to_vec());
     }
 
-    /// The surface that is left behind all edges and ahead of them.
-    pub(super) fn draw_profile<'b, DB: DrawingBackend + 'b>(
-        &self,
-        chart: &mut theme::Panel<'b, DB>,
-        scale: Scale,
-        passed: usize,
-    ) -> DrawResult<(), DB> {
-        let mut profile = Vec::new();
+    /// The surface that is left behind all edges and ahead of them, from the panel's left edge to its right one.
+    pub(super) fn add_profile(&self, panel: &mut Panel, ink: &Ink, passed: usize) {
+        let mut profile: Vec<Place> = Vec::new();
         if let Some(lowest) = self.levels_mm.first() {
             profile.push((self.along_mm.start, *lowest));
         }
@@ -190,11 +178,6 @@ impl<'a> Section<'a> {
         if let Some(highest) = self.levels_mm.last() {
             profile.push((self.along_mm.end, *highest));
         }
-        for corners in profile.windows(2).filter(|pair| pair.iter().all(|point| point.0.is_finite())) {
-            for part in super::super::clip::polyline(corners, &self.along_mm, &self.height_mm) {
-                chart.draw_series([PathElement::new(part, scale.stroke(theme::INK, 1.6))])?;
-            }
-        }
-        Ok(())
+        panel.endless(ink, profile);
     }
 }

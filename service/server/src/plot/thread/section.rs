@@ -3,16 +3,10 @@
 
 use std::ops::Range;
 
-use plotters::coord::Shift;
-use plotters::element::{DashedPathElement, EmptyElement, PathElement, Polygon, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
+use plotters::style::RGBColor;
 
-use super::super::DrawResult;
-use super::super::canvas::Picture;
-use super::super::theme::{self, AxisSpec, Scale, Swatch};
-use super::super::tool_path::same_scale;
+use super::super::figure::{Axis, Beside, Figure, Layout, MM, Panel, Place};
+use super::super::theme::{self, Ink};
 use super::{Groove, stretches};
 
 /// Places across the groove.
@@ -32,31 +26,15 @@ struct Removed {
     after: Vec<f64>,
 }
 
-impl Picture for SectionPicture<'_> {
-    fn name(&self) -> String {
-        format!("{}-section", self.groove.name)
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+impl SectionPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
         let groove = self.groove;
         let title = "Section of the groove: what each pass removes";
-        let body = theme::headline(area, scale, title, &groove.subtitle())?;
-        let passes = groove.legend();
-        let entries: Vec<_> = passes.iter().map(|(swatch, color, label)| (*swatch, *color, label.as_str())).collect();
-        let body = theme::legend(&body, scale, &entries)?;
-        let entries = [
-            (Swatch::Line, theme::INK, "finished groove"),
-            (Swatch::Dashed, theme::MUTED, "tool of a pass at its highest, with all of its retreat"),
-            (Swatch::Line, theme::BAD, "left by the vibrating passes for the finishing pass"),
-        ];
-        let body = theme::legend(&body, scale, &entries)?;
-        let (left, right) = body.split_horizontally(body.dim_in_pixel().0 / 2);
-        self.draw_nominal(&left, scale)?;
-        self.draw_worst(&right, scale)
+        let subtitle = format!("{} \u{b7} both axes to the same scale", groove.subtitle());
+        let body = Layout::row(vec![self.nominal(), self.worst()]);
+        Figure::new(format!("{}-section", groove.name), title, subtitle, body)
     }
-}
 
-impl SectionPicture<'_> {
     /// Place across the groove of a pass' tip, mm along Z from the first pass.
     fn tip_z_mm(&self, index: usize) -> f64 {
         self.groove.job.geometry.direction() * self.groove.report.passes[index].place.axial_offset_mm
@@ -115,121 +93,97 @@ impl SectionPicture<'_> {
         depths.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |worst| worst.0)
     }
 
-    fn draw_nominal<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+    fn nominal(&self) -> Panel {
         let places = self.places();
         let removed = self.removed(&places, |index| self.groove.pass(index).depth_mm);
-        let mut chart = self.panel(area, scale, "tool at its deepest in every pass")?;
-        self.draw_removed(&mut chart, &places, &removed)?;
+        let mut panel = self.panel("tool at its deepest in every pass");
+        self.fill_removed(&mut panel, &places, &removed);
+        let highest = Ink::dashed("tool of a vibrating pass at its highest", theme::INK, 1.4);
         for &index in &self.groove.passes {
             let pass = self.groove.pass(index);
-            if !pass.vibrates() {
-                continue;
-            }
-            let highest = self.outline(index, pass.depth_mm - pass.amplitude_mm);
-            let style = scale.stroke(theme::MUTED, 1.2);
-            if highest.len() > 1 {
-                chart.draw_series([DashedPathElement::new(highest, scale.px(6.0), scale.px(5.0), style)])?;
+            let outline = self.outline(index, pass.depth_mm - pass.amplitude_mm);
+            if pass.vibrates() && outline.len() > 1 {
+                panel.path(&highest, outline);
             }
         }
-        self.draw_finished(&mut chart, scale, &places, &removed)?;
-        self.draw_numbers(&mut chart, scale, &removed)
+        self.finished(&mut panel, &places, &removed);
+        self.number(&mut panel, &places, &removed);
+        panel
     }
 
-    fn draw_worst<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+    fn worst(&self) -> Panel {
         let groove = self.groove;
         let places = self.places();
         let angle_deg = self.worst_angle_deg();
         let removed = self.removed(&places, |index| groove.tip_mm(index, angle_deg));
-        let left = groove
-            .report
-            .crests
-            .map(|crests| format!(": crests {:.3} mm, with flanks {:.3} mm", crests.crest_mm, crests.section_crest_mm));
+        let left = groove.report.crests.map(|crests| {
+            format!(
+                ": crests {} mm, with flanks {} mm",
+                super::short(crests.crest_mm),
+                super::short(crests.section_crest_mm)
+            )
+        });
         let title = format!("most is left at {angle_deg:.0} degrees{}", left.unwrap_or_default());
-        let mut chart = self.panel(area, scale, &title)?;
-        self.draw_removed(&mut chart, &places, &removed)?;
+        let mut panel = self.panel(&title);
+        self.fill_removed(&mut panel, &places, &removed);
         let nominal = self.removed(&places, |index| groove.pass(index).depth_mm);
-        self.draw_finished(&mut chart, scale, &places, &nominal)?;
+        self.finished(&mut panel, &places, &nominal);
         if let Some(last) = removed.iter().rposition(|one| groove.pass(groove.passes[one.place]).vibrates()) {
             let ground: Vec<_> =
                 places.iter().zip(&removed[last].after).map(|(z, depth)| self.at(*z, *depth)).collect();
+            let ink = Ink::line("left by the vibrating passes for the finishing pass", theme::BAD, 3.4);
             for line in stretches(&ground, |place| removed[last].after[place] > 0.0) {
-                theme::curve(&mut chart, &line, scale.stroke(theme::BAD, 3.0))?;
+                panel.path(&ink, line);
             }
         }
-        self.draw_numbers(&mut chart, scale, &removed)
+        self.number(&mut panel, &places, &removed);
+        panel
     }
 
     /// A point of the section: Z from the tip of the first pass, X on the radius.
-    fn at(&self, z_mm: f64, depth_mm: f64) -> (f64, f64) {
+    fn at(&self, z_mm: f64, depth_mm: f64) -> Place {
         (z_mm, self.groove.job.geometry.radius_mm(depth_mm, 0.0))
     }
 
-    fn panel<'a, DB: DrawingBackend + 'a>(
-        &self,
-        area: &'a DrawingArea<DB, Shift>,
-        scale: Scale,
-        title: &str,
-    ) -> DrawResult<theme::Panel<'a, DB>, DB> {
+    fn panel(&self, title: &str) -> Panel {
         let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
         let edges = [self.at(0.0, -0.08 * deepest_mm).1, self.at(0.0, 1.08 * deepest_mm).1];
         let y = edges[0].min(edges[1])..edges[0].max(edges[1]);
-        let (z, y) = same_scale(area.dim_in_pixel(), scale, self.range_z(), y);
-        let z = AxisSpec::new("along Z from the tip of the first pass, mm", z);
-        let chart = theme::panel(area, scale, title, &z, &AxisSpec::new("X (radius), mm", y.clone()))?;
+        let z = Axis::new("along Z from the tip of the first pass", MM, self.range_z());
+        let mut panel = Panel::new(title, z, Axis::new("X (radius)", MM, y)).in_proportion();
         // The work, where nothing was cut.
-        let body = [
-            (z.range.start, self.at(0.0, 0.0).1),
-            (z.range.end, self.at(0.0, 0.0).1),
-            (z.range.end, self.inside(&y)),
-            (z.range.start, self.inside(&y)),
-        ];
-        let mut chart = chart;
-        chart.draw_series([Polygon::new(body.to_vec(), theme::RAPID.mix(0.28).filled())])?;
-        Ok(chart)
+        let surface_mm = self.at(0.0, 0.0).1;
+        let inside = if self.at(0.0, 1.0).1 < surface_mm { f64::NEG_INFINITY } else { f64::INFINITY };
+        let work = Ink::fill("work", theme::RAPID, 0.3);
+        let (left, right) = (f64::NEG_INFINITY, f64::INFINITY);
+        panel.area(&work, vec![(left, surface_mm), (right, surface_mm), (right, inside), (left, inside)]);
+        panel
     }
 
-    /// The edge of the panel that lies in the work.
-    fn inside(&self, y: &Range<f64>) -> f64 {
-        if self.at(0.0, 1.0).1 < self.at(0.0, 0.0).1 { y.start } else { y.end }
-    }
-
-    fn draw_removed<'a, DB: DrawingBackend + 'a>(
-        &self,
-        chart: &mut theme::Panel<'a, DB>,
-        places: &[f64],
-        removed: &[Removed],
-    ) -> DrawResult<(), DB> {
+    fn fill_removed(&self, panel: &mut Panel, places: &[f64], removed: &[Removed]) {
+        let paper = Ink::fill("", WHITE, 1.0);
         for one in removed {
             let cuts = |place: usize| one.after[place] > one.before[place] + 1e-9;
-            let line = |depths: &[f64]| -> Vec<(f64, f64)> {
+            let line = |depths: &[f64]| -> Vec<Place> {
                 places.iter().zip(depths).map(|(z, depth)| self.at(*z, *depth)).collect()
             };
-            let color: RGBColor = self.groove.color(one.place);
             let (tops, grounds) = (stretches(&line(&one.before), cuts), stretches(&line(&one.after), cuts));
             for (top, ground) in tops.into_iter().zip(grounds) {
                 let outline: Vec<_> = top.into_iter().chain(ground.into_iter().rev()).collect();
-                chart.draw_series([Polygon::new(outline.clone(), WHITE.filled())])?;
-                chart.draw_series([Polygon::new(outline, color.mix(0.5).filled())])?;
+                panel.area(&paper, outline.clone());
+                panel.area(&self.groove.fill(one.place), outline);
             }
         }
-        Ok(())
     }
 
-    fn draw_finished<'a, DB: DrawingBackend + 'a>(
-        &self,
-        chart: &mut theme::Panel<'a, DB>,
-        scale: Scale,
-        places: &[f64],
-        nominal: &[Removed],
-    ) -> DrawResult<(), DB> {
-        let Some(last) = nominal.last() else { return Ok(()) };
+    fn finished(&self, panel: &mut Panel, places: &[f64], nominal: &[Removed]) {
+        let Some(last) = nominal.last() else { return };
         let line: Vec<_> = places.iter().zip(&last.after).map(|(z, depth)| self.at(*z, *depth)).collect();
-        chart.draw_series([PathElement::new(line, scale.stroke(theme::INK, 1.8))])?;
-        Ok(())
+        panel.endless(&Ink::line("finished groove", theme::INK, 2.0), line);
     }
 
     /// Outline of the tool at a depth, from surface to surface.
-    fn outline(&self, index: usize, tip_mm: f64) -> Vec<(f64, f64)> {
+    fn outline(&self, index: usize, tip_mm: f64) -> Vec<Place> {
         if tip_mm <= 0.0 {
             return Vec::new();
         }
@@ -240,13 +194,7 @@ impl SectionPicture<'_> {
     }
 
     /// The number of each pass in what it removes, where there is room.
-    fn draw_numbers<'a, DB: DrawingBackend + 'a>(
-        &self,
-        chart: &mut theme::Panel<'a, DB>,
-        scale: Scale,
-        removed: &[Removed],
-    ) -> DrawResult<(), DB> {
-        let places = self.places();
+    fn number(&self, panel: &mut Panel, places: &[f64], removed: &[Removed]) {
         let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
         // What lies along a flank is thinner than it is high.
         let slender = (0.5 * self.groove.job.profile.included_angle_deg).to_radians().sin();
@@ -257,11 +205,9 @@ impl SectionPicture<'_> {
                 continue;
             }
             let middle_mm = 0.5 * (one.after[thickest] + one.before[thickest]);
-            let style = scale.text(16.0, theme::INK).pos(Pos::new(HPos::Center, VPos::Center));
-            let text = Text::new((self.groove.passes[one.place] + 1).to_string(), (0, 0), style);
-            chart.draw_series([EmptyElement::at(self.at(places[thickest], middle_mm)) + text])?;
+            let text = (self.groove.passes[one.place] + 1).to_string();
+            panel.label(self.at(places[thickest], middle_mm), text, theme::INK, Beside::CENTER);
         }
-        Ok(())
     }
 }
 

@@ -1,16 +1,9 @@
 //! The unrolled work: the spindle angle to the right, Z upwards, the paths of all passes as ribbons that are wide where
 //! the tool is deep and narrow where it retreats.
 
-use plotters::coord::Shift;
-use plotters::element::{EmptyElement, Polygon, Text};
-use plotters::prelude::{DrawingArea, DrawingBackend};
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::super::DrawResult;
-use super::super::canvas::Picture;
-use super::super::theme::{self, AxisSpec, Scale, Swatch};
-use super::{Groove, stretches};
+use super::super::figure::{Axis, Beside, DEGREES, Figure, MM, Panel};
+use super::super::theme::{self, Ink};
+use super::{Groove, cut_through, stretches};
 
 /// Leads shown.
 const LEADS: f64 = 2.0;
@@ -29,42 +22,27 @@ pub(super) struct UnrolledPicture<'a> {
     pub(super) groove: &'a Groove<'a>,
 }
 
-impl Picture for UnrolledPicture<'_> {
-    fn name(&self) -> String {
-        format!("{}-unrolled", self.groove.name)
-    }
-
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>, scale: Scale) -> DrawResult<(), DB> {
+impl UnrolledPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
         let groove = self.groove;
-        let title = "Unrolled work: the paths of all passes";
-        let body = theme::headline(area, scale, title, &groove.subtitle())?;
-        let passes = groove.legend();
-        let mut entries: Vec<_> =
-            passes.iter().map(|(swatch, color, label)| (*swatch, *color, label.as_str())).collect();
-        entries.push((Swatch::Line, theme::GOOD, "in the air with the full section: the chip is cut through"));
-        let body = theme::legend(&body, scale, &entries)?;
         let circumference_mm = std::f64::consts::PI * groove.job.geometry.work_diameter_mm;
-        let x = AxisSpec::new(
-            format!("spindle angle, degrees (360 degrees are {circumference_mm:.2} mm of the circumference)"),
-            0.0..360.0,
-        );
+        let label = format!("spindle angle (360 degrees are {circumference_mm:.2} mm of the circumference)");
+        let x = Axis::new(label, DEGREES.of_circumference(circumference_mm / 360.0), 0.0..360.0);
         let lane_mm = self.lane_mm();
         let lead_mm = groove.job.geometry.lead_mm;
         let z = |travel_mm: f64| groove.job.geometry.z_mm(travel_mm);
         let first_mm = self.first_travel_mm();
         let edges = [z(first_mm - lane_mm), z(first_mm + LEADS * lead_mm + lane_mm)];
-        let y = AxisSpec::new("Z, mm", edges[0].min(edges[1])..edges[0].max(edges[1]));
-        let title = "a ribbon is wide where the tool is deep, narrow where it retreats; passes are drawn side by side in \
-                     their order, pass 1 in its place";
-        let mut chart = theme::panel(&body, scale, title, &x, &y)?;
+        let y = Axis::new("Z", MM, edges[0].min(edges[1])..edges[0].max(edges[1]));
+        let mut panel = Panel::new("a ribbon is wide where the tool is deep, narrow where it retreats", x, y);
+        panel.note("passes are drawn side by side in their order, pass 1 in its place");
         for (place, &index) in groove.passes.iter().enumerate() {
-            self.draw_pass(&mut chart, scale, place, index)?;
+            self.add_pass(&mut panel, place, index);
         }
-        Ok(())
+        let title = "Unrolled work: the paths of all passes";
+        Figure::new(format!("{}-unrolled", groove.name), title, groove.subtitle(), panel)
     }
-}
 
-impl UnrolledPicture<'_> {
     /// Distance of the lanes of two passes, mm.
     fn lane_mm(&self) -> f64 {
         LANES_SHARE * self.groove.job.geometry.pitch_mm() / self.groove.passes.len() as f64
@@ -80,13 +58,7 @@ impl UnrolledPicture<'_> {
     }
 
     /// One pass: a ribbon for each revolution.
-    fn draw_pass<'a, DB: DrawingBackend + 'a>(
-        &self,
-        chart: &mut theme::Panel<'a, DB>,
-        scale: Scale,
-        place: usize,
-        index: usize,
-    ) -> DrawResult<(), DB> {
+    fn add_pass(&self, panel: &mut Panel, place: usize, index: usize) {
         let groove = self.groove;
         let (lane_mm, lead_mm) = (self.lane_mm(), groove.job.geometry.lead_mm);
         let [_, section] = groove.clearances(index);
@@ -107,20 +79,12 @@ impl UnrolledPicture<'_> {
                 edges[1].push((angle_deg, groove.job.geometry.z_mm(middle_mm + half_mm)));
                 air.push(pass.vibrates() && section.at_mm(groove.phase_deg(work_deg)) >= 0.0);
             }
-            // Where a ribbon leaves the panel it is cut at its edge.
-            let y = chart.plotting_area().get_y_range();
-            let visible: Vec<bool> =
-                edges[0].iter().zip(&edges[1]).map(|(a, b)| y.contains(&a.1) || y.contains(&b.1)).collect();
-            for point in edges.iter_mut().flatten() {
-                point.1 = point.1.clamp(y.start, y.end);
-            }
-            for (color, in_air) in [(groove.color(place), false), (theme::GOOD, true)] {
-                let shown = |step: usize| visible[step] && (air[step] == in_air || step > 0 && air[step - 1] == in_air);
+            let in_air = Ink { mark: theme::Mark::Fill { opacity: 0.9 }, ..cut_through() };
+            for (ink, wanted) in [(groove.fill(place), false), (in_air, true)] {
+                let shown = |step: usize| air[step] == wanted || step > 0 && air[step - 1] == wanted;
                 let pairs = stretches(&edges[0], shown).into_iter().zip(stretches(&edges[1], shown));
                 for (low, high) in pairs {
-                    let outline: Vec<_> = low.into_iter().chain(high.into_iter().rev()).collect();
-                    let strength = if in_air { 0.9 } else { 0.6 };
-                    chart.draw_series([Polygon::new(outline, color.mix(strength).filled())])?;
+                    panel.area(&ink, low.into_iter().chain(high.into_iter().rev()).collect());
                 }
             }
             if turn == 1 && lane_mm > LABELLED_SHARE * lead_mm {
@@ -128,12 +92,9 @@ impl UnrolledPicture<'_> {
                 let wide = |step: &usize| halves[*step] > 0.97 * lane_mm * WIDE;
                 let step = (10..=steps as usize).find(wide).unwrap_or_default();
                 let (low, high) = (edges[0][step], edges[1][step]);
-                let label = (low.0, 0.5 * (low.1 + high.1));
-                let style = scale.text(13.0, theme::INK).pos(Pos::new(HPos::Left, VPos::Center));
-                let text = Text::new((index + 1).to_string(), (0, 0), style);
-                chart.draw_series([EmptyElement::at(label) + text])?;
+                let at = (low.0, 0.5 * (low.1 + high.1));
+                panel.label(at, (index + 1).to_string(), theme::INK, Beside::CENTER);
             }
         }
-        Ok(())
     }
 }
