@@ -335,5 +335,5 @@ fn cut(which: &str, condition: CutCondition) -> plot::Cut {
     } else {
         format!("{per_rev}: the amplitude is {} % of what breaks the chip", number(margin * 100.0, 2))
     };
-    plot::Cut { heading, verdict, broken, condition }
+    plot::Cut { heading, verdict, condition }
 }

@@ -18,8 +18,6 @@ pub struct Cut {
     pub heading: String,
     /// What becomes of the chip, in one line.
     pub verdict: String,
-    /// Whether the chip is cut through.
-    pub broken: bool,
     /// The cut.
     pub condition: CutCondition,
 }

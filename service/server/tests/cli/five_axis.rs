@@ -127,7 +127,9 @@ fn pictures_compare_the_program_with_what_thinning_leaves() {
     let picture = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
     let output = on_mill("plan", &["--plots", directory.path().to_str().unwrap()]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert!(picture("rotary-axes.svg").contains("C axis: 639 reversals as programmed, 2 thinned"));
+    let rotary = picture("rotary-axes.svg");
+    assert!(rotary.contains("reversals inside the cuts: 639 as programmed, 2 thinned"));
+    assert!(rotary.contains("in the whole program"), "turns between the cuts are counted, too");
     let sphere = picture("tool-direction.svg");
     assert!(sphere.contains("as programmed") && sphere.contains("thinned") && sphere.contains("90\u{b0}"));
     assert!(picture("thinning-deviation.svg").contains("2388 of 2627 blocks dropped"));

@@ -327,6 +327,21 @@ fn pictures_are_drawn_of_a_mill_program_too() {
 }
 
 #[test]
+fn vibrating_threads_are_told_from_plain_ones_and_feeds_scaled_for_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = run(&[&"plan", &fixture("thread-a.nc"), &"--plots", &directory.path()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let picture = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    let tool_path = picture("tool-path.svg");
+    // Three passes vibrate, the finishing pass does not.
+    assert!(tool_path.contains("threading with vibration of X") && tool_path.contains("\nthreading\n"), "{tool_path}");
+    assert!(tool_path.contains("beyond the scale: start at Z 80 mm, X (radius) 60 mm"));
+    // The cut at 750 mm/min fills the scale, rapid moves leave it.
+    let feed = picture("feed.svg");
+    assert!(feed.contains("beyond the scale: rapid moves") && !feed.contains("\n10\u{a0}000\n"));
+}
+
+#[test]
 fn splines_and_rounded_corners_are_drawn_as_they_are_run() {
     let directory = tempfile::tempdir().unwrap();
     let program = directory.path().join("curves.nc");

@@ -51,7 +51,8 @@ fn too_high_a_feed_comes_down_until_the_deflection_is_inside_the_limits() {
     assert!(!inside.contains("above limit"), "{text}");
 
     let picture = std::fs::read_to_string(plots.join("run.svg")).unwrap();
-    assert!(picture.contains("limits") && picture.contains("feed override, %"));
+    assert!(picture.contains("upper limit 0.01 mm") && picture.contains("lower limit 0.003 mm"));
+    assert!(picture.contains("judged: largest mean deflection") && picture.contains("feed override, %"));
     assert!(plots.join("run.png").is_file());
 
     let name = text.lines().next().unwrap();
