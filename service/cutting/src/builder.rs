@@ -14,12 +14,12 @@ use feedwave_motion::{
     limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind,
-    PathControl, Position, SourceSpan, Spindle,
+    DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind, PathControl,
+    Position, SourceSpan, Spindle,
 };
 use serde::{Deserialize, Serialize};
 
-use self::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
+use self::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
 use self::oscillation::{ActiveOscillation, Judgements};
 use self::threading::Threads;
 use crate::cut::Cut;
@@ -324,7 +324,7 @@ impl Builder {
             self.close_section(planner, findings);
         }
         let is_vibrating = cutting && self.state.vibration.is_some();
-        if is_vibrating && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis)) {
+        if is_vibrating && is_rotary_only(&element) {
             findings.push(
                 Finding::error(
                     "VIB-ROTARY-ONLY",
@@ -393,11 +393,13 @@ impl Builder {
             Err(exceeded) => {
                 // The section's own report says more where there is one.
                 if self.analysis.as_ref().is_none_or(|analysis| analysis.open.is_none()) {
-                    let message = exceeded.to_string();
+                    let LimitExceeded { axis, quantity, demanded, limit } = exceeded;
+                    let unit = quantity.unit(axis.is_rotary());
                     findings.push(
-                        Finding::error("AXIS-LIMIT", span, message)
-                            .with_value("demanded", exceeded.demanded, "")
-                            .with_value("limit", exceeded.limit, ""),
+                        Finding::error("AXIS-LIMIT", span, exceeded.to_string())
+                            .ranked(format!("{quantity} of {}", axis.letter()), demanded / limit)
+                            .with_value("demanded", demanded, unit)
+                            .with_value("limit", limit, unit),
                     );
                 }
                 return;
@@ -406,7 +408,7 @@ impl Builder {
         let stretches = stretches(&element, cut.feed, &cut.spindle, machine, &pieces);
         // A curve at a corner has no feed of its own that could be missed.
         if cutting && blocks > 0 {
-            self.check_feed(&stretches, element.length, span, findings);
+            self.check_feed(&stretches, &element, findings);
         }
         // Where the vibration has to wait for a corner, the path rests there.
         let passes_corners = in_section.is_none();

@@ -242,3 +242,48 @@ fn an_inch_program_is_cured_in_inches() {
     let amplitude_mm = word[1..].parse::<f64>().expect("a number") * 25.4;
     assert!(amplitude_mm > 0.0190 && amplitude_mm < 0.0202, "{word}");
 }
+
+#[test]
+fn sections_of_one_switch_are_one_finding_for_each_axis_with_the_worst_of_them() {
+    let program = "M3 S1000\nG0 X10 Z5\nG200 F200 A0.5\nG1 X20 Z0 F0.1\nG0 X10 Z5\nG1 X16 Z1\nG0 X10 Z5\nG1 Z0\nG0 X10 Z5\n\
+                   G1 X20 Z0\nG201\nM30\n";
+    let report = validate(program, &lathe());
+    assert_eq!(report.sections.len(), 4);
+    let of = |axis: &str| {
+        let found = report.findings.iter().filter(|finding| finding.code == "VIB-AXIS-ACCELERATION");
+        let found: Vec<_> = found.filter(|finding| finding.message.contains(axis)).collect();
+        let [found] = found[..] else { panic!("{axis}: {found:#?}") };
+        let line = |occurrence: &Option<feedwave_program::Occurrence>| occurrence.as_ref().map(|it| it.number);
+        (found.occurrences, line(&found.first), line(&found.worst), found.values.clone())
+    };
+    let (occurrences, first, worst, values) = of("the Z axis");
+    assert_eq!((occurrences, first, worst), (4, Some(4), Some(8)), "straight along Z takes most");
+    let demanded = values.iter().find(|value| value.name == "demanded").expect("the numbers").value;
+    assert!((demanded - 0.5 * (2.0 * PI * 200.0).powi(2)).abs() < 1e-6 * demanded, "{demanded}");
+    let (occurrences, first, worst, _) = of("the X axis");
+    assert_eq!((occurrences, first, worst), (3, Some(4), Some(4)));
+    let errors = report.findings.iter().filter(|finding| finding.severity == feedwave_program::Severity::Error).count();
+    assert_eq!(report.summary.errors, errors as u64, "occurrences are no errors of their own");
+}
+
+#[test]
+fn what_turns_is_told_in_degrees() {
+    let mut config = PipelineConfig::new(MachineProfile::mill());
+    let mut turning = config.profile.machine.axes[0].clone();
+    (turning.axis, turning.name) = (feedwave_program::Axis::C, "C".to_owned());
+    (turning.travel_min, turning.travel_max) = (None, Some(90.0));
+    config.profile.machine.axes.push(turning);
+    let program = |path: &str| format!("M3 S1000\nG0 X0 Y0 Z0\nG200 F50 A0.03\n{path}\nG201\nG1 C80 F999999\nM30\n");
+    let report = validate(&program("G1 X1 C89 F100"), &config);
+    let found =
+        report.findings.iter().find(|finding| finding.code == "VIB-AXIS-ACCELERATION").expect("too fast a turn");
+    assert!(found.message.contains("deg/s² of the C axis"), "{}", found.message);
+    assert!(found.values.iter().filter(|value| value.name != "line").all(|value| value.unit == "deg/s²"), "{found:#?}");
+    let turning: Vec<_> = report.sections[0].axes.iter().map(|axis| (axis.name.as_str(), axis.rotary)).collect();
+    assert_eq!(turning, [("X", false), ("C", true)]);
+    let limited = report.findings.iter().find(|finding| finding.code == "FEED-LIMITED").expect("a rotary feed");
+    assert!(limited.message.contains("deg/min") && limited.values.iter().all(|value| value.unit == "deg/min"));
+    let beyond = validate(&program("G1 X1 C91 F100"), &config);
+    let beyond = beyond.findings.iter().find(|finding| finding.code == "AXIS-TRAVEL").expect("beyond its travel");
+    assert!(beyond.message.contains("91.000 deg"), "{}", beyond.message);
+}

@@ -477,3 +477,44 @@ proptest! {
         prop_assert!(follower.encoder(f64::NAN).is_err());
     }
 }
+
+/// A cycle of many passes in one block.
+fn cycle(words: &str) -> String {
+    format!("G97 M3 S600\nG0 X24 Z5\nG76 P2. {words}\nG0 X40\nM30\n")
+}
+
+#[test]
+fn a_cycle_with_tapers_and_without_vibration_needs_no_words_for_it() {
+    for ends in ["L1", "L2", "L3"] {
+        let report = validate(&cycle(&format!("Z-30. I-2. J.4 K2.4 E3. H2 {ends}")), &lathe());
+        assert!(!codes(&report).contains(&"THREAD-PART-VIBRATION".to_owned()), "{ends}: {:?}", codes(&report));
+        assert!(report.is_accepted(), "{ends}: {:#?}", report.findings);
+    }
+    let chained = |second: &str| {
+        let text = format!(
+            "G97 S600 M3\nG0 X14 Z100\nG165 P3 X10 Q1.2\nG0 X8\nG32 Z60 F2.5 A1.5 R90\nG32 Z50 F2.5{second}\nG0 X14\n\
+             G165 P0\nM30\n"
+        );
+        codes(&validate(&text, &lathe()))
+    };
+    for (second, contradicts) in [("", false), (" A1.5 R90", false), (" A1.4", true), (" A0.0", true), (" R0", true)] {
+        assert_eq!(chained(second).contains(&"THREAD-PART-VIBRATION".to_owned()), contradicts, "{second:?}");
+    }
+}
+
+#[test]
+fn the_passes_of_one_block_are_one_finding_with_the_worst_of_them() {
+    let report = validate(&cycle("Z4.99 I-2. J.06 K2.4 R1.2 H2"), &lathe());
+    let passes = report.threads[0].job.passes.len() as u64;
+    assert!(passes > 30, "{passes}");
+    let short: Vec<_> = report.findings.iter().filter(|finding| finding.code == "THREAD-LENGTH-SHORT").collect();
+    let [short] = &short[..] else { panic!("{} findings", short.len()) };
+    assert_eq!(short.occurrences, passes);
+    let place = |number| Some(feedwave_program::Occurrence { name: "pass".into(), number });
+    assert_eq!(short.first, place(1));
+    let air: Vec<_> = report.findings.iter().filter(|finding| finding.code == "THREAD-PASS-AIR").collect();
+    assert!(air.len() == 1 && air[0].occurrences == 2, "{air:#?}");
+    let keys: std::collections::BTreeSet<_> =
+        report.findings.iter().map(|finding| (finding.code.clone(), finding.span.line)).collect();
+    assert_eq!(keys.len(), report.findings.len(), "{:#?}", codes(&report));
+}

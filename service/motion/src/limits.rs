@@ -75,26 +75,29 @@ impl PathLimits {
     }
 }
 
-/// Quantity of an axis limit.
+/// Quantity of an axis limit: of millimetres, or of degrees for a rotary axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
-    /// mm/s
+    /// By s.
     Velocity,
-    /// mm/s²
+    /// By s².
     Acceleration,
-    /// mm/s³
+    /// By s³.
     Jerk,
 }
 
 impl Quantity {
-    /// Unit of a linear axis.
+    /// Its unit on a linear or a rotary axis.
     #[must_use]
-    pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Velocity => "mm/s",
-            Self::Acceleration => "mm/s²",
-            Self::Jerk => "mm/s³",
+    pub const fn unit(self, rotary: bool) -> &'static str {
+        match (self, rotary) {
+            (Self::Velocity, false) => "mm/s",
+            (Self::Acceleration, false) => "mm/s²",
+            (Self::Jerk, false) => "mm/s³",
+            (Self::Velocity, true) => "deg/s",
+            (Self::Acceleration, true) => "deg/s²",
+            (Self::Jerk, true) => "deg/s³",
         }
     }
 }
@@ -111,7 +114,7 @@ impl fmt::Display for Quantity {
 
 /// A superposed motion leaves (nearly) nothing of an axis' limit for the feed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
-#[error("the superposed motion takes {demanded:.1} {} of the {axis} axis' {quantity}, whose limit on this curve is {limit:.1}", quantity.unit(), axis = axis.letter())]
+#[error("the superposed motion takes {demanded:.1} {} of the {axis} axis' {quantity}, whose limit on this curve is {limit:.1}", quantity.unit(axis.is_rotary()), axis = axis.letter())]
 pub struct LimitExceeded {
     /// The axis.
     pub axis: Axis,

@@ -1,8 +1,12 @@
 //! Findings: the one type for everything the product has to say about a program, from lexer to client.
 
+mod log;
+
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
+
+pub use self::log::FindingLog;
 
 /// How bad a finding is. A program with an [`Severity::Error`] is rejected before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -49,7 +53,17 @@ pub struct Suggestion {
     pub value: Option<NamedValue>,
 }
 
-/// One thing found in a program.
+/// Which of several occurrences at one place, such as `pass` 3 of a cycle that is one block.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Occurrence {
+    /// What is counted, `snake_case`: `pass`, `line`.
+    pub name: Cow<'static, str>,
+    /// Its number, counted from 1.
+    pub number: u64,
+}
+
+/// One thing found in a program. What is found again at the same place and for the same cause is one finding: a
+/// [`FindingLog`] counts its occurrences and keeps the worst.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Stable code such as `VIB-CHIP-UNBROKEN`.
@@ -65,6 +79,22 @@ pub struct Finding {
     pub values: Vec<NamedValue>,
     /// Cures, best first.
     pub suggestions: Vec<Suggestion>,
+    /// How often it was met; message, values and cures are those of the worst occurrence.
+    pub occurrences: u64,
+    /// The first occurrence, where the place alone does not tell it.
+    pub first: Option<Occurrence>,
+    /// The worst occurrence, likewise.
+    pub worst: Option<Occurrence>,
+    /// What tells occurrences of one finding from other findings, and which of them is the worst.
+    #[serde(skip)]
+    rank: Option<Rank>,
+}
+
+/// See [`Finding::ranked`].
+#[derive(Clone, Debug, PartialEq)]
+struct Rank {
+    about: Cow<'static, str>,
+    excess: f64,
 }
 
 impl Finding {
@@ -78,6 +108,10 @@ impl Finding {
             message: message.into(),
             values: Vec::new(),
             suggestions: Vec::new(),
+            occurrences: 1,
+            first: None,
+            worst: None,
+            rank: None,
         }
     }
 
@@ -97,6 +131,23 @@ impl Finding {
     #[must_use]
     pub fn info(code: &'static str, span: SourceSpan, message: impl Into<String>) -> Self {
         Self::new(code, Severity::Info, span, message)
+    }
+
+    /// Says that the finding may come again with other numbers: in a [`FindingLog`] findings of one code, severity and place
+    /// that are about the same thing (an axis, a direction; `""` where the code says it all) are one, and the occurrence with
+    /// the largest `excess` is kept. Without this, findings are one where their messages are equal.
+    #[must_use]
+    pub fn ranked(mut self, about: impl Into<Cow<'static, str>>, excess: f64) -> Self {
+        self.rank = Some(Rank { about: about.into(), excess });
+        self
+    }
+
+    /// Says which occurrence this is where the place alone does not tell it, and adds its number to the values.
+    #[must_use]
+    pub fn at(mut self, name: &'static str, number: u64) -> Self {
+        let occurrence = Occurrence { name: name.into(), number };
+        (self.first, self.worst) = (Some(occurrence.clone()), Some(occurrence));
+        self.with_value(name, number as f64, "")
     }
 
     /// Adds a number that led to the finding.
@@ -134,132 +185,5 @@ impl Finding {
         let value = Some(NamedValue { name: name.into(), value, unit: unit.into() });
         self.suggestions.push(Suggestion { message: message.into(), replacement, value });
         self
-    }
-}
-
-/// How far a [`FindingLog`] was filled.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FindingMark {
-    kept: usize,
-    dropped: u64,
-    counts: [u64; 3],
-}
-
-impl FindingMark {
-    /// How many findings were kept.
-    pub(crate) const fn kept(self) -> usize {
-        self.kept
-    }
-
-    /// How many errors had been pushed.
-    pub(crate) const fn errors(self) -> u64 {
-        self.counts[Severity::Error as usize]
-    }
-}
-
-/// A bounded collection of findings: keeps the first ones in full and counts the rest, so that a program of
-/// nothing but mistakes cannot exhaust memory.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FindingLog {
-    findings: Vec<Finding>,
-    limit: usize,
-    /// Findings counted but not kept.
-    dropped: u64,
-    /// How many of each severity were pushed, indexed info, warning, error.
-    counts: [u64; 3],
-}
-
-impl FindingLog {
-    /// Findings kept in full unless told otherwise.
-    pub const DEFAULT_LIMIT: usize = 1_000;
-
-    /// An empty log that keeps at most `limit` findings in full.
-    #[must_use]
-    pub const fn with_limit(limit: usize) -> Self {
-        Self { findings: Vec::new(), limit, dropped: 0, counts: [0; 3] }
-    }
-
-    /// Adds a finding, or counts it when the log is full.
-    pub fn push(&mut self, finding: Finding) {
-        self.counts[finding.severity as usize] += 1;
-        if self.findings.len() < self.limit {
-            self.findings.push(finding);
-        } else {
-            self.dropped += 1;
-        }
-    }
-
-    /// Adds a finding of this severity, built only if the log still keeps findings in full, so that a program of
-    /// nothing but mistakes costs no formatting either.
-    pub fn push_with(&mut self, severity: Severity, build: impl FnOnce() -> Finding) {
-        if self.findings.len() < self.limit {
-            let finding = build();
-            debug_assert_eq!(finding.severity, severity);
-            self.push(finding);
-        } else {
-            self.counts[severity as usize] += 1;
-            self.dropped += 1;
-        }
-    }
-
-    /// A mark to withdraw from.
-    #[inline]
-    pub(crate) const fn mark(&self) -> FindingMark {
-        FindingMark { kept: self.findings.len(), dropped: self.dropped, counts: self.counts }
-    }
-
-    /// Takes back everything since the mark.
-    pub(crate) fn rewind(&mut self, mark: FindingMark) {
-        self.findings.truncate(mark.kept);
-        (self.dropped, self.counts) = (mark.dropped, mark.counts);
-    }
-
-    /// Takes back the findings from the `from`th on that `is_void` says; those that were only counted stay counted.
-    pub(crate) fn withdraw(&mut self, from: usize, is_void: impl Fn(&Finding) -> bool) {
-        let mut index = 0;
-        let counts = &mut self.counts;
-        self.findings.retain(|finding| {
-            let goes = index >= from && is_void(finding);
-            index += 1;
-            counts[finding.severity as usize] -= u64::from(goes);
-            !goes
-        });
-    }
-
-    /// The findings kept, in the order of discovery.
-    #[must_use]
-    pub fn findings(&self) -> &[Finding] {
-        &self.findings
-    }
-
-    /// How many findings of this severity were pushed, kept or not.
-    #[must_use]
-    pub const fn count(&self, severity: Severity) -> u64 {
-        self.counts[severity as usize]
-    }
-
-    /// How many findings were counted but not kept.
-    #[must_use]
-    pub const fn dropped(&self) -> u64 {
-        self.dropped
-    }
-
-    /// Whether any error was pushed.
-    #[must_use]
-    pub const fn has_errors(&self) -> bool {
-        self.count(Severity::Error) > 0
-    }
-
-    /// The findings kept, ordered by place and then by discovery.
-    #[must_use]
-    pub fn into_sorted(mut self) -> Vec<Finding> {
-        self.findings.sort_by_key(|finding| (finding.span.line, finding.span.column));
-        self.findings
-    }
-}
-
-impl Default for FindingLog {
-    fn default() -> Self {
-        Self::with_limit(Self::DEFAULT_LIMIT)
     }
 }

@@ -270,7 +270,7 @@ impl Interpreter {
             doubt: None,
         };
         let end = execution.run();
-        let is_refused = findings.count(Severity::Error) > mark.errors();
+        let is_refused = findings.has_errors_since(mark);
         if unread != 0 {
             self.note_unread(mark.kept(), unread, findings);
         }

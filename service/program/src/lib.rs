@@ -23,7 +23,7 @@ mod state;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use code::FINDING_CODES;
-pub use finding::{Finding, FindingLog, NamedValue, Severity, SourceSpan, Suggestion};
+pub use finding::{Finding, FindingLog, NamedValue, Occurrence, Severity, SourceSpan, Suggestion};
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, ToolLength, interpret};
 pub use number::Number;

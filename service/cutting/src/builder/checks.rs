@@ -1,6 +1,6 @@
 //! What is looked at in every move: tool, spindle speed, feed, travel and time.
 
-use feedwave_motion::{Element, Machine, Stretches, travel_exceeded};
+use feedwave_motion::{Curve, Element, Machine, Stretches, travel_exceeded};
 use feedwave_program::{Axis, Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::Builder;
@@ -64,16 +64,11 @@ impl Builder {
         }
     }
 
-    pub(super) fn check_feed(
-        &mut self,
-        stretches: &Stretches,
-        length_mm: f64,
-        span: SourceSpan,
-        findings: &mut FindingLog,
-    ) {
+    pub(super) fn check_feed(&mut self, stretches: &Stretches, element: &Element, findings: &mut FindingLog) {
+        let span = element.source;
         let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
         let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
-        let duration_s = length_mm / slowest;
+        let duration_s = element.length / slowest;
         if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
             findings.push(too_long(span, duration_s));
         }
@@ -82,17 +77,24 @@ impl Builder {
             self.state.feed_limited_reported = true;
             let wanted = fastest * 60.0;
             let allowed = limit * 60.0;
+            let unit = if is_rotary_only(element) { "deg/min" } else { "mm/min" };
             let message = format!(
-                "the programmed feed {wanted:.1} mm/min is limited to {allowed:.1} mm/min by the axes here (first place)"
+                "the programmed feed {wanted:.1} {unit} is limited to {allowed:.1} {unit} by the axes here (first place)"
             );
             findings.push(
                 Finding::info("FEED-LIMITED", span, message)
-                    .with_value("feed", wanted, "mm/min")
-                    .with_value("limit", allowed, "mm/min")
-                    .suggest_value("program what the axes can follow", None, "feed", allowed, "mm/min"),
+                    .with_value("feed", wanted, unit)
+                    .with_value("limit", allowed, unit)
+                    .suggest_value("program what the axes can follow", None, "feed", allowed, unit),
             );
         }
     }
+}
+
+/// Whether the length of an element is in degrees: only rotary axes move.
+pub(super) fn is_rotary_only(element: &Element) -> bool {
+    !matches!(element.curve, Curve::FiveAxis(_))
+        && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
 }
 
 pub(super) fn missing(axis: Axis, span: SourceSpan) -> Finding {
@@ -104,13 +106,15 @@ pub(super) fn missing(axis: Axis, span: SourceSpan) -> Finding {
 pub(super) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
     if let Some(exceeded) = travel_exceeded(element, machine) {
         let letter = exceeded.axis.letter();
+        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
         let message = format!(
-            "{letter} would reach {:.3}, beyond its travel limit {:.3} (machine coordinates)",
+            "{letter} would reach {:.3} {unit}, beyond its travel limit {:.3} {unit} (machine coordinates)",
             exceeded.value, exceeded.limit
         );
-        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
+        let end = if exceeded.value < exceeded.limit { "low" } else { "high" };
         findings.push(
             Finding::error("AXIS-TRAVEL", element.source, message)
+                .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
                 .with_value("position", exceeded.value, unit)
                 .with_value("limit", exceeded.limit, unit)
                 .suggest("check the work offset and the programmed coordinate"),
@@ -121,6 +125,7 @@ pub(super) fn check_travel(element: &Element, machine: &Machine, findings: &mut 
 pub(super) fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
     let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
     Finding::error("PLAN-TOO-LONG", span, message)
+        .ranked("", duration_s)
         .with_value("duration", duration_s, "s")
         .with_value("limit", MAX_BLOCK_DURATION_S, "s")
         .suggest("check the decimal point of the feed or dwell")

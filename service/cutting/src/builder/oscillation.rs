@@ -42,13 +42,13 @@ pub(super) struct ActiveOscillation {
     run: Option<Box<OscillationRun>>,
     left: Option<LeftLimits>,
     open: Option<OpenSection>,
-    short_reported: bool,
-    overridden_reported: bool,
 }
 
 /// A section that the path is in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct OpenSection {
+    /// Line of its first element.
+    line: u32,
     /// Its length so far, mm.
     length_mm: f64,
     /// Direction at its end.
@@ -117,8 +117,6 @@ impl Builder {
             run: None,
             left: None,
             open: None,
-            short_reported: false,
-            overridden_reported: false,
         }));
     }
 
@@ -133,11 +131,10 @@ impl Builder {
 
     pub(super) fn close_oscillation(&mut self, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
         let Some(active) = &mut self.state.oscillation else { return };
-        let Some(OpenSection { length_mm, ramp_mm, .. }) = active.open.take() else { return };
+        let Some(OpenSection { line, length_mm, ramp_mm, .. }) = active.open.take() else { return };
         planner.push_barrier(Barrier::OscillationEnd);
         let needed_mm = 2.0 * ramp_mm;
-        if length_mm < needed_mm && !active.short_reported {
-            active.short_reported = true;
+        if length_mm < needed_mm {
             let message = format!(
                 "a part of the path without corners is {} mm long, shorter than the {} mm over which the oscillation is \
                  blended in and out",
@@ -146,6 +143,8 @@ impl Builder {
             );
             findings.push(
                 Finding::warning("OSC-SECTION-SHORT", active.on_span, message)
+                    .at("line", line.into())
+                    .ranked("", needed_mm - length_mm)
                     .with_value("length", length_mm, "mm")
                     .with_value("ramps", needed_mm, "mm")
                     .suggest("round corners with G64, or blend over fewer periods"),
@@ -181,7 +180,9 @@ impl Builder {
         let report = active.prepare(element, cut, tool, rotary.as_ref(), vibrates, config, judgements, &mut found);
         active.refused = found.iter().any(|finding| finding.severity == Severity::Error);
         for finding in found {
-            findings.push(finding);
+            // What is found at the switch was found because of this element.
+            let is_of_switch = finding.span == active.on_span;
+            findings.push(if is_of_switch { finding.at("line", element.source.line.into()) } else { finding });
         }
         if let (Some(analysis), Some(report)) = (&mut self.analysis, report) {
             analysis.oscillation_count += 1;
@@ -202,6 +203,7 @@ impl Builder {
             planner.push_barrier(Barrier::OscillationStart(Box::new(OscillationRun { rotary, ..(**run).clone() })));
         }
         active.open = Some(OpenSection {
+            line: active.open.map_or(element.source.line, |open| open.line),
             length_mm: active.open.map_or(0.0, |open| open.length_mm) + element.length,
             direction: heading(rotary.as_ref(), element, element.length),
             ramp_mm: run.ramp_mm,

@@ -163,8 +163,14 @@ impl PassWay {
     }
 
     /// Whether every part leaves room for the changes of speed at its ends; with `judged` the thread's own report says so
-    /// of a pass of one part.
-    pub(super) fn check_length(&self, judged: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
+    /// of a pass of one part. `number` is that of the pass in its thread.
+    pub(super) fn check_length(
+        &self,
+        judged: bool,
+        number: Option<u64>,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) -> bool {
         let is_reported = judged && self.parts.len() == 1;
         for ((part, ends), speed) in self.parts.iter().zip(self.changes_deg.windows(2)).zip(self.speeds()) {
             let needed_deg = 0.5 * (ends[0] + ends[1]);
@@ -181,8 +187,11 @@ impl PassWay {
                 part.angle_deg * mm_per_deg,
                 needed_deg * mm_per_deg
             );
+            let finding = Finding::error("THREAD-LENGTH-SHORT", span, message)
+                .ranked("", (needed_deg - part.angle_deg) * mm_per_deg);
+            let finding = if let Some(number) = number { finding.at("pass", number) } else { finding };
             findings.push(
-                Finding::error("THREAD-LENGTH-SHORT", span, message)
+                finding
                     .with_value("length", part.angle_deg * mm_per_deg, "mm")
                     .with_value("needed", needed_deg * mm_per_deg, "mm")
                     .with_value("line", f64::from(part.line), "")
@@ -218,6 +227,7 @@ impl PassWay {
                 );
                 findings.push(
                     Finding::error("THREAD-AXIS-SPEED", span, message)
+                        .ranked(axis.letter().to_string(), demanded / limit)
                         .with_value("velocity", demanded, "mm/s")
                         .with_value("limit", limit, "mm/s")
                         .suggest_value(

@@ -96,7 +96,8 @@ impl Builder {
                 );
                 blocks.clear();
             }
-            if mv.amplitude_mm.is_some() || mv.phase_shift_deg.is_some() {
+            let vibrates = self.state.threads.mode.is_some();
+            if blocks.first().is_some_and(|first| contradicts(&first.mv, mv, vibrates)) {
                 let message = "the vibration of a thread of several parts is that of its first block";
                 let finding = Finding::error("THREAD-PART-VIBRATION", span, message);
                 findings.push(finding.suggest("write A and R in the first block of the thread only"));
@@ -185,13 +186,14 @@ impl Builder {
             }
             self.close_thread(config, findings);
             way.check_speeds(0.0, false, machine, first.span, findings);
-            return way.check_length(false, first.span, findings).then_some(Pass { way, vibration: still });
+            return way.check_length(false, None, first.span, findings).then_some(Pass { way, vibration: still });
         }
         let vibration = self.join(first, &way, still, config, findings)?;
         let peak_mm_per_s = peak_velocity(&vibration, way.rev_per_s());
         way.check_speeds(peak_mm_per_s, true, machine, first.span, findings);
         let judged = self.analysis.is_some();
-        way.check_length(judged, first.span, findings).then_some(Pass { way, vibration })
+        let number = self.state.threads.open.as_ref().map(|open| open.job.passes.len() as u64);
+        way.check_length(judged, number, first.span, findings).then_some(Pass { way, vibration })
     }
 
     /// Adds a pass to its thread and says how it vibrates.
@@ -299,6 +301,14 @@ impl Builder {
     }
 }
 
+/// Whether a further part of a thread states another vibration than the first: what it does not state, or states as the first
+/// does, is that of the first. A thread that does not vibrate has amplitude 0.
+fn contradicts(first: &ThreadMove, part: &ThreadMove, vibrates: bool) -> bool {
+    let amplitude_mm = first.amplitude_mm.or_else(|| (!vibrates).then_some(0.0));
+    part.amplitude_mm.is_some() && part.amplitude_mm != amplitude_mm
+        || part.phase_shift_deg.is_some() && part.phase_shift_deg != first.phase_shift_deg
+}
+
 /// A pass that is about to be planned.
 struct Pass {
     way: PassWay,
@@ -388,6 +398,7 @@ impl OpenThread {
             );
             findings.push(
                 Finding::warning("THREAD-SPEED-CHANGED", first.span, message)
+                    .ranked("", (rev_per_min / self.job.spindle_rev_per_min - 1.0).abs())
                     .with_value("spindle_speed", rev_per_min, "rev/min")
                     .with_value("before", self.job.spindle_rev_per_min, "rev/min")
                     .suggest("cut all passes of a thread at one spindle speed"),

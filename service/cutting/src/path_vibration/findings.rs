@@ -1,4 +1,5 @@
-//! From the evidence of a section to findings: one for each kind, with the numbers and what cures it.
+//! From the evidence of a section to findings: one for each kind, with the numbers and what cures it. Sections of one switch
+//! share its place: the findings' log counts them and keeps the worst.
 
 use feedwave_motion::{LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
@@ -128,12 +129,14 @@ impl Evidence {
                     let message = format!(
                         "{of} {} {} of the {} axis' {quantity}, whose limit is {} (line {})",
                         decimal(demanded, 1),
-                        quantity.unit(),
+                        quantity.unit(axis.rotary),
                         axis.name,
                         decimal(limit, 1),
                         axis.line
                     );
-                    findings.push(self.axis_finding(quantity, demanded, limit, axis.line, message));
+                    let load =
+                        Load { axis: &axis.name, rotary: axis.rotary, quantity, demanded, limit, line: axis.line };
+                    findings.push(self.axis_finding(&load, message));
                 }
             }
         }
@@ -142,15 +145,20 @@ impl Evidence {
             && findings[before..].iter().all(|finding| finding.code != axis_code(exceeded.quantity))
         {
             let message = format!("{exceeded} (line {line})");
-            findings.push(self.axis_finding(exceeded.quantity, exceeded.demanded, exceeded.limit, *line, message));
+            let LimitExceeded { axis, quantity, demanded, limit } = *exceeded;
+            let (name, rotary) = (axis.letter().to_string(), axis.is_rotary());
+            let load = Load { axis: &name, rotary, quantity, demanded, limit, line: *line };
+            findings.push(self.axis_finding(&load, message));
         }
     }
 
-    fn axis_finding(&self, quantity: Quantity, demanded: f64, limit: f64, line: u32, message: String) -> Finding {
+    fn axis_finding(&self, load: &Load<'_>, message: String) -> Finding {
+        let Load { axis, rotary, quantity, demanded, limit, line } = *load;
         let mut finding = Finding::error(axis_code(quantity), self.amplitude_span(), message)
-            .with_value("demanded", demanded, quantity.unit())
-            .with_value("limit", limit, quantity.unit())
-            .with_value("line", f64::from(line), "");
+            .at("line", line.into())
+            .ranked(axis.to_owned(), demanded / limit)
+            .with_value("demanded", demanded, quantity.unit(rotary))
+            .with_value("limit", limit, quantity.unit(rotary));
         if let Some(amplitude_mm) = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0)
         {
             let message =
@@ -188,6 +196,8 @@ impl Evidence {
         );
         let amplitude_mm = round_down(0.5 * length_mm, 4);
         let finding = Finding::warning("VIB-TRAVEL-SHORT", self.amplitude_span(), message)
+            .at("line", self.report.first_line.into())
+            .ranked("", travel_mm - length_mm)
             .with_value("length", length_mm, "mm")
             .with_value("travel", travel_mm, "mm")
             .with_value("clamped_share", clamped_share, "");
@@ -217,10 +227,11 @@ impl Evidence {
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         findings.push(
             Finding::error("VIB-CONTOUR", self.amplitude_span(), message)
+                .at("line", line.into())
+                .ranked("", deviation_mm)
                 .with_value("deviation", deviation_mm, "mm")
                 .with_value("tolerance", tolerance_mm, "mm")
                 .with_value("radius", radius_mm, "mm")
-                .with_value("line", f64::from(line), "")
                 .suggest("generate the vibration along the path, which never leaves the contour")
                 .suggest_value(cure, self.amplitude_cure(amplitude_mm), "amplitude", amplitude_mm, "mm"),
         );
@@ -238,9 +249,10 @@ impl Evidence {
         );
         findings.push(
             Finding::warning("VIB-JUNCTION-JUMP", self.on_span, message)
+                .at("line", line.into())
+                .ranked("", jump_mm)
                 .with_value("jump", jump_mm, "mm")
                 .with_value("longest_rest", rest_s, "s")
-                .with_value("line", f64::from(line), "")
                 .suggest("generate the vibration along the path, which goes back around the corner")
                 .suggest("round the corner with a tangent arc"),
         );
@@ -251,7 +263,8 @@ impl Evidence {
             let message = format!("the spindle stands still in line {line}: whether the chip breaks cannot be said");
             findings.push(
                 Finding::warning("VIB-SPINDLE-STOPPED", self.on_span, message)
-                    .with_value("line", f64::from(line), "")
+                    .at("line", line.into())
+                    .ranked("", 0.0)
                     .suggest("start the spindle before the section"),
             );
         }
@@ -309,12 +322,13 @@ impl Evidence {
         let amplitude_first = chip.amplitude_ratio < 1.0;
         let span = if amplitude_first { self.amplitude_span() } else { self.frequency_cure(0.0).0 };
         let mut finding = Finding::warning("VIB-CHIP-UNBROKEN", span, message)
+            .at("line", line.into())
+            .ranked("", -cut.breaking_margin())
             .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
             .with_value("amplitude_ratio", chip.amplitude_ratio, "")
             .with_value("feed_per_rev", cut.feed_per_rev_mm, "mm")
             .with_value("spindle_speed", cut.spindle_rev_per_min, "rev/min")
-            .with_value("broken_share", share, "")
-            .with_value("line", f64::from(line), "");
+            .with_value("broken_share", share, "");
         if let Some(ratio) = self.report.feed_override.filter(|ratio| *ratio != 1.0) {
             finding = finding.with_value("feed_override", 100.0 * ratio, "%");
         }
@@ -354,10 +368,11 @@ impl Evidence {
             permitted.line
         );
         let mut finding = Finding::warning("VIB-CHIP-OVERRIDE", self.amplitude_span(), message)
+            .at("line", permitted.line.into())
+            .ranked("", -permitted.breaking_margin)
             .with_value("max_feed_override", 100.0 * permitted.max_feed_override, "%")
             .with_value("breaking_margin", permitted.breaking_margin, "")
-            .with_value("broken_share", permitted.broken_share, "")
-            .with_value("line", f64::from(permitted.line), "");
+            .with_value("broken_share", permitted.broken_share, "");
         if let (Some(largest), Some(feed_mm)) = (largest, permitted.largest_breaking_feed_per_rev_mm) {
             finding = finding.with_value("largest_feed_override", largest, "%").with_value(
                 "largest_feed_per_rev",
@@ -461,10 +476,11 @@ impl Evidence {
             decimal(closest_rev_per_min / spindle_rev_per_min * 100.0, 2)
         );
         let finding = Finding::warning("VIB-CHIP-MARGINAL", self.frequency_cure(0.0).0, message)
+            .at("line", line.into())
+            .ranked("", -closest_rev_per_min / spindle_rev_per_min)
             .with_value("spindle_speed", spindle_rev_per_min, "rev/min")
             .with_value("speed_tolerance", closest_rev_per_min, "rev/min")
-            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
-            .with_value("line", f64::from(line), "");
+            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "");
         findings.push(self.suggest_frequencies(finding, chip, true));
     }
 
@@ -486,6 +502,8 @@ impl Evidence {
         );
         let span_count = surface.unbroken_spans.len() as u64 + surface.unbroken_spans_not_listed;
         Finding::warning("VIB-PARTLY-UNBROKEN", self.on_span, message)
+            .at("line", first.map_or(self.report.first_line, |span| span.first_line).into())
+            .ranked("", unbroken_share)
             .with_value("unbroken_share", unbroken_share, "")
             .with_value("unbroken_spans", span_count as f64, "")
             .suggest("turn the section at a constant spindle speed (G97) with half-integer D")
@@ -513,6 +531,8 @@ impl Evidence {
             decimal(arriving_mm, 5)
         );
         let finding = Finding::warning("VIB-FOLLOWING-LOSS", self.amplitude_span(), message)
+            .at("line", self.report.first_line.into())
+            .ranked("", f64::from(u8::from(no_longer_breaks)))
             .with_value("arriving_amplitude", arriving_mm, "mm")
             .with_value("filter_gain", following.filter_gain, "")
             .with_value("loop_gain", following.loop_gain, "")
@@ -535,6 +555,17 @@ impl Evidence {
 /// A factor as a percentage, never rounded up.
 fn percent(ratio: f64) -> String {
     decimal(round_down(100.0 * ratio, 2), 2)
+}
+
+/// What a section asks of one limit of an axis.
+#[derive(Clone, Copy)]
+struct Load<'a> {
+    axis: &'a str,
+    rotary: bool,
+    quantity: Quantity,
+    demanded: f64,
+    limit: f64,
+    line: u32,
 }
 
 fn axis_code(quantity: Quantity) -> &'static str {

@@ -103,6 +103,7 @@ impl AxisLoads {
                     .max(jerk_per_s3 / axis.max_jerk_per_s3);
                 AxisLoadReport {
                     name: axis.name.clone(),
+                    rotary: axis.axis.is_rotary(),
                     worst_direction: load.worst_direction,
                     line: load.line,
                     velocity_per_s: load.velocity_per_s,

@@ -25,7 +25,7 @@ pub struct SectionReport {
     pub travel_mm: f64,
     /// How finely the wave is sampled.
     pub sampling: SamplingReport,
-    /// Load of each linear axis that the section moves.
+    /// Load of each axis that the section moves.
     pub axes: Vec<AxisLoadReport>,
     /// Smallest radius of curvature, mm; `None` when the section is straight.
     pub min_radius_mm: Option<f64>,
@@ -104,6 +104,8 @@ pub struct SamplingReport {
 pub struct AxisLoadReport {
     /// Name of the axis.
     pub name: String,
+    /// Whether it turns: its values are degrees.
+    pub rotary: bool,
     /// Largest |derivative| of the axis by path length, 0 to 1 for a linear axis.
     pub worst_direction: f64,
     /// Line where the velocity is largest.

@@ -1,9 +1,9 @@
-//! From a thread to findings: one for each kind and pass, with the numbers and what cures it (thread vibration page,
-//! "Conditions to validate").
+//! From a thread to findings: one for each kind and block, with how many passes it concerns, the numbers of the worst one and
+//! what cures it (thread vibration page, "Conditions to validate").
 
 use core::f64::consts::TAU;
 
-use feedwave_program::{Finding, SourceSpan};
+use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::report::{CrestReport, ThreadPassReport};
 use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
@@ -17,7 +17,7 @@ const SAME_ANGLE_DEG: f64 = 0.01;
 const SAME_LENGTH_MM: f64 = 1e-9;
 
 /// All conditions of a thread whose quantities are possible.
-pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, findings: &mut Vec<Finding>) {
+pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, findings: &mut FindingLog) {
     let first = job.passes[0].span;
     lead(job, limits, report, first, findings);
     sampling(job, limits, report, first, findings);
@@ -35,7 +35,7 @@ pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadRepo
     }
 }
 
-fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: SourceSpan, findings: &mut Vec<Finding>) {
+fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: SourceSpan, findings: &mut FindingLog) {
     let (velocity, limit) = (report.lead_velocity_mm_per_s, limits.lead_velocity_mm_per_s);
     if velocity > limit {
         let speed = round_down(60.0 * limit / job.geometry.lead_mm, 1);
@@ -90,7 +90,7 @@ fn sampling(
     limits: &ThreadLimits,
     report: &ThreadReport,
     span: SourceSpan,
-    findings: &mut Vec<Finding>,
+    findings: &mut FindingLog,
 ) {
     if limits.period_s <= 0.0 || !job.passes.iter().any(super::ThreadPass::vibrates) {
         return;
@@ -136,7 +136,7 @@ fn sampling(
 }
 
 /// A groove wider than the pitch takes the crest of its neighbours.
-fn profile(job: &ThreadJob, findings: &mut Vec<Finding>) {
+fn profile(job: &ThreadJob, findings: &mut FindingLog) {
     let pitch_mm = job.geometry.pitch_mm();
     let Some(deepest) = job.passes.iter().max_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm)) else { return };
     let width_mm = job.profile.width_mm(deepest.depth_mm);
@@ -165,9 +165,9 @@ fn profile(job: &ThreadJob, findings: &mut Vec<Finding>) {
     );
 }
 
-fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut Vec<Finding>) {
+fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
     let pass = &job.passes[index];
-    let number = index + 1;
+    let number = number(index);
     if !(0.0..360.0).contains(&pass.start_angle_deg) {
         let reduced_deg = reduce_deg(pass.start_angle_deg);
         let message = format!(
@@ -176,6 +176,8 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         );
         findings.push(
             Finding::error("THREAD-START-ANGLE", pass.span, message)
+                .at("pass", number)
+                .ranked("", pass.start_angle_deg.abs())
                 .with_value("start_angle", pass.start_angle_deg, "deg")
                 .suggest_value(
                     format!("the same place on the spindle is {} degrees", decimal(reduced_deg, 3)),
@@ -197,6 +199,8 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         let needed_mm = round_up(run_up_mm + pass.start_travel_mm, 3);
         findings.push(
             Finding::error("THREAD-APPROACH-SHORT", pass.span, message)
+                .at("pass", number)
+                .ranked("", run_up_mm - way_mm)
                 .with_value("approach", way_mm, "mm")
                 .with_value("run_up", run_up_mm, "mm")
                 .suggest_value(
@@ -219,6 +223,8 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         );
         findings.push(
             Finding::error("THREAD-LENGTH-SHORT", pass.span, message)
+                .at("pass", number)
+                .ranked("", -exact_mm)
                 .with_value("length", length_mm, "mm")
                 .with_value("wrong_length", length_mm - exact_mm, "mm")
                 .suggest("turn slower")
@@ -239,6 +245,8 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         );
         findings.push(
             Finding::info("THREAD-TURN-PHASE", pass.span, message)
+                .at("pass", number)
+                .ranked("", moved_deg.min(360.0 - moved_deg))
                 .with_value("turns", report.place.turns_later as f64, "")
                 .with_value("programmed_shift", programmed_deg, "deg")
                 .with_value("actual_shift", report.place.phase_shift_deg, "deg")
@@ -261,6 +269,8 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
             );
             findings.push(
                 Finding::warning("THREAD-VIBRATION-LATE", pass.span, message)
+                    .at("pass", number)
+                    .ranked("", still_mm + pass.start_travel_mm)
                     .with_value("delay", report.delay_deg, "deg")
                     .with_value("travel", still_mm, "mm")
                     .suggest("use the start-up with preparatory movement, or start further before the work"),
@@ -269,8 +279,13 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
     }
 }
 
+/// Number of a pass in findings, counted from 1.
+const fn number(index: usize) -> u64 {
+    index as u64 + 1
+}
+
 /// What the vibration asks of X: peaks of (A/2)·sin at D·n.
-fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Vec<Finding>) {
+fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
     let pass = &job.passes[index];
     let rad_per_s = TAU * job.frequency_hz();
     let velocity = 0.5 * pass.amplitude_mm * rad_per_s;
@@ -305,9 +320,10 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Vec
             decimal(limit, 1)
         );
         let finding = Finding::error(code, pass.span, message)
+            .at("pass", number(index))
+            .ranked("", demanded / limit)
             .with_value("demanded", demanded, unit)
-            .with_value("limit", limit, unit)
-            .with_value("pass", (index + 1) as f64, "");
+            .with_value("limit", limit, unit);
         let permitted_mm = round_down(pass.amplitude_mm * share(demanded, limit, taper, order), 4);
         let finding = if permitted_mm > 0.0 {
             let cure = format!("the axis can follow {} mm on the radius", decimal(permitted_mm, 4));
@@ -327,17 +343,18 @@ fn share(demanded: f64, limit: f64, taper: f64, order: f64) -> f64 {
 }
 
 /// Whether the chip of a vibrating pass is cut through, and if not, why.
-fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut Vec<Finding>) {
+fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
     let (pass, own) = (&job.passes[index], &report.passes[index]);
-    let number = index + 1;
+    let number = number(index);
     let before = job.passes[..index].iter().rposition(|before| before.start == pass.start);
     let exceeds = own.amplitude_mm > own.infeed_mm + SAME_LENGTH_MM;
-    let with_values = |finding: Finding| {
-        finding.with_value("pass", number as f64, "").with_value("infeed", own.infeed_mm, "mm").with_value(
-            "amplitude",
-            own.amplitude_mm,
-            "mm",
-        )
+    // The worst pass is the one that lacks most of its amplitude.
+    let with_values = |finding: Finding, least_mm: f64| {
+        finding
+            .at("pass", number)
+            .ranked("", least_mm - own.amplitude_mm)
+            .with_value("infeed", own.infeed_mm, "mm")
+            .with_value("amplitude", own.amplitude_mm, "mm")
     };
     let suggest_amplitude = |finding: Finding, least_mm: f64| {
         let least_mm = round_up(least_mm + 1e-6, 4);
@@ -354,8 +371,9 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut V
             decimal(own.amplitude_mm, 4),
             decimal(own.infeed_mm, 4)
         );
-        let finding = with_values(Finding::warning(code, pass.span, message));
-        findings.push(suggest_amplitude(finding, own.depth.least_amplitude_mm.max(own.infeed_mm)));
+        let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
+        let finding = with_values(Finding::warning(code, pass.span, message), least_mm);
+        findings.push(suggest_amplitude(finding, least_mm));
     } else if !own.depth.broken
         && let Some(before) = before
     {
@@ -371,7 +389,7 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut V
             before + 1,
             decimal(difference_deg, 3)
         );
-        let finding = with_values(Finding::warning(code, pass.span, message))
+        let finding = with_values(Finding::warning(code, pass.span, message), own.depth.least_amplitude_mm)
             .with_value("phase_difference", difference_deg, "deg")
             .suggest_value(
                 format!("shift the phase by {} degrees", decimal(cure_deg, 3)),
@@ -389,7 +407,7 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut V
             decimal(round_up(least_mm, 4), 4),
             decimal(own.amplitude_mm, 4)
         );
-        let finding = with_values(Finding::warning("THREAD-CHIP-RIBBON", pass.span, message)).with_value(
+        let finding = with_values(Finding::warning("THREAD-CHIP-RIBBON", pass.span, message), least_mm).with_value(
             "section_amplitude",
             least_mm,
             "mm",
@@ -407,8 +425,8 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut V
 }
 
 /// What the tool bears; and passes that cut nothing.
-fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut Vec<Finding>) {
-    let (pass, number) = (&job.passes[index], index + 1);
+fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     let thickness_mm = report.section.largest_thickness_mm;
     if thickness_mm > limits.thickness_mm + SAME_LENGTH_MM {
         let message = format!(
@@ -418,23 +436,25 @@ fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPas
         );
         findings.push(
             Finding::warning("THREAD-THICKNESS", pass.span, message)
+                .at("pass", number)
+                .ranked("", thickness_mm)
                 .with_value("thickness", thickness_mm, "mm")
                 .with_value("limit", limits.thickness_mm, "mm")
-                .with_value("pass", number as f64, "")
                 .suggest("cut the thread in more passes, or with smaller amplitudes"),
         );
     } else if thickness_mm <= SAME_LENGTH_MM {
         let message = format!("pass {number} cuts nothing that earlier passes left");
         findings.push(
             Finding::info("THREAD-PASS-AIR", pass.span, message)
-                .with_value("pass", number as f64, "")
+                .at("pass", number)
+                .ranked("", 0.0)
                 .suggest("leave the pass out"),
         );
     }
 }
 
 /// Crests for the finishing pass.
-fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findings: &mut Vec<Finding>) {
+fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findings: &mut FindingLog) {
     let permitted_mm = limits.finishing_thickness_mm.unwrap_or(2.0 * crests.finishing_infeed_mm);
     if crests.finishing_thickness_mm <= permitted_mm + SAME_LENGTH_MM {
         return;
@@ -445,6 +465,7 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
         decimal(crests.finishing_infeed_mm, 3)
     );
     let mut finding = Finding::warning("THREAD-CRESTS", job.passes[crests.pass].span, message)
+        .ranked("", crests.crest_mm)
         .with_value("crest", crests.crest_mm, "mm")
         .with_value("section_crest", crests.section_crest_mm, "mm")
         .with_value("finishing_infeed", crests.finishing_infeed_mm, "mm")

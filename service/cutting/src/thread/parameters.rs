@@ -1,6 +1,6 @@
 //! Quantities of a thread that must be possible before anything is computed from them.
 
-use feedwave_program::{Finding, SourceSpan};
+use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::{MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
 use crate::wording::decimal;
@@ -15,12 +15,13 @@ pub(super) fn refusal(
 ) -> Finding {
     let message = format!("{} is {}: it must be {permitted}", name.replace('_', " "), decimal(value, 6));
     Finding::error("THREAD-PARAMETER", span, message)
+        .ranked(name, value.abs())
         .with_value(name, value, unit)
         .suggest(format!("state a value that is {permitted}"))
 }
 
 /// Quantities without which nothing can be computed.
-pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut Vec<Finding>) {
+pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut FindingLog) {
     let span = job.passes.first().map_or_else(SourceSpan::default, |pass| pass.span);
     let geometry = &job.geometry;
     let mut refuse = |name: &'static str, value: f64, unit: &'static str, permitted: &str| {
@@ -62,17 +63,17 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
     if !(geometry.start_z_mm.abs() <= 1e6 && geometry.end_z_mm.abs() <= 1e6) {
         refuse("start_z", geometry.start_z_mm, "mm", "a finite place, as the end must be");
     }
-    for (name, value) in [
-        ("lead_velocity", limits.lead_velocity_mm_per_s),
-        ("lead_acceleration", limits.lead_acceleration_mm_per_s2),
-        ("lead_jerk", limits.lead_jerk_mm_per_s3),
-        ("vibration_velocity", limits.vibration_velocity_mm_per_s),
-        ("vibration_acceleration", limits.vibration_acceleration_mm_per_s2),
-        ("vibration_jerk", limits.vibration_jerk_mm_per_s3),
-        ("thickness", limits.thickness_mm),
+    for (name, value, unit) in [
+        ("lead_velocity", limits.lead_velocity_mm_per_s, "mm/s"),
+        ("lead_acceleration", limits.lead_acceleration_mm_per_s2, "mm/s²"),
+        ("lead_jerk", limits.lead_jerk_mm_per_s3, "mm/s³"),
+        ("vibration_velocity", limits.vibration_velocity_mm_per_s, "mm/s"),
+        ("vibration_acceleration", limits.vibration_acceleration_mm_per_s2, "mm/s²"),
+        ("vibration_jerk", limits.vibration_jerk_mm_per_s3, "mm/s³"),
+        ("thickness", limits.thickness_mm, "mm"),
     ] {
         if value.is_nan() || value <= 0.0 {
-            refuse(name, value, "", "above 0");
+            refuse(name, value, unit, "above 0");
         }
     }
     if !(limits.period_s >= 0.0 && limits.period_s.is_finite()) {

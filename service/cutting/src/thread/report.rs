@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use feedwave_program::{Finding, Severity};
+use feedwave_program::{Finding, FindingLog};
 use serde::{Deserialize, Serialize};
 
 use super::chip::{Clearance, chip, least_ratio};
@@ -150,7 +150,7 @@ pub struct ThreadReport {
     /// Length of thread with exact lead, mm, in the pass where it is shortest.
     #[serde(default)]
     pub exact_length_mm: f64,
-    /// Findings in the order of the passes.
+    /// Findings in the order of the first pass that each concerns.
     pub findings: Vec<Finding>,
     /// Whether nothing forbids to cut the thread.
     pub feasible: bool,
@@ -161,7 +161,7 @@ pub struct ThreadReport {
 /// Bounded by [`MAX_THREAD_PASSES`].
 #[must_use]
 pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
-    let mut findings = Vec::new();
+    let mut findings = FindingLog::default();
     parameters(job, limits, &mut findings);
     let mut report = ThreadReport {
         passes: Vec::new(),
@@ -175,7 +175,7 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         findings: Vec::new(),
         feasible: false,
     };
-    if findings.is_empty() {
+    if findings.findings().is_empty() {
         let lengths_mm = job.passes.iter().map(|pass| job.exact_length_mm(pass));
         report.exact_length_mm = lengths_mm.fold(f64::INFINITY, f64::min).max(0.0);
         report.passes = (0..job.passes.len()).map(|index| pass_report(job, index)).collect();
@@ -184,8 +184,8 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         report.least_section_ratio = common_ratio(job, ChipLevel::Section);
         findings::thread(job, limits, &report, &mut findings);
     }
-    report.feasible = findings.iter().all(|finding| finding.severity != Severity::Error);
-    report.findings = findings;
+    report.feasible = !findings.has_errors();
+    report.findings = findings.into_findings();
     report
 }
 

@@ -17,6 +17,8 @@ const MAX_PERIODS_PER_REV: f64 = 1_000.0;
 const PHASE_TOLERANCE_DEG: f64 = 1.0;
 /// Room for the rounding of computed limits, which are often met exactly.
 const ROUNDING: f64 = 1e-9;
+/// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.
+const MAX_LONG_HOLD: f64 = 0.9;
 /// Height that counts as left over above an edge, mm.
 const NOTHING_MM: f64 = 1e-6;
 
@@ -33,6 +35,7 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
             let nearest = if value > high { high } else { low };
             findings.push(
                 Finding::error("OSC-VALUE", job.span, message)
+                    .ranked(name, value.abs())
                     .with_value("value", value, unit)
                     .with_value("least", low, unit)
                     .with_value("most", high, unit)
@@ -129,6 +132,7 @@ pub(super) fn period(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> O
     );
     findings.push(
         Finding::error("OSC-PERIOD-FRACTION", job.span, message)
+            .ranked("", (periods - whole).abs())
             .with_value("period", seconds, "s")
             .with_value("revolution", revolution_s, "s")
             .with_value("periods_per_rev", periods, "")
@@ -184,6 +188,7 @@ fn hold(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
         decimal(required, 4)
     );
     let finding = Finding::warning("OSC-HOLD-SHORT", job.span, message)
+        .ranked("", required - held)
         .with_value("hold_share", held, "")
         .with_value("required", required, "");
     findings.push(if required <= MAX_HOLD_SHARE {
@@ -196,18 +201,42 @@ fn hold(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
             "",
         )
     } else {
-        // Both extremes are held alike; what the ramps leave has to suffice.
-        let most = MAX_HOLD_SHARE / job.tool.widest_gap_turns();
-        let fitting = (1..=job.tool.edge_count())
-            .rev()
-            .find(|periods| f64::from(*periods) <= most && job.tool.edge_count().is_multiple_of(*periods));
-        match fitting {
-            Some(periods) => {
-                finding.suggest_value(use_periods(f64::from(periods)), None, "periods_per_rev", f64::from(periods), "")
-            }
-            None => finding.suggest("use a tool with more edges"),
-        }
+        longer_hold(job, report, finding)
     });
+}
+
+/// Cures where extremes that are held alike cannot be held long enough: fewer periods per revolution, or a waveform that holds
+/// the protrusion longer than the retraction.
+fn longer_hold(job: &OscillationJob<'_>, report: &OscillationReport, finding: Finding) -> Finding {
+    let (edges, gap) = (job.tool.edge_count(), job.tool.widest_gap_turns());
+    let fitting = |most: f64| {
+        (1..=edges).rev().find(|periods| f64::from(*periods) * gap <= most && edges.is_multiple_of(*periods))
+    };
+    let finding = match fitting(MAX_HOLD_SHARE).map(f64::from) {
+        Some(periods) => finding.suggest_value(use_periods(periods), None, "periods_per_rev", periods, ""),
+        None => finding,
+    };
+    let Some(periods) = fitting(MAX_LONG_HOLD).filter(|periods| *periods <= report.periods_per_rev) else {
+        return finding.suggest("use a tool with more edges");
+    };
+    let (points, hold_share) = long_hold(f64::from(periods) * gap);
+    let points = points.map(|[phase, value]| format!("({}, {value})", decimal(phase, 3))).join(", ");
+    let with = format!("the axial waveform of a table through {points}, which holds the protrusion longer");
+    if periods == report.periods_per_rev {
+        finding.suggest_value(format!("use {with}"), None, "hold_share", hold_share, "")
+    } else {
+        let periods = f64::from(periods);
+        finding.suggest_value(format!("{} and {with}", use_periods(periods)), None, "periods_per_rev", periods, "")
+    }
+}
+
+/// A table that holds the protrusion around ¾ of the period for a little more than `required`, and the share for which it does.
+/// What is left is shared by ramps, retraction and ramps as 3 : 4 : 3.
+fn long_hold(required: f64) -> ([[f64; 2]; 4], f64) {
+    let trough = round_up(0.5 * required + 0.01, 3);
+    let crest = round_down(0.2 * (1.0 - 2.0 * trough), 3);
+    let points = [[trough - 0.25, -1.0], [0.25 - crest, 1.0], [0.25 + crest, 1.0], [0.75 - trough, -1.0]];
+    (points, 2.0 * trough)
 }
 
 fn step(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
@@ -222,6 +251,7 @@ fn step(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
         decimal(length_mm, 4)
     );
     let finding = Finding::error("OSC-STEP-LONG", job.span, message)
+        .ranked("", step_mm / length_mm)
         .with_value("feed_per_period", step_mm, "mm")
         .with_value("radial_edge_length", length_mm, "mm")
         .suggest_value(format!("feed at most {} mm/min", decimal(feed, 1)), None, "feed", feed, "mm/min");
@@ -254,7 +284,7 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     let cure_deg = job.condition.axial.phase_deg + error_deg;
     // To a thousandth, and no negative zero.
     let cure_deg = round_to(cure_deg - 360.0 * (cure_deg / 360.0).round(), 3) + 0.0;
-    findings.push(finding.with_value("phase_error", error_deg, "deg").suggest_value(
+    findings.push(finding.ranked("", error_deg.abs()).with_value("phase_error", error_deg, "deg").suggest_value(
         format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
         None,
         "axial_phase",
@@ -331,6 +361,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             decimal(limit, 1)
         );
         let mut finding = Finding::error(code, job.span, message)
+            .ranked(name, (peak + taken) / limit)
             .with_value("demanded", peak + taken, unit)
             .with_value("limit", limit, unit);
         if peak > 0.0 && left > 0.0 {
@@ -365,8 +396,11 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             OscillationDirection::Axial => Some(&job.condition.axial.waveform),
             OscillationDirection::Cross => job.condition.cross.as_ref().map(|cross| &cross.waveform),
         };
-        let finding =
-            Finding::warning("OSC-JERK-STEP", job.span, message).with_value("acceleration_step", step, "mm/s²");
+        let finding = Finding::warning("OSC-JERK-STEP", job.span, message).ranked(name, step).with_value(
+            "acceleration_step",
+            step,
+            "mm/s²",
+        );
         findings.push(match waveform {
             Some(Waveform::HeldPeak { hold_share }) => finding.suggest_value(
                 "use the jerk-limited held peak with the same holds",
@@ -375,9 +409,22 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
                 *hold_share,
                 "",
             ),
+            // No other waveform holds the protrusion longer than the retraction.
+            Some(Waveform::Table { .. }) if needs_long_hold(job, load.direction) => {
+                finding.suggest("use a smaller axial amplitude or a lower spindle speed, which make the step smaller")
+            }
             _ => finding.suggest("use a sine or the jerk-limited held peak"),
         });
     }
+}
+
+/// Whether extremes that are held alike would leave the floor rough.
+fn needs_long_hold(job: &OscillationJob<'_>, direction: OscillationDirection) -> bool {
+    let periods = match job.condition.period {
+        OscillationPeriod::PerRevolution(periods) => f64::from(periods),
+        OscillationPeriod::Seconds(seconds) => 60.0 / job.cut.spindle_rev_per_min / seconds,
+    };
+    direction == OscillationDirection::Axial && periods * job.tool.widest_gap_turns() > MAX_HOLD_SHARE
 }
 
 fn depth(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
@@ -391,11 +438,11 @@ fn depth(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
         decimal(height_mm, 4)
     );
     let with_values = |finding: Finding| {
-        finding.with_value("reach", reach_mm, "mm").with_value("edge_height", height_mm, "mm").with_value(
-            "left_above_edge",
-            report.above_edge_mm,
-            "mm",
-        )
+        finding
+            .ranked("", reach_mm - height_mm)
+            .with_value("reach", reach_mm, "mm")
+            .with_value("edge_height", height_mm, "mm")
+            .with_value("left_above_edge", report.above_edge_mm, "mm")
     };
     if report.above_edge_mm <= NOTHING_MM {
         let message = format!("{message}; the stages leave nothing above an edge");

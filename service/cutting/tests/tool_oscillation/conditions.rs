@@ -1,9 +1,9 @@
 //! Every condition of the page with its numbers and its cure.
 
 use feedwave_cutting::tool_oscillation::{
-    ConditionChoice, ConditionTable, DirectionOscillation, Engagement, Interpolation, NamedCondition,
-    OscillationCondition, OscillationJob, OscillationPeriod, TableQuantity, ToolGeometry, Waveform, condition_problems,
-    find_condition, judge,
+    ConditionChoice, ConditionTable, DirectionOscillation, Engagement, FloorArea, HeightField, Interpolation,
+    NamedCondition, OscillationCondition, OscillationCut, OscillationJob, OscillationPeriod, TableQuantity,
+    ToolGeometry, ToolOscillation, Waveform, condition_problems, find_condition, judge,
 };
 use feedwave_program::{Finding, Severity};
 
@@ -268,4 +268,54 @@ fn what_a_machine_keeps_is_bounded_and_unambiguous() {
         "tool_oscillation[6].condition.engagement",
     ];
     assert_eq!(fields(&some), expected);
+}
+
+/// Points of the table that a cure names.
+fn points(cure: &str) -> Vec<[f64; 2]> {
+    let points = cure.split('(').skip(1).map(|point| {
+        let numbers: Vec<f64> =
+            point.split(')').next().unwrap().split(", ").map(|number| number.parse().unwrap()).collect();
+        [numbers[0], numbers[1]]
+    });
+    points.collect()
+}
+
+/// Peak to valley of the middle of the floor.
+fn floor_mm(tool: &ToolGeometry, condition: &OscillationCondition, trailing: bool) -> f64 {
+    let cut = OscillationCut { feed_mm_per_min: 300.0, ..super::cut() };
+    let oscillation = ToolOscillation::new(tool, condition, 1, 1).expect("possible");
+    let area = FloorArea { length_mm: 1.0, width_mm: 2.0, across_mm: 0.0, resolution_mm: 0.02, trailing };
+    HeightField::simulate(tool, &oscillation, &cut, &area).expect("bounded").roughness().peak_to_valley_mm
+}
+
+#[test]
+fn the_hold_that_is_asked_for_makes_a_smooth_floor_whatever_the_number_of_edges() {
+    for edges in 2..=6 {
+        let tool = ToolGeometry::even(edges, 5.0, 1.5, 5.0);
+        let mut condition = condition();
+        let needed = 1.0 / edges as f64;
+        condition.axial.waveform = Waveform::HeldPeak { hold_share: (needed - 0.02).min(0.48) };
+        let finding = found(&job(&tool, &condition), "OSC-HOLD-SHORT", Severity::Warning);
+        assert_near(value(&finding, "required"), needed, 1e-12);
+        let rough_mm = [true, false].map(|trailing| floor_mm(&tool, &condition, trailing));
+        let cure = &finding.suggestions[0];
+        condition.axial.waveform = if edges == 2 {
+            Waveform::Table { points: points(&cure.message) }
+        } else {
+            Waveform::HeldPeak { hold_share: suggested(&finding, "hold_share") }
+        };
+        let (report, findings) = judge(&job(&tool, &condition));
+        assert!(findings.iter().all(|finding| finding.code != "OSC-HOLD-SHORT"), "{edges} edges: {findings:#?}");
+        let report = report.expect("a report");
+        assert!(report.hold_share >= needed - 1e-9 && report.phase_error_deg.abs() < 1e-6, "{report:#?}");
+        let smooth_mm = [true, false].map(|trailing| floor_mm(&tool, &condition, trailing));
+        assert_eq!(smooth_mm, [0.0; 2], "{edges} edges");
+        condition.axial.waveform = Waveform::HeldPeak { hold_share: 0.0 };
+        let unheld_mm = floor_mm(&tool, &condition, true);
+        assert!(unheld_mm > 1e-5, "{edges} edges without hold: {unheld_mm} mm");
+        if edges == 2 {
+            // However long extremes are held alike, both edges pass one azimuth half way between them.
+            assert!(rough_mm.iter().all(|rough_mm| *rough_mm > 0.9 * 0.03), "{rough_mm:?}");
+        }
+    }
 }

@@ -274,3 +274,34 @@ fn contradictions_are_refused_before_anything_moves() {
     let report = validate(&program("G1 X1.5 F600"), &config());
     assert!(report.findings.iter().any(|finding| finding.code == "OSC-SECTION-SHORT"));
 }
+
+#[test]
+fn what_every_feed_of_one_switch_repeats_is_one_finding() {
+    let report = validate(&program("G1 X30 F500\nG1 X60 F600\nG1 X30 F700\nG1 X60 F800"), &config());
+    assert_eq!(report.oscillations.len(), 4, "every feed is judged");
+    let steps: Vec<_> = report.findings.iter().filter(|finding| finding.code == "OSC-JERK-STEP").collect();
+    let [step] = steps[..] else { panic!("{steps:#?}") };
+    let line = |number| Some(feedwave_program::Occurrence { name: "line".into(), number });
+    assert_eq!((step.occurrences, &step.first), (4, &line(5)));
+    let codes: std::collections::BTreeSet<_> = report.findings.iter().map(|finding| &finding.code).collect();
+    assert_eq!(codes.len(), report.findings.len(), "{:#?}", report.findings);
+
+    let short = validate(&program("G1 X1 F600\nG1 Y1\nG1 X1.5\nG1 Y2.5"), &config());
+    let short: Vec<_> = short.findings.iter().filter(|finding| finding.code == "OSC-SECTION-SHORT").collect();
+    let [short] = short[..] else { panic!("{short:#?}") };
+    assert_eq!((short.occurrences, &short.first, &short.worst), (4, &line(5), &line(7)));
+}
+
+#[test]
+fn a_section_that_the_axes_refuse_is_reported_as_it_was_judged() {
+    let mut config = config();
+    for axis in &mut config.profile.machine.axes {
+        // The feed direction's peak is 0.4·(2π/0.1)² = 1 579 mm/s²: within the limit, but nothing is left for the feed.
+        axis.max_acceleration_per_s2 = 1_600.0;
+    }
+    let report = validate(&program("G1 X30 F600"), &config);
+    assert!(report.findings.iter().any(|finding| finding.code == "OSC-AXIS-LIMIT"), "{:#?}", report.findings);
+    let [judged] = &report.oscillations[..] else { panic!("{} reports", report.oscillations.len()) };
+    assert!(!judged.report.feasible && judged.report.edges.len() == 4);
+    assert_eq!(report.summary.oscillation_count, 1);
+}

@@ -10,7 +10,7 @@ use miette::{
 use super::CliError;
 use super::source::{Place, Snippet, Source};
 use super::terminal::Style;
-use crate::proto::{Finding, Severity};
+use crate::proto::{Finding, Occurrence, Severity};
 
 /// Columns of the text.
 const WIDTH: usize = 100;
@@ -53,8 +53,22 @@ struct Shown<'a> {
 
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.finding.message)
+        f.write_str(&self.finding.message)?;
+        f.write_str(&repetition(self.finding))
     }
+}
+
+/// How often it was met, and where first and worst, for a finding that was met more than once.
+fn repetition(finding: &Finding) -> String {
+    let Finding { occurrences, first, worst, .. } = finding;
+    if *occurrences < 2 {
+        return String::new();
+    }
+    let at = |what: &str, occurrence: &Option<Occurrence>| {
+        let told = occurrence.as_ref().map(|Occurrence { name, number }| format!(", {what} in {name} {number}"));
+        told.unwrap_or_default()
+    };
+    format!(" ({occurrences} times{}{})", at("first", first), at("worst", worst))
 }
 
 impl std::error::Error for Shown<'_> {}
@@ -124,5 +138,20 @@ impl SourceCode for Located<'_> {
             self.column,
             1,
         )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_met_again_says_how_often_and_where() {
+        let pass = |number| Some(Occurrence { name: "pass".to_owned(), number });
+        let finding = |occurrences, first, worst| Finding { occurrences, first, worst, ..Finding::default() };
+        assert_eq!(repetition(&finding(35, pass(1), pass(12))), " (35 times, first in pass 1, worst in pass 12)");
+        assert_eq!(repetition(&finding(2, None, None)), " (2 times)");
+        // Reports of before have no count.
+        assert_eq!(repetition(&finding(1, pass(1), pass(1))) + &repetition(&finding(0, None, None)), "");
     }
 }

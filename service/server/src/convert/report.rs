@@ -4,7 +4,7 @@ use feedwave_cutting::{
     AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, LimitTimes, Nearest,
     OverrideReport, PeakPlace, ProgramSummary, SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
 };
-use feedwave_program::{Finding, NamedValue, Severity, Suggestion};
+use feedwave_program::{Finding, NamedValue, Occurrence, Severity, Suggestion};
 
 use super::five_axis::thinning_report_to_proto;
 use super::oscillation_report::oscillation_section_to_proto;
@@ -101,7 +101,14 @@ pub fn finding_to_proto(finding: &Finding) -> proto::Finding {
         message: finding.message.clone(),
         values: finding.values.iter().map(named_value).collect(),
         suggestions: finding.suggestions.iter().map(suggestion).collect(),
+        occurrences: finding.occurrences,
+        first: finding.first.as_ref().map(occurrence),
+        worst: finding.worst.as_ref().map(occurrence),
     }
+}
+
+fn occurrence(occurrence: &Occurrence) -> proto::Occurrence {
+    proto::Occurrence { name: occurrence.name.to_string(), number: occurrence.number }
 }
 
 fn named_value(value: &NamedValue) -> proto::NamedValue {
@@ -174,6 +181,7 @@ fn axis_load(axis: &AxisLoadReport) -> proto::AxisLoadReport {
         jerk_per_s3: axis.jerk_per_s3,
         max_jerk_per_s3: axis.max_jerk_per_s3,
         utilisation: axis.utilisation,
+        rotary: axis.rotary,
     }
 }
 

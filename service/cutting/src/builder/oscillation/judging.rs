@@ -62,8 +62,11 @@ impl Judgements {
                 && known.condition == *job.condition
         });
         if let Some(known) = like {
-            let here = known.findings.iter().cloned().map(|finding| {
-                if finding.span == known.span { Finding { span: job.span, ..finding } } else { finding }
+            let here = known.findings.iter().cloned().map(|mut finding| {
+                if finding.span == known.span {
+                    finding.span = job.span;
+                }
+                finding
             });
             found.extend(here);
             return known.report.clone();
@@ -168,6 +171,7 @@ impl ActiveOscillation {
             let message = "the feed direction turns too fast for the oscillation to follow it";
             found.push(
                 Finding::error("OSC-TURNING", span, message)
+                    .ranked("", feed_mm_per_s / largest_mm_per_s)
                     .with_value("curvature", curvature, "1/mm")
                     .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
                     .suggest_value("feed slower on this curve", None, "feed", feed, "mm/min"),
@@ -235,8 +239,17 @@ impl ActiveOscillation {
         };
         let oscillation = synchronise(&job, said)?;
         let run = run(oscillation, &condition, &cut);
+        let mut report = report.map(|report| OscillationSectionReport {
+            on_line: self.on_span.line,
+            line,
+            tool: tool_number,
+            condition: named.name.clone(),
+            roles,
+            cut,
+            report,
+        });
         match LeftLimits::of(&profile.machine, &run, &cut) {
-            Ok(left) => self.left = Some(left),
+            Ok(left) => (self.left, self.run) = (Some(left), Some(Box::new(run))),
             Err(shortage) => {
                 let fits = |share: f64| {
                     let mut oscillation = run.oscillation.clone();
@@ -245,24 +258,18 @@ impl ActiveOscillation {
                     LeftLimits::of(&profile.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
                 };
                 found.push(shortage.finding(span, &run, fits));
-                return None;
+                // What was judged is told all the same.
+                if let Some(report) = &mut report {
+                    report.report.feasible = false;
+                }
             }
         }
-        self.run = Some(Box::new(run));
-        report.map(|report| OscillationSectionReport {
-            on_line: self.on_span.line,
-            line,
-            tool: tool_number,
-            condition: named.name.clone(),
-            roles,
-            cut,
-            report,
-        })
+        report
     }
 
     /// The condition that the request or the program chooses.
     fn choose<'a>(
-        &mut self,
+        &self,
         config: &'a PipelineConfig,
         tool: u32,
         found: &mut Vec<Finding>,
@@ -288,7 +295,6 @@ impl ActiveOscillation {
         };
         if let Some(number) = self.number
             && number != named.number
-            && !std::mem::replace(&mut self.overridden_reported, true)
         {
             let message = format!(
                 "the program chooses condition {number}, the job {:?}, which is {}: the job's is run",

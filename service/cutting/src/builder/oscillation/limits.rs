@@ -93,6 +93,7 @@ impl Shortage {
             self.unit
         );
         let finding = Finding::error("OSC-AXIS-LIMIT", span, message)
+            .ranked(self.axis.clone(), self.taken / self.limit)
             .with_value("demanded", self.taken, self.unit)
             .with_value("limit", self.limit, self.unit);
         let (mut least, mut most) = (0.0, 1.0);

@@ -261,22 +261,24 @@ fn following_rows(rows: &mut Rows, following: &FollowingReport) {
 }
 
 fn axis_table(rows: &mut Rows, axes: &[AxisLoadReport]) {
-    if axes.is_empty() {
-        return;
+    let linear = ["axis", "velocity, mm/min", "limit", "acceleration, m/s²", "limit", "jerk, m/s³", "limit", "used"];
+    let rotary = ["axis", "velocity, °/min", "limit", "acceleration, °/s²", "limit", "jerk, °/s³", "limit", "used"];
+    for (is_rotary, head, per) in [(false, linear, 1e3), (true, rotary, 1.0)] {
+        let mut table = vec![head.map(str::to_owned).to_vec()];
+        table.extend(axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
+            vec![
+                axis.name.clone(),
+                number(axis.velocity_per_s * 60.0, 4),
+                number(axis.max_velocity_per_s * 60.0, 5),
+                number(axis.acceleration_per_s2 / per, 3),
+                number(axis.max_acceleration_per_s2 / per, 4),
+                number(axis.jerk_per_s3 / per, 3),
+                number(axis.max_jerk_per_s3 / per, 5),
+                percent(axis.utilisation),
+            ]
+        }));
+        if table.len() > 1 {
+            rows.table(&table);
+        }
     }
-    let head = ["axis", "velocity, mm/min", "limit", "acceleration, m/s²", "limit", "jerk, m/s³", "limit", "used"];
-    let mut table = vec![head.map(str::to_owned).to_vec()];
-    table.extend(axes.iter().map(|axis| {
-        vec![
-            axis.name.clone(),
-            number(axis.velocity_per_s * 60.0, 4),
-            number(axis.max_velocity_per_s * 60.0, 5),
-            number(axis.acceleration_per_s2 / 1e3, 3),
-            number(axis.max_acceleration_per_s2 / 1e3, 4),
-            number(axis.jerk_per_s3 / 1e3, 3),
-            number(axis.max_jerk_per_s3 / 1e3, 5),
-            percent(axis.utilisation),
-        ]
-    }));
-    rows.table(&table);
 }
