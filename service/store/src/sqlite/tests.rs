@@ -7,6 +7,7 @@ use std::time::Duration;
 use sqlx::Row;
 use sqlx::sqlite::SqliteConnectOptions;
 use tempfile::TempDir;
+use tokio::sync::oneshot;
 
 use super::{Store, checkpointer};
 use crate::{Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
@@ -139,15 +140,39 @@ async fn a_refused_write_takes_none_of_its_batch_with_it() {
     let (_folder, store) = store(StoreSettings { observer: observer.clone(), ..StoreSettings::default() }).await;
     create_notes(&store).await;
     let before = store.stats();
-    // On one thread all of them are queued before the writer runs again: one transaction.
-    let (a, b, c, d, e, f) = tokio::join!(
+    // A write that is under way until all others are queued: they go together into the next transaction.
+    let (begun, has_begun) = oneshot::channel();
+    let (go_on, may_go_on) = oneshot::channel::<()>();
+    let held = tokio::spawn({
+        let store = store.clone();
+        async move {
+            let wait = store.write(0, move |_| {
+                Box::pin(async move {
+                    begun.send(()).expect("the test waits");
+                    may_go_on.await.expect("the test goes on");
+                    Ok(())
+                })
+            });
+            wait.await
+        }
+    });
+    has_begun.await.unwrap();
+    let all_queued = async {
+        while store.stats().write_queue_depth < 7 {
+            tokio::task::yield_now().await;
+        }
+        go_on.send(()).expect("the writer waits");
+    };
+    let (a, b, c, d, e, f, ()) = tokio::join!(
         note(&store, "refused at the start"),
         note(&store, "first"),
         note(&store, "refused between"),
         note(&store, "first"),
         note(&store, "second"),
         note(&store, "refused at the end"),
+        all_queued,
     );
+    held.await.unwrap().unwrap();
     assert!(b.is_ok() && e.is_ok());
     assert!(matches!(d, Err(StoreError::Unavailable { .. })), "a broken constraint fails alone: {d:?}");
     for refused in [a, c, f] {
@@ -155,8 +180,8 @@ async fn a_refused_write_takes_none_of_its_batch_with_it() {
     }
     assert_eq!(notes(&store).await, ["first", "second"]);
     let after = store.stats();
-    assert_eq!(after.commits - before.commits, 1);
-    assert_eq!(after.committed_operations - before.committed_operations, 2);
+    assert_eq!(after.commits - before.commits, 2, "the first and all others");
+    assert_eq!(after.committed_operations - before.committed_operations, 3);
     assert_eq!(after.failed_operations - before.failed_operations, 4);
     assert_eq!(after.write_queue_depth, 0);
     assert_eq!(observer.0.load(Ordering::Relaxed) as u64, after.committed_operations);
