@@ -1,7 +1,7 @@
 //! Streams a generated program of any size through the service and judges the service's peak of resident memory, as
-//! accounted by the operating system. Run it in release:
-//! `cargo run --release -p feedwave-tests --bin memory -- --bytes 1000000000`.
+//! accounted by the operating system: `cargo bench -p feedwave --bench memory -- --bytes 1000000000`.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -17,13 +17,19 @@ struct Arguments {
     /// The bar, bytes.
     #[arg(long, default_value_t = 100_000_000)]
     bar: u64,
+    /// Service to measure in place of the one that was built along.
+    #[arg(long, default_value = env!("CARGO_BIN_EXE_feedwave"), hide_default_value = true)]
+    service: PathBuf,
+    /// Passed by cargo.
+    #[arg(long, hide = true)]
+    bench: bool,
 }
 
 #[tokio::main]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let start = Instant::now();
-    let used = measure_memory(arguments.bytes).await;
+    let used = measure_memory(&arguments.service, arguments.bytes).await;
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     println!("program            {:>10.1} MB", megabytes(used.program_bytes));
     println!("setpoints streamed {:>10.1} million", used.setpoints as f64 / 1e6);

@@ -5,11 +5,12 @@ use std::path::Path;
 use std::process::Output;
 
 use feedwave::config::{Config, HealthcheckConfig, Overrides, TlsConfig};
-use feedwave_tests::feedwave_binary;
 use tokio::process::Command;
 
+use crate::FEEDWAVE;
+
 fn example() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/feedwave.example.toml"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../deploy/feedwave.example.toml"))
 }
 
 /// Runs `feedwave serve` with a configuration that must stop it.
@@ -17,7 +18,7 @@ async fn refused(config: &str, environment: &[(&str, &str)]) -> Output {
     let directory = tempfile::tempdir().expect("a temporary directory");
     let file = directory.path().join("shop.toml");
     std::fs::write(&file, config).expect("the configuration is written");
-    let mut command = Command::new(feedwave_binary());
+    let mut command = Command::new(FEEDWAVE);
     command.args(["serve", "--config"]).arg(file).envs(environment.iter().copied()).kill_on_drop(true);
     command.output().await.expect("the binary is started")
 }

@@ -9,12 +9,14 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
+use crate::FEEDWAVE;
+
 const SERVICES: [&str; 5] =
     ["feedwave.v1.Jobs", "feedwave.v1.Machines", "feedwave.v1.Setpoints", "feedwave.v1.Threads", "feedwave.v1.Tools"];
 
 #[tokio::test]
 async fn every_service_says_that_it_serves() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut health = HealthClient::new(server.connect().await.channel);
     for service in SERVICES.into_iter().chain([""]) {
         let request = HealthCheckRequest { service: service.to_owned() };
@@ -35,7 +37,7 @@ macro_rules! reflection_lists_the_services {
             use tonic_reflection::pb::$version::server_reflection_request::MessageRequest;
             use tonic_reflection::pb::$version::server_reflection_response::MessageResponse;
 
-            let server = Server::start().await;
+            let server = Server::start(FEEDWAVE).await;
             let mut client = ServerReflectionClient::new(server.connect().await.channel);
             let ask = |message| ServerReflectionRequest { host: String::new(), message_request: Some(message) };
             let requests = vec![
@@ -68,7 +70,7 @@ reflection_lists_the_services!(reflection_v1alpha_lists_the_services, v1alpha);
 
 #[tokio::test]
 async fn a_browser_speaks_grpc_web_over_http_1() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let request = GetMachineRequest { name: "machines/lathe".to_owned() }.encode_to_vec();
     let mut body = BytesMut::new();
     body.put_u8(0);

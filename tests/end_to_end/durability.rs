@@ -12,6 +12,8 @@ use feedwave_tests::{Clients, Home, Server};
 use tokio::sync::Notify;
 use tokio::task::JoinSet;
 
+use crate::FEEDWAVE;
+
 /// Clients that create jobs at the same time.
 const WRITERS: u64 = 8;
 
@@ -66,7 +68,7 @@ async fn all_jobs(clients: &mut Clients) -> BTreeMap<String, JobState> {
 async fn acknowledged_jobs_survive_kill_9_and_pending_ones_are_validated_afterwards() {
     // The moments of the kills are random; a failure names the seed.
     let seed = RandomState::new().hash_one(std::process::id());
-    let mut home = Home::new("");
+    let mut home = Home::new(FEEDWAVE, "");
     let mut acknowledged = BTreeMap::new();
     for round in 0..3_u64 {
         let kills_at = 1 + (seed >> (16 * round)) % 200;

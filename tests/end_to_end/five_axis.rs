@@ -11,6 +11,7 @@ use feedwave::proto::{
 use feedwave_tests::{Clients, Directions, Freeform, Outcome, Server, Setpoints, stream};
 use tonic::Code;
 
+use crate::FEEDWAVE;
 use crate::status::assert_error;
 
 type Vec3 = [f64; 3];
@@ -180,7 +181,7 @@ fn farthest(program: &str, machine: &Setpoints, directions: Directions) -> (f64,
 
 #[tokio::test]
 async fn angles_and_vectors_are_thinned_and_lead_the_tool_along_the_path() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     set_up(&mut clients).await;
     for directions in [Directions::Angles, Directions::Vectors] {
@@ -223,7 +224,7 @@ async fn angles_and_vectors_are_thinned_and_lead_the_tool_along_the_path() {
 
 #[tokio::test]
 async fn a_stream_is_the_same_from_anywhere_and_after_a_kill() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     set_up(&mut clients).await;
     let outcome = submit(&mut clients, "trunnion", "ball", &freeform(Directions::Vectors)).await;
@@ -254,7 +255,7 @@ async fn a_stream_is_the_same_from_anywhere_and_after_a_kill() {
 
 #[tokio::test]
 async fn what_cannot_be_is_refused_with_numbers_and_a_cure() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     set_up(&mut clients).await;
     let guided = |block: &str| format!("G0 A-20\nG43.5 H1\nG0 X0 Y0 Z20 I0 J0.3 K1\n{block} F1000\nM30\n");

@@ -7,6 +7,7 @@ use feedwave::proto::{JobState, Severity, ValidateProgramRequest, ValidationRepo
 use feedwave_tests::{Clients, SHAFT, Server, upload};
 use tonic::Code;
 
+use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
 async fn validate(clients: &mut Clients, program: Vec<u8>) -> ValidationReport {
@@ -20,7 +21,7 @@ async fn validate(clients: &mut Clients, program: Vec<u8>) -> ValidationReport {
 
 #[tokio::test]
 async fn bytes_that_are_no_program_get_findings() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let hostile: [(&str, Vec<u8>); 8] = [
         ("NUL", b"G0 X1.\0 Z2.\nM30\n".to_vec()),
@@ -48,7 +49,7 @@ async fn bytes_that_are_no_program_get_findings() {
 
 #[tokio::test]
 async fn fifty_megabytes_in_one_line_are_rejected_in_bounded_memory() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = Bytes::from(vec![b'X'; 50_000_000]);
     let name = upload(&mut clients, &program).await.unwrap();
@@ -63,7 +64,7 @@ async fn fifty_megabytes_in_one_line_are_rejected_in_bounded_memory() {
 
 #[tokio::test]
 async fn messages_and_programs_beyond_the_limits_are_refused() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let oversize = clients.create(vec![b' '; 5 << 20]).await.unwrap_err();
     assert_error(&oversize, Code::ResourceExhausted, "MESSAGE_TOO_LARGE");

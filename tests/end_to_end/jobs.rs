@@ -13,11 +13,12 @@ use feedwave::proto::{
 use feedwave_tests::{SHAFT, SHAFT_CURED, Server, long_dwell, stream};
 use tonic::Code;
 
+use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
 #[tokio::test]
 async fn the_chip_that_never_breaks_is_reported_with_its_cure_and_the_cure_works() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
 
     let trap = clients.submit(SHAFT).await;
@@ -40,7 +41,7 @@ async fn the_chip_that_never_breaks_is_reported_with_its_cure_and_the_cure_works
 
 #[tokio::test]
 async fn a_program_with_errors_is_stored_as_rejected_with_its_report() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit("G21 G97 S1000 M3\nG1 X10. Z-5. F0.1\nG777 Q5.\nG1 Z-9\nG201\nM30\n").await;
     assert_eq!(outcome.job.state(), JobState::Rejected);
@@ -61,7 +62,7 @@ async fn a_program_with_errors_is_stored_as_rejected_with_its_report() {
 
 #[tokio::test]
 async fn validation_alone_stores_nothing() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let request = ValidateProgramRequest {
         inline_program: SHAFT.as_bytes().into(),
@@ -78,7 +79,7 @@ async fn validation_alone_stores_nothing() {
 
 #[tokio::test]
 async fn a_repeated_request_id_makes_one_job() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let source = |program: &str| Source::InlineProgram(Bytes::from(program.to_owned()));
     let first = clients.create_from(source(SHAFT), "shift-1").await.unwrap();
@@ -95,7 +96,7 @@ async fn a_repeated_request_id_makes_one_job() {
 
 #[tokio::test]
 async fn every_field_that_is_wrong_is_named_at_once() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let request = CreateJobRequest {
         request_id: "x".repeat(65),
@@ -118,7 +119,7 @@ async fn every_field_that_is_wrong_is_named_at_once() {
 
 #[tokio::test]
 async fn what_does_not_exist_is_not_found() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let nobody = "jobs/01900000-0000-7000-8000-000000000001".to_owned();
     let job = clients.jobs.get_job(GetJobRequest { name: nobody.clone() }).await.unwrap_err();
@@ -150,7 +151,7 @@ async fn what_does_not_exist_is_not_found() {
 
 #[tokio::test]
 async fn lists_are_cut_into_pages_that_cover_everything_once() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let mut created = Vec::new();
     for number in 0..7 {
@@ -182,7 +183,7 @@ async fn lists_are_cut_into_pages_that_cover_everything_once() {
 
 #[tokio::test]
 async fn events_tell_the_life_of_a_job_in_order() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let job = clients.submit("G0 X1. Z1.\nM30\n").await.job;
     let request = ListJobEventsRequest { job: job.name.clone(), ..ListJobEventsRequest::default() };
@@ -200,7 +201,7 @@ async fn events_tell_the_life_of_a_job_in_order() {
 
 #[tokio::test]
 async fn a_deleted_job_is_gone_and_its_program_can_then_be_deleted() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let job = clients.submit("G0 X1. Z1.\nM30\n").await.job;
     let in_use = DeleteProgramRequest { name: job.program.clone() };
@@ -217,7 +218,7 @@ async fn a_deleted_job_is_gone_and_its_program_can_then_be_deleted() {
 
 #[tokio::test]
 async fn cancelling_ends_the_job_s_streams() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let job = clients.submit(&long_dwell(3_000)).await.job;
     let request = StreamSetpointsRequest { job: job.name.clone(), ..StreamSetpointsRequest::default() };
@@ -239,7 +240,7 @@ async fn cancelling_ends_the_job_s_streams() {
 
 #[tokio::test]
 async fn a_profile_with_several_faults_is_refused_with_all_of_them() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let request = GetMachineRequest { name: "machines/lathe".to_owned() };
     let mut machine = clients.machines.get_machine(request).await.unwrap().into_inner().machine.unwrap();
@@ -256,7 +257,7 @@ async fn a_profile_with_several_faults_is_refused_with_all_of_them() {
 
 #[tokio::test]
 async fn a_look_ahead_too_wide_for_checkpoints_only_makes_late_streams_begin_later() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let request = GetMachineRequest { name: "machines/mill".to_owned() };
     let mut machine = clients.machines.get_machine(request).await.unwrap().into_inner().machine.unwrap();

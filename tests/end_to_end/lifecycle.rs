@@ -5,11 +5,12 @@ use feedwave_tests::{Home, header_of, long_dwell};
 use rustix::process::Signal;
 use tonic::Code;
 
+use crate::FEEDWAVE;
 use crate::status::assert_error;
 
 async fn ends_gracefully_on(signal: Signal) {
     // The reader below takes its time, and gets it.
-    let server = Home::new("[limits]\ndrain_s = 120").start().await;
+    let server = Home::new(FEEDWAVE, "[limits]\ndrain_s = 120").start().await;
     let mut clients = server.connect().await;
     let job = clients.submit(&long_dwell(3_000)).await.job;
     let request = StreamSetpointsRequest { job: job.name.clone(), ..StreamSetpointsRequest::default() };
@@ -50,7 +51,7 @@ async fn sigint_does_the_same() {
 
 #[tokio::test]
 async fn a_reader_that_never_reads_cannot_keep_the_service_alive() {
-    let server = Home::new("[limits]\ndrain_s = 1").start().await;
+    let server = Home::new(FEEDWAVE, "[limits]\ndrain_s = 1").start().await;
     let mut clients = server.connect().await;
     let job = clients.submit(&long_dwell(3_000)).await.job;
     let request = StreamSetpointsRequest { job: job.name, ..StreamSetpointsRequest::default() };

@@ -21,6 +21,8 @@ use feedwave_tests::{Home, Server, stream};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
+use crate::FEEDWAVE;
+
 /// 13 s of turning.
 const PART: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nX40. Z-25.\nG4 P200\nG1 Z-40. F250\nM30\n";
 /// How often the service is killed.
@@ -140,7 +142,7 @@ async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> 
 #[tokio::test]
 async fn a_live_run_survives_kills_at_any_moment() {
     let seed = RandomState::new().hash_one(0);
-    let mut server = Home::new("").start().await;
+    let mut server = Home::new(FEEDWAVE, "").start().await;
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config()) };

@@ -15,6 +15,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Status, Streaming};
 
+use crate::FEEDWAVE;
 use crate::live_runs::{batch, config};
 
 /// A cut, a thread of two seconds in line 4, and a cut.
@@ -135,7 +136,7 @@ async fn is_replayed(server: &Server, run: &str) {
 
 #[tokio::test]
 async fn decisions_hold_while_a_thread_is_handed_out_and_the_run_knows_it_by_itself() {
-    let mut server = Server::start().await;
+    let mut server = Server::start(FEEDWAVE).await;
     let job = monitored(&server, THREAD, config()).await;
     let mut run = Live::open(&server, Target::Job(job), 0).await.expect("a run");
     let name = run.started.run.clone();
@@ -171,7 +172,7 @@ async fn decisions_hold_while_a_thread_is_handed_out_and_the_run_knows_it_by_its
 
 #[tokio::test]
 async fn a_spindle_rule_for_a_program_in_step_with_the_spindle_is_refused() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut config = config();
     let rules = config.rules.as_mut().expect("rules");
     let rule = Rule::Turning(TurningRule { lower_rad: -0.1, upper_rad: 0.1, ..Default::default() });
@@ -185,7 +186,7 @@ async fn a_spindle_rule_for_a_program_in_step_with_the_spindle_is_refused() {
 
 #[tokio::test]
 async fn telemetry_that_stops_while_cutting_brings_the_fallback_whether_the_client_is_there_or_not() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let cases = [
         (SilenceFallback::Hold, None),
         (SilenceFallback::Full, Some((1.0, FeedChangeCause::Decision))),

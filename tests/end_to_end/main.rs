@@ -1,5 +1,8 @@
 //! The built binary as a black box: a child process with a real database file, spoken to through its ports.
 
+/// The binary that cargo built along.
+const FEEDWAVE: &str = env!("CARGO_BIN_EXE_feedwave");
+
 mod configuration;
 mod dashboards;
 mod discovery;

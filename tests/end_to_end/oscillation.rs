@@ -16,6 +16,8 @@ use feedwave::proto::{
 };
 use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 
+use crate::FEEDWAVE;
+
 /// The worked example of the tool oscillation page.
 const PROGRAM: &str = "G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
 /// Length of the cut, and over how much of it the oscillation is blended in and out, mm.
@@ -114,7 +116,7 @@ fn assert_in_step(setpoints: &Setpoints) -> usize {
 
 #[tokio::test]
 async fn the_worked_example_is_judged_streamed_and_the_same_after_a_kill() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     equip(&mut clients).await;
     let outcome = submit(&mut clients, PROGRAM, &["cutter"]).await;
@@ -154,7 +156,7 @@ async fn the_worked_example_is_judged_streamed_and_the_same_after_a_kill() {
 
 #[tokio::test]
 async fn a_moved_override_keeps_the_step_with_the_spindle() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     equip(&mut clients).await;
     let job = submit(&mut clients, PROGRAM, &["cutter"]).await.job;
@@ -175,7 +177,7 @@ async fn a_moved_override_keeps_the_step_with_the_spindle() {
 
 #[tokio::test]
 async fn what_is_impossible_is_refused_with_numbers_and_stays_stored() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     equip(&mut clients).await;
     let mut refused = Vec::new();

@@ -5,11 +5,12 @@ use feedwave::proto::{ColumnKind, Encoding, GetPlanSummaryRequest, StreamSetpoin
 use feedwave_tests::{Clients, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, Server, Setpoints, stream};
 use tonic::Code;
 
+use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
 /// A server with one valid job.
 async fn ready_job() -> (Server, Clients, StreamSetpointsRequest) {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(SHAFT_CURED).await;
     let request = StreamSetpointsRequest { job: outcome.job.name, ..StreamSetpointsRequest::default() };

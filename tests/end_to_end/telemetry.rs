@@ -17,6 +17,7 @@ use feedwave_tests::{Home, Server};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
+use crate::FEEDWAVE;
 use crate::live_runs::{batch, config};
 
 /// Any program: its telemetry is judged only.
@@ -164,7 +165,7 @@ fn made(decision: &Decision) -> Decision {
 #[tokio::test]
 async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad_data() {
     let seed = RandomState::new().hash_one(0);
-    let mut server = Home::new("").start().await;
+    let mut server = Home::new(FEEDWAVE, "").start().await;
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config()) };

@@ -12,6 +12,7 @@ use feedwave::proto::{
 use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 use tonic::{Code, Status};
 
+use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
 /// The thread of program A of the thread vibration page.
@@ -39,7 +40,7 @@ async fn plan(clients: &mut Clients, request: PlanThreadRequest) -> PlanThreadRe
 
 #[tokio::test]
 async fn a_planned_thread_breaks_its_chip_in_both_models() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     for method in [PassMethod::StartAngle, PassMethod::StartPosition] {
         let request = PlanThreadRequest { method: method.into(), ..thread_of_program_a() };
@@ -68,7 +69,7 @@ async fn a_planned_thread_breaks_its_chip_in_both_models() {
 
 #[tokio::test]
 async fn what_cannot_be_planned_is_answered_with_findings() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     for (request, code) in [
         // Even the run-up of a lead of 2.5 mm takes more than that.
@@ -90,7 +91,7 @@ async fn what_cannot_be_planned_is_answered_with_findings() {
 
 #[tokio::test]
 async fn every_wrong_field_of_a_thread_is_named_at_once() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let wrong = PlanThreadRequest {
         on: Some(On::Machine("lathe".to_owned())),
@@ -136,7 +137,7 @@ fn assert_near(value: f64, expected: f64, tolerance: f64) {
 
 #[tokio::test]
 async fn program_a_is_judged_with_the_numbers_of_the_page() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(PROGRAM_A).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
@@ -170,7 +171,7 @@ async fn program_a_is_judged_with_the_numbers_of_the_page() {
 
 #[tokio::test]
 async fn program_b_cuts_one_depth_three_times_and_breaks_its_chip() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(PROGRAM_B).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
@@ -200,7 +201,7 @@ fn of_line(setpoints: &Setpoints, line: u32) -> Vec<[f64; 3]> {
 
 #[tokio::test]
 async fn setpoints_follow_the_spindle_angle_in_lead_and_phase() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(PROGRAM_A).await;
     let thread = only_thread(&outcome).thread.clone().expect("a thread");
@@ -232,7 +233,7 @@ async fn setpoints_follow_the_spindle_angle_in_lead_and_phase() {
 
 #[tokio::test]
 async fn contradictions_are_refused_before_anything_moves() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     for (from, to, code, refused) in [
         ("Q325.584", "Q400.0", "PRG-THREAD-ANGLE", true),
@@ -253,7 +254,7 @@ async fn contradictions_are_refused_before_anything_moves() {
 
 #[tokio::test]
 async fn a_start_too_close_to_the_work_is_refused_on_a_machine_that_knows_the_approach() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let lathe = GetMachineRequest { name: "machines/lathe".to_owned() };
     let lathe = clients.machines.get_machine(lathe).await.unwrap().into_inner().machine.expect("a machine");
@@ -274,7 +275,7 @@ async fn a_start_too_close_to_the_work_is_refused_on_a_machine_that_knows_the_ap
 
 #[tokio::test]
 async fn a_planned_program_is_accepted_and_breaks_its_chip() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     for (method, infeed) in [
         (PassMethod::StartAngle, InfeedPattern::Flank),
@@ -321,7 +322,7 @@ async fn follow(
 
 #[tokio::test]
 async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_stream() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     // The finishing pass goes on in a second part, which makes it a thread of its own.
     let (whole, parts) = ("G32 Z60.0 F2.5 Q297.648 A0.0", "G32 Z70.0 F2.5 Q297.648 A0.0\nG32 X7.5 Z60.0 F2.5");
@@ -388,7 +389,7 @@ async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_st
 
 #[tokio::test]
 async fn following_is_refused_with_the_field_that_is_wrong() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(PROGRAM_A).await;
     let start = FollowSpindleStart { job: outcome.job.name.clone(), ..FollowSpindleStart::default() };

@@ -11,6 +11,7 @@ use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Response, Status};
 
+use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
 const PIECE: usize = 256 << 10;
@@ -61,7 +62,7 @@ async fn send_part(
 
 #[tokio::test]
 async fn a_large_program_is_uploaded_and_becomes_a_job() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = large_program();
     let name = upload(&mut clients, &program).await.unwrap();
@@ -79,7 +80,7 @@ async fn a_large_program_is_uploaded_and_becomes_a_job() {
 
 #[tokio::test]
 async fn acknowledged_bytes_survive_a_killed_server_and_the_upload_goes_on() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = large_program();
     let name = format!("programs/{}", sha256_hex(&program));
@@ -103,7 +104,7 @@ async fn acknowledged_bytes_survive_a_killed_server_and_the_upload_goes_on() {
 
 #[tokio::test]
 async fn a_call_that_ends_early_keeps_what_was_acknowledged() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = large_program();
     let name = format!("programs/{}", sha256_hex(&program));
@@ -125,7 +126,7 @@ async fn a_call_that_ends_early_keeps_what_was_acknowledged() {
 
 #[tokio::test]
 async fn a_call_that_breaks_keeps_what_was_acknowledged() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = large_program();
     let name = format!("programs/{}", sha256_hex(&program));
@@ -149,7 +150,7 @@ async fn a_call_that_breaks_keeps_what_was_acknowledged() {
 
 #[tokio::test]
 async fn content_that_is_not_what_was_announced_is_refused() {
-    let server = Server::start().await;
+    let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let program = Bytes::from_static(b"G0 X1.\nM30\n");
     let name = format!("programs/{}", sha256_hex(&program));
@@ -167,7 +168,7 @@ async fn content_that_is_not_what_was_announced_is_refused() {
 
 #[tokio::test]
 async fn an_upload_that_breaks_the_rules_is_refused() {
-    let server = feedwave_tests::Home::new("[limits]\nupload_bytes = 1000000").start().await;
+    let server = feedwave_tests::Home::new(FEEDWAVE, "[limits]\nupload_bytes = 1000000").start().await;
     let mut clients = server.connect().await;
     let program = large_program();
     let messages = upload_messages(&program, 0, PIECE);

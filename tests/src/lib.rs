@@ -1,7 +1,6 @@
 //! What the black-box tests share: the built binary as a child process with a database of its own, clients, and the
 //! decoding of setpoint streams. Nothing here knows the inside of the service.
 
-mod binary;
 mod client;
 mod freeform;
 mod memory;
@@ -10,7 +9,6 @@ mod server;
 mod setpoints;
 mod web;
 
-pub use binary::feedwave_binary;
 pub use client::{Clients, Outcome, sha256_hex, upload, upload_messages};
 pub use freeform::{Directions, Freeform};
 pub use memory::{MemoryUse, measure_memory};

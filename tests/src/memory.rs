@@ -1,5 +1,6 @@
 //! How much memory the service takes for a program of any size: the whole way from upload to the last setpoint.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -50,12 +51,12 @@ fn pieces(bytes: u64) -> impl Iterator<Item = Bytes> {
 }
 
 /// Uploads, validates and streams a generated program of about `bytes` bytes, and reads the operating system's account
-/// (`VmHWM`) of the service's process after each.
+/// (`VmHWM`) of the process of this binary after each.
 ///
 /// # Panics
 /// When the service does not do its work.
-pub async fn measure_memory(bytes: u64) -> MemoryUse {
-    let server = Home::new("").start().await;
+pub async fn measure_memory(binary: &Path, bytes: u64) -> MemoryUse {
+    let server = Home::new(binary, "").start().await;
     let mut clients = server.connect().await;
     let idle_bytes = server.peak_resident_bytes();
 

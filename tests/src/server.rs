@@ -12,29 +12,31 @@ use tempfile::TempDir;
 use tokio::process::{Child, Command};
 use tokio::time::timeout;
 
-use crate::{Clients, Web, feedwave_binary};
+use crate::{Clients, Web};
 
 /// No wait of a test lasts longer; reached only when something is broken.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A directory with a database and a configuration, which outlives the servers that run on it.
 pub struct Home {
+    binary: PathBuf,
     directory: TempDir,
 }
 
 impl Home {
-    /// An empty directory; the configuration puts the database into it, both ports on free ones, and adds `more`.
+    /// An empty directory for servers of this binary; the configuration puts the database into it, both ports on free ones,
+    /// and adds `more`.
     ///
     /// # Panics
     /// When there is no room for temporary files.
     #[must_use]
-    pub fn new(more: &str) -> Self {
+    pub fn new(binary: impl Into<PathBuf>, more: &str) -> Self {
         let directory = tempfile::tempdir().expect("a temporary directory");
         let mut config = String::from("[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n");
         writeln!(config, "[database]\npath = '{}'\n{more}", directory.path().join("feedwave.db").display())
             .expect("text grows");
         std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
-        Self { directory }
+        Self { binary: binary.into(), directory }
     }
 
     /// Path of the directory.
@@ -52,7 +54,7 @@ impl Home {
         let _ = std::fs::remove_file(&ready_file);
         let log = self.path().join("log.txt");
         let log_file = File::options().create(true).append(true).open(&log).expect("the log is opened");
-        let mut child = Command::new(feedwave_binary())
+        let mut child = Command::new(&self.binary)
             .args(["serve", "--config"])
             .arg(self.path().join("feedwave.toml"))
             .arg("--ready-file")
@@ -97,9 +99,9 @@ pub struct Server {
 }
 
 impl Server {
-    /// A service with an empty database and default limits.
-    pub async fn start() -> Self {
-        Home::new("").start().await
+    /// A service of this binary with an empty database and default limits.
+    pub async fn start(binary: impl Into<PathBuf>) -> Self {
+        Home::new(binary, "").start().await
     }
 
     /// Clients over one new connection.
