@@ -16,6 +16,7 @@ mod live_threads;
 mod memory;
 mod oscillation;
 mod overrides;
+mod readme;
 mod setpoints;
 mod status;
 mod streaming;

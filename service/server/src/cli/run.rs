@@ -32,6 +32,8 @@ pub(super) use machine::usual_monitoring;
 Examples:
   feedwave run \"$job\" --simulate --cut 3:1.0
       The default mill cuts 1 mm deep in line 3.
+  feedwave run \"$job\" --simulate
+      A dry run: nothing is cut, so that nothing changes the feed.
   feedwave run \"$job\" --simulate --cut 3-7:0.5 --cut 9:2 --seed 4
   feedwave run \"$job\" --simulate --description machine.json
       Everything about the machine, its tool, its sensors and their faults from a file.

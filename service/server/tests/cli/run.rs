@@ -67,6 +67,17 @@ fn too_high_a_feed_comes_down_until_the_deflection_is_inside_the_limits() {
 }
 
 #[test]
+fn a_run_without_a_cut_is_a_dry_run_and_says_so() {
+    let service = Service::start();
+    let job = slot(&service);
+    let output = service.run(&["run", &job, "--simulate"]);
+    assert_eq!(code(&output), 0, "{}{}", stdout(&output), stderr(&output));
+    assert!(stderr(&output).contains("a dry run") && stderr(&output).contains("--cut 3-7:0.5"), "{}", stderr(&output));
+    let overrides = overrides(&stdout(&output));
+    assert_eq!((overrides.len(), overrides[0][1]), (1, 100.0), "{overrides:?}");
+}
+
+#[test]
 fn a_run_that_makes_no_sense_is_refused_before_it_begins() {
     let service = Service::start();
     let job = slot(&service);
@@ -76,7 +87,6 @@ fn a_run_that_makes_no_sense_is_refused_before_it_begins() {
         stderr(&output)
     };
     assert!(refused(&[]).contains("--simulate"));
-    assert!(refused(&["--simulate"]).contains("--cut 3-7:0.5"));
     assert!(refused(&["--simulate", "--cut", "7-3:1"]).contains("the last is not before the first"));
     assert!(refused(&["--simulate", "--cut", "3:-1"]).contains("depth"));
     let directory = tempfile::tempdir().unwrap();

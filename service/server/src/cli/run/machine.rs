@@ -6,6 +6,7 @@ use feedwave_monitoring::{Length, MonitoringConfig, Quantity, Sensors, Violation
 use feedwave_simulator::{Contact, Description, SensorPair, Where};
 
 use crate::cli::CliError;
+use crate::cli::terminal::tell;
 use crate::convert::monitoring_to_proto;
 use crate::proto;
 
@@ -20,6 +21,7 @@ pub(super) struct MachineArgs {
     #[arg(long, value_name = "N", requires = "simulate")]
     seed: Option<u64>,
     /// Lines in which the tool cuts, and the depth of cut in mm; may be repeated, and goes before the description's contacts
+    /// [default: nothing is cut]
     #[arg(long, value_name = "FIRST-LAST:DEPTH", requires = "simulate", value_parser = cut)]
     cut: Vec<Cut>,
     /// Spindle speed at which the machine idles for the baseline, rev/min
@@ -74,10 +76,10 @@ impl MachineArgs {
             return Err(refused(&violations));
         }
         if description.contacts.is_empty() {
-            return Err(CliError::trouble(
-                "the simulated tool would cut nothing: say in which lines and how deep, such as --cut 3-7:0.5, or give \
-                 contacts in the --description",
-            ));
+            tell(
+                "a dry run: the simulated tool cuts nothing, so that nothing bends it; to cut, say in which lines and how \
+                 deep, such as --cut 3-7:0.5, or give contacts in the --description\n",
+            );
         }
         Ok(description)
     }

@@ -1,0 +1,152 @@
+//! What the README prints works as printed: its programs are accepted, its commands do what they are there for.
+//!
+//! A fence says what it holds: `sh` commands, `gcode NAME` a program. A new one that is neither fails.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Output;
+
+use feedwave_tests::{Home, Server};
+use tokio::process::Command;
+
+use crate::FEEDWAVE;
+
+const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// Files that a reader is to have of their own.
+const OWN_FILES: [(&str, &str); 1] =
+    [("part.nc", "G21 G18 G99 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F0.2\nG0 X32.\nM30\n")];
+
+/// How the programs are validated that do not run on the generic lathe.
+const MACHINES: [(&str, &[&str]); 2] = [
+    (
+        "face.nc",
+        &["--profile", "tests/fixtures/oscillation-mill.toml", "--tools", "tests/fixtures/oscillation-tools.toml"],
+    ),
+    ("slot.nc", &["--machine-kind", "mill"]),
+];
+
+/// What stands for a name that the service gives: the command whose output has it, and which of its lines.
+const NAMES: [(&str, &str, fn(&str) -> Option<&str>); 2] =
+    [("jobs/\u{2026}", "submit", |text| text.lines().last()), ("runs/\u{2026}", "run", |text| text.lines().next())];
+
+/// Commands that are run elsewhere: this test is part of one, and what passes every change runs all of them.
+const RUN_BY_CI: &str = "cargo ";
+
+struct Snippet {
+    tag: String,
+    text: String,
+}
+
+fn snippets() -> Vec<Snippet> {
+    let readme = std::fs::read_to_string(Path::new(REPOSITORY).join("README.md")).expect("the README is there");
+    let mut snippets = Vec::new();
+    let mut open: Option<Snippet> = None;
+    for line in readme.lines() {
+        match (line.strip_prefix("```"), open.take()) {
+            (Some(tag), None) => open = Some(Snippet { tag: tag.to_owned(), text: String::new() }),
+            (Some(""), Some(snippet)) => snippets.push(snippet),
+            (Some(tag), Some(_)) => panic!("a fence within a fence: {tag}"),
+            (None, Some(snippet)) => open = Some(Snippet { text: snippet.text + line + "\n", ..snippet }),
+            (None, None) => {}
+        }
+    }
+    assert!(open.is_none(), "a fence is not closed");
+    snippets
+}
+
+/// Commands of a snippet in words, without comments; a backslash continues a line.
+fn commands(text: &str) -> Vec<Vec<String>> {
+    let text = text.replace("\\\n", " ");
+    let lines = text.lines().map(|line| line.split_once('#').map_or(line, |(command, _)| command));
+    let words = lines.map(|line| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+    words.filter(|words| !words.is_empty()).collect()
+}
+
+async fn feedwave(home: &Path, server: Option<&Server>, arguments: &[String]) -> Output {
+    let mut command = Command::new(FEEDWAVE);
+    command.args(arguments).current_dir(home).env_remove("FEEDWAVE_CONFIG").env_remove("FEEDWAVE_SERVER");
+    if let Some(server) = server {
+        command.env("FEEDWAVE_SERVER", format!("http://{}", server.grpc));
+    }
+    let output = command.kill_on_drop(true).output().await.expect("the binary is started");
+    let told = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "feedwave {}: {}\n{told}", arguments.join(" "), output.status);
+    output
+}
+
+/// An empty working directory with the fixtures where the commands look for them, and the files of the reader.
+fn home() -> Home {
+    let home = Home::new(FEEDWAVE, "");
+    let repository = Path::new(REPOSITORY).canonicalize().expect("the repository is there");
+    std::os::unix::fs::symlink(repository.join("tests"), home.path().join("tests")).expect("a link");
+    for (name, text) in OWN_FILES {
+        std::fs::write(home.path().join(name), text).expect("a file is written");
+    }
+    for snippet in snippets() {
+        if let Some(name) = snippet.tag.strip_prefix("gcode ") {
+            std::fs::write(home.path().join(name), snippet.text).expect("a file is written");
+        }
+    }
+    home
+}
+
+#[test]
+fn every_snippet_says_what_it_is() {
+    let snippets = snippets();
+    for Snippet { tag, text } in &snippets {
+        assert!(tag == "sh" || tag.strip_prefix("gcode ").is_some_and(|name| name.ends_with(".nc")), "{tag:?}: {text}");
+    }
+    let count = |start: &str| snippets.iter().filter(|snippet| snippet.tag.starts_with(start)).count();
+    assert!(count("sh") >= 5 && count("gcode") >= 4, "{} and {}", count("sh"), count("gcode"));
+}
+
+#[tokio::test]
+async fn every_program_is_accepted() {
+    let home = home();
+    for name in snippets().iter().filter_map(|snippet| snippet.tag.strip_prefix("gcode ")) {
+        let machine = MACHINES.iter().find(|(program, _)| *program == name).map_or(&[][..], |(_, options)| options);
+        let arguments = [&["validate", name][..], machine].concat();
+        feedwave(home.path(), None, &arguments.iter().map(|&word| word.to_owned()).collect::<Vec<_>>()).await;
+    }
+}
+
+#[tokio::test]
+async fn every_command_works() {
+    let ci = std::fs::read_to_string(Path::new(REPOSITORY).join(".ci/run")).expect("it is there");
+    let mut home = Some(home());
+    let directory = home.as_ref().map(|home| home.path().to_owned()).expect("it is there");
+    let mut server: Option<Server> = None;
+    let mut names = BTreeMap::new();
+    let snippets = snippets();
+    for words in snippets.iter().filter(|snippet| snippet.tag == "sh").flat_map(|snippet| commands(&snippet.text)) {
+        let line = words.join(" ");
+        if line.starts_with(RUN_BY_CI) {
+            let mut steps = ci.lines().filter_map(|step| step.strip_prefix("step ")?.split_once(' '));
+            let is_run = steps.any(|(_, command)| command.starts_with(&line));
+            assert!(is_run, "{line} is not run by .ci/run");
+            continue;
+        }
+        let (program, arguments) = words.split_first().expect("not empty");
+        assert_eq!(program, "feedwave", "{line}");
+        // The service goes on beside the others, on free ports.
+        if arguments == ["serve", "--config", "feedwave.toml"] {
+            server = Some(home.take().expect("one service is started").start().await);
+            continue;
+        }
+        let named = |word: &String| names.get(word.as_str()).cloned().unwrap_or_else(|| word.clone());
+        let arguments: Vec<String> = arguments.iter().map(named).collect();
+        assert!(!arguments.iter().any(|word| word.contains('\u{2026}')), "nothing before {line} gives the name");
+        let output = feedwave(&directory, server.as_ref(), &arguments).await;
+        let text = String::from_utf8(output.stdout).expect("a text");
+        for (name, _, found) in NAMES.iter().filter(|(_, command, _)| *command == arguments[0]) {
+            names.insert(*name, found(&text).expect("a name").to_owned());
+        }
+        let files =
+            arguments.iter().zip(&arguments[1..]).filter(|(option, _)| ["--out", "--plots"].contains(&option.as_str()));
+        for (_, file) in files {
+            assert!(directory.join(file).exists(), "{line} leaves no {file}");
+        }
+    }
+    assert!(server.is_some() && names.len() == NAMES.len(), "{names:?}");
+}
