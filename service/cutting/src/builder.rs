@@ -6,6 +6,7 @@ mod guided;
 mod oscillation;
 mod thread_pass;
 mod threading;
+mod vibration;
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -14,22 +15,21 @@ use feedwave_motion::{
     limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    DwellTime, Finding, FindingLog, Function, FunctionCommand, Move, MoveKind, Operation, OperationKind, PathControl,
-    Position, SourceSpan, Spindle,
+    Axis, DwellTime, Finding, FindingLog, Function, Move, MoveKind, Operation, OperationKind, PathControl, Position,
+    SourceSpan, Spindle,
 };
 use serde::{Deserialize, Serialize};
 
 use self::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
 use self::oscillation::{ActiveOscillation, Judgements};
 use self::threading::Threads;
+use self::vibration::ActiveVibration;
 use crate::cut::Cut;
 use crate::five_axis::{Ahead, Chosen, Guide, GuideState};
-use crate::interpolator::{Barrier, SectionSamples, SectionStart};
+use crate::interpolator::{Barrier, SectionSamples};
 use crate::thread::{ThreadPath, ThreadSectionReport};
 use crate::tool_oscillation::OscillationSectionReport;
-use crate::{
-    PipelineConfig, SectionAnalyzer, SectionReport, VibrationCondition, VibrationWordSpans, condition_from_command,
-};
+use crate::{PipelineConfig, SectionAnalyzer, SectionReport};
 
 /// Section reports kept in full; further sections are counted.
 const MAX_SECTION_REPORTS: usize = 1_000;
@@ -55,15 +55,6 @@ pub(crate) struct BuilderState {
     speed_limit_reported: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct ActiveVibration {
-    condition: VibrationCondition,
-    on_span: SourceSpan,
-    words: VibrationWordSpans,
-    /// Whether a cutting block has opened a section.
-    section_open: bool,
-}
-
 /// Figures and section reports of a whole program; gathered while validating only.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Analysis {
@@ -72,8 +63,6 @@ pub(crate) struct Analysis {
     awaiting: VecDeque<SectionAnalyzer>,
     /// Feed override in force; `None` before the first change.
     feed_override: Option<f64>,
-    /// The element before, for the angle of the junction in a section.
-    previous: Option<Element>,
     pub(crate) sections: Vec<SectionReport>,
     pub(crate) section_count: u64,
     pub(crate) threads: Vec<ThreadSectionReport>,
@@ -376,18 +365,18 @@ impl Builder {
         }
         let left = if cutting { self.oscillate(&element, &cut, config, planner, findings) } else { None };
         let machine = left.as_deref().unwrap_or(machine);
-        let in_section = self.state.vibration.filter(|vibration| vibration.section_open);
-        let settings = &config.profile.vibration;
-        let superposed =
-            in_section.map_or(PathMotion::ZERO, |vibration| settings.demanded(vibration.condition).peaks());
-        // Twice the commanded speed is the most that a feed override asks for.
-        let top_speed = 2.0 * top_command(&element, cut.feed, &cut.spindle, machine);
-        let pieces = limit_pieces(&element, machine, superposed, top_speed);
+        let top_speed = top_command(&element, cut.feed, &cut.spindle, machine);
+        let vibration = if cutting { self.vibrate(&element, top_speed, config, planner) } else { None };
+        let pieces = match &vibration {
+            Some(demand) => demand.limit_pieces(&element, machine, top_speed),
+            // Twice the commanded speed is the most that a feed override asks for.
+            None => limit_pieces(&element, machine, PathMotion::ZERO, 2.0 * top_speed),
+        };
         let limits = match &pieces {
             Ok(pieces) => Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits))),
             Err(exceeded) => Err(*exceeded),
         };
-        self.analyse(&cut, &element, &limits, in_section.is_some(), machine);
+        self.analyse(&cut, &element, &limits, vibration.is_some(), machine);
         let pieces = match pieces {
             Ok(pieces) => pieces,
             Err(exceeded) => {
@@ -411,88 +400,11 @@ impl Builder {
             self.check_feed(&stretches, &element, findings);
         }
         // Where the vibration has to wait for a corner, the path rests there.
-        let passes_corners = in_section.is_none();
+        let passes_corners = vibration.is_none();
         let mut request = MotionRequest::new(element, stretches);
         request.rest_at_end = rest_at_end;
         request.passes_corners = passes_corners;
         planner.push_motion(request);
-    }
-
-    fn switch_vibration(
-        &mut self,
-        command: &FunctionCommand,
-        span: SourceSpan,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-        findings: &mut FindingLog,
-    ) {
-        if !command.on {
-            self.close_section(planner, findings);
-            let was_unusable = std::mem::take(&mut self.state.unusable_vibration);
-            if self.state.vibration.take().is_none() && !was_unusable {
-                findings.push(
-                    Finding::error("VIB-OFF-WITHOUT-ON", span, "vibration is switched off but was not on")
-                        .suggest("remove the block, or switch the vibration on before it"),
-                );
-            }
-            return;
-        }
-        if let Some(active) = self.state.vibration {
-            let line = active.on_span.line;
-            findings.push(
-                Finding::error("VIB-NESTED", span, format!("vibration is on already, since line {line}"))
-                    .with_value("on_line", f64::from(line), "")
-                    .suggest("switch the vibration off before it is switched on with other values"),
-            );
-            self.close_section(planner, findings);
-        }
-        let condition = condition_from_command(command, span, &config.profile.vibration, findings);
-        self.state.unusable_vibration = condition.is_none();
-        let words = VibrationWordSpans::of(command);
-        self.state.vibration =
-            condition.map(|condition| ActiveVibration { condition, on_span: span, words, section_open: false });
-    }
-
-    /// Opens a section at the first cutting block after the vibration was switched on or interrupted.
-    fn open_section(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>) {
-        let Some(vibration) = &mut self.state.vibration else { return };
-        if vibration.section_open {
-            return;
-        }
-        vibration.section_open = true;
-        let VibrationCondition { frequency_hz, amplitude_mm } = vibration.condition;
-        let follows_up_to = config.profile.vibration.follows_up_to(amplitude_mm);
-        planner.push_barrier(Barrier::SectionStart(SectionStart { frequency_hz, amplitude_mm, follows_up_to }));
-        if let Some(analysis) = &mut self.analysis {
-            let profile = &config.profile;
-            let period_s = config.period_s();
-            let settings = crate::VibrationSettings { generation_mode: config.generation_mode, ..profile.vibration };
-            analysis.previous = None;
-            let analyzer = SectionAnalyzer::new(
-                vibration.condition,
-                vibration.on_span,
-                &settings,
-                &profile.machine,
-                &profile.following,
-                period_s,
-            );
-            let changes = !config.overrides.is_empty();
-            let analyzer = analyzer.with_feed_overrides(profile.max_feed_override, changes);
-            analysis.open = Some(analyzer.with_word_spans(vibration.words));
-        }
-    }
-
-    fn close_section(&mut self, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
-        self.close_oscillation(planner, findings);
-        let Some(vibration) = &mut self.state.vibration else { return };
-        if !vibration.section_open {
-            return;
-        }
-        vibration.section_open = false;
-        planner.push_barrier(Barrier::SectionEnd);
-        if let Some(analysis) = &mut self.analysis {
-            analysis.awaiting.extend(analysis.open.take());
-        }
     }
 
     fn analyse(
@@ -519,9 +431,8 @@ impl Builder {
         }
         if in_section {
             if let Some(open) = &mut analysis.open {
-                open.add_element(element, cut.feed, &cut.spindle, limits, analysis.previous.as_ref());
+                open.add_element(element, cut.feed, &cut.spindle, limits);
             }
-            analysis.previous = Some(element.clone());
         }
     }
 }

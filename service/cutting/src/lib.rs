@@ -5,6 +5,7 @@
 
 #![forbid(unsafe_code)]
 
+mod blend;
 mod builder;
 mod chip;
 mod cut;

@@ -3,6 +3,7 @@
 
 mod chip_course;
 mod chips;
+mod envelope;
 mod findings;
 mod loads;
 mod report;
@@ -16,11 +17,12 @@ use feedwave_motion::PathMotion;
 pub use feedwave_motion::{fill_sin_turns, sin_turns};
 use serde::{Deserialize, Serialize};
 
-use crate::interpolator::PEAK_RESERVE;
-
-pub use report::{AxisLoadReport, ChipSpan, OverrideReport, SamplingReport, SectionReport};
+pub(crate) use envelope::VibrationDemand;
+pub use envelope::VibrationEnvelope;
+pub use report::{
+    AxisLoadReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
+};
 pub use section::SectionAnalyzer;
-pub(crate) use section::direction_change;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
 pub use words::{MIN_FREQUENCY_HZ, VibrationWordSpans, condition_from_command};
 
@@ -43,6 +45,11 @@ pub enum GenerationMode {
 pub struct VibrationSettings {
     /// How it is generated unless a job says otherwise.
     pub generation_mode: GenerationMode,
+    /// How it begins and ends unless a job says otherwise.
+    pub envelope: VibrationEnvelope,
+    /// Whether a peak beyond an axis' limit at the ends of a published vibration forbids the program; otherwise it is a
+    /// warning.
+    pub published_limits_bind: bool,
     /// Highest permitted frequency, Hz.
     pub max_frequency_hz: f64,
     /// Largest permitted amplitude, mm.
@@ -61,18 +68,14 @@ impl VibrationSettings {
     pub(crate) fn follows_up_to(&self, amplitude_mm: f64) -> Option<f64> {
         self.amplitude_follows_feed_up_to.map(|ratio| ratio.min(self.max_amplitude_mm / amplitude_mm).max(1.0))
     }
-
-    /// What the axes have to follow for a programmed vibration, at the largest amplitude and while it changes.
-    pub(crate) fn demanded(&self, condition: VibrationCondition) -> VibrationCondition {
-        let ratio = self.follows_up_to(condition.amplitude_mm).map_or(1.0, |ratio| ratio * PEAK_RESERVE);
-        VibrationCondition { amplitude_mm: condition.amplitude_mm * ratio, ..condition }
-    }
 }
 
 impl Default for VibrationSettings {
     fn default() -> Self {
         Self {
             generation_mode: GenerationMode::AlongPath,
+            envelope: VibrationEnvelope::Blended,
+            published_limits_bind: false,
             max_frequency_hz: 500.0,
             max_amplitude_mm: 1.0,
             contour_tolerance_mm: 0.001,

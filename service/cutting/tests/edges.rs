@@ -7,7 +7,7 @@ use std::sync::Arc;
 use common::{run, validate};
 use feedwave_cutting::{
     GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig, ServoCondition, ServoWave, Step,
-    Validation, fill_servo_positions,
+    Validation, VibrationEnvelope, fill_servo_positions,
 };
 
 fn mill() -> PipelineConfig {
@@ -22,21 +22,25 @@ fn with_mode(generation_mode: GenerationMode) -> PipelineConfig {
     PipelineConfig { generation_mode, ..mill() }
 }
 
+const ENVELOPES: [VibrationEnvelope; 2] = [VibrationEnvelope::Blended, VibrationEnvelope::Published];
+
 #[test]
 fn the_offset_column_is_what_the_clamps_leave() {
     let program = "G21 G90 M3 S1000\nG200 F50. A0.03\nG1 X1. F60.\nG201\nM30\n";
     for mode in [GenerationMode::AlongPath, GenerationMode::Tangential] {
-        let setpoints = run(program, &with_mode(mode));
-        for k in 0..setpoints.len() {
-            let offset = setpoints.axes[0][k] - setpoints.path[k];
-            assert!((offset - setpoints.vibration[k]).abs() < 1e-12, "{mode:?} {k}: {offset}");
+        for vibration_envelope in ENVELOPES {
+            let setpoints = run(program, &PipelineConfig { vibration_envelope, ..with_mode(mode) });
+            for k in 0..setpoints.len() {
+                let offset = setpoints.axes[0][k] - setpoints.path[k];
+                assert!((offset - setpoints.vibration[k]).abs() < 1e-12, "{mode:?} {k}: {offset}");
+            }
         }
     }
 }
 
 /// Largest step of a drive that generates the vibration of this program's first axis itself.
-fn largest_drive_step_mm(program: &str, substeps: usize) -> f64 {
-    let config = with_mode(GenerationMode::ServoSide);
+fn largest_drive_step_mm(program: &str, substeps: usize, vibration_envelope: VibrationEnvelope) -> f64 {
+    let config = PipelineConfig { vibration_envelope, ..with_mode(GenerationMode::ServoSide) };
     let mut pipeline = Pipeline::new(Arc::new(config.clone()));
     pipeline.push(program.as_bytes());
     pipeline.finish_input();
@@ -76,8 +80,10 @@ fn a_drive_arrives_at_the_end_of_a_section_without_a_jump() {
     for length_um in (1_000..1_052).step_by(2) {
         let length_mm = f64::from(length_um) / 1_000.0;
         let program = format!("G21 G90 M3 S1000\nG200 F50. A0.03\nG1 X{length_mm:.3} F60.\nG201\nM30\n");
-        let step_mm = largest_drive_step_mm(&program, 8);
-        assert!(step_mm <= fastest_step_mm, "{step_mm} mm in one servo period with a section of {length_mm} mm");
+        for envelope in ENVELOPES {
+            let step_mm = largest_drive_step_mm(&program, 8, envelope);
+            assert!(step_mm <= fastest_step_mm, "{step_mm} mm in one servo period with a section of {length_mm} mm");
+        }
     }
 }
 
@@ -201,7 +207,8 @@ fn a_section_that_an_error_kept_from_running_does_not_say_that_nothing_was_clamp
     for (program, clamping) in
         [(program.to_owned(), "dominate"), (program.replace("G4 X100000\n", ""), "100 % of its setpoints")]
     {
-        let report = validate(&program, &lathe());
+        let published = PipelineConfig { vibration_envelope: VibrationEnvelope::Published, ..lathe() };
+        let report = validate(&program, &published);
         let short = report.findings.iter().find(|finding| finding.code == "VIB-TRAVEL-SHORT").expect("it is short");
         assert!(short.message.contains(clamping), "{}", short.message);
         assert_eq!(short.suggestions[0].value, None, "an amplitude of 0 is no cure");

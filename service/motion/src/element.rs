@@ -373,7 +373,8 @@ impl Element {
     }
 
     /// Second derivative of the position by arc length at `s`, per axis, 1/mm: curvature times normal.
-    pub(crate) fn second_derivative(&self, s: f64) -> Position {
+    #[must_use]
+    pub fn second_derivative(&self, s: f64) -> Position {
         let mut second = [0.0; AXIS_COUNT];
         if let Curve::Spline(spline) = &self.curve {
             second[..3].copy_from_slice(&spline.second_derivative(s));

@@ -14,7 +14,7 @@ mod thread;
 mod thread_request;
 mod tool;
 
-use feedwave_cutting::GenerationMode;
+use feedwave_cutting::{GenerationMode, VibrationEnvelope};
 use prost_types::Timestamp;
 
 pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
@@ -71,6 +71,25 @@ pub const fn generation_mode_to_proto(mode: GenerationMode) -> proto::Generation
         GenerationMode::AlongPath => proto::GenerationMode::AlongPath,
         GenerationMode::Tangential => proto::GenerationMode::Tangential,
         GenerationMode::ServoSide => proto::GenerationMode::ServoSide,
+    }
+}
+
+/// The envelope that a message names; `None` where it leaves it open.
+#[must_use]
+pub const fn vibration_envelope_from_proto(envelope: proto::VibrationEnvelope) -> Option<VibrationEnvelope> {
+    match envelope {
+        proto::VibrationEnvelope::Unspecified => None,
+        proto::VibrationEnvelope::Blended => Some(VibrationEnvelope::Blended),
+        proto::VibrationEnvelope::Published => Some(VibrationEnvelope::Published),
+    }
+}
+
+/// See [`vibration_envelope_from_proto`].
+#[must_use]
+pub const fn vibration_envelope_to_proto(envelope: VibrationEnvelope) -> proto::VibrationEnvelope {
+    match envelope {
+        VibrationEnvelope::Blended => proto::VibrationEnvelope::Blended,
+        VibrationEnvelope::Published => proto::VibrationEnvelope::Published,
     }
 }
 

@@ -139,13 +139,16 @@ impl Engine {
 pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
     let profile: proto::MachineProfile = json::from_stored(detail.machine_snapshot.get())?;
     let settings = job_settings(detail)?;
+    let config = PipelineConfig::new(stored_profile(&profile)?);
     Ok(PipelineConfig {
         interpolation_period_us: settings.interpolation_period_us,
         generation_mode: convert::generation_mode_from_proto(settings.generation_mode())
             .ok_or_else(|| Error::internal("a stored job has no generation mode"))?,
         tools: settings.tools.iter().map(convert::tool_for_pipeline).collect(),
         oscillation: convert::oscillation_request_from_proto(settings.oscillation.as_ref()),
-        ..PipelineConfig::new(stored_profile(&profile)?)
+        vibration_envelope: convert::vibration_envelope_from_proto(settings.vibration_envelope())
+            .unwrap_or(config.vibration_envelope),
+        ..config
     })
 }
 

@@ -10,9 +10,10 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::SectionStart;
+use crate::blend::blend;
 
 /// Vibrations over which the amplitude changes.
-const RAMP_VIBRATIONS: f64 = 4.0;
+pub(crate) const RAMP_VIBRATIONS: f64 = 4.0;
 
 /// By how much the peaks of velocity, acceleration and jerk may exceed those at the largest amplitude while it changes.
 /// For the worst sequence of changes there is, the smooth step over [`RAMP_VIBRATIONS`] gives 1.0, 1.006 and 1.027.
@@ -110,18 +111,13 @@ impl Amplitude {
                     // What was gone to is reached to the bit.
                     ratio = step.ratio;
                 } else {
-                    ratio += (step.ratio - from) * smooth_step(past as f64 / ramp as f64);
+                    ratio += (step.ratio - from) * blend(past as f64 / ramp as f64);
                 }
                 from = step.ratio;
             }
             *amplitude_mm = section.amplitude_mm * ratio;
         }
     }
-}
-
-/// From 0 to 1 with neither slope nor curvature at the ends.
-fn smooth_step(x: f64) -> f64 {
-    x * x * x * (10.0 + x * (6.0 * x - 15.0))
 }
 
 #[cfg(test)]

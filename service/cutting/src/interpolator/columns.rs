@@ -8,6 +8,7 @@ use feedwave_program::{Axis, Position};
 
 use super::oscillation::OscillationScratch;
 use super::{Activity, ActivityKind, Interpolator, Rest, Section};
+use crate::blend::BlendedPath;
 use crate::setpoint::ServoColumns;
 use crate::{BLOCK_LENGTH, Frame, GenerationMode, SetpointBlock, sin_turns};
 
@@ -101,6 +102,8 @@ pub(super) struct Scratch {
     pub(super) vibration: Vec<f64>,
     /// Arc length after superposition, mm.
     pub(super) combined: Vec<f64>,
+    /// Share of the vibration's amplitude near the ends of its path.
+    share: Vec<f64>,
     oscillation: OscillationScratch,
 }
 
@@ -113,6 +116,7 @@ impl Scratch {
             amplitude: column(),
             vibration: column(),
             combined: column(),
+            share: column(),
             oscillation: OscillationScratch::new(),
         }
     }
@@ -232,6 +236,17 @@ impl Interpolator {
         fill_wave(section, self.settings.period_s, state.next, vibration);
         let amplitude_mm = &mut scratch.amplitude[..count];
         state.amplitude.fill(&section.condition, self.settings.period_s, state.next, amplitude_mm);
+        if let Some(ramp_mm) = section.part.ramp_mm {
+            let (before_mm, length_mm) = state.track.section_place(item);
+            let path = BlendedPath { ramp_mm, before_mm, length_mm };
+            if !path.is_whole(s) {
+                let share = &mut scratch.share[..count];
+                path.fill_share(s, share);
+                for (amplitude_mm, share) in amplitude_mm.iter_mut().zip(share) {
+                    *amplitude_mm *= *share;
+                }
+            }
+        }
 
         if self.settings.mode == GenerationMode::AlongPath {
             for (offset, amplitude_mm) in vibration.iter_mut().zip(&*amplitude_mm) {
@@ -276,12 +291,13 @@ impl Interpolator {
 
         fill_axes(columns, tool, element, s, block, start);
         let within_mm = section.condition.reach_mm();
+        let is_clamped = section.part.ramp_mm.is_none();
         let ends = SectionEnds {
-            first: state.track.section_start_near(item, within_mm),
-            last: state.track.section_end_near(item, within_mm),
+            first: state.track.section_start_near(item, within_mm).filter(|_| is_clamped),
+            last: state.track.section_end_near(item, within_mm).filter(|_| is_clamped),
             within_mm,
         };
-        // Between the reaches of the section's ends nothing is clamped: column by column.
+        // Between the reaches of the part's ends nothing is clamped: column by column.
         let free = ends.free(element, s);
         let amplitudes = &mut scratch.combined[free.clone()];
         for (column, map) in columns.iter().enumerate() {
@@ -345,7 +361,7 @@ impl Interpolator {
     }
 }
 
-/// The section's ends as far as the vibration reaches them.
+/// The ends of a part of the section as far as the vibration reaches them.
 struct SectionEnds<'a> {
     first: Option<(&'a PlannedMotion, f64)>,
     last: Option<(&'a PlannedMotion, f64)>,

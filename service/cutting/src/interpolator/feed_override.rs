@@ -65,9 +65,9 @@ impl Interpolator {
     /// Commanded place of the next setpoint in the vibrating section under way, mm from its start.
     pub(crate) fn section_place_mm(&self) -> Option<f64> {
         let state = &self.state;
-        state.section?;
+        let section = state.section?;
         let item = state.track.current_index();
-        let (start_mm, _) = state.track.section_place(item);
+        let start_mm = section.before_mm + state.track.section_place(item).0;
         let (Some(activity), Some(motion)) = (state.activity, state.track.motion(item)) else { return Some(start_mm) };
         let s = match activity.kind {
             ActivityKind::Stretch(index) => {

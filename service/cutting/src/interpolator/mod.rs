@@ -16,19 +16,18 @@ mod track;
 
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
-use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch, TANGENT_TOLERANCE_RAD};
+use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch};
 use feedwave_program::{Position, Spindle, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
 use self::amplitude::Amplitude;
-pub(crate) use self::amplitude::PEAK_RESERVE;
+pub(crate) use self::amplitude::{PEAK_RESERVE, RAMP_VIBRATIONS};
 use self::clock::Clock;
 use self::columns::{ColumnMap, Scratch, ToolColumns};
 pub(crate) use self::oscillation::{OscillationRun, seen_by_tool};
 pub(crate) use self::threading::ThreadRun;
 use self::track::Track;
-pub(crate) use self::track::{Barrier, SectionStart};
-use crate::path_vibration::direction_change;
+pub(crate) use self::track::{Barrier, SectionPart, SectionStart};
 use crate::{Frame, GenerationMode, LimitTimes, SetpointBlock, sin_turns};
 
 /// What a call to [`Interpolator::fill`] brought.
@@ -199,6 +198,10 @@ enum After {
 struct Section {
     start_period: u64,
     condition: SectionStart,
+    part: SectionPart,
+    /// Path length of the parts before the present one, and with the present one once it has ended, mm.
+    before_mm: f64,
+    ended_mm: f64,
     samples: SectionSamples,
 }
 
@@ -381,7 +384,9 @@ impl Interpolator {
             After::LeaveThread => self.leave_thread(),
             After::OpenSection(condition) => {
                 let start_period = self.state.clock.period;
-                self.state.section = Some(Section { start_period, condition, samples: SectionSamples::default() });
+                let (part, samples) = (SectionPart::default(), SectionSamples::default());
+                self.state.section =
+                    Some(Section { start_period, condition, part, before_mm: 0.0, ended_mm: 0.0, samples });
                 self.state.amplitude.open(&condition);
                 self.state.track.advance(condition.reach_mm());
             }
@@ -409,19 +414,7 @@ impl Interpolator {
             self.state.resume = Some(index + 1);
             return;
         }
-        // The validator's criterion: the generator rests where a jump is reported and nowhere else.
-        let turns_sharply = || {
-            let next = state.track.next_motion_of_section();
-            next.is_some_and(|next| direction_change(&motion.element, &next.element) > TANGENT_TOLERANCE_RAD)
-        };
-        match state.section {
-            // Offsetting along the tangent would jump at a corner unless the offset is zero there.
-            Some(section) if self.settings.mode != GenerationMode::AlongPath && turns_sharply() => {
-                let wait_s = self.wait_for_zero_s(section, false);
-                self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
-            }
-            _ => self.leave_motion(),
-        }
+        self.leave_motion();
     }
 
     fn leave_motion(&mut self) {
@@ -466,9 +459,25 @@ impl Interpolator {
             }
             Planned::Barrier(Barrier::SectionEnd) => {
                 // The clamp holds a positive offset at the end point; a negative one would be cut off.
-                let wait_s = self.state.section.map_or(0.0, |section| self.wait_for_zero_s(section, true));
+                let wait_s = self.clamped_section().map_or(0.0, |section| self.wait_for_zero_s(section, true));
                 self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
             }
+            Planned::Barrier(Barrier::PartStart(part)) => {
+                let part = *part;
+                if let Some(section) = &mut self.state.section {
+                    section.part = part;
+                    section.before_mm = section.ended_mm;
+                }
+                self.state.track.advance(0.0);
+            }
+            Planned::Barrier(Barrier::PartEnd) => match self.end_part() {
+                // The offset would jump with the direction unless it is zero here.
+                Some(section) => {
+                    let wait_s = self.wait_for_zero_s(section, false);
+                    self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
+                }
+                None => self.state.track.advance(0.0),
+            },
             Planned::Barrier(Barrier::OscillationStart(run)) => {
                 let run = run.clone();
                 self.state.oscillation = Some(run);
@@ -491,7 +500,8 @@ impl Interpolator {
 
     /// Whether the path is known as far ahead as a vibration may reach from here, and as an oscillation is blended out over.
     pub(crate) fn reach_is_known(&self) -> bool {
-        let vibration_mm = self.state.section.map(|section| section.condition.reach_mm());
+        let vibration_mm =
+            self.state.section.map(|section| section.part.ramp_mm.unwrap_or_else(|| section.condition.reach_mm()));
         let blend_mm = self.state.oscillation.as_ref().map(|run| run.ramp_mm);
         vibration_mm.into_iter().chain(blend_mm).all(|reach_mm| self.state.track.is_known_ahead(reach_mm))
     }
@@ -525,12 +535,12 @@ impl Interpolator {
     fn settle_section(&mut self) {
         let period_s = self.settings.period_s;
         let aligned = self.state.clock.aligned().period;
-        // While the offset is not negative the clamp holds the end point, and drives that generate the vibration
+        // A blended vibration is 0 here. While the offset is not negative the clamp holds the end point, and drives that generate the vibration
         // themselves arrive there without a jump; otherwise the command alone stands there.
         let arrives = |section: &Section| sin_turns(columns::phase_turns(section, period_s, aligned)) >= 0.0;
         let line = self.state.rest.line;
         let kind = match &self.state.section {
-            Some(section) if arrives(section) => ActivityKind::VibratingHold,
+            Some(section) if section.part.ramp_mm.is_some() || arrives(section) => ActivityKind::VibratingHold,
             _ => ActivityKind::Hold { line },
         };
         self.align(kind, After::CloseSection);
@@ -567,6 +577,20 @@ impl Interpolator {
             return 0.0;
         }
         (half_turns.ceil() - half_turns) / (2.0 * frequency_hz)
+    }
+
+    /// Ends the present part of the section; see [`Interpolator::clamped_section`].
+    fn end_part(&mut self) -> Option<Section> {
+        let (part_mm, _) = self.state.track.section_place(self.state.track.current_index());
+        if let Some(section) = &mut self.state.section {
+            section.ended_mm = section.before_mm + part_mm;
+        }
+        self.clamped_section()
+    }
+
+    /// The section, where its vibration is clamped at the ends of its parts instead of blended out.
+    fn clamped_section(&self) -> Option<Section> {
+        self.state.section.filter(|section| section.part.ramp_mm.is_none())
     }
 
     /// The motion the tool is on, or the one before a barrier.

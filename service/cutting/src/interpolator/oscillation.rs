@@ -13,7 +13,8 @@ use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
 use super::columns::ColumnMap;
-use crate::tool_oscillation::{ToolOscillation, blend};
+use crate::blend::BlendedPath;
+use crate::tool_oscillation::ToolOscillation;
 use crate::{BLOCK_LENGTH, SetpointBlock};
 
 /// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
@@ -199,20 +200,9 @@ impl OscillationRun {
     }
 
     /// How much of the oscillation there is at every place: 0 at the ends of the section, 1 further inside.
-    fn fill_share(&self, before_mm: f64, section_mm: Option<f64>, s: &[f64], share: &mut [f64]) {
-        let per_mm = 1.0 / self.ramp_mm;
-        let left_mm = |s: f64| section_mm.map_or(f64::INFINITY, |section_mm| section_mm - (before_mm + s));
-        // `s` ascends.
-        if let (Some(&first), Some(&last)) = (s.first(), s.last())
-            && before_mm + first >= self.ramp_mm
-            && left_mm(last) >= self.ramp_mm
-        {
-            share.fill(1.0);
-            return;
-        }
-        for (share, &s) in share.iter_mut().zip(s) {
-            *share = blend((before_mm + s) * per_mm) * blend(left_mm(s) * per_mm);
-        }
+    fn fill_share(&self, before_mm: f64, length_mm: Option<f64>, s: &[f64], share: &mut [f64]) {
+        let path = BlendedPath { ramp_mm: self.ramp_mm, before_mm, length_mm };
+        if path.is_whole(s) { share.fill(1.0) } else { path.fill_share(s, share) }
     }
 
     fn fill_direction_and_phase(

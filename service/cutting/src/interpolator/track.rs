@@ -13,8 +13,12 @@ use super::{OscillationRun, ThreadRun};
 pub(crate) enum Barrier {
     /// A vibrating section starts.
     SectionStart(SectionStart),
-    /// The vibrating section ends.
+    /// The vibrating section ends, and its last part with it.
     SectionEnd,
+    /// A part of the section starts, which the vibration does not leave.
+    PartStart(SectionPart),
+    /// That part ends, and another one follows: the vibration cannot go over the junction of the two.
+    PartEnd,
     /// A part of the path on which the tool oscillates starts.
     OscillationStart(Box<OscillationRun>),
     /// That part ends.
@@ -35,9 +39,9 @@ pub(crate) enum Barrier {
 }
 
 impl Barrier {
-    /// Whether the path of a section ends here.
+    /// Whether the path of a section, or of a part of it, ends here.
     fn ends_section(&self) -> bool {
-        matches!(self, Self::SectionEnd | Self::OscillationEnd)
+        matches!(self, Self::SectionEnd | Self::PartEnd | Self::OscillationEnd)
     }
 }
 
@@ -48,6 +52,13 @@ pub(crate) struct SectionStart {
     pub(crate) amplitude_mm: f64,
     /// Largest ratio to it at which the amplitude follows the feed override; `None`: it stays.
     pub(crate) follows_up_to: Option<f64>,
+}
+
+/// Part of a vibrating section between two junctions that the vibration does not go over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SectionPart {
+    /// Length of path over which the vibration is blended in and out, mm; `None` where it is clamped at the part's ends.
+    pub(crate) ramp_mm: Option<f64>,
 }
 
 /// Room for the rounding of summed path lengths, relative and mm.
@@ -111,7 +122,7 @@ impl Item {
 impl Track {
     pub(super) fn push(&mut self, planned: Planned<Barrier>) {
         match &planned {
-            Planned::Barrier(Barrier::SectionStart(_) | Barrier::OscillationStart(_)) => self.known_mm = 0.0,
+            Planned::Barrier(Barrier::PartStart(_) | Barrier::OscillationStart(_)) => self.known_mm = 0.0,
             Planned::Barrier(barrier) if barrier.ends_section() => self.end_is_known = true,
             _ => {}
         }
@@ -228,11 +239,6 @@ impl Track {
     pub(super) fn is_known_ahead(&self, distance_mm: f64) -> bool {
         let ahead_mm = self.known_mm - self.start_mm(self.current + 1);
         self.end_is_known || ahead_mm > distance_mm + margin(self.known_mm + distance_mm)
-    }
-
-    /// The section's motion after the current item; `None` where the section ends.
-    pub(super) fn next_motion_of_section(&self) -> Option<&PlannedMotion> {
-        self.items.iter().skip(self.current + 1).find_map(Item::motion)
     }
 
     /// Finds the place `s` mm from the start of the element of motion `from` on the path of the section; what lies

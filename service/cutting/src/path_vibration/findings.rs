@@ -4,7 +4,10 @@
 use feedwave_motion::{LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
-use super::{AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans};
+use super::{
+    AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
+    VibrationWordSpans,
+};
 use crate::wording::{decimal, round_down, round_up, word};
 use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
 
@@ -26,6 +29,7 @@ pub(super) struct Evidence {
     /// First element that the axes cannot follow, and its line.
     pub(super) exceeded: Option<(LimitExceeded, u32)>,
     pub(super) curve_line: Option<u32>,
+    /// Line after the sharpest corner of a published vibration.
     pub(super) corner_line: Option<u32>,
     pub(super) chip_line: Option<u32>,
     pub(super) stopped_line: Option<u32>,
@@ -40,6 +44,7 @@ impl Evidence {
         self.travel(&mut findings);
         self.contour(&mut findings);
         self.junction(&mut findings);
+        self.published_ends(&mut findings);
         self.chip(&mut findings);
         self.following(&mut findings);
         self.report.feasible = findings.iter().all(|finding| finding.severity != Severity::Error);
@@ -172,14 +177,18 @@ impl Evidence {
             finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");
         }
         // At a standstill of the feed something would fit.
-        if quantity == Quantity::Velocity && self.settings.demanded(self.condition()).peaks().velocity < limit {
+        if quantity == Quantity::Velocity && self.settings.demand(self.condition(), 0.0).peaks(0.0).velocity < limit {
             finding = finding.suggest("lower the feed");
         }
         finding
     }
 
     fn travel(&self, findings: &mut Vec<Finding>) {
-        let SectionReport { length_mm, travel_mm, clamped_share, .. } = self.report;
+        let SectionReport { length_mm, travel_mm, clamped_share, envelope, .. } = self.report;
+        if envelope == VibrationEnvelope::Blended {
+            findings.extend(self.never_whole());
+            return;
+        }
         if length_mm >= travel_mm {
             return;
         }
@@ -207,6 +216,22 @@ impl Evidence {
         } else {
             finding.suggest("use a longer section")
         });
+    }
+
+    /// The section is too short for the whole amplitude.
+    fn never_whole(&self) -> Option<Finding> {
+        let SectionReport { length_mm, full_amplitude_share, .. } = self.report;
+        let ramps_mm = 2.0 * self.report.ramp_mm.filter(|_| full_amplitude_share == 0.0)?;
+        let message = format!(
+            "the vibration never reaches its amplitude: it is blended in and out over {} mm, and no part of the section of {} mm \
+             is longer",
+            decimal(ramps_mm, 4),
+            decimal(length_mm, 4)
+        );
+        let finding = Finding::warning("VIB-TRAVEL-SHORT", self.amplitude_span(), message)
+            .with_value("length", length_mm, "mm")
+            .with_value("ramps", ramps_mm, "mm");
+        Some(finding.suggest("use a longer section, or a smaller amplitude and a higher frequency"))
     }
 
     fn contour(&self, findings: &mut Vec<Finding>) {
@@ -255,6 +280,35 @@ impl Evidence {
                 .with_value("longest_rest", rest_s, "s")
                 .suggest("generate the vibration along the path, which goes back around the corner")
                 .suggest("round the corner with a tangent arc"),
+        );
+    }
+
+    /// A published vibration steps the velocity at its ends.
+    fn published_ends(&self, findings: &mut Vec<Finding>) {
+        let Some(ends) = &self.report.published_ends else { return };
+        let Some(axis) = &ends.exceeded else { return };
+        let (code, place) = ("VIB-PUBLISHED-ENDS", self.on_span);
+        let message = format!(
+            "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end: \
+             at this period up to {} mm/s² of the {} axis, whose limit is {}",
+            decimal(ends.start_velocity_step_mm_per_s, 2),
+            decimal(ends.clamp_velocity_step_mm_per_s, 2),
+            decimal(axis.acceleration_per_s2, 0),
+            axis.name,
+            decimal(axis.max_acceleration_per_s2, 0)
+        );
+        let finding = if self.settings.published_limits_bind {
+            Finding::error(code, place, message)
+        } else {
+            Finding::warning(code, place, message)
+        };
+        findings.push(
+            finding
+                .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
+                .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
+                .with_value("demanded", axis.acceleration_per_s2, "mm/s²")
+                .with_value("limit", axis.max_acceleration_per_s2, "mm/s²")
+                .suggest("blend the vibration in and out, so that the axes can follow its beginning and end"),
         );
     }
 

@@ -1,10 +1,10 @@
 //! What a section demands of the machine's axes.
 
-use core::f64::consts::TAU;
+use feedwave_motion::{Element, LimitExceeded, Machine, MachineAxis, PathLimits};
 
-use feedwave_motion::{Element, LimitExceeded, Machine, MachineAxis, PathLimits, path_limits};
-
-use super::{AxisLoadReport, VibrationCondition, VibrationSettings};
+use super::{
+    AxisLoadReport, ExceededAxis, PublishedEnds, VibrationCondition, VibrationDemand, VibrationSettings, sin_turns,
+};
 
 /// Steps of the search for the largest vibration that fits; each halves the relative uncertainty.
 const SEARCH_STEPS: u32 = 30;
@@ -15,7 +15,11 @@ pub(super) struct AxisLoads {
     condition: VibrationCondition,
     settings: VibrationSettings,
     machine: Machine,
-    /// Per machine axis: worst direction, peak velocity and its line.
+    /// Programmed feed at the start of the present part, mm/s.
+    part_feed_mm_per_s: f64,
+    /// Fastest programmed feed, mm/s.
+    top_feed_mm_per_s: f64,
+    /// Per machine axis.
     axes: Vec<AxisLoad>,
     /// First element that the axes cannot follow.
     pub(super) exceeded: Option<(LimitExceeded, u32)>,
@@ -27,6 +31,8 @@ pub(super) struct AxisLoads {
 struct AxisLoad {
     worst_direction: f64,
     velocity_per_s: f64,
+    acceleration_per_s2: f64,
+    jerk_per_s3: f64,
     line: u32,
 }
 
@@ -36,6 +42,8 @@ impl AxisLoads {
             condition,
             settings: *settings,
             machine: machine.clone(),
+            part_feed_mm_per_s: 0.0,
+            top_feed_mm_per_s: 0.0,
             axes: vec![AxisLoad::default(); machine.axes.len()],
             exceeded: None,
             largest_amplitude_mm: None,
@@ -43,14 +51,26 @@ impl AxisLoads {
         }
     }
 
+    pub(super) fn start_part(&mut self, feed_mm_per_s: f64) {
+        self.part_feed_mm_per_s = feed_mm_per_s;
+    }
+
+    fn demand(&self, condition: VibrationCondition) -> VibrationDemand {
+        self.settings.demand(condition, self.part_feed_mm_per_s)
+    }
+
     /// Adds an element that is cut at `feed_mm_per_s`.
     pub(super) fn add(&mut self, element: &Element, feed_mm_per_s: f64, limits: &Result<PathLimits, LimitExceeded>) {
         let directions = element.largest_tangent();
-        let path_velocity = feed_mm_per_s + self.settings.demanded(self.condition).peaks().velocity;
+        self.top_feed_mm_per_s = self.top_feed_mm_per_s.max(feed_mm_per_s);
+        let peaks = self.demand(self.condition).peaks(feed_mm_per_s);
+        let path_velocity = feed_mm_per_s + peaks.velocity;
         let mut too_fast = false;
         for (load, axis) in self.axes.iter_mut().zip(&self.machine.axes) {
             let direction = directions[axis.axis.index()];
             load.worst_direction = load.worst_direction.max(direction);
+            load.acceleration_per_s2 = load.acceleration_per_s2.max(direction * peaks.acceleration);
+            load.jerk_per_s3 = load.jerk_per_s3.max(direction * peaks.jerk);
             let velocity_per_s = direction * path_velocity;
             too_fast |= velocity_per_s > axis.max_velocity_per_s;
             if velocity_per_s > load.velocity_per_s {
@@ -75,11 +95,12 @@ impl AxisLoads {
         let frequency_hz = self.highest_frequency_hz.unwrap_or(programmed.frequency_hz);
         let directions = element.largest_tangent();
         let fits = |condition: VibrationCondition| {
-            let peaks = self.settings.demanded(condition).peaks();
-            let path_velocity = feed_mm_per_s + peaks.velocity;
+            let demand = self.demand(condition);
+            let path_velocity = feed_mm_per_s + demand.peaks(feed_mm_per_s).velocity;
             let slow_enough =
                 |axis: &MachineAxis| directions[axis.axis.index()] * path_velocity <= axis.max_velocity_per_s;
-            self.machine.axes.iter().all(slow_enough) && path_limits(element, &self.machine, peaks).is_ok()
+            self.machine.axes.iter().all(slow_enough)
+                && demand.limit_pieces(element, &self.machine, feed_mm_per_s).is_ok()
         };
         let largest_amplitude_mm =
             largest_that(amplitude_mm, |amplitude_mm| fits(VibrationCondition { amplitude_mm, ..programmed }));
@@ -91,16 +112,12 @@ impl AxisLoads {
 
     /// One report for each axis that moves.
     pub(super) fn report(&self) -> Vec<AxisLoadReport> {
-        let rad_per_s = TAU * self.condition.frequency_hz;
-        let acceleration = rad_per_s * rad_per_s * self.settings.demanded(self.condition).amplitude_mm;
         let moving = self.axes.iter().zip(&self.machine.axes).filter(|(load, _)| load.worst_direction > 0.0);
         moving
             .map(|(load, axis)| {
-                let acceleration_per_s2 = load.worst_direction * acceleration;
-                let jerk_per_s3 = acceleration_per_s2 * rad_per_s;
                 let utilisation = (load.velocity_per_s / axis.max_velocity_per_s)
-                    .max(acceleration_per_s2 / axis.max_acceleration_per_s2)
-                    .max(jerk_per_s3 / axis.max_jerk_per_s3);
+                    .max(load.acceleration_per_s2 / axis.max_acceleration_per_s2)
+                    .max(load.jerk_per_s3 / axis.max_jerk_per_s3);
                 AxisLoadReport {
                     name: axis.name.clone(),
                     rotary: axis.axis.is_rotary(),
@@ -108,14 +125,43 @@ impl AxisLoads {
                     line: load.line,
                     velocity_per_s: load.velocity_per_s,
                     max_velocity_per_s: axis.max_velocity_per_s,
-                    acceleration_per_s2,
+                    acceleration_per_s2: load.acceleration_per_s2,
                     max_acceleration_per_s2: axis.max_acceleration_per_s2,
-                    jerk_per_s3,
+                    jerk_per_s3: load.jerk_per_s3,
                     max_jerk_per_s3: axis.max_jerk_per_s3,
                     utilisation,
                 }
             })
             .collect()
+    }
+
+    /// The steps of a published vibration at the ends of its parts, seen in setpoints (or servo setpoints) of `period_s`.
+    pub(super) fn published_ends(&self, period_s: f64) -> PublishedEnds {
+        let demand = self.demand(self.condition);
+        let velocity_step_mm_per_s = demand.peaks(0.0).velocity;
+        let first_mm = demand.amplitude_mm() * sin_turns((self.condition.frequency_hz * period_s).min(0.25));
+        let clamp_step_mm_per_s = velocity_step_mm_per_s + self.top_feed_mm_per_s;
+        PublishedEnds {
+            start_velocity_step_mm_per_s: velocity_step_mm_per_s,
+            start_acceleration_mm_per_s2: first_mm / (period_s * period_s),
+            clamp_velocity_step_mm_per_s: clamp_step_mm_per_s,
+            clamp_acceleration_mm_per_s2: clamp_step_mm_per_s / period_s,
+            exceeded: self.exceeding(clamp_step_mm_per_s / period_s),
+        }
+    }
+
+    /// The axis whose acceleration limit is exceeded most by this acceleration along the path.
+    fn exceeding(&self, acceleration_mm_per_s2: f64) -> Option<ExceededAxis> {
+        let ratio = |(load, axis): &(&AxisLoad, &MachineAxis)| load.worst_direction / axis.max_acceleration_per_s2;
+        let worst = self.axes.iter().zip(&self.machine.axes).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
+        let (acceleration_per_s2, max_acceleration_per_s2) =
+            (worst.0.worst_direction * acceleration_mm_per_s2, worst.1.max_acceleration_per_s2);
+        let name = || worst.1.name.clone();
+        (acceleration_per_s2 > max_acceleration_per_s2).then(|| ExceededAxis {
+            name: name(),
+            acceleration_per_s2,
+            max_acceleration_per_s2,
+        })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{GenerationMode, VibrationCondition};
+use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
 use crate::{ChipReport, FollowingReport, SurfaceSpeedReport};
 
 /// One vibrating section: what the machine can do, and whether the chip breaks.
@@ -19,6 +19,21 @@ pub struct SectionReport {
     pub condition: VibrationCondition,
     /// How the vibration is generated.
     pub generation_mode: GenerationMode,
+    /// How it begins and ends.
+    #[serde(default)]
+    pub envelope: VibrationEnvelope,
+    /// Longest path over which the vibration is blended in and out, mm; `None` as published.
+    #[serde(default)]
+    pub ramp_mm: Option<f64>,
+    /// Share of the section's length on which the amplitude is the whole one. Whether the chip breaks is judged for it.
+    #[serde(default = "whole")]
+    pub full_amplitude_share: f64,
+    /// Junctions of blocks inside the section at which the vibration is blended out and in again.
+    #[serde(default)]
+    pub blended_junctions: u64,
+    /// The steps at the ends of a published vibration.
+    #[serde(default)]
+    pub published_ends: Option<PublishedEnds>,
     /// Path length of the section, mm.
     pub length_mm: f64,
     /// Peak-to-peak travel of the vibration 2A, mm.
@@ -31,7 +46,8 @@ pub struct SectionReport {
     pub min_radius_mm: Option<f64>,
     /// Largest deviation from the contour A²/(2R), mm; 0 along the path.
     pub contour_deviation_mm: f64,
-    /// Largest jump of the offset at a junction A·|τ₂−τ₁|, mm, avoided by resting there; 0 along the path.
+    /// Largest jump of a published offset at a junction A·|τ₂−τ₁|, mm, avoided by resting there until it is 0; 0 along the
+    /// path.
     pub junction_jump_mm: f64,
     /// Chip breaking where it is worst; `None` when nothing was cut with a turning spindle.
     pub chip: Option<ChipReport>,
@@ -52,7 +68,8 @@ pub struct SectionReport {
     pub broken_share: Option<f64>,
     /// What arrives at the tool.
     pub following: FollowingReport,
-    /// Share of the setpoints at which the clamps at the section's ends act; 0 before setpoints are generated.
+    /// Share of the setpoints at which the clamps at the ends of a published vibration act; 0 before setpoints are
+    /// generated.
     pub clamped_share: f64,
     /// Largest amplitude at this frequency that the axes can follow, mm; `None` where the programmed one is within
     /// their limits, 0 where none is.
@@ -88,6 +105,38 @@ const fn programmed() -> f64 {
     1.0
 }
 
+/// Reports stored before vibrations were blended.
+const fn whole() -> f64 {
+    1.0
+}
+
+/// Steps of a vibration that begins with its whole speed and is clamped at its ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PublishedEnds {
+    /// Step of the velocity along the path at the start 2πf·A, mm/s.
+    pub start_velocity_step_mm_per_s: f64,
+    /// Acceleration that the first setpoints ask for, mm/s².
+    pub start_acceleration_mm_per_s2: f64,
+    /// Largest step of the velocity where a clamp begins or ends to act, at the end of the section too: feed and vibration,
+    /// mm/s.
+    pub clamp_velocity_step_mm_per_s: f64,
+    /// Largest acceleration that setpoints ask for there, mm/s².
+    pub clamp_acceleration_mm_per_s2: f64,
+    /// The axis whose acceleration limit is exceeded most.
+    pub exceeded: Option<ExceededAxis>,
+}
+
+/// An axis that cannot follow.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExceededAxis {
+    /// Name of the axis.
+    pub name: String,
+    /// What is asked of it, per s².
+    pub acceleration_per_s2: f64,
+    /// Its limit, per s².
+    pub max_acceleration_per_s2: f64,
+}
+
 /// How finely the wave is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SamplingReport {
@@ -114,11 +163,11 @@ pub struct AxisLoadReport {
     pub velocity_per_s: f64,
     /// Limit of the velocity, per s.
     pub max_velocity_per_s: f64,
-    /// Peak acceleration of the vibration, per s².
+    /// Peak acceleration of the vibration with its beginning and end, per s².
     pub acceleration_per_s2: f64,
     /// Limit of the acceleration, per s².
     pub max_acceleration_per_s2: f64,
-    /// Peak jerk of the vibration, per s³.
+    /// Peak jerk of the vibration with its beginning and end, per s³.
     pub jerk_per_s3: f64,
     /// Limit of the jerk, per s³.
     pub max_jerk_per_s3: f64,

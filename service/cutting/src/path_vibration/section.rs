@@ -3,14 +3,15 @@
 //! Invariant: memory does not grow with the section.
 
 use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
-use feedwave_program::{AXIS_COUNT, Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+use feedwave_program::{Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
 use super::chips::ChipBlock;
 use super::findings::Evidence;
 use super::loads::AxisLoads;
 use super::{
-    GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationSettings, VibrationWordSpans, sin_turns,
+    GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
+    VibrationWordSpans, sin_turns,
 };
 use crate::{CutCondition, FeedCoupling, FollowingModel, LinearSpan, SpanFeed, analyse};
 
@@ -32,14 +33,35 @@ pub struct SectionAnalyzer {
     first_line: Option<u32>,
     last_line: u32,
     length_mm: f64,
+    parts: Parts,
     loads: AxisLoads,
     /// Largest curvature, 1/mm, and its line.
     sharpest: Option<(f64, u32)>,
-    /// Largest |τ₂−τ₁| of a junction that is not tangent, and its line.
-    corner: Option<(f64, u32)>,
     chips: ChipCourse,
     /// First block cut with a stopped spindle.
     stopped_line: Option<u32>,
+}
+
+/// The parts of a section between the junctions that the vibration does not go over.
+#[derive(Clone, Debug, Default)]
+struct Parts {
+    /// Length of the present part, mm.
+    length_mm: f64,
+    /// Length over which it is blended in and out, mm; `None` as published.
+    ramp_mm: Option<f64>,
+    longest_ramp_mm: Option<f64>,
+    /// Path length with the whole amplitude in the parts before, mm.
+    whole_mm: f64,
+    junctions: u64,
+    /// Largest |τ₂−τ₁| of a junction that is not tangent, and its line.
+    corner: Option<(f64, u32)>,
+}
+
+impl Parts {
+    fn close(&mut self) {
+        self.whole_mm += (self.length_mm - 2.0 * self.ramp_mm.unwrap_or(0.0)).max(0.0);
+        self.length_mm = 0.0;
+    }
 }
 
 impl SectionAnalyzer {
@@ -70,9 +92,9 @@ impl SectionAnalyzer {
             first_line: None,
             last_line: on_span.line,
             length_mm: 0.0,
+            parts: Parts::default(),
             loads: AxisLoads::new(condition, settings, machine),
             sharpest: None,
-            corner: None,
             chips: ChipCourse::new(condition, settings),
             stopped_line: None,
         }
@@ -99,21 +121,37 @@ impl SectionAnalyzer {
         self.chips.is_cut(up_to_mm, feed_override);
     }
 
-    /// Adds the next cutting element of the section. `limits` is what the vibration leaves for the feed on it,
-    /// `previous` the element before it in the section.
+    /// A part of the section starts, at this programmed feed.
+    pub fn start_part(&mut self, feed_mm_per_s: f64) {
+        self.parts.close();
+        self.parts.ramp_mm = self.settings.ramp_mm(self.condition, feed_mm_per_s);
+        let [longest, ramp] = [self.parts.longest_ramp_mm, self.parts.ramp_mm];
+        self.parts.longest_ramp_mm = longest.into_iter().chain(ramp).reduce(f64::max);
+        self.loads.start_part(feed_mm_per_s);
+    }
+
+    /// The part ends at a junction of blocks; `direction_change` is |τ₂−τ₁| there.
+    pub fn end_part(&mut self, direction_change: f64, line: u32) {
+        self.parts.junctions += 1;
+        if direction_change > TANGENT_TOLERANCE_RAD {
+            raise(&mut self.parts.corner, direction_change, line);
+        }
+    }
+
+    /// Adds the next cutting element of the section. `limits` is what the vibration leaves for the feed on it.
     pub fn add_element(
         &mut self,
         element: &Element,
         feed: Feed,
         spindle: &Spindle,
         limits: &Result<PathLimits, LimitExceeded>,
-        previous: Option<&Element>,
     ) {
         let line = element.source.line;
         let start_mm = self.length_mm;
         self.first_line.get_or_insert(line);
         self.last_line = line;
         self.length_mm += element.length;
+        self.parts.length_mm += element.length;
 
         let [least_radius_mm, largest_radius_mm] = element.radius_range_mm();
         let fastest_rev_per_s = spindle.rev_per_s(least_radius_mm).min(self.max_rev_per_min / 60.0);
@@ -124,12 +162,6 @@ impl SectionAnalyzer {
         };
         self.loads.add(element, feed_mm_per_s, limits);
         raise(&mut self.sharpest, element.curvature(), line);
-        if let Some(previous) = previous {
-            let jump = direction_change(previous, element);
-            if jump > TANGENT_TOLERANCE_RAD {
-                raise(&mut self.corner, jump, line);
-            }
-        }
 
         if !spindle.is_turning() {
             self.stopped_line.get_or_insert(line);
@@ -213,7 +245,8 @@ impl SectionAnalyzer {
     /// Ends the section: pushes one finding for each kind of thing there is to say, and reports. `clamped_samples`
     /// of `total_samples` setpoints were clamped at the section's ends; both are 0 when none were generated.
     #[must_use]
-    pub fn finish(self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
+    pub fn finish(mut self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
+        self.parts.close();
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
@@ -222,7 +255,8 @@ impl SectionAnalyzer {
             self.chips.finish(self.length_mm);
         let following_amplitude = self.following.predict(frequency_hz, amplitude_mm);
         let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
-        let corner = self.corner.map_or(0.0, |(change, _)| change);
+        let corner = self.parts.corner.map_or(0.0, |(change, _)| change);
+        let published = self.settings.envelope == VibrationEnvelope::Published;
         let turns_per_period = frequency_hz * self.period_s;
         let report = SectionReport {
             on_line: self.on_span.line,
@@ -230,6 +264,11 @@ impl SectionAnalyzer {
             last_line: self.last_line,
             condition: self.condition,
             generation_mode: self.settings.generation_mode,
+            envelope: self.settings.envelope,
+            ramp_mm: self.parts.longest_ramp_mm,
+            full_amplitude_share: self.parts.whole_mm / self.length_mm.max(f64::MIN_POSITIVE),
+            blended_junctions: if published { 0 } else { self.parts.junctions },
+            published_ends: published.then(|| self.loads.published_ends(self.period_s)),
             length_mm: self.length_mm,
             travel_mm: 2.0 * amplitude_mm,
             sampling: SamplingReport {
@@ -240,7 +279,7 @@ impl SectionAnalyzer {
             axes: self.loads.report(),
             min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
             contour_deviation_mm: only_off_contour(0.5 * reach_mm * reach_mm * curvature),
-            junction_jump_mm: only_off_contour(reach_mm * corner),
+            junction_jump_mm: if published { only_off_contour(reach_mm * corner) } else { 0.0 },
             chip: worst.map(|worst| analyse(&worst.cut)),
             feed_override: worst.map(|worst| worst.feed_override),
             at_max_feed_override: permitted,
@@ -262,7 +301,7 @@ impl SectionAnalyzer {
             following: self.following,
             exceeded: self.loads.exceeded,
             curve_line: self.sharpest.map(|(_, line)| line),
-            corner_line: self.corner.map(|(_, line)| line),
+            corner_line: self.parts.corner.map(|(_, line)| line).filter(|_| published),
             chip_line: worst.map(|worst| worst.line),
             stopped_line: self.stopped_line,
         }
@@ -275,15 +314,6 @@ fn raise(largest: &mut Option<(f64, u32)>, value: f64, line: u32) {
     if value > largest.map_or(0.0, |(value, _)| value) {
         *largest = Some((value, line));
     }
-}
-
-/// |τ₂−τ₁| over the linear axes where `element` follows `previous`.
-pub(crate) fn direction_change(previous: &Element, element: &Element) -> f64 {
-    let before = previous.tangent(previous.length);
-    let after = element.tangent(0.0);
-    let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
-    let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
-    square.sqrt()
 }
 
 /// 1 − cos(π·f·Δt), the share of the peak that lies between two samples at most; 1 from f·Δt = ½ on.

@@ -4,7 +4,7 @@ use feedwave_program::ToolLength;
 use serde::{Deserialize, Serialize};
 
 use crate::tool_oscillation::{OscillationRequest, ToolGeometry};
-use crate::{Frame, GenerationMode, MachineProfile};
+use crate::{Frame, GenerationMode, MachineProfile, VibrationEnvelope, VibrationSettings};
 
 /// What a run of the pipeline is for; immutable while it runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +15,8 @@ pub struct PipelineConfig {
     pub interpolation_period_us: u32,
     /// How the vibration is generated; the profile's mode unless the request says otherwise.
     pub generation_mode: GenerationMode,
+    /// How the vibration begins and ends; as the profile says unless the request says otherwise.
+    pub vibration_envelope: VibrationEnvelope,
     /// Coordinates of the axis columns.
     pub frame: Frame,
     /// Changes of the feed override, ascending by index. What they act on is planned at 100 % before the first.
@@ -31,11 +33,12 @@ impl PipelineConfig {
     /// Default period, the profile's generation mode, machine coordinates, no tool list.
     #[must_use]
     pub fn new(profile: MachineProfile) -> Self {
-        let generation_mode = profile.vibration.generation_mode;
+        let VibrationSettings { generation_mode, envelope: vibration_envelope, .. } = profile.vibration;
         Self {
             profile,
             interpolation_period_us: DEFAULT_PERIOD_US,
             generation_mode,
+            vibration_envelope,
             frame: Frame::Machine,
             overrides: Vec::new(),
             tools: Vec::new(),
@@ -49,6 +52,13 @@ impl PipelineConfig {
     pub fn tool_lengths(&self) -> Vec<ToolLength> {
         let length = |tool: &Tool| Some(ToolLength { number: tool.number, length_mm: tool.length_mm? });
         self.tools.iter().filter_map(length).collect()
+    }
+
+    /// The profile's settings of the vibration as this run has them.
+    #[must_use]
+    pub fn vibration(&self) -> VibrationSettings {
+        let Self { generation_mode, vibration_envelope: envelope, .. } = *self;
+        VibrationSettings { generation_mode, envelope, ..self.profile.vibration }
     }
 
     /// Interpolation period, s.

@@ -19,6 +19,7 @@ mod table;
 mod tool;
 mod waveform;
 
+pub use crate::blend::{BLEND_STEEPNESS, blend};
 pub use condition::{
     ConditionChoice, DirectionOscillation, LeadingEdge, MAX_CONDITION_TABLES, MAX_CONDITION_TOOLS, MAX_CONDITIONS,
     MAX_RAMP_PERIODS, NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation, find_condition,
@@ -27,7 +28,7 @@ pub use condition::{
 pub use engagement::{Engagement, WorkSide};
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
 pub use floor_area::{FloorSettings, MAX_FLOOR_REVOLUTIONS};
-pub use motion::{BLEND_STEEPNESS, DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, blend, ramp_mm};
+pub use motion::{DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, ramp_mm};
 pub use problems::condition_problems;
 pub use removal::{EdgePass, EdgeReport, OscillationCut, RemovedLayer, plane_section};
 pub use report::{

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::waveform::{ROUNDING, Wave, WavePeaks};
 use super::{DirectionOscillation, OscillationCondition, ToolGeometry};
+use crate::blend::BLEND_STEEPNESS;
 
 /// Offsets of the tool from its commanded place, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -182,19 +183,6 @@ impl ToolOscillation {
         360.0 * (turns - turns.round())
     }
 }
-
-/// Blend from no oscillation (`x` = 0) to the whole one (`x` ≥ 1): 10x³ − 15x⁴ + 6x⁵, with velocity and acceleration 0 at
-/// both ends.
-#[inline]
-#[must_use]
-pub fn blend(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * x * (10.0 + x * (6.0 * x - 15.0))
-}
-
-/// Largest blend(x)/x, rounded up. With a blend over at least this many amplitudes the offset never exceeds the distance
-/// from the section's end.
-pub const BLEND_STEEPNESS: f64 = 1.198;
 
 /// Length of path over which the oscillation is blended in and out, mm: the feed of a whole number of periods, `periods`
 /// or as many as keep an amplitude within the section.

@@ -14,7 +14,9 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::{Api, answer, etag, page_request, tools};
-use crate::convert::{self, enumeration, generation_mode_to_proto, timestamp, timestamp_us};
+use crate::convert::{
+    self, enumeration, generation_mode_to_proto, timestamp, timestamp_us, vibration_envelope_to_proto,
+};
 use crate::engine;
 use crate::error::{Error, Result, Violations};
 use crate::proto::jobs_server::Jobs;
@@ -93,6 +95,7 @@ pub(super) fn check_period_us(violations: &mut Violations, period_us: u32, usual
 struct CheckedSettings<'a> {
     interpolation_period_us: u32,
     generation_mode: proto::GenerationMode,
+    vibration_envelope: proto::VibrationEnvelope,
     tool_ids: Vec<&'a str>,
     oscillation: Option<&'a proto::OscillationRequest>,
 }
@@ -101,18 +104,21 @@ fn check_settings<'a>(
     violations: &mut Violations,
     interpolation_period_us: u32,
     generation_mode: i32,
+    vibration_envelope: i32,
     tools: &'a [String],
     oscillation: Option<&'a proto::OscillationRequest>,
 ) -> CheckedSettings<'a> {
     let interpolation_period_us = check_period_us(violations, interpolation_period_us, DEFAULT_PERIOD_US);
     let generation_mode = enumeration(violations, "generation_mode", generation_mode).unwrap_or_default();
+    let vibration_envelope = enumeration(violations, "vibration_envelope", vibration_envelope).unwrap_or_default();
     if tools.len() > MAX_TOOLS {
         violations.add("tools", format!("must list at most {MAX_TOOLS}, lists {}", tools.len()));
     }
     let listed = tools.iter().take(MAX_TOOLS).enumerate();
     let tool_ids =
         listed.filter_map(|(index, name)| violations.check(format!("tools[{index}]"), names::parse_tool(name)));
-    CheckedSettings { interpolation_period_us, generation_mode, tool_ids: tool_ids.collect(), oscillation }
+    let tool_ids = tool_ids.collect();
+    CheckedSettings { interpolation_period_us, generation_mode, vibration_envelope, tool_ids, oscillation }
 }
 
 fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
@@ -144,6 +150,7 @@ impl Api {
             &mut violations,
             request.interpolation_period_us,
             request.generation_mode,
+            request.vibration_envelope,
             &request.tools,
             request.oscillation.as_ref(),
         );
@@ -215,6 +222,10 @@ impl Api {
             proto::GenerationMode::Unspecified => usual,
             stated => stated,
         };
+        let vibration_envelope = match checked.vibration_envelope {
+            proto::VibrationEnvelope::Unspecified => vibration_envelope_to_proto(profile.vibration.envelope),
+            stated => stated,
+        };
         let mut tools: Vec<Tool> = Vec::with_capacity(checked.tool_ids.len());
         let mut violations = Violations::default();
         // Which conditions there are depends on the machine.
@@ -234,6 +245,7 @@ impl Api {
         Ok(JobSettings {
             interpolation_period_us: checked.interpolation_period_us,
             generation_mode: generation_mode.into(),
+            vibration_envelope: vibration_envelope.into(),
             tools,
             oscillation: checked.oscillation.map(|_| convert::oscillation_request_to_proto(&oscillation)),
         })
@@ -250,6 +262,7 @@ impl Api {
             &mut violations,
             request.interpolation_period_us,
             request.generation_mode,
+            request.vibration_envelope,
             &request.tools,
             request.oscillation.as_ref(),
         );
@@ -281,6 +294,8 @@ impl Api {
         config.interpolation_period_us = settings.interpolation_period_us;
         config.generation_mode =
             convert::generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode);
+        config.vibration_envelope =
+            convert::vibration_envelope_from_proto(settings.vibration_envelope()).unwrap_or(config.vibration_envelope);
         config.tools = settings.tools.iter().map(convert::tool_for_pipeline).collect();
         config.oscillation = convert::oscillation_request_from_proto(settings.oscillation.as_ref());
         config.overrides = overrides;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use feedwave_cutting::{
     DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig,
+    VibrationEnvelope,
 };
 use figment::Figment;
 use figment::providers::Serialized;
@@ -31,6 +32,9 @@ pub(super) struct MachineArgs {
     /// How vibration along the path is generated [default: what the profile says, or along-path]
     #[arg(long, value_enum, value_name = "MODE")]
     mode: Option<Mode>,
+    /// How vibration along the path begins and ends [default: what the profile says, or blended]
+    #[arg(long, value_enum, value_name = "FORM")]
+    envelope: Option<Envelope>,
     #[command(flatten)]
     tools: ToolArgs,
     #[command(flatten)]
@@ -67,6 +71,24 @@ impl From<Mode> for GenerationMode {
     }
 }
 
+/// How vibration along the path begins and ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Envelope {
+    /// Blended in and out over the path, within the axes' limits
+    Blended,
+    /// The whole sine from the first setpoint on, clamped at the ends
+    Published,
+}
+
+impl From<Envelope> for VibrationEnvelope {
+    fn from(envelope: Envelope) -> Self {
+        match envelope {
+            Envelope::Blended => Self::Blended,
+            Envelope::Published => Self::Published,
+        }
+    }
+}
+
 impl MachineArgs {
     /// What the pipeline is to be run with.
     pub(super) fn config(&self, frame: Frame) -> Result<Arc<PipelineConfig>, CliError> {
@@ -81,6 +103,9 @@ impl MachineArgs {
         config.oscillation = self.oscillation.checked(&config.profile.tool_oscillation)?;
         if let Some(mode) = self.mode {
             config.generation_mode = mode.into();
+        }
+        if let Some(envelope) = self.envelope {
+            config.vibration_envelope = envelope.into();
         }
         Ok(Arc::new(config))
     }

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use feedwave_cutting::tool_oscillation::OscillationRequest;
 
 use super::client::{Client, ServerArgs};
-use super::machine::Mode;
+use super::machine::{Envelope, Mode};
 use super::oscillation::OscillationArgs;
 use super::source::Source;
 use super::terminal::{Style, print, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
-use crate::convert::{generation_mode_to_proto, oscillation_request_to_proto};
+use crate::convert::{generation_mode_to_proto, oscillation_request_to_proto, vibration_envelope_to_proto};
 use crate::proto::create_job_request::Source as ProgramSource;
 use crate::proto::{CreateJobRequest, Job, JobState};
 use crate::{json, names};
@@ -52,6 +52,9 @@ pub struct Args {
     /// How vibration along the path is generated [default: what the machine's profile says]
     #[arg(long, value_enum, value_name = "MODE")]
     mode: Option<Mode>,
+    /// How vibration along the path begins and ends [default: what the machine's profile says]
+    #[arg(long, value_enum, value_name = "FORM")]
+    envelope: Option<Envelope>,
     #[command(flatten)]
     oscillation: OscillationArgs,
     /// Wait for validation and show what was found
@@ -110,6 +113,7 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         display_name: args.display_name.clone().or(file_name).unwrap_or_default(),
         interpolation_period_us: args.period_us,
         generation_mode: args.mode.map_or(0, |mode| generation_mode_to_proto(mode.into()) as i32),
+        vibration_envelope: args.envelope.map_or(0, |envelope| vibration_envelope_to_proto(envelope.into()) as i32),
         tools: Vec::new(),
         oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
     };

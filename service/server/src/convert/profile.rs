@@ -11,7 +11,10 @@ use feedwave_program::{
 use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
 use super::oscillation::{condition_to_proto, conditions_from_proto, floor_from_proto, floor_to_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
-use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto};
+use crate::convert::{
+    enumeration, generation_mode_from_proto, generation_mode_to_proto, vibration_envelope_from_proto,
+    vibration_envelope_to_proto,
+};
 use crate::error::Violations;
 use crate::proto;
 
@@ -230,9 +233,13 @@ fn language_from_proto(
 
 fn vibration_from_proto(violations: &mut Violations, vibration: proto::VibrationSettings) -> Option<VibrationSettings> {
     let usual = VibrationSettings::default();
-    let mode = enumeration(violations, "vibration.generation_mode", vibration.generation_mode)?;
+    let mode = enumeration(violations, "vibration.generation_mode", vibration.generation_mode);
+    let envelope = enumeration(violations, "vibration.envelope", vibration.envelope);
+    let (mode, envelope) = (mode?, envelope?);
     Some(VibrationSettings {
         generation_mode: generation_mode_from_proto(mode).unwrap_or(usual.generation_mode),
+        envelope: vibration_envelope_from_proto(envelope).unwrap_or(usual.envelope),
+        published_limits_bind: vibration.published_limits_bind,
         max_frequency_hz: vibration.max_frequency_hz.unwrap_or(usual.max_frequency_hz),
         max_amplitude_mm: vibration.max_amplitude_mm.unwrap_or(usual.max_amplitude_mm),
         contour_tolerance_mm: vibration.contour_tolerance_mm.unwrap_or(usual.contour_tolerance_mm),
@@ -285,6 +292,8 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         machine: Some(machine_to_proto(&profile.machine)),
         vibration: Some(proto::VibrationSettings {
             generation_mode: generation_mode_to_proto(vibration.generation_mode).into(),
+            envelope: vibration_envelope_to_proto(vibration.envelope).into(),
+            published_limits_bind: vibration.published_limits_bind,
             max_frequency_hz: Some(vibration.max_frequency_hz),
             max_amplitude_mm: Some(vibration.max_amplitude_mm),
             contour_tolerance_mm: Some(vibration.contour_tolerance_mm),

@@ -2,14 +2,15 @@
 
 use feedwave_cutting::{
     AxisLoadReport, AxisSummary, ChipReport, ChipSpan, FeedCoupling, FollowingReport, LimitTimes, Nearest,
-    OverrideReport, PeakPlace, ProgramSummary, SectionReport, SurfaceSpeedReport, UnbrokenSpan, ValidationReport,
+    OverrideReport, PeakPlace, ProgramSummary, PublishedEnds, SectionReport, SurfaceSpeedReport, UnbrokenSpan,
+    ValidationReport,
 };
 use feedwave_program::{Finding, NamedValue, Occurrence, Severity, Suggestion};
 
 use super::five_axis::thinning_report_to_proto;
 use super::oscillation_report::oscillation_section_to_proto;
 use super::thread::thread_section_to_proto;
-use crate::convert::generation_mode_to_proto;
+use crate::convert::{generation_mode_to_proto, vibration_envelope_to_proto};
 use crate::proto;
 
 /// A report as the contract has it.
@@ -154,6 +155,11 @@ fn section(section: &SectionReport) -> proto::SectionReport {
         feasible: section.feasible,
         feed_override: section.feed_override,
         at_max_feed_override: section.at_max_feed_override.as_ref().map(override_report),
+        envelope: vibration_envelope_to_proto(section.envelope).into(),
+        ramp_mm: section.ramp_mm,
+        full_amplitude_share: section.full_amplitude_share,
+        blended_junctions: section.blended_junctions,
+        published_ends: section.published_ends.as_ref().map(published_ends),
     }
 }
 
@@ -166,6 +172,20 @@ const fn override_report(report: &OverrideReport) -> proto::OverrideReport {
         largest_breaking_override: report.largest_breaking_override,
         largest_breaking_feed_per_rev_mm: report.largest_breaking_feed_per_rev_mm,
         min_amplitude_mm: report.min_amplitude_mm,
+    }
+}
+
+fn published_ends(ends: &PublishedEnds) -> proto::PublishedEnds {
+    proto::PublishedEnds {
+        start_velocity_step_mm_per_s: ends.start_velocity_step_mm_per_s,
+        start_acceleration_mm_per_s2: ends.start_acceleration_mm_per_s2,
+        clamp_velocity_step_mm_per_s: ends.clamp_velocity_step_mm_per_s,
+        clamp_acceleration_mm_per_s2: ends.clamp_acceleration_mm_per_s2,
+        exceeded: ends.exceeded.as_ref().map(|axis| proto::ExceededAxis {
+            name: axis.name.clone(),
+            acceleration_per_s2: axis.acceleration_per_s2,
+            max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        }),
     }
 }
 

@@ -203,6 +203,23 @@ fn csv_names_units_and_ends_on_the_programmed_point() {
 }
 
 #[test]
+fn the_published_form_is_a_choice_that_says_what_it_asks_for() {
+    let program = fixture("spec-trap-cured.nc");
+    let blended = stdout(&run(&[&"validate", &program]));
+    assert!(blended.contains("blended in and out over 0.036 mm"), "{blended}");
+    let published = stdout(&run(&[&"validate", &program, &"--envelope", &"published"]));
+    assert!(published.contains("as published: steps of velocity of 7.854 mm/s at the start"), "{published}");
+    assert!(!published.contains("blended in and out"), "{published}");
+    let directory = tempfile::tempdir().unwrap();
+    let of = |name: &str, options: &[&str]| {
+        rows(&std::fs::read_to_string(plan_to(directory.path(), name, options)).unwrap())
+    };
+    let first_offset = |rows: &[Vec<f64>]| rows.iter().map(|row| row[6].abs()).find(|offset| *offset > 0.0).unwrap();
+    assert!(first_offset(&of("blended.csv", &[])) < 1e-6);
+    assert!(first_offset(&of("published.csv", &["--envelope", "published"])) > 1e-3);
+}
+
+#[test]
 fn parquet_reads_back_as_the_csv() {
     let directory = tempfile::tempdir().unwrap();
     let csv = rows(&std::fs::read_to_string(plan_to(directory.path(), "a.csv", &[])).unwrap());

@@ -6,7 +6,7 @@ use feedwave::proto::validate_program_request::On;
 use feedwave::proto::{
     CancelJobRequest, CreateJobRequest, CreateToolRequest, DeleteJobRequest, GetJobRequest, GetMachineRequest,
     GetReportRequest, JobState, ListJobEventsRequest, ListJobsRequest, Severity, Tool, UpdateMachineRequest,
-    ValidateProgramRequest, WatchJobsRequest,
+    ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
 };
 use tonic::Code;
 
@@ -59,14 +59,23 @@ async fn every_offending_field_is_named_at_once() {
         display_name: "x".repeat(500),
         interpolation_period_us: 7,
         generation_mode: 42,
+        vibration_envelope: 7,
         tools: vec!["tools/fine".to_owned(), "Tools".to_owned()],
         oscillation: None,
     };
     let status = test.jobs().create_job(request).await.unwrap_err();
     let (code, reason, fields) = told(&status);
     assert_eq!((code, reason.as_str()), (Code::InvalidArgument, "INVALID_FIELDS"));
-    let expected =
-        ["request_id", "machine", "source", "display_name", "interpolation_period_us", "generation_mode", "tools[1]"];
+    let expected = [
+        "request_id",
+        "machine",
+        "source",
+        "display_name",
+        "interpolation_period_us",
+        "generation_mode",
+        "vibration_envelope",
+        "tools[1]",
+    ];
     assert_eq!(fields, expected);
 }
 
@@ -242,4 +251,25 @@ async fn validating_stores_nothing() {
     let bad = ValidateProgramRequest { on: Some(On::Profile(Default::default())), generation_mode: 9, ..request };
     let status = test.jobs().validate_program(bad).await.unwrap_err();
     assert_eq!(told(&status).2, ["generation_mode", "profile.machine"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_chooses_how_its_vibration_begins_and_ends() {
+    let test = TestServer::start().await;
+    for (asked, expected) in [
+        (VibrationEnvelope::Unspecified, VibrationEnvelope::Blended),
+        (VibrationEnvelope::Blended, VibrationEnvelope::Blended),
+        (VibrationEnvelope::Published, VibrationEnvelope::Published),
+    ] {
+        let job = test.ready(CreateJobRequest { vibration_envelope: asked.into(), ..lathe_job(TURNING) }).await;
+        assert_eq!(job.settings.as_ref().unwrap().vibration_envelope(), expected);
+        let request = GetReportRequest { job: job.name.clone() };
+        let report = test.jobs().get_report(request).await.unwrap().into_inner().report.unwrap();
+        let section = &report.sections[0];
+        assert_eq!(section.envelope(), expected);
+        assert_eq!(section.ramp_mm.is_some(), expected == VibrationEnvelope::Blended);
+        assert_eq!(section.published_ends.is_some(), expected == VibrationEnvelope::Published);
+        assert_eq!(section.full_amplitude_share < 1.0, expected == VibrationEnvelope::Blended);
+        assert_eq!(section.clamped_share > 0.0, expected == VibrationEnvelope::Published);
+    }
 }

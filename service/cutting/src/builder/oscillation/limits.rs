@@ -6,6 +6,7 @@ use feedwave_motion::Machine;
 use feedwave_program::{Axis, Finding, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use crate::blend::BLEND_PEAKS;
 use crate::interpolator::OscillationRun;
 use crate::tool_oscillation::{DirectionLimits, DirectionMotion, OscillationCut, OscillationLimits};
 use crate::wording::{decimal, round_down};
@@ -19,8 +20,6 @@ const TURNING_FACTOR: f64 = 1.0 + 2.0 * TURNING_SHARE;
 pub(super) const TOP_OVERRIDE: f64 = 2.0;
 /// Least share of a limit that the oscillation has to leave to the feed.
 const LEAST_SHARE: f64 = 0.02;
-/// Largest first, second and third derivative of the blend.
-const BLEND_PEAKS: [f64; 3] = [1.875, 5.774, 60.0];
 
 /// What the oscillation leaves of the limits of every machine axis, on straight and on curved elements.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
