@@ -15,7 +15,7 @@ use feedwave_motion::{
     limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    Axis, DwellTime, Finding, FindingLog, Function, Move, MoveKind, Operation, OperationKind, PathControl, Position,
+    DwellTime, Finding, FindingLog, Function, Move, MoveKind, Operation, OperationKind, PathControl, Position,
     SourceSpan, Spindle,
 };
 use serde::{Deserialize, Serialize};
