@@ -2,6 +2,8 @@
 
 mod suite;
 
+use std::time::Duration;
+
 use feedwave_store::{Store, StoreSettings};
 use tempfile::TempDir;
 
@@ -15,6 +17,8 @@ impl suite::Backend for SqliteFile {
     }
 
     async fn open(&self, settings: StoreSettings) -> Store {
+        // However slowly a store that was dropped lets go of the file.
+        let settings = StoreSettings { busy_timeout: Duration::from_secs(600), ..settings };
         Store::open(self.0.path().join("feedwave.db"), settings).await.expect("opens")
     }
 }

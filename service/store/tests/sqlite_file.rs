@@ -1,6 +1,7 @@
 //! The file itself: opening it, what is refused, and what survives.
 
 use std::path::Path;
+use std::time::Duration;
 
 use feedwave_store::{
     CHUNK_BYTES, Fingerprint, JobState, Jobs, Kind, Machines, NewJob, ProgramId, Programs, RawValue, Store, StoreError,
@@ -12,7 +13,8 @@ use sqlx::{ConnectOptions, Connection};
 use tempfile::TempDir;
 
 async fn open(path: &Path) -> Result<Store, StoreError> {
-    Store::open(path, StoreSettings::default()).await
+    // However slowly a store that was dropped lets go of the file.
+    Store::open(path, StoreSettings { busy_timeout: Duration::from_secs(600), ..StoreSettings::default() }).await
 }
 
 async fn raw(path: &Path) -> SqliteConnection {

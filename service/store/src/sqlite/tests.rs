@@ -220,9 +220,16 @@ async fn a_full_disk_fails_writes_and_only_until_there_is_space() {
 
 #[tokio::test]
 async fn a_lock_held_by_another_program_passes() {
-    let settings = StoreSettings { busy_timeout: Duration::from_millis(20), ..StoreSettings::default() };
-    let (folder, store) = store(settings).await;
+    let (folder, store) = store(StoreSettings::default()).await;
     create_notes(&store).await;
+    // The lock outlasts any wait: the writer need not wait at all.
+    let impatient = store.write(0, |tx| {
+        Box::pin(async {
+            sqlx::query("PRAGMA busy_timeout = 0").execute(&mut tx.connection).await?;
+            Ok(())
+        })
+    });
+    impatient.await.unwrap();
     let options = SqliteConnectOptions::new().filename(folder.path().join("feedwave.db"));
     let mut other = sqlx::ConnectOptions::connect(&options).await.unwrap();
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
