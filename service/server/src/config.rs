@@ -118,7 +118,8 @@ pub struct Limits {
     pub streams_per_connection: u32,
     /// Programs validated at once.
     pub validation_workers: usize,
-    /// How long open calls may take to finish when the service ends, s.
+    /// How long open calls may take to finish when the service ends, and clients to read the rest of a connection that is
+    /// closed, s.
     pub drain_s: u64,
 }
 

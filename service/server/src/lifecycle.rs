@@ -136,6 +136,9 @@ impl Server {
             .make_span_with(span)
             .on_response(DefaultOnResponse::new().level(Level::DEBUG))
             .on_failure(DefaultOnFailure::new().level(Level::WARN));
+        // A client that still reads when its connection is closed has the time that open calls have.
+        let patience = config.limits.drain();
+        let linger = move |stream| Lingering::new(stream, patience);
         let grpc = server
             .layer(tonic_web::GrpcWebLayer::new())
             .layer(MapRequestLayer::new(bound_request_id))
@@ -145,7 +148,7 @@ impl Server {
             .layer(rpc)
             .add_routes(routes)
             .serve_with_incoming_shutdown(
-                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)).map(|accepted| accepted.map(Lingering::new)),
+                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)).map(move |accepted| accepted.map(linger)),
                 draining.clone().cancelled_owned(),
             );
 
@@ -212,7 +215,7 @@ impl RunningServer {
             self.engine.stopped().await;
         };
         if tokio::time::timeout(drain, finished).await.is_err() {
-            tracing::warn!(seconds = drain.as_secs(), "calls did not finish in time and were cut off");
+            tracing::warn!(seconds = drain.as_secs(), "calls or connections did not finish in time and were cut off");
             self.grpc.abort();
         }
         self.http_stop.cancel();

@@ -3,7 +3,7 @@
 //! A socket that is closed while bytes of the other side lie unread is reset, and what the other side had not read by
 //! then may be lost to it: on a drain that is the status that says why its stream ends, because a reader that catches
 //! up is sending window updates at that very moment. So a connection that has been shut down reads on, into nothing,
-//! until the other side closes too or the patience ends.
+//! until the other side closes too or its patience ends.
 
 use std::io;
 use std::pin::Pin;
@@ -15,19 +15,18 @@ use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep};
 use tonic::transport::server::{Connected, TcpConnectInfo};
 
-/// How long the other side may take to close once everything has been sent: some round trips of a poor network.
-const PATIENCE: Duration = Duration::from_secs(2);
-
 /// A TCP connection that waits for the other side's close after its own shutdown.
 pub(crate) struct Lingering {
     stream: TcpStream,
+    patience: Duration,
     /// Set once the sending side is shut down.
     until: Option<Pin<Box<Sleep>>>,
 }
 
 impl Lingering {
-    pub(crate) const fn new(stream: TcpStream) -> Self {
-        Self { stream, until: None }
+    /// A connection whose other side may take as long as `patience` to close once everything has been sent.
+    pub(crate) const fn new(stream: TcpStream, patience: Duration) -> Self {
+        Self { stream, patience, until: None }
     }
 }
 
@@ -47,12 +46,12 @@ impl AsyncWrite for Lingering {
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let Self { stream, until } = &mut *self;
+        let Self { stream, patience, until } = &mut *self;
         let until = match until {
             Some(until) => until,
             None => {
                 ready!(Pin::new(&mut *stream).poll_shutdown(cx))?;
-                until.insert(Box::pin(sleep(PATIENCE)))
+                until.insert(Box::pin(sleep(*patience)))
             }
         };
         // A sender that never stops is not waited for either.
@@ -97,10 +96,12 @@ mod tests {
 
     use super::*;
 
+    const PATIENCE: Duration = Duration::from_secs(600);
+
     async fn pair() -> (Lingering, TcpStream) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
-        (Lingering::new(listener.accept().await.unwrap().0), client)
+        (Lingering::new(listener.accept().await.unwrap().0, PATIENCE), client)
     }
 
     #[tokio::test]
