@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use feedwave::proto::StreamSetpointsRequest;
 use feedwave::proto::stream_setpoints_response::Message;
-use feedwave_tests::{SHAFT, Server, header_of, long_dwell};
+use feedwave_tests::{SHAFT, Server, header_of, long_dwell, patiently};
 use http::StatusCode;
 
 use crate::FEEDWAVE;
@@ -37,6 +37,11 @@ async fn what_has_not_changed_is_not_sent_again_and_cursors_name_what_is_new() {
     let mut clients = server.connect().await;
     clients.submit("G0 X1. Z1.\nM30\n").await;
     let web = server.web();
+    // The state also counts the worker, which is at its job for a moment after the job is ready.
+    let idle = async {
+        while web.get("/v1/state").await.json()["activeValidations"].as_u64().is_some_and(|active| active > 0) {}
+    };
+    patiently(idle).await;
 
     for path in ["/v1/jobs", "/v1/events", "/v1/state"] {
         let first = web.get(path).await;

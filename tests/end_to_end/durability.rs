@@ -1,14 +1,13 @@
 //! What was acknowledged is there after `kill -9`.
 
 use std::collections::BTreeMap;
-use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytes::Bytes;
 use feedwave::proto::create_job_request::Source;
 use feedwave::proto::{GetJobRequest, JobState, ListJobsRequest, WatchJobsRequest};
-use feedwave_tests::{Clients, Home, Server};
+use feedwave_tests::{Chance, Clients, Home, Server};
 use tokio::sync::Notify;
 use tokio::task::JoinSet;
 
@@ -67,11 +66,12 @@ async fn all_jobs(clients: &mut Clients) -> BTreeMap<String, JobState> {
 #[tokio::test(flavor = "multi_thread")]
 async fn acknowledged_jobs_survive_kill_9_and_pending_ones_are_validated_afterwards() {
     // The moments of the kills are random; a failure names the seed.
-    let seed = RandomState::new().hash_one(std::process::id());
+    let mut chance = Chance::new();
+    let seed = chance.seed();
     let mut home = Home::new(FEEDWAVE, "");
     let mut acknowledged = BTreeMap::new();
     for round in 0..3_u64 {
-        let kills_at = 1 + (seed >> (16 * round)) % 200;
+        let kills_at = chance.up_to(200);
         let first_number = 1 + round * 1_000_000;
         let (names, left) = create_until_killed(home.start().await, first_number, kills_at).await;
         assert!(names.len() as u64 >= kills_at, "seed {seed}");

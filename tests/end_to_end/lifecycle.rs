@@ -10,7 +10,7 @@ use crate::status::assert_error;
 
 async fn ends_gracefully_on(signal: Signal) {
     // The reader below takes its time, and gets it.
-    let server = Home::new(FEEDWAVE, "[limits]\ndrain_s = 120").start().await;
+    let server = Home::new(FEEDWAVE, "[limits]\ndrain_s = 600").start().await;
     let mut clients = server.connect().await;
     let job = clients.submit(&long_dwell(3_000)).await.job;
     let request = StreamSetpointsRequest { job: job.name.clone(), ..StreamSetpointsRequest::default() };

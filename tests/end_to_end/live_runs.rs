@@ -1,7 +1,6 @@
 //! A live run through `kill -9`: no acknowledged batch, no decision and no setpoint that was heard of is lost or changes.
 
 use std::collections::BTreeMap;
-use std::hash::{BuildHasher, RandomState};
 
 use feedwave::proto::feed_override_change::At;
 use feedwave::proto::grouping::By;
@@ -17,7 +16,7 @@ use feedwave::proto::{
     RunState, SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest, TelemetryBatch, ToolCheck,
     WindowLength,
 };
-use feedwave_tests::{Home, Server, stream};
+use feedwave_tests::{Chance, Home, Server, stream};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
@@ -141,7 +140,8 @@ async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> 
 
 #[tokio::test]
 async fn a_live_run_survives_kills_at_any_moment() {
-    let seed = RandomState::new().hash_one(0);
+    let mut chance = Chance::new();
+    let seed = chance.seed();
     let mut server = Home::new(FEEDWAVE, "").start().await;
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
@@ -150,10 +150,8 @@ async fn a_live_run_survives_kills_at_any_moment() {
 
     let mut known = Known::default();
     let mut kills = 0;
-    let mut random = seed | 1;
     loop {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let messages = if kills < KILLS { 1 + (random >> 33) % 60 } else { u64::MAX };
+        let messages = if kills < KILLS { chance.up_to(60) } else { u64::MAX };
         if drive(&server, &job, &mut known, messages).await {
             break;
         }

@@ -1,8 +1,6 @@
 //! Telemetry that is wrong in every way, through `kill -9` at random moments: the decisions are those of a session that
 //! nothing interrupted, each made once, and none from bad data.
 
-use std::hash::{BuildHasher, RandomState};
-
 use feedwave::proto::decision_inputs::Evidence;
 use feedwave::proto::ingest_request::Message as Request;
 use feedwave::proto::ingest_response::Message;
@@ -13,7 +11,7 @@ use feedwave::proto::{
     BatchGap, Decision, DecisionAction, DecisionReason, GetRunRequest, HoldReason, IngestEnd, IngestRequest,
     IngestStart, ListDecisionsRequest, ReplayRunRequest, Run, RunState, SetMonitoringRequest, TelemetryBatch,
 };
-use feedwave_tests::{Home, Server};
+use feedwave_tests::{Chance, Home, Server};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
@@ -164,7 +162,8 @@ fn made(decision: &Decision) -> Decision {
 
 #[tokio::test]
 async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad_data() {
-    let seed = RandomState::new().hash_one(0);
+    let mut chance = Chance::new();
+    let seed = chance.seed();
     let mut server = Home::new(FEEDWAVE, "").start().await;
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
@@ -174,10 +173,9 @@ async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad
     let mut whole = Heard::default();
     assert!(ingest(&server, &job, &mut whole, usize::MAX).await);
     let mut heard = Heard::default();
-    let (mut kills, mut random) = (0, seed | 1);
+    let mut kills = 0;
     loop {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let messages = if kills < KILLS { 1 + (random >> 33) as usize % 8 } else { usize::MAX };
+        let messages = if kills < KILLS { chance.up_to(8) as usize } else { usize::MAX };
         if ingest(&server, &job, &mut heard, messages).await {
             break;
         }

@@ -5,7 +5,7 @@ use feedwave::proto::create_job_request::Source;
 use feedwave::proto::{
     DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, UploadProgramRequest, UploadProgramResponse,
 };
-use feedwave_tests::{Clients, Server, many_blocks, sha256_hex, upload, upload_messages};
+use feedwave_tests::{Clients, Server, many_blocks, patiently, sha256_hex, upload, upload_messages};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
@@ -48,16 +48,17 @@ async fn send_part(
     for message in upload_messages(program, 0, PIECE).into_iter().take(enough) {
         sender.send(message).await.expect("the call is open");
     }
-    // Acknowledgement is what GetUpload says; bounded, because every question takes a round trip.
-    for _ in 0..20_000 {
-        match progress(clients, name).await {
-            Ok(progress) if progress.received_bytes >= wanted as u64 => {
-                return (progress.received_bytes, sender, answer);
+    // Acknowledgement is what GetUpload says.
+    let acknowledged = async {
+        loop {
+            if let Ok(progress) = progress(clients, name).await
+                && progress.received_bytes >= wanted as u64
+            {
+                return progress.received_bytes;
             }
-            _ => tokio::task::yield_now().await,
         }
-    }
-    panic!("{wanted} bytes are never acknowledged");
+    };
+    (patiently(acknowledged).await, sender, answer)
 }
 
 #[tokio::test]
@@ -136,16 +137,18 @@ async fn a_call_that_breaks_keeps_what_was_acknowledged() {
     answer.abort();
     drop((open_call, breaking));
     // What is still on its way may arrive meanwhile; the service names the right offset whenever it is asked.
-    for _ in 0..100 {
-        let state = progress(&mut clients, &name).await.unwrap();
-        assert!(state.received_bytes >= acknowledged && !state.complete);
-        let from = usize::try_from(state.received_bytes).unwrap();
-        match send(&mut clients, upload_messages(&program, from, PIECE)).await {
-            Ok(response) => return assert_eq!(response.program, name),
-            Err(status) => assert_error(&status, Code::OutOfRange, "UPLOAD_OFFSET"),
+    let goes_on = async {
+        loop {
+            let state = progress(&mut clients, &name).await.unwrap();
+            assert!(state.received_bytes >= acknowledged && !state.complete);
+            let from = usize::try_from(state.received_bytes).unwrap();
+            match send(&mut clients, upload_messages(&program, from, PIECE)).await {
+                Ok(response) => return assert_eq!(response.program, name),
+                Err(status) => assert_error(&status, Code::OutOfRange, "UPLOAD_OFFSET"),
+            }
         }
-    }
-    panic!("the upload never goes on");
+    };
+    patiently(goes_on).await;
 }
 
 #[tokio::test]

@@ -12,10 +12,7 @@ use tempfile::TempDir;
 use tokio::process::{Child, Command};
 use tokio::time::timeout;
 
-use crate::{Clients, Web};
-
-/// No wait of a test lasts longer; reached only when something is broken.
-const PATIENCE: Duration = Duration::from_secs(120);
+use crate::{Clients, PATIENCE, Web};
 
 /// A directory with a database and a configuration, which outlives the servers that run on it.
 pub struct Home {

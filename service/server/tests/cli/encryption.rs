@@ -25,7 +25,7 @@ fn encrypted(cert: &str, client_ca: Option<&str>) -> Service {
 fn probe(service: &Service, variables: &[(&str, String)]) -> Output {
     let mut command = feedwave();
     command
-        .args(["healthcheck", "--timeout", "60"])
+        .args(["healthcheck", "--timeout", "600"])
         .env("FEEDWAVE_GRPC__LISTEN", service.address().to_string())
         .env("FEEDWAVE_GRPC__TLS__CERT", file("server.pem"))
         .env("FEEDWAVE_GRPC__TLS__KEY", file("server-key.pem"));

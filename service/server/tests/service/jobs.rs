@@ -10,7 +10,7 @@ use feedwave::proto::{
 };
 use tonic::Code;
 
-use crate::support::{TURNING, TestServer, lathe_job, patiently, resting, told};
+use crate::support::{TURNING, TestServer, lathe_job, patiently, told};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_turning_program_becomes_a_ready_job_with_its_report() {
@@ -176,11 +176,16 @@ async fn lists_come_in_pages_and_by_state() {
     assert_eq!(told(&test.jobs().list_jobs(bad_token).await.unwrap_err()).2, ["page_token"]);
 }
 
+/// A job whose validation never ends by itself: weeks of rest, a setpoint every 50 µs.
+fn endless() -> CreateJobRequest {
+    let program = format!("G21\n{}M30\n", "G4 P80000000\n".repeat(10_000));
+    CreateJobRequest { interpolation_period_us: 50, ..lathe_job(&program) }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn cancelling_ends_a_validation_and_is_harmless_when_repeated() {
     let test = TestServer::with_limits(Limits { validation_workers: 1, ..Limits::default() }).await;
-    // 80 000 s at 50 µs: more than a minute of work.
-    let long = test.create(CreateJobRequest { interpolation_period_us: 50, ..lathe_job(&resting(80_000)) }).await;
+    let long = test.create(endless()).await;
     test.reaches(&long.name, &[JobState::Validating]).await;
     for _ in 0..2 {
         let request = CancelJobRequest { name: long.name.clone() };
@@ -196,7 +201,7 @@ async fn cancelling_ends_a_validation_and_is_harmless_when_repeated() {
 #[tokio::test(flavor = "multi_thread")]
 async fn interrupted_validations_are_taken_up_by_the_next_run() {
     let test = TestServer::with_limits(Limits { validation_workers: 1, ..Limits::default() }).await;
-    let long = test.create(CreateJobRequest { interpolation_period_us: 50, ..lathe_job(&resting(80_000)) }).await;
+    let long = test.create(endless()).await;
     test.reaches(&long.name, &[JobState::Validating]).await;
     let waiting = test.create(lathe_job(TURNING)).await;
     let folder = test.stop().await;

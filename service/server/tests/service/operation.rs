@@ -11,7 +11,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::support::{TURNING, TestServer, header, lathe_job, patiently, resting, stream_of, told};
+use crate::support::{TURNING, TestServer, eventually, header, lathe_job, patiently, resting, stream_of, told};
 
 struct Answer {
     status: u16,
@@ -107,6 +107,8 @@ async fn metrics_count_calls_by_method_and_code() {
     test.collect(stream_of(&job)).await;
     let name = "jobs/01900000-0000-7000-8000-000000000000".to_owned();
     test.jobs().get_job(GetJobRequest { name }).await.unwrap_err();
+    // A call is counted when its response is gone, which may be after the client has read its end.
+    eventually(|| test.server.metrics().active_requests.get() == 0).await;
     let metrics = get(&test, "/metrics").await.body;
     let count = job.summary.unwrap().setpoint_count;
     for line in [

@@ -1,7 +1,5 @@
 //! Setpoint streams: from anywhere, in every encoding, and how they end.
 
-use std::time::Duration;
-
 use feedwave::config::Limits;
 use feedwave::delta;
 use feedwave::proto::stream_setpoints_request::Start;
@@ -11,7 +9,9 @@ use feedwave::proto::{
 };
 use tonic::{Code, Request};
 
-use crate::support::{TURNING, TestServer, column, eventually, header, lathe_job, patiently, resting, stream_of, told};
+use crate::support::{
+    TURNING, TestServer, column, eventually, header, lathe_job, patiently, resting, stream_of, told, within_a_deadline,
+};
 
 /// Columns as streamed, to the bit.
 fn bits(columns: &[f64]) -> Vec<u64> {
@@ -203,10 +203,14 @@ async fn a_job_that_is_not_ready_has_no_stream() {
 async fn the_deadline_of_the_call_ends_the_stream_and_its_generator() {
     let test = TestServer::start().await;
     let job = test.ready(lathe_job(&resting(4_000))).await;
-    let mut request = Request::new(stream_of(&job));
-    request.metadata_mut().insert("grpc-timeout", "300m".parse().unwrap());
-    let mut messages = test.setpoints().stream_setpoints(request).await.unwrap().into_inner();
-    header(&mut messages).await;
+    let mut messages = within_a_deadline(async |deadline| {
+        let mut request = Request::new(stream_of(&job));
+        request.set_timeout(deadline);
+        let mut messages = test.setpoints().stream_setpoints(request).await?.into_inner();
+        messages.message().await?;
+        Ok(messages)
+    })
+    .await;
     // Nothing is read meanwhile: the generator waits for the reader when its deadline comes.
     eventually(|| test.server.metrics().active_streams.get() == 0).await;
     let status = patiently(async {
@@ -262,7 +266,7 @@ async fn a_slow_reader_holds_up_nobody_else() {
     let mut slow = test.stream(stream_of(&job)).await.unwrap();
     header(&mut slow).await;
     let quick = test.ready(lathe_job(TURNING)).await;
-    let (_, chunks) = tokio::time::timeout(Duration::from_secs(30), test.collect(stream_of(&quick))).await.unwrap();
+    let (_, chunks) = patiently(test.collect(stream_of(&quick))).await;
     assert!(!chunks.is_empty());
     assert_eq!(test.server.metrics().active_streams.get(), 1);
 }

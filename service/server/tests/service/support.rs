@@ -1,6 +1,5 @@
 //! A server of its own for each test, and what the tests say to it.
 
-use std::future::Future;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -16,13 +15,11 @@ use feedwave::proto::{
     CreateJobRequest, GetJobRequest, Job, JobState, SetpointChunk, StreamHeader, StreamSetpointsRequest,
     StreamSetpointsResponse, WatchJobsRequest,
 };
+pub use feedwave_tests::{PATIENCE, patiently, within_a_deadline};
 use tempfile::TempDir;
 use tonic::transport::Channel;
 use tonic::{Code, Status, Streaming};
 use tonic_types::StatusExt as _;
-
-/// No test waits longer for anything: it has failed then.
-pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A turning program with a rapid, a cut, an arc and a vibrating section whose chip breaks (D = 2.5).
 pub const TURNING: &str = "\
@@ -57,7 +54,7 @@ pub struct TestServer {
 
 impl TestServer {
     pub async fn start() -> Self {
-        Self::with_limits(Limits { drain_s: 5, ..Limits::default() }).await
+        Self::with_limits(Limits::default()).await
     }
 
     pub async fn with_limits(limits: Limits) -> Self {
@@ -67,6 +64,8 @@ impl TestServer {
 
     pub async fn in_folder(folder: TempDir, limits: Limits) -> Self {
         let free: SocketAddr = "127.0.0.1:0".parse().unwrap();
+        // A test that is slow to read is not cut off.
+        let limits = Limits { drain_s: PATIENCE.as_secs(), ..limits };
         let mut config = Config { limits, ..Config::default() };
         config.grpc.listen = free;
         config.http.listen = free;
@@ -147,10 +146,6 @@ impl TestServer {
         }
         (header, chunks)
     }
-}
-
-pub async fn patiently<T>(future: impl Future<Output = T>) -> T {
-    tokio::time::timeout(PATIENCE, future).await.expect("nothing came of it in time")
 }
 
 /// Asks again and again until the condition holds.
