@@ -1,6 +1,6 @@
 //! Decisions: pure functions of their inputs, which every record carries (page 04, Decisions).
 
-use crate::rules::{Bounds, Fallback, Property, Rules, SpindleRule};
+use crate::rules::{Bounds, EscalationAction, Fallback, Property, Rules, SpindleRule};
 use crate::spectrum::SpectralLine;
 use serde::{Deserialize, Serialize};
 
@@ -151,6 +151,10 @@ pub struct Inputs {
     pub current_rpm: Option<f64>,
     /// Whether a thread is being cut, or was at some time of the window.
     pub threading: bool,
+    /// Windows in a row before this one in which the property was above its limit at the lower feed bound.
+    pub windows_at_bound: u32,
+    /// Whether an escalation holds the feed.
+    pub held: bool,
 }
 
 /// What is to be done.
@@ -164,6 +168,8 @@ pub enum Action {
     Hold,
     /// The machine is to stop.
     Stop,
+    /// The feed is to be held, its override is 0, until somebody resumes.
+    HoldFeed,
 }
 
 /// Which rule decided, and why.
@@ -199,6 +205,10 @@ pub enum Reason {
     Data(HoldReason),
     /// Telemetry stopped while cutting.
     Silence,
+    /// Above the upper limit at the lower feed bound, for as many windows in a row as are tolerated.
+    AboveLimitAtBound,
+    /// The feed is held since an escalation.
+    FeedHeld,
 }
 
 /// Which bound of an override was hit.
@@ -251,7 +261,8 @@ impl Decision {
 
 /// The decision that follows from the inputs.
 ///
-/// Stop wins; then bad data and threads hold; then the spindle rule, which scales the feed so that the feed per edge stays;
+/// Stop wins; then bad data and threads hold; then a feed that is held stays so; then a property that stays above its limit
+/// at the lower feed bound escalates; then the spindle rule, which scales the feed so that the feed per edge stays;
 /// the feed rule only when the spindle rule changes nothing.
 pub fn decide(inputs: &Inputs) -> Outcome {
     let outcome =
@@ -271,6 +282,7 @@ pub fn decide(inputs: &Inputs) -> Outcome {
         Evidence::Unfit(reason) => outcome(Action::Hold, Reason::Data(reason)),
         Evidence::Silence { .. } => match inputs.rules.fallback {
             Fallback::Stop => outcome(Action::Stop, Reason::Silence),
+            Fallback::Full if inputs.held => outcome(Action::Hold, Reason::FeedHeld),
             Fallback::Full if inputs.threading => outcome(Action::Hold, Reason::Threading),
             Fallback::Full if inputs.before != Overrides::FULL => {
                 Outcome { after: Overrides::FULL, ..outcome(Action::Change, Reason::Silence) }
@@ -279,6 +291,34 @@ pub fn decide(inputs: &Inputs) -> Outcome {
         },
         Evidence::Process(_) if inputs.threading => outcome(Action::Hold, Reason::Threading),
         Evidence::Process(properties) => process(inputs, &properties, outcome),
+    }
+}
+
+/// The property that the rules judge; `None` where the window does not have it.
+fn property(rules: &Rules, properties: &Properties) -> Option<f64> {
+    match rules.property {
+        Property::Deviation => Some(properties.max_deviation),
+        Property::VibrationAmplitude => properties.line.map(|line| line.amplitude),
+        Property::VibrationFrequency => properties.line.map(|line| line.frequency_hz),
+    }
+}
+
+/// Windows in a row, with this one, in which the property was above its upper limit at the lower feed bound.
+///
+/// Only a window that is judged counts or breaks the row: bad data, threads, silence and a missing spectrum say nothing about
+/// the property, and a pause of contact belongs to the window around it.
+pub fn windows_at_bound(inputs: &Inputs) -> u32 {
+    let value = match &inputs.evidence {
+        Evidence::Process(properties) if !inputs.threading && !inputs.held => property(&inputs.rules, properties),
+        _ => None,
+    };
+    let Rules { feed, feed_bounds, .. } = &inputs.rules;
+    match value {
+        Some(value) if value > feed.upper && inputs.before.feed <= feed_bounds.lower => {
+            inputs.windows_at_bound.saturating_add(1)
+        }
+        Some(_) => 0,
+        None => inputs.windows_at_bound,
     }
 }
 
@@ -291,12 +331,22 @@ fn runs_true(least: f64, most: f64, max_ratio: Option<f64>, max_run_out: Option<
 
 fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Reason) -> Outcome) -> Outcome {
     let rules = &inputs.rules;
-    let value = match rules.property {
-        Property::Deviation => Some(properties.max_deviation),
-        Property::VibrationAmplitude => properties.line.map(|line| line.amplitude),
-        Property::VibrationFrequency => properties.line.map(|line| line.frequency_hz),
+    let Some(value) = property(rules, properties) else {
+        return outcome(Action::Hold, Reason::Data(HoldReason::NoSpectrum));
     };
-    let Some(value) = value else { return outcome(Action::Hold, Reason::Data(HoldReason::NoSpectrum)) };
+    if inputs.held {
+        return outcome(Action::Hold, Reason::FeedHeld);
+    }
+    if let Some(escalation) = rules.escalation
+        && windows_at_bound(inputs) >= escalation.windows
+    {
+        let (action, feed) = match escalation.action {
+            EscalationAction::Hold => (Action::HoldFeed, 0.0),
+            EscalationAction::Stop => (Action::Stop, inputs.before.feed),
+        };
+        let after = Overrides { feed, ..inputs.before };
+        return Outcome { after, feed_bound: Some(Bound::Lower), ..outcome(action, Reason::AboveLimitAtBound) };
+    }
     let wanted = match &rules.spindle {
         SpindleRule::None => None,
         SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => match properties.mean_angle {

@@ -25,12 +25,14 @@ pub use config::{
 };
 pub use decision::{
     Action, Bound, Decision, Evidence, HoldReason, Inputs, Outcome, Overrides, Properties, Reason, Removed, Span,
-    decide,
+    decide, windows_at_bound,
 };
 pub use lobes::{
     ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,
     Pocket, PocketRequest, TurningModel, dynamics_problems, limiting_width_mm,
 };
 pub use monitor::{Monitor, SnapshotError, State};
-pub use rules::{Bounds, Fallback, FeedRule, Property, Rules, SpindleRule, SpindleTable, TableRow};
+pub use rules::{
+    Bounds, Escalation, EscalationAction, Fallback, FeedRule, Property, Rules, SpindleRule, SpindleTable, TableRow,
+};
 pub use spectrum::{LineOrigin, SpectralLine};

@@ -8,7 +8,9 @@ mod window;
 use crate::batch::{Batch, BatchError, Event, EventError, Receipt};
 use crate::channel::Worth;
 use crate::config::{MonitoringConfig, Violation};
-use crate::decision::{Action, Decision, Evidence, HoldReason, Inputs, Overrides, Properties, Span, decide};
+use crate::decision::{
+    Action, Decision, Evidence, HoldReason, Inputs, Overrides, Properties, Span, decide, windows_at_bound,
+};
 use crate::spectrum::{self, Analyser, LineOrigin, SpectralLine};
 use contact::Contact;
 use input::{Channels, Sample};
@@ -54,6 +56,10 @@ struct Run {
     /// The silence under way has brought its fallback.
     silent: bool,
     overrides: Overrides,
+    /// Feed override that a resume takes, while an escalation holds the feed.
+    held_feed: Option<f64>,
+    /// Windows in a row with the property above its limit at the lower feed bound.
+    windows_at_bound: u32,
     programmed_rpm: Option<f64>,
     threading: bool,
     /// A thread was being cut at some time of the window under way.
@@ -122,6 +128,8 @@ impl Monitor {
             clock_ns: None,
             silent: false,
             overrides: Overrides::FULL,
+            held_feed: None,
+            windows_at_bound: 0,
             programmed_rpm: None,
             threading: false,
             threaded: false,
@@ -155,6 +163,11 @@ impl Monitor {
     /// Overrides in force as far as the monitor knows.
     pub fn overrides(&self) -> Overrides {
         self.run.overrides
+    }
+
+    /// Whether an escalation holds the feed, until [`Event::Resume`].
+    pub fn holds_feed(&self) -> bool {
+        self.run.held_feed.is_some()
     }
 
     /// X_i⁰, Y_i⁰ by angular point (one in time), once [`State::Baseline`] is left.
@@ -214,6 +227,19 @@ impl Monitor {
                     }
                 }
                 self.run.overrides = Overrides { feed, spindle };
+                // A hold ends with a resume only.
+                if let Some(held_feed) = &mut self.run.held_feed {
+                    *held_feed = feed;
+                    self.run.overrides.feed = 0.0;
+                }
+            }
+            Event::Resume => {
+                if let Some(feed) = self.run.held_feed.take() {
+                    self.run.overrides.feed = feed;
+                    self.run.windows_at_bound = 0;
+                    // What was collected so far was cut without feed.
+                    self.restart_window();
+                }
             }
             Event::Threading(threading) => {
                 self.run.threading = threading;
@@ -222,12 +248,14 @@ impl Monitor {
             Event::Tool(tool) => {
                 if tool != self.run.tool {
                     self.run.tool = tool;
+                    self.run.windows_at_bound = 0;
                     // What was collected so far mixes two tools.
                     self.run.window.invalidate(HoldReason::OtherTool);
                 }
             }
             Event::Rebaseline => {
                 self.run.contact = Contact::default();
+                self.run.windows_at_bound = 0;
                 self.enter(State::Baseline);
             }
             Event::Clock(now_ns) => {
@@ -479,13 +507,18 @@ impl Monitor {
             programmed_rpm: self.run.programmed_rpm,
             current_rpm: self.current_rpm(),
             threading,
+            windows_at_bound: self.run.windows_at_bound,
+            held: self.run.held_feed.is_some(),
         };
         let outcome = decide(&inputs);
+        self.run.windows_at_bound = windows_at_bound(&inputs);
         let number = self.run.decisions;
         self.run.decisions += 1;
         self.run.overrides = outcome.after;
-        if outcome.action == Action::Stop {
-            self.run.state = State::Stopped;
+        match outcome.action {
+            Action::Stop => self.run.state = State::Stopped,
+            Action::HoldFeed => self.run.held_feed = Some(inputs.before.feed),
+            Action::Keep | Action::Change | Action::Hold => {}
         }
         sink(Decision { number, time_ns, tool: self.run.tool, span, inputs, outcome });
         outcome.action

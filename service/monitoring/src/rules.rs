@@ -106,6 +106,24 @@ pub enum Fallback {
     Stop,
 }
 
+/// What happens when the property stays above its limit at the lower feed bound (page 04, Decision: escalation).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Escalation {
+    /// After so many windows in a row; at least 1.
+    pub windows: u32,
+    /// What then.
+    pub action: EscalationAction,
+}
+
+/// How an escalation ends the cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EscalationAction {
+    /// The feed is held: its override is 0 until [`crate::Event::Resume`].
+    Hold,
+    /// The machine stops.
+    Stop,
+}
+
 /// Everything a decision depends on besides what was measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rules {
@@ -121,10 +139,12 @@ pub struct Rules {
     pub spindle_bounds: Bounds,
     /// On silence while cutting.
     pub fallback: Fallback,
+    /// On a property that stays above its limit at the lower feed bound; `None`: the cut goes on.
+    pub escalation: Option<Escalation>,
 }
 
 impl Default for Rules {
-    /// The page's defaults with the limits of its example: D* = 0.003 mm, D** = 0.01 mm, p = 5 %.
+    /// The page's defaults with the limits of its example: D* = 0.003 mm, D** = 0.01 mm, p = 5 %, escalation after 5 windows.
     fn default() -> Self {
         Self {
             property: Property::Deviation,
@@ -133,6 +153,7 @@ impl Default for Rules {
             feed_bounds: Bounds { lower: 0.1, upper: 1.5 },
             spindle_bounds: Bounds { lower: 0.5, upper: 1.2 },
             fallback: Fallback::Hold,
+            escalation: Some(Escalation { windows: 5, action: EscalationAction::Hold }),
         }
     }
 }

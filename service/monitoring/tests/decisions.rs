@@ -13,6 +13,8 @@ fn inputs(max_deviation: f64) -> Inputs {
         programmed_rpm: Some(1000.0),
         current_rpm: Some(1000.0),
         threading: false,
+        windows_at_bound: 0,
+        held: false,
     }
 }
 

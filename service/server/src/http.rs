@@ -166,6 +166,7 @@ async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer
         active_validations: count(&api.metrics.active_validations),
         queued_validations: count(&api.metrics.validation_queue),
         last_event: api.store.latest_sequence().unsigned_abs(),
+        open_conditions: api.store.count_open_conditions().await?.try_into().unwrap_or(u32::MAX),
     };
     Ok(message(&headers, &answer))
 }
@@ -177,6 +178,9 @@ async fn get_metrics(State(state): State<HttpState>) -> Answer {
     api.metrics.store_bytes.set(stats.database_bytes.try_into().unwrap_or(i64::MAX));
     api.metrics.jobs.reset();
     // Without an answer the other figures are still worth having.
+    if let Ok(open) = api.store.count_open_conditions().await {
+        api.metrics.open_conditions.set(open.try_into().unwrap_or(i64::MAX));
+    }
     for (state, count) in api.store.count_jobs().await.unwrap_or_default() {
         api.metrics.jobs.with_label_values(&[state.as_str()]).set(count.try_into().unwrap_or(i64::MAX));
     }

@@ -35,6 +35,8 @@ pub enum Kind {
     Run,
     /// How the telemetry of a job is judged.
     Monitoring,
+    /// A condition of a run.
+    Condition,
 }
 
 impl fmt::Display for Kind {
@@ -49,6 +51,7 @@ impl fmt::Display for Kind {
             Kind::Tool => "tool",
             Kind::Run => "run",
             Kind::Monitoring => "monitoring configuration",
+            Kind::Condition => "condition of the run",
         })
     }
 }

@@ -107,6 +107,8 @@ pub struct Run {
     pub setpoints: RunSetpoints,
     /// What the client asked for.
     pub settings: Json,
+    /// Conditions that nobody has acknowledged.
+    pub open_conditions: u64,
 }
 
 /// How far the setpoints of a live run have come.
@@ -142,6 +144,32 @@ pub struct NewDecision {
     pub action: &'static str,
     /// The decision with all its inputs.
     pub body: Bytes,
+    /// Whether somebody has to see it: raises a condition of the run.
+    pub raises_condition: bool,
+}
+
+/// Something of a run that somebody has to see.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunCondition {
+    /// Number of the decision that raised it.
+    pub decision_number: u64,
+    /// What that decision did.
+    pub action: String,
+    /// When it was raised, microseconds since the Unix epoch.
+    pub raised_us: i64,
+    /// Who has seen it; `None`: nobody.
+    pub acknowledged: Option<Acknowledgement>,
+}
+
+/// Somebody has seen a condition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Acknowledgement {
+    /// When, microseconds since the Unix epoch.
+    pub at_us: i64,
+    /// Who.
+    pub by: String,
+    /// What they had to say.
+    pub note: String,
 }
 
 /// A kept decision.
@@ -260,6 +288,31 @@ pub trait Runs {
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
     fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> impl Future<Output = Result<Page<Run>>> + Send;
+
+    /// Conditions of a run in the order in which they were raised, at most [`MAX_DECISIONS`].
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn run_conditions(&self, id: Uuid) -> impl Future<Output = Result<Vec<RunCondition>>> + Send;
+
+    /// Keeps that somebody has seen a condition of a run, the newest where no decision is named; what was kept first stays.
+    /// The job's log of events tells of it.
+    ///
+    /// # Errors
+    /// `NotFound` if the run or the condition does not exist, `TooLarge`, `Unavailable`.
+    fn acknowledge_condition(
+        &self,
+        id: Uuid,
+        decision_number: Option<u64>,
+        by: String,
+        note: String,
+    ) -> impl Future<Output = Result<RunCondition>> + Send;
+
+    /// Conditions of all runs that nobody has acknowledged.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    fn count_open_conditions(&self) -> impl Future<Output = Result<u64>> + Send;
 
     /// Changes of the feed override of a run, in order.
     ///

@@ -65,6 +65,7 @@ suite::suite! { super::SqliteFile:
         a_run_goes_on_where_its_last_commit_left_it,
         only_the_newest_attachment_writes,
         an_ended_run_takes_nothing_more,
+        conditions_stay_until_somebody_has_seen_them,
         decisions_are_followed_without_gaps,
         runs_need_their_job_and_go_with_it,
         runs_page_newest_first,

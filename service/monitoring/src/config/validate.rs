@@ -7,6 +7,8 @@ use crate::rules::{Bounds, Rules, SpindleRule, SpindleTable};
 use crate::spectrum::MAX_SAMPLES;
 use std::f64::consts::PI;
 
+/// Most windows before an escalation.
+const MAX_ESCALATION_WINDOWS: f64 = 10_000.0;
 /// Most angular points: half a degree each.
 const MAX_POINTS: u32 = 720;
 /// Most passes of a series.
@@ -234,6 +236,9 @@ fn rules(check: &mut Check, rules: &Rules, has_spectrum: bool) {
     check.within("rules.feed.step", feed.step, 1e-6, 0.5);
     bounds(check, "rules.feed_bounds", rules.feed_bounds);
     bounds(check, "rules.spindle_bounds", rules.spindle_bounds);
+    if let Some(escalation) = rules.escalation {
+        check.within("rules.escalation.windows", f64::from(escalation.windows), 1.0, MAX_ESCALATION_WINDOWS);
+    }
     match &rules.spindle {
         SpindleRule::None => {}
         SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {

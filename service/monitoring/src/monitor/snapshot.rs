@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Changes whenever the layout of a snapshot does.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 #[derive(Serialize)]
 struct SnapshotRef<'a> {
@@ -63,12 +63,15 @@ impl Monitor {
         let steps = config.idle_run_up.as_ref().map_or(0, |idle| idle.speeds_rpm.len());
         let step_exists = !matches!(run.state, State::IdleRunUp { step } if step as usize >= steps);
         let rules = &config.rules;
-        let bounded = [(run.overrides.feed, rules.feed_bounds), (run.overrides.spindle, rules.spindle_bounds)]
+        // While the feed is held its override is 0, and what a resume takes is bounded.
+        let feed = run.held_feed.unwrap_or(run.overrides.feed);
+        let bounded = [(feed, rules.feed_bounds), (run.overrides.spindle, rules.spindle_bounds)]
             .iter()
             .all(|(value, bounds)| (bounds.lower..=bounds.upper).contains(value));
         if !config.violations().is_empty()
             || !step_exists
             || !bounded
+            || (run.held_feed.is_some() && run.overrides.feed != 0.0)
             || run.baseline.len() != config.points()
             || !run.window.fits(&config)
         {

@@ -254,6 +254,7 @@ fn started(
         state: monitor_state_to_proto(monitor.state()).into(),
         held: feed_changes.last().is_some_and(|change| change.cause() == proto::FeedChangeCause::Hold),
         feed_changes,
+        feed_held: monitor.holds_feed(),
     };
     Ok(RunResponse { message: Some(Message::Started(started)) })
 }

@@ -1,7 +1,9 @@
 //! `feedwave.v1.Telemetry`.
 
 use feedwave_monitoring::{Monitor, MonitoringConfig};
-use feedwave_store::{AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunKind, RunState, Runs as _};
+use feedwave_store::{
+    AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState, Runs as _,
+};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
@@ -20,12 +22,16 @@ use crate::proto::ingest_start::Target;
 use crate::proto::spindle_rule::Rule;
 use crate::proto::telemetry_server::Telemetry;
 use crate::proto::{
-    BatchGap, GetMonitoringRequest, GetMonitoringResponse, GetRunRequest, GetRunResponse, IngestRequest,
-    IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest, ListDecisionsResponse, ListRunsRequest,
-    ListRunsResponse, Run, RunSettings, SetMonitoringRequest, SetMonitoringResponse, WatchDecisionsRequest,
-    WatchDecisionsResponse,
+    AcknowledgeConditionRequest, AcknowledgeConditionResponse, BatchGap, GetMonitoringRequest, GetMonitoringResponse,
+    GetRunRequest, GetRunResponse, IngestRequest, IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest,
+    ListDecisionsResponse, ListRunsRequest, ListRunsResponse, Run, RunCondition, RunSettings, SetMonitoringRequest,
+    SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
 use crate::{json, names, proto};
+
+/// Longest name of who acknowledges a condition, and longest note.
+const MAX_OPERATOR_CHARACTERS: usize = 200;
+const MAX_NOTE_CHARACTERS: usize = 1_000;
 
 fn run_to_proto(run: &RunRecord) -> Run {
     Run {
@@ -41,7 +47,25 @@ fn run_to_proto(run: &RunRecord) -> Run {
         create_time: Some(timestamp(run.created_us)),
         update_time: Some(timestamp(run.updated_us)),
         durable_batch: run.newest_batch,
+        open_conditions: run.open_conditions.try_into().unwrap_or(u32::MAX),
         ..Run::default()
+    }
+}
+
+fn condition_to_proto(condition: &ConditionRecord) -> RunCondition {
+    let action = match condition.action.as_str() {
+        "hold_feed" => proto::DecisionAction::HoldFeed,
+        "stop" => proto::DecisionAction::Stop,
+        _ => proto::DecisionAction::Unspecified,
+    };
+    let seen = condition.acknowledged.as_ref();
+    RunCondition {
+        decision_number: condition.decision_number,
+        action: action.into(),
+        raise_time: Some(timestamp(condition.raised_us)),
+        acknowledge_time: seen.map(|seen| timestamp(seen.at_us)),
+        acknowledged_by: seen.map(|seen| seen.by.clone()).unwrap_or_default(),
+        note: seen.map(|seen| seen.note.clone()).unwrap_or_default(),
     }
 }
 
@@ -121,7 +145,36 @@ impl Api {
         let gaps = self.store.telemetry_gaps(id).await?;
         let gaps = gaps.iter().map(|gap| BatchGap { first: gap.first, last: gap.last }).collect();
         let monitoring = run_settings(&record)?.monitoring;
-        Ok(GetRunResponse { run: Some(Run { gaps, monitoring, ..run_to_proto(&record) }) })
+        let conditions = self.store.run_conditions(id).await?.iter().map(condition_to_proto).collect();
+        Ok(GetRunResponse { run: Some(Run { gaps, monitoring, conditions, ..run_to_proto(&record) }) })
+    }
+
+    /// Acknowledges a condition of a run.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn acknowledge_condition(
+        &self,
+        request: AcknowledgeConditionRequest,
+    ) -> Result<AcknowledgeConditionResponse> {
+        let AcknowledgeConditionRequest { run, decision_number, acknowledged_by, note } = request;
+        let mut violations = Violations::default();
+        let id = violations.check("run", names::parse_run(&run));
+        let by = acknowledged_by.trim().to_owned();
+        let characters = by.chars().count();
+        if characters == 0 || characters > MAX_OPERATOR_CHARACTERS {
+            let why = format!("must have 1 to {MAX_OPERATOR_CHARACTERS} characters, has {characters}");
+            violations.add("acknowledged_by", why);
+        }
+        let characters = note.chars().count();
+        if characters > MAX_NOTE_CHARACTERS {
+            violations.add("note", format!("must have at most {MAX_NOTE_CHARACTERS} characters, has {characters}"));
+        }
+        violations.finish()?;
+        let id = id.ok_or_else(|| Error::internal("a request was neither accepted nor refused"))?;
+        let condition = self.store.acknowledge_condition(id, decision_number, by, note).await?;
+        tracing::info!(run = %id, decision = condition.decision_number, "condition acknowledged");
+        Ok(AcknowledgeConditionResponse { condition: Some(condition_to_proto(&condition)) })
     }
 
     /// Lists runs.
@@ -217,6 +270,7 @@ fn started(attached: &AttachedRun) -> Result<IngestResponse> {
         durable_batch: attached.run.newest_batch,
         overrides: Some(overrides_to_proto(monitor.overrides())),
         state: monitor_state_to_proto(monitor.state()).into(),
+        feed_held: monitor.holds_feed(),
     };
     Ok(IngestResponse { message: Some(Message::Started(started)) })
 }
@@ -267,6 +321,13 @@ impl Telemetry for Api {
 
     async fn ingest(&self, request: Request<Streaming<IngestRequest>>) -> Result<Response<Self::IngestStream>, Status> {
         Ok(Response::new(self.start_ingestion(request).await?))
+    }
+
+    async fn acknowledge_condition(
+        &self,
+        request: Request<AcknowledgeConditionRequest>,
+    ) -> Result<Response<AcknowledgeConditionResponse>, Status> {
+        answer(request, async |request| self.acknowledge_condition(request).await).await
     }
 
     async fn get_run(&self, request: Request<GetRunRequest>) -> Result<Response<GetRunResponse>, Status> {

@@ -10,7 +10,8 @@ use crate::json;
 use crate::proto::decision_inputs::Evidence;
 use crate::proto::telemetry_client::TelemetryClient;
 use crate::proto::{
-    Decision, DecisionReason, HoldReason, ListDecisionsRequest, ListDecisionsResponse, OverrideBound, Overrides,
+    Decision, DecisionReason, EscalationAction, HoldReason, ListDecisionsRequest, ListDecisionsResponse, OverrideBound,
+    Overrides,
 };
 
 /// Decisions asked for at a time.
@@ -98,13 +99,16 @@ pub(super) fn line(decision: &Decision) -> String {
         HoldReason::Unspecified => String::new(),
         reason => format!(": {}", words(reason.as_str_name(), "HOLD_REASON_")),
     };
+    let escalation = inputs.rules.as_ref().and_then(|rules| rules.escalation);
+    let is_off = escalation.is_some_and(|escalation| escalation.action() == EscalationAction::Off);
+    let off = if is_off { ", escalation off" } else { "" };
     let reason = words(outcome.reason().as_str_name(), "DECISION_REASON_");
     let action = match outcome.reason() {
         DecisionReason::Data => "hold, ".to_owned(),
         _ => format!("{}, ", words(outcome.action().as_str_name(), "DECISION_ACTION_")),
     };
     format!(
-        "{:>6}  {:>12.3}  {deviation:>12}  {:>15}  {:>15}  {action}{reason}{hold}{}{}",
+        "{:>6}  {:>12.3}  {deviation:>12}  {:>15}  {:>15}  {action}{reason}{hold}{}{}{off}",
         decision.number,
         decision.sensor_time_ns as f64 * 1e-9,
         change(|overrides| overrides.feed),

@@ -4,6 +4,7 @@
 //! does not grow with the program; results go to standard output and everything else to standard error; a reader
 //! that stops reading (`| head`) ends a command quietly.
 
+mod acknowledge;
 mod client;
 mod data_file;
 mod decisions;
@@ -85,6 +86,11 @@ pub enum Command {
     /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
     /// spindle overrides before and after, and the reason.
     Decisions(decisions::Args),
+    /// Acknowledge a condition of a run: somebody has seen it
+    ///
+    /// A decision that holds the feed or stops the machine, because a property stays above its limit at the lower feed bound,
+    /// raises a condition that dashboards show until it is acknowledged. The feed stays held until the machine resumes.
+    Acknowledge(acknowledge::Args),
     /// Prove that a run can be made again from its log
     ///
     /// The service makes every decision again from its stored inputs, and every setpoint from the stored program, profile
@@ -114,6 +120,7 @@ impl Command {
             Self::Stream(args) => stream::run(args).await,
             Self::Run(args) => run::run(args).await,
             Self::Decisions(args) => decisions::run(args).await,
+            Self::Acknowledge(args) => acknowledge::run(args).await,
             Self::Replay(args) => replay::run(args).await,
             Self::Demo(args) => demo::run(args).await,
         };

@@ -32,11 +32,13 @@ same_names!(hold_to_proto, hold_from_proto: HoldReason = proto::HoldReason {
     TooFewSamples, NotFinite, StuckSensor, SensorMissing, TimeOutOfOrder, TimeGap, TimeTooDense, Stale, BatchGap,
     PointsMissing, OtherTool, NoSpectrum,
 });
-same_names!(action_to_proto, action_from_proto: Action = proto::DecisionAction { Keep, Change, Hold, Stop });
+same_names!(action_to_proto, action_from_proto: Action = proto::DecisionAction {
+    Keep, Change, Hold, Stop, HoldFeed,
+});
 same_names!(bound_to_proto, bound_from_proto: Bound = proto::OverrideBound { Lower, Upper });
 
 /// Reasons but for that of the data, which has one of its own.
-const REASONS: [(Reason, proto::DecisionReason); 14] = [
+const REASONS: [(Reason, proto::DecisionReason); 16] = [
     (Reason::ToolFit, proto::DecisionReason::ToolFit),
     (Reason::ReplaceTool, proto::DecisionReason::ReplaceTool),
     (Reason::MachineFit, proto::DecisionReason::MachineFit),
@@ -51,6 +53,8 @@ const REASONS: [(Reason, proto::DecisionReason); 14] = [
     (Reason::SpeedUnknown, proto::DecisionReason::SpeedUnknown),
     (Reason::Threading, proto::DecisionReason::Threading),
     (Reason::Silence, proto::DecisionReason::Silence),
+    (Reason::AboveLimitAtBound, proto::DecisionReason::AboveLimitAtBound),
+    (Reason::FeedHeld, proto::DecisionReason::FeedHeld),
 ];
 
 /// A decision as the contract has it, but for its place in the log, which the store gives it.
@@ -113,6 +117,8 @@ fn inputs_to_proto(inputs: &Inputs) -> proto::DecisionInputs {
         programmed_rpm: inputs.programmed_rpm,
         current_rpm: inputs.current_rpm,
         threading: inputs.threading,
+        windows_at_bound: inputs.windows_at_bound,
+        feed_held: inputs.held,
     }
 }
 
@@ -160,6 +166,7 @@ pub const fn action_name(action: Action) -> &'static str {
         Action::Change => "change",
         Action::Hold => "hold",
         Action::Stop => "stop",
+        Action::HoldFeed => "hold_feed",
     }
 }
 
@@ -219,6 +226,8 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         programmed_rpm: inputs.programmed_rpm,
         current_rpm: inputs.current_rpm,
         threading: inputs.threading,
+        windows_at_bound: inputs.windows_at_bound,
+        held: inputs.feed_held,
     };
     let outcome = Outcome {
         action: action_from_proto(outcome.action())?,
@@ -261,6 +270,8 @@ mod tests {
             programmed_rpm: Some(1.0 / 7.0),
             current_rpm: None,
             threading: false,
+            windows_at_bound: 4,
+            held: false,
         };
         let outcome = decide(&inputs);
         let decision = Decision { number: 7, time_ns: 1, tool: 2, span: Span::default(), inputs, outcome };
@@ -311,7 +322,7 @@ mod tests {
 
     #[test]
     fn every_reason_has_a_name() {
-        for number in 1..=15 {
+        for number in 1..=17 {
             let reason = proto::DecisionReason::try_from(number).unwrap();
             let named = REASONS.iter().filter(|(_, theirs)| *theirs == reason).count();
             assert_eq!(named, usize::from(reason != proto::DecisionReason::Data), "{reason:?}");

@@ -2,8 +2,8 @@
 
 use feedwave_monitoring as monitoring;
 use feedwave_monitoring::{
-    Bounds, ContactSource, Fallback, Length, MonitoringConfig, Property, Quality, Quantity, Rules, SpikeFilter,
-    SpindleTable, TableRow, ToolCheck,
+    Bounds, ContactSource, Escalation, EscalationAction, Fallback, Length, MonitoringConfig, Property, Quality,
+    Quantity, Rules, SpikeFilter, SpindleTable, TableRow, ToolCheck,
 };
 
 use super::enumeration;
@@ -22,6 +22,7 @@ const USUAL_SPEED_TOLERANCE: f64 = 0.02;
 const USUAL_IDLE_DIFFERENCE: f64 = 0.001;
 const USUAL_CONTACT_SAMPLES: [u32; 2] = [20, 2_000];
 const USUAL_STEP_RUN: u32 = 3;
+const USUAL_ESCALATION_WINDOWS: u32 = 5;
 
 /// The configuration with its defaults; a violation for each field under which no sound decision could be made.
 pub fn monitoring_from_proto(
@@ -195,6 +196,7 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
     let bounds = |bounds: Option<proto::OverrideBounds>, usual: Bounds| {
         bounds.map_or(usual, |bounds| Bounds { lower: bounds.lower, upper: bounds.upper })
     };
+    let escalation = escalation(found, rules.escalation.unwrap_or_default());
     Rules {
         property,
         feed,
@@ -202,7 +204,17 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
         feed_bounds: bounds(rules.feed_bounds, usual.feed_bounds),
         spindle_bounds: bounds(rules.spindle_bounds, usual.spindle_bounds),
         fallback,
+        escalation,
     }
+}
+
+fn escalation(found: &mut Violations, escalation: proto::Escalation) -> Option<Escalation> {
+    let action = match enumeration(found, "rules.escalation.action", escalation.action) {
+        Some(proto::EscalationAction::Off) => return None,
+        Some(proto::EscalationAction::Stop) => EscalationAction::Stop,
+        Some(proto::EscalationAction::Unspecified | proto::EscalationAction::Hold) | None => EscalationAction::Hold,
+    };
+    Some(Escalation { windows: escalation.windows.unwrap_or(USUAL_ESCALATION_WINDOWS), action })
 }
 
 /// See [`monitoring_from_proto`].
@@ -316,6 +328,18 @@ pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
             Fallback::Stop => proto::SilenceFallback::Stop,
         }
         .into(),
+        // Off is said, too.
+        escalation: Some(match rules.escalation {
+            None => proto::Escalation { windows: None, action: proto::EscalationAction::Off.into() },
+            Some(Escalation { windows, action }) => proto::Escalation {
+                windows: Some(windows),
+                action: match action {
+                    EscalationAction::Hold => proto::EscalationAction::Hold,
+                    EscalationAction::Stop => proto::EscalationAction::Stop,
+                }
+                .into(),
+            },
+        }),
     }
 }
 

@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use feedwave_monitoring::{
-    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Receipt, SnapshotError, State,
+    Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, State,
 };
 use feedwave_store::{AttachedRun, NewDecision, RunCommit, Runs as _, Store, TelemetryGap};
 use prost::Message as _;
@@ -119,6 +119,42 @@ impl Session {
         self.monitor.overrides()
     }
 
+    /// Ends the hold of an escalation, unless nobody has acknowledged its condition; whether the feed may go on.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(super) async fn resume(&mut self) -> Result<bool> {
+        if !self.monitor.holds_feed() {
+            return Ok(true);
+        }
+        if !self.is_acknowledged().await? {
+            return Ok(false);
+        }
+        self.note(Event::Resume)?;
+        Ok(true)
+    }
+
+    /// Whether every condition of the run was acknowledged.
+    async fn is_acknowledged(&self) -> Result<bool> {
+        Ok(self.store.run(self.run).await?.open_conditions == 0)
+    }
+
+    /// Refuses a batch that resumes what nobody has acknowledged.
+    ///
+    /// # Errors
+    /// [`Error::Precondition`], and those of the store.
+    pub(super) async fn check_resume(&self, batch: &proto::TelemetryBatch) -> Result<()> {
+        let resumes = batch.events.iter().any(|event| matches!(event.event, Some(ProtoEvent::Resume(true))));
+        let taken = self.monitor.newest_batch().is_some_and(|newest| batch.sequence <= newest);
+        if !resumes || taken || !self.monitor.holds_feed() || self.is_acknowledged().await? {
+            return Ok(());
+        }
+        let subject = names::run(self.run);
+        let message =
+            format!("{subject} has a condition that nobody has acknowledged: do so before the feed is resumed");
+        Err(Error::Precondition { reason: "CONDITION_NOT_ACKNOWLEDGED", subject, message })
+    }
+
     /// Takes a batch in.
     ///
     /// # Errors
@@ -226,6 +262,7 @@ impl Session {
             number: decision.number,
             action: action_name(decision.outcome.action),
             body: message.encode_to_vec().into(),
+            raises_condition: decision.outcome.reason == Reason::AboveLimitAtBound,
         };
         let commit = RunCommit {
             telemetry: state.map(|state| (self.monitor.newest_batch(), state.into())),
@@ -312,6 +349,9 @@ fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Re
     match event.event {
         None => invalid("event", "must be set"),
         Some(ProtoEvent::Overrides(_)) if live => invalid("overrides", "a live run sets the overrides itself"),
+        Some(ProtoEvent::Resume(_)) if live => invalid("resume", "a live run is resumed with a command"),
+        Some(ProtoEvent::Resume(false)) => invalid("resume", "must be true"),
+        Some(ProtoEvent::Resume(true)) => Ok(Event::Resume),
         Some(ProtoEvent::Rebaseline(false)) => invalid("rebaseline", "must be true"),
         Some(ProtoEvent::Rebaseline(true)) => Ok(Event::Rebaseline),
         Some(ProtoEvent::ProgrammedRpm(rpm)) => Ok(Event::ProgrammedSpindle { rpm }),

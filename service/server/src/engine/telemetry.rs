@@ -221,6 +221,7 @@ impl Worker {
             match next {
                 Some(Input::Batch(batch, arrival)) => {
                     self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
+                    self.runtime.block_on(self.session.check_resume(&batch))?;
                     self.session.take(&batch, arrival, false)?;
                     if !self.session.waiting_decisions().is_empty() {
                         // Nothing that came later is waited for.

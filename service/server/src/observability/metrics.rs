@@ -28,6 +28,8 @@ pub struct Metrics {
     pub telemetry_samples: IntCounter,
     /// Decisions made durable, by action.
     pub decisions: IntCounterVec,
+    /// Conditions of runs that nobody has acknowledged.
+    pub open_conditions: IntGauge,
     /// Time from the arrival of the batch that causes a decision until the decision is durable and handed to the
     /// connection, s.
     pub decision_seconds: Histogram,
@@ -106,6 +108,8 @@ impl Metrics {
             active_runs: registrar.gauge("feedwave_active_runs", "Runs under way."),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
             decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),
+            open_conditions: registrar
+                .gauge("feedwave_open_conditions", "Conditions of runs that nobody has acknowledged."),
             decision_seconds: registrar
                 .seconds("feedwave_decision_seconds", "Time from a batch to its decision, durable and sent."),
             sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),

@@ -14,8 +14,8 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest, Scope};
 use crate::runs::{
-    AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit, RunOverride,
-    RunSetpoints, RunState, Runs, TelemetryGap,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit,
+    RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
 };
 
 /// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
@@ -54,7 +54,36 @@ fn run(row: &SqliteRow) -> Result<Run> {
             digest,
         },
         settings: json(row, "settings")?,
+        open_conditions: unsigned(row, "open_conditions")?,
     })
+}
+
+fn condition(row: &SqliteRow) -> Result<RunCondition> {
+    let at_us: Option<i64> = row.try_get("acknowledged_us")?;
+    let (by, note) = (row.try_get("acknowledged_by")?, row.try_get("note")?);
+    Ok(RunCondition {
+        decision_number: unsigned(row, "decision_number")?,
+        action: row.try_get("action")?,
+        raised_us: row.try_get("raised_us")?,
+        acknowledged: at_us.map(|at_us| Acknowledgement { at_us, by, note }),
+    })
+}
+
+/// Tells of a run in its job's log of events.
+async fn tell(tx: &mut Transaction, run_id: &str, message: &str) -> Result<()> {
+    let at_us = tx.now_us();
+    let sequence = sqlx::query(
+        "INSERT INTO job_events (job_id, from_state, to_state, at_us, detail)
+         SELECT j.id, j.state, j.state, ?, ? FROM jobs AS j JOIN runs AS r ON r.job_id = j.id WHERE r.id = ?",
+    )
+    .bind(at_us)
+    .bind(message)
+    .bind(run_id)
+    .execute(&mut tx.connection)
+    .await?
+    .last_insert_rowid();
+    tx.event_written(sequence);
+    Ok(())
 }
 
 /// Everything of a run but the state of its monitor.
@@ -62,7 +91,10 @@ macro_rules! run_query {
     ($rest:literal) => {
         concat!(
             "SELECT id, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
-                setpoints_sent, setpoints_digest, settings FROM runs ",
+                setpoints_sent, setpoints_digest, settings,
+                (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
+                    AS open_conditions
+             FROM runs ",
             $rest
         )
     };
@@ -303,6 +335,70 @@ impl Runs for Store {
         }))
     }
 
+    async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {
+        let rows = sqlx::query("SELECT * FROM run_conditions WHERE run_id = ? ORDER BY decision_number LIMIT ?")
+            .bind(id.to_string())
+            .bind(MAX_DECISIONS)
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        rows.iter().map(condition).collect()
+    }
+
+    async fn acknowledge_condition(
+        &self,
+        id: Uuid,
+        decision_number: Option<u64>,
+        by: String,
+        note: String,
+    ) -> Result<RunCondition> {
+        for text in [&by, &note] {
+            check_size("acknowledgement size in bytes", text.len(), MAX_TEXT_BYTES)?;
+        }
+        let number = decision_number.map(|number| signed("decision number", number)).transpose()?;
+        self.write(by.len() + note.len(), move |tx| {
+            Box::pin(async move {
+                let run_id = id.to_string();
+                find_run(&mut tx.connection, id).await?;
+                let at_us = tx.now_us();
+                let row = sqlx::query(
+                    "SELECT * FROM run_conditions WHERE run_id = ?1 AND decision_number = COALESCE(?2,
+                        (SELECT MAX(decision_number) FROM run_conditions WHERE run_id = ?1))",
+                )
+                .bind(&run_id)
+                .bind(number)
+                .fetch_optional(&mut tx.connection)
+                .await?;
+                let mut kept = condition(&row.ok_or_else(|| StoreError::not_found(Kind::Condition, id))?)?;
+                if kept.acknowledged.is_none() {
+                    sqlx::query(
+                        "UPDATE run_conditions SET acknowledged_us = ?, acknowledged_by = ?, note = ?
+                         WHERE run_id = ? AND decision_number = ?",
+                    )
+                    .bind(at_us)
+                    .bind(&by)
+                    .bind(&note)
+                    .bind(&run_id)
+                    .bind(signed("decision number", kept.decision_number)?)
+                    .execute(&mut tx.connection)
+                    .await?;
+                    kept.acknowledged = Some(Acknowledgement { at_us, by: by.clone(), note });
+                    let number = kept.decision_number;
+                    tell(tx, &run_id, &format!("runs/{run_id}: {by} acknowledged the condition of decision {number}"))
+                        .await?;
+                }
+                Ok(kept)
+            })
+        })
+        .await
+    }
+
+    async fn count_open_conditions(&self) -> Result<u64> {
+        let row = sqlx::query("SELECT COUNT(*) AS open FROM run_conditions WHERE acknowledged_us IS NULL")
+            .fetch_one(&mut *self.reader().await?)
+            .await?;
+        unsigned(&row, "open")
+    }
+
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
         find_overrides(&mut *self.reader().await?, id).await
     }
@@ -411,6 +507,20 @@ async fn write(tx: &mut Transaction, id: Uuid, attachment: i64, packed: Packed) 
         .await?
         .last_insert_rowid();
         tx.decision_written(sequence);
+        if decision.raises_condition {
+            sqlx::query(
+                "INSERT INTO run_conditions (run_id, decision_number, action, raised_us, acknowledged_by, note)
+                 VALUES (?, ?, ?, ?, '', '')",
+            )
+            .bind(&run_id)
+            .bind(number)
+            .bind(decision.action)
+            .bind(at_us)
+            .execute(&mut tx.connection)
+            .await?;
+            tell(tx, &run_id, &format!("runs/{run_id}: decision {number} raised a condition: {}", decision.action))
+                .await?;
+        }
         records.push(DecisionRecord {
             sequence,
             run_id: id,

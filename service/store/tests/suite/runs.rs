@@ -20,7 +20,7 @@ async fn with_run<B: Backend>(backend: &B) -> (B::Store, AttachedRun) {
 }
 
 fn decision(number: u64) -> NewDecision {
-    NewDecision { number, action: "change", body: number.to_le_bytes().to_vec().into() }
+    NewDecision { number, action: "change", body: number.to_le_bytes().to_vec().into(), raises_condition: false }
 }
 
 fn decisions(numbers: std::ops::Range<u64>) -> RunCommit {
@@ -68,6 +68,52 @@ pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Ba
     let twice = store.commit_run(run.id, again.attachment, decisions(2..4)).await;
     assert!(matches!(twice, Err(StoreError::Unavailable { .. })), "{twice:?}");
     assert_eq!(store.decisions_after(0, &filter, 10).await.unwrap().len(), 3);
+}
+
+pub(crate) async fn conditions_stay_until_somebody_has_seen_them(backend: impl Backend) {
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+    let (id, events) = (run.id, store.latest_sequence());
+    let raising = |number| {
+        let decision = NewDecision { action: "hold_feed", raises_condition: true, ..decision(number) };
+        RunCommit { decisions: vec![decision], ..RunCommit::default() }
+    };
+    let unseen = async |store: &Store| {
+        let (of_run, of_all) =
+            (store.run(id).await.unwrap().open_conditions, store.count_open_conditions().await.unwrap());
+        assert_eq!(of_run, of_all);
+        of_all
+    };
+    store.commit_run(id, attachment, decisions(0..2)).await.unwrap();
+    assert_eq!(unseen(&store).await, 0);
+    let refused = store.acknowledge_condition(id, None, "me".to_owned(), String::new()).await.err();
+    assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Condition, .. })), "{refused:?}");
+    store.commit_run(id, attachment, raising(2)).await.unwrap();
+    // A commit that fails raises nothing: the decision is there already.
+    assert!(store.commit_run(id, attachment, raising(2)).await.is_err());
+    store.commit_run(id, attachment, raising(3)).await.unwrap();
+    drop(store);
+
+    let store = open(&backend).await;
+    assert_eq!(unseen(&store).await, 2);
+    let seen = store.acknowledge_condition(id, Some(2), "Ada".to_owned(), "worn".to_owned()).await.unwrap();
+    let first = seen.acknowledged.clone().unwrap();
+    assert_eq!((seen.decision_number, first.by.as_str(), first.note.as_str()), (2, "Ada", "worn"));
+    // Once: who comes later changes nothing.
+    let again = store.acknowledge_condition(id, Some(2), "Bob".to_owned(), String::new()).await.unwrap();
+    assert_eq!(again, seen);
+    assert_eq!(unseen(&store).await, 1);
+    // The newest where none is named, also of a run that has ended.
+    let end = RunCommit { end: Some((RunState::Aborted, String::new())), ..RunCommit::default() };
+    store.commit_run(id, attachment, end).await.unwrap();
+    store.acknowledge_condition(id, None, "Bob".to_owned(), String::new()).await.unwrap();
+    let kept = store.run_conditions(id).await.unwrap();
+    assert_eq!(kept.iter().map(|kept| kept.decision_number).collect::<Vec<_>>(), [2, 3]);
+    assert_eq!((&kept[0], unseen(&store).await), (&seen, 0));
+    // The job's events tell of both, raised and acknowledged, once each.
+    let told = store.events_after(events, Some(run.job_id), 100).await.unwrap();
+    assert_eq!(told.len(), 4);
+    assert!(told.iter().all(|event| event.from_state == event.to_state && event.detail.contains("condition")));
+    assert_eq!(store.latest_sequence(), told[3].sequence);
 }
 
 pub(crate) async fn only_the_newest_attachment_writes(backend: impl Backend) {

@@ -19,15 +19,18 @@ use crate::proto::run_request::Message as Request;
 use crate::proto::run_response::Message;
 use crate::proto::run_start::Target;
 use crate::proto::runs_client::RunsClient;
+use crate::proto::telemetry_client::TelemetryClient;
 use crate::proto::{
-    ChannelPair, Decision, MonitorState, RunCredit, RunReceipt, RunRequest, RunResponse, RunStart, RunStarted,
-    TelemetryBatch,
+    ChannelPair, Decision, DecisionAction, GetRunRequest, MonitorState, RunCommand, RunCommandKind, RunCredit,
+    RunReceipt, RunRequest, RunResponse, RunStart, RunStarted, TelemetryBatch,
 };
 
 /// Time of the setpoints handed out at once, s.
 const STRETCH_S: f64 = 0.1;
 /// Most setpoints handed out at once.
 const MAX_STRETCH: f64 = 1000.0;
+/// How often it is asked whether a condition was acknowledged.
+const ASK_EVERY: std::time::Duration = std::time::Duration::from_millis(500);
 /// Longest time that the machine idles for one state of the monitoring, s.
 const MAX_IDLE_S: f64 = 120.0;
 
@@ -60,6 +63,11 @@ pub(in crate::cli) struct Drive {
     log: u64,
     pub(in crate::cli) summary: Summary,
     pub(in crate::cli) trace: RunTrace,
+    /// Feed override decided last.
+    feed: f64,
+    /// An escalation holds the feed, and the path has come to rest.
+    feed_held: bool,
+    at_rest: bool,
 }
 
 impl Open {
@@ -112,6 +120,9 @@ impl Drive {
             log: 0,
             summary: Summary::default(),
             trace,
+            feed: 1.0,
+            feed_held: false,
+            at_rest: true,
         })
     }
 
@@ -136,6 +147,7 @@ impl Drive {
             return Err(broken("a run was taken up without the changes of the feed that it had told"));
         }
         self.acknowledge(started.durable_batch, started.state());
+        self.feed_held = started.feed_held;
         for change in started.feed_changes.iter().skip(self.summary.changes()) {
             self.summary.changed(*change);
         }
@@ -220,6 +232,9 @@ impl Drive {
     pub(in crate::cli) async fn follow(&mut self, until: u64, on: OnDecision<'_>) -> Result<(), CliError> {
         let stretch = (STRETCH_S * 1e6 / self.period_us).clamp(1.0, MAX_STRETCH) as u64;
         while self.summary.end.is_none() && self.taken < until {
+            if self.feed_held && self.at_rest && self.waiting.is_empty() {
+                self.resume().await?;
+            }
             if self.taken == self.credit && self.waiting.is_empty() {
                 self.credit += stretch;
                 self.say(Request::Credit(RunCredit { end_index: self.credit })).await;
@@ -260,6 +275,23 @@ impl Drive {
         Ok(())
     }
 
+    /// Waits at rest until somebody has acknowledged why the feed is held, then resumes.
+    async fn resume(&mut self) -> Result<(), CliError> {
+        tell(&format!("{0}: the feed is held; acknowledge it: feedwave acknowledge {0} --by NAME\n", self.name));
+        let mut telemetry = TelemetryClient::new(self.client.channel.clone());
+        loop {
+            let request = GetRunRequest { name: self.name.clone() };
+            let answer = telemetry.get_run(request).await.map_err(|status| self.failed(&status))?;
+            if answer.into_inner().run.is_some_and(|run| run.open_conditions == 0) {
+                break;
+            }
+            tokio::time::sleep(ASK_EVERY).await;
+        }
+        self.say(Request::Command(RunCommand { kind: RunCommandKind::Resume.into() })).await;
+        self.feed_held = false;
+        Ok(())
+    }
+
     fn decide(&mut self, decision: &Decision, on: OnDecision<'_>) -> Result<(), CliError> {
         self.log = self.log.max(decision.sequence);
         if decision.number < self.decided {
@@ -267,6 +299,7 @@ impl Drive {
         }
         self.decided = decision.number + 1;
         on(decision)?;
+        self.feed_held |= decision.outcome.is_some_and(|outcome| outcome.action() == DecisionAction::HoldFeed);
         if let Some(after) = decision.outcome.and_then(|outcome| outcome.after) {
             self.machine.set_spindle_override(after.spindle).map_err(|error| unable(&error))?;
             let time_s = decision.sensor_time_ns as f64 * 1e-9;
@@ -292,6 +325,7 @@ impl Drive {
             spindle_angle_deg: &block.spindle_angle_deg,
             line: &block.line,
         };
+        self.at_rest = block.feed_mm_per_min.last() == Some(&0.0);
         self.machine.push(&setpoints, &mut sink).map_err(|error| unable(&error))?;
         let time_s = self.machine.clock_ns() as f64 * 1e-9;
         self.trace.deflect(time_s, self.machine.take_peak_deflection_mm());

@@ -20,6 +20,8 @@ pub(crate) enum Cause {
     /// The decision with this number stops the machine.
     Stop(u64),
     Abort,
+    /// The decision with this number holds the feed.
+    Escalation(u64),
 }
 
 impl fmt::Display for Cause {
@@ -30,6 +32,7 @@ impl fmt::Display for Cause {
             Self::Resume => f.write_str("resume"),
             Self::Stop(number) => write!(f, "stop {number}"),
             Self::Abort => f.write_str("abort"),
+            Self::Escalation(number) => write!(f, "escalation {number}"),
         }
     }
 }
@@ -42,6 +45,7 @@ impl FromStr for Cause {
         match (word, number.parse()) {
             ("decision", Ok(number)) => Ok(Self::Decision(number)),
             ("stop", Ok(number)) => Ok(Self::Stop(number)),
+            ("escalation", Ok(number)) => Ok(Self::Escalation(number)),
             ("hold", _) => Ok(Self::Hold),
             ("resume", _) => Ok(Self::Resume),
             ("abort", _) => Ok(Self::Abort),
@@ -61,6 +65,7 @@ pub(crate) fn feed_change_to_proto(change: &RunOverride) -> Result<proto::RunFee
         Cause::Resume => (FeedChangeCause::Resume, 0),
         Cause::Stop(number) => (FeedChangeCause::Stop, number),
         Cause::Abort => (FeedChangeCause::Abort, 0),
+        Cause::Escalation(number) => (FeedChangeCause::Escalation, number),
     };
     let RunOverride { setpoint_index, ratio, .. } = *change;
     Ok(proto::RunFeedChange { setpoint_index, ratio, cause: cause.into(), decision_number })
@@ -101,7 +106,7 @@ impl Feed {
             Cause::Hold => self.held = true,
             Cause::Resume => self.held = false,
             Cause::Stop(_) | Cause::Abort => self.ending = self.ending.or(Some(cause)),
-            Cause::Decision(_) => {}
+            Cause::Decision(_) | Cause::Escalation(_) => {}
         }
         self.cause = Some(cause);
     }
@@ -129,7 +134,7 @@ impl Feed {
 fn changes_kind(last: &str, cause: Cause) -> bool {
     match cause {
         Cause::Stop(_) | Cause::Abort => !last.starts_with("stop") && !last.starts_with("abort"),
-        Cause::Hold | Cause::Resume | Cause::Decision(_) => false,
+        Cause::Hold | Cause::Resume | Cause::Decision(_) | Cause::Escalation(_) => false,
     }
 }
 
@@ -168,7 +173,9 @@ mod tests {
 
     #[test]
     fn causes_survive_the_log() {
-        for cause in [Cause::Decision(7), Cause::Hold, Cause::Resume, Cause::Stop(0), Cause::Abort] {
+        for cause in
+            [Cause::Decision(7), Cause::Hold, Cause::Resume, Cause::Stop(0), Cause::Abort, Cause::Escalation(3)]
+        {
             assert_eq!(cause.to_string().parse::<Cause>().unwrap(), cause);
         }
         assert!("decision x".parse::<Cause>().is_err());

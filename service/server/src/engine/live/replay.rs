@@ -130,7 +130,9 @@ fn check_changes(overrides: &[RunOverride], feeds: &[f64], differences: &mut Dif
     for change in overrides {
         let expected = match change.cause.parse()? {
             Cause::Hold | Cause::Stop(_) | Cause::Abort => Some(0.0),
-            Cause::Decision(number) => usize::try_from(number).ok().and_then(|number| feeds.get(number).copied()),
+            Cause::Decision(number) | Cause::Escalation(number) => {
+                usize::try_from(number).ok().and_then(|number| feeds.get(number).copied())
+            }
             // The feed decided last; which decision that was, the log does not say.
             Cause::Resume => (change.ratio == 1.0 || feeds.contains(&change.ratio)).then_some(change.ratio),
         };

@@ -108,6 +108,7 @@ impl Worker {
                 match decision.outcome.action {
                     Action::Stop => self.feed.because(Cause::Stop(decision.number)),
                     Action::Change => self.feed.because(Cause::Decision(decision.number)),
+                    Action::HoldFeed => self.feed.because(Cause::Escalation(decision.number)),
                     Action::Keep | Action::Hold => {}
                 }
             }
@@ -201,7 +202,11 @@ impl Worker {
                 Some(LiveInput::Command(command)) => {
                     match command {
                         proto::RunCommandKind::Hold => self.feed.because(Cause::Hold),
-                        proto::RunCommandKind::Resume => self.feed.because(Cause::Resume),
+                        // What nobody has seen is not resumed.
+                        proto::RunCommandKind::Resume if self.runtime.block_on(self.session.resume())? => {
+                            self.feed.because(Cause::Resume);
+                        }
+                        proto::RunCommandKind::Resume => {}
                         proto::RunCommandKind::Abort => self.feed.because(Cause::Abort),
                         proto::RunCommandKind::Unspecified => {
                             return Err(Error::invalid("command.kind", "must be set"));
