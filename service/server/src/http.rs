@@ -11,7 +11,7 @@ use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use feedwave_store::Jobs as _;
+use feedwave_store::{Jobs as _, Runs as _};
 use prost::Name;
 use prost_types::Timestamp;
 
