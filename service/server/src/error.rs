@@ -258,6 +258,7 @@ fn name_of(kind: feedwave_store::Kind, id: &str) -> String {
         Kind::Tool => "tools",
         Kind::Run => "runs",
         Kind::Monitoring => return format!("jobs/{id}/monitoring"),
+        Kind::Condition => return format!("runs/{id}/conditions"),
     };
     format!("{collection}/{id}")
 }
