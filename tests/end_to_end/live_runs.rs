@@ -125,6 +125,7 @@ async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> 
             }
             Message::Ack(ack) => known.durable_batch = Some(ack.durable_batch),
             Message::FeedChange(change) => known.changes.push(change),
+            Message::CommandRefused(refused) => panic!("nothing was commanded: {refused:?}"),
             Message::Ended(ended) => {
                 assert_eq!((ended.state(), ended.setpoints), (RunState::Finished, known.setpoints.len() as u64));
                 return true;

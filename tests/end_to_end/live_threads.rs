@@ -63,6 +63,7 @@ impl Live {
             Message::Decision(decision) => self.decisions.push(decision),
             Message::Ack(ack) => self.durable_batch = Some(ack.durable_batch),
             Message::FeedChange(change) => self.changes.push(change),
+            Message::CommandRefused(refused) => panic!("nothing was commanded: {refused:?}"),
             Message::Ended(ended) => return Some(ended),
             Message::Started(started) => panic!("a second start {started:?}"),
         }

@@ -119,24 +119,26 @@ impl Session {
         self.monitor.overrides()
     }
 
-    /// Ends the hold of an escalation, unless nobody has acknowledged its condition; whether the feed may go on.
+    /// Ends the hold of an escalation, where there is one.
     ///
     /// # Errors
-    /// Those of the store.
-    pub(super) async fn resume(&mut self) -> Result<bool> {
+    /// [`Error::Precondition`] while a condition of the run is not acknowledged: nothing has happened. Those of the store.
+    pub(super) async fn resume(&mut self) -> Result<()> {
         if !self.monitor.holds_feed() {
-            return Ok(true);
+            return Ok(());
         }
-        if !self.is_acknowledged().await? {
-            return Ok(false);
-        }
-        self.note(Event::Resume)?;
-        Ok(true)
+        self.check_acknowledged().await?;
+        self.note(Event::Resume)
     }
 
-    /// Whether every condition of the run was acknowledged.
-    async fn is_acknowledged(&self) -> Result<bool> {
-        Ok(self.store.run(self.run).await?.open_conditions == 0)
+    async fn check_acknowledged(&self) -> Result<()> {
+        if self.store.run(self.run).await?.open_conditions == 0 {
+            return Ok(());
+        }
+        let subject = names::run(self.run);
+        let message =
+            format!("{subject} has a condition that nobody has acknowledged: do so before the feed is resumed");
+        Err(Error::Precondition { reason: "CONDITION_NOT_ACKNOWLEDGED", subject, message })
     }
 
     /// Refuses a batch that resumes what nobody has acknowledged.
@@ -146,13 +148,7 @@ impl Session {
     pub(super) async fn check_resume(&self, batch: &proto::TelemetryBatch) -> Result<()> {
         let resumes = batch.events.iter().any(|event| matches!(event.event, Some(ProtoEvent::Resume(true))));
         let taken = self.monitor.newest_batch().is_some_and(|newest| batch.sequence <= newest);
-        if !resumes || taken || !self.monitor.holds_feed() || self.is_acknowledged().await? {
-            return Ok(());
-        }
-        let subject = names::run(self.run);
-        let message =
-            format!("{subject} has a condition that nobody has acknowledged: do so before the feed is resumed");
-        Err(Error::Precondition { reason: "CONDITION_NOT_ACKNOWLEDGED", subject, message })
+        if resumes && !taken && self.monitor.holds_feed() { self.check_acknowledged().await } else { Ok(()) }
     }
 
     /// Takes a batch in.

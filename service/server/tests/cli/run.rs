@@ -1,5 +1,10 @@
 //! `feedwave run`: a simulated machine in the loop with a real service.
 
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
+use feedwave::proto::{Escalation, OverrideBounds};
+
 use super::service::Service;
 use super::{code, feedwave, stderr, stdout};
 
@@ -75,6 +80,55 @@ fn a_run_without_a_cut_is_a_dry_run_and_says_so() {
     assert!(stderr(&output).contains("a dry run") && stderr(&output).contains("--cut 3-7:0.5"), "{}", stderr(&output));
     let overrides = overrides(&stdout(&output));
     assert_eq!((overrides.len(), overrides[0][1]), (1, 100.0), "{overrides:?}");
+}
+
+#[test]
+fn a_run_whose_feed_is_held_waits_until_somebody_acknowledges() {
+    let service = Service::start();
+    let job = slot(&service);
+    let run = ["run", job.as_str(), "--simulate", "--seed", "7", "--cut"];
+    assert_eq!(code(&service.run(&[&run[..], &["3:0.5"]].concat())), 0);
+    service.judge(&job, |config| {
+        let rules = config.rules.as_mut().unwrap();
+        rules.feed.as_mut().unwrap().step = Some(0.5);
+        rules.feed_bounds = Some(OverrideBounds { lower: 0.5, upper: 1.5 });
+        rules.escalation = Some(Escalation { windows: Some(3), ..Default::default() });
+    });
+    let server = format!("http://{}", service.address());
+    let mut child = feedwave()
+        .args(run)
+        .args(["3:5", "--server", &server])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It says what it waits for, each time: the deflection stays too large.
+    let mut acknowledged = 0;
+    let mut name = String::new();
+    for line in BufReader::new(child.stderr.take().unwrap()).lines() {
+        let line = line.unwrap();
+        let Some((run, _)) = line.split_once(": the feed is held; acknowledge it: feedwave acknowledge runs/") else {
+            continue;
+        };
+        name = run.to_owned();
+        let shown = service.run(&["acknowledge", run, "--by", "Ada", "--note", "seen"]);
+        assert_eq!(code(&shown), 0, "{}", stderr(&shown));
+        let text = stdout(&shown);
+        assert!(text.starts_with(&format!("{run}: condition of decision ")) && text.contains("by Ada"), "{text}");
+        acknowledged += 1;
+    }
+    let output = child.wait_with_output().unwrap();
+    let text = stdout(&output);
+    assert_eq!(code(&output), 0, "{text}");
+    assert!(text.contains(": finished: ") && acknowledged >= 2, "{acknowledged}: {text}");
+    assert_eq!(text.matches("hold feed, above limit at bound").count(), acknowledged, "{text}");
+    // Again is harmless, and changes nothing.
+    let again = service.run(&["acknowledge", name.strip_prefix("runs/").unwrap(), "--by", "Bob"]);
+    assert!(code(&again) == 0 && stdout(&again).contains("by Ada"), "{}", stdout(&again));
+    let nothing = service.run(&["acknowledge", &name, "--by", "Ada", "--decision", "0"]);
+    assert_eq!(code(&nothing), 2, "{}", stdout(&nothing));
+    let replayed = service.run(&["replay", &name]);
+    assert_eq!(code(&replayed), 0, "{}", stdout(&replayed));
 }
 
 #[test]

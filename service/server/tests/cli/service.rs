@@ -7,6 +7,8 @@ use std::thread;
 
 use feedwave::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
 use feedwave::lifecycle::{RunningServer, Server};
+use feedwave::proto::telemetry_client::TelemetryClient;
+use feedwave::proto::{GetMonitoringRequest, MonitoringConfig, SetMonitoringRequest};
 use serde_json::Value;
 
 use super::{code, feedwave, fixture, stderr, stdout};
@@ -41,6 +43,19 @@ impl Service {
 
     pub(super) const fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Changes how the telemetry of a job is judged.
+    pub(super) fn judge(&self, job: &str, change: impl FnOnce(&mut MonitoringConfig)) {
+        let url = format!("http://{}", self.address);
+        self.runtime.block_on(async {
+            let mut client = TelemetryClient::connect(url).await.unwrap();
+            let job = job.to_owned();
+            let kept = client.get_monitoring(GetMonitoringRequest { job: job.clone() }).await.unwrap();
+            let mut config = kept.into_inner().config.unwrap();
+            change(&mut config);
+            client.set_monitoring(SetMonitoringRequest { job, config: Some(config) }).await.unwrap();
+        });
     }
 
     pub(super) fn run(&self, arguments: &[&str]) -> Output {

@@ -6,10 +6,11 @@ use feedwave::proto::run_response::Message;
 use feedwave::proto::run_start::Target;
 use feedwave::proto::runs_client::RunsClient;
 use feedwave::proto::{
-    DecisionAction, DecisionReason, FeedChangeCause, FeedOverrideChange, FeedRule, MonitoringConfig, OverrideBounds,
-    ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind, RunCredit, RunEnded, RunFeedChange, RunReceipt,
-    RunRequest, RunResponse, RunSettings, RunStart, RunStarted, RunState, SetMonitoringRequest, SetpointChunk,
-    SpindleRule, StreamSetpointsRequest, TelemetryBatch, ToolCheck, TurningRule, spindle_rule::Rule,
+    DecisionAction, DecisionReason, Escalation, EscalationAction, FeedChangeCause, FeedOverrideChange, FeedRule,
+    GetRunRequest, MonitoringConfig, OverrideBounds, ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind,
+    RunCommandRefused, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse, RunSettings, RunStart,
+    RunStarted, RunState, SetMonitoringRequest, SetpointChunk, SpindleRule, StreamSetpointsRequest, TelemetryBatch,
+    ToolCheck, TurningRule, spindle_rule::Rule,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -28,6 +29,7 @@ struct LiveRun {
     started: RunStarted,
     chunks: Vec<SetpointChunk>,
     changes: Vec<RunFeedChange>,
+    refused: Vec<RunCommandRefused>,
     durable_batch: Option<u64>,
     next_index: u64,
 }
@@ -41,8 +43,8 @@ impl LiveRun {
         match responses.message().await?.and_then(|response| response.message) {
             Some(Message::Started(started)) => {
                 let changes = started.feed_changes.clone();
-                let chunks = Vec::new();
-                Ok(Self { requests, responses, started, chunks, changes, durable_batch: None, next_index })
+                let (chunks, refused) = (Vec::new(), Vec::new());
+                Ok(Self { requests, responses, started, chunks, changes, refused, durable_batch: None, next_index })
             }
             other => panic!("a run begins with its start, not with {other:?}"),
         }
@@ -90,6 +92,7 @@ impl LiveRun {
             }
             Message::Ack(ack) => self.durable_batch = Some(ack.durable_batch),
             Message::Decision(_) => {}
+            Message::CommandRefused(refused) => self.refused.push(refused),
             Message::Ended(ended) => return Ok(Some(ended)),
             Message::Started(started) => panic!("a second start {started:?}"),
         }
@@ -272,6 +275,85 @@ async fn a_run_that_breaks_anywhere_continues_with_the_same_bits() {
     let replayed = replay(&mut client, &name).await;
     assert!(replayed.identical, "{replayed:?}");
     assert_eq!(replayed.digest, ended.digest);
+}
+
+#[tokio::test]
+async fn a_deflection_that_stays_too_large_at_the_lower_bound_holds_the_path_until_somebody_has_seen_it() {
+    let server = TestServer::start().await;
+    let (mut monitoring, job) = monitored_job(&server, telemetry::escalating(), PART).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let mut run = LiveRun::begin(&mut client, &job.name).await;
+    let name = run.started.run.clone();
+    run.credit(500).await;
+    run.reach(500).await;
+    for sequence in 0..60 {
+        run.telemetry(batch(sequence, 0.02)).await;
+    }
+    run.acknowledged(59).await;
+    let told: Vec<_> =
+        run.changes.iter().map(|change| (change.ratio, change.cause(), change.decision_number)).collect();
+    assert_eq!(told, [(0.75, FeedChangeCause::Decision, 1), (0.0, FeedChangeCause::Escalation, 3)]);
+    // The path comes to rest, and stays there.
+    run.credit(1_500).await;
+    run.reach(1_500).await;
+    let columns = &run.started.header.as_ref().unwrap().columns;
+    let feed = columns.iter().position(|column| column.name == "feed_mm_per_min").unwrap();
+    assert!(column(&run.chunks, feed)[1_000..].iter().all(|feed| *feed == 0.0));
+
+    // Nobody has seen why: a resume is refused, and says so. Holding is possible.
+    run.command(RunCommandKind::Resume).await;
+    while run.refused.is_empty() {
+        assert_eq!(run.next().await.unwrap(), None);
+    }
+    let refused = &run.refused[0];
+    assert_eq!((refused.kind(), refused.reason.as_str()), (RunCommandKind::Resume, "CONDITION_NOT_ACKNOWLEDGED"));
+    run.command(RunCommandKind::Hold).await;
+    let hold = run.change().await;
+    assert_eq!((hold.ratio, hold.cause(), hold.setpoint_index), (0.0, FeedChangeCause::Hold, 1_500));
+    let mut chunks = std::mem::take(&mut run.chunks);
+    drop(run);
+
+    let mut run = LiveRun::take_up(&mut client, &name, 1_500).await;
+    assert!(run.started.feed_held && run.started.held, "{:?}", run.started);
+    let seen = telemetry::seen(&name, None, "Ada");
+    monitoring.acknowledge_condition(seen).await.unwrap();
+    // It stays at rest until the operator resumes.
+    run.credit(1_600).await;
+    run.reach(1_600).await;
+    run.command(RunCommandKind::Resume).await;
+    let change = run.change().await;
+    assert_eq!((change.ratio, change.cause()), (0.75, FeedChangeCause::Resume));
+    let ended = run.finish().await;
+    assert_eq!((ended.state(), run.refused.len()), (RunState::Finished, 0));
+    chunks.append(&mut run.chunks);
+    assert_eq!(bits(&chunks), streamed(&server, &job.name, &run.changes).await);
+    let replayed = replay(&mut client, &name).await;
+    assert!(replayed.identical && replayed.digest == ended.digest, "{replayed:?}");
+}
+
+#[tokio::test]
+async fn an_escalation_stops_the_machine_where_that_is_set() {
+    let server = TestServer::start().await;
+    let mut config = telemetry::escalating();
+    config.rules.as_mut().unwrap().escalation =
+        Some(Escalation { windows: Some(1), action: EscalationAction::Stop.into() });
+    let (mut monitoring, job) = monitored_job(&server, config, PART).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let mut run = LiveRun::begin(&mut client, &job.name).await;
+    run.credit(500).await;
+    run.reach(500).await;
+    for sequence in 0..40 {
+        run.telemetry(batch(sequence, 0.02)).await;
+    }
+    let ended = run.finish().await;
+    assert_eq!((ended.state(), ended.message.as_str()), (RunState::Stopped, "decision 2 stopped the machine"));
+    assert_eq!(run.changes.last().unwrap().cause(), FeedChangeCause::Stop);
+    // What nobody has seen outlives the run.
+    let request = GetRunRequest { name: run.started.run.clone() };
+    let stored = monitoring.get_run(request).await.unwrap().into_inner().run.unwrap();
+    assert_eq!((stored.open_conditions, stored.conditions[0].action()), (1, DecisionAction::Stop));
+    let replayed = replay(&mut client, &run.started.run).await;
+    assert!(replayed.identical, "{replayed:?}");
 }
 
 #[tokio::test]

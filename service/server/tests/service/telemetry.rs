@@ -10,11 +10,11 @@ use feedwave::proto::machine_event::Event;
 use feedwave::proto::telemetry_client::TelemetryClient;
 use feedwave::proto::window_length::Length;
 use feedwave::proto::{
-    ChannelPair, DataQuality, Decision, DecisionAction, DecisionReason, DecisionRules, FeedRule, GetMonitoringRequest,
-    GetRunRequest, Grouping, HoldReason, IngestEnd, IngestRequest, IngestResponse, IngestStart, IngestStarted, Job,
-    ListDecisionsRequest, MachineEvent, MonitorState, MonitoringConfig, OverrideBound, RunState, SensorQuantity,
-    Sensors, SetMonitoringRequest, SilenceFallback, TelemetryAck, TelemetryBatch, ToolCheck, WatchDecisionsRequest,
-    WindowLength,
+    AcknowledgeConditionRequest, ChannelPair, DataQuality, Decision, DecisionAction, DecisionReason, DecisionRules,
+    Escalation, FeedRule, GetMonitoringRequest, GetRunRequest, Grouping, HoldReason, IngestEnd, IngestRequest,
+    IngestResponse, IngestStart, IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState,
+    MonitoringConfig, OverrideBound, OverrideBounds, Run, RunState, SensorQuantity, Sensors, SetMonitoringRequest,
+    SilenceFallback, TelemetryAck, TelemetryBatch, ToolCheck, WatchDecisionsRequest, WindowLength,
 };
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -161,7 +161,7 @@ fn brief(decision: &Decision) -> (u64, DecisionAction, DecisionReason, f64) {
 }
 
 #[tokio::test]
-async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound() {
+async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound_and_holds_it_there() {
     let server = TestServer::start().await;
     let (mut client, job) = monitored(&server, config()).await;
     let mut session = Session::open(&mut client, Target::Job(job.name.clone())).await.unwrap();
@@ -176,9 +176,23 @@ async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound() 
     let decisions = session.finish().await;
     assert_eq!(brief(&decisions[0]), (0, DecisionAction::Keep, DecisionReason::ToolFit, 1.0));
     let mut feed: f64 = 1.0;
+    let mut at_bound = 0;
     for (number, decision) in (1..).zip(&decisions[1..]) {
+        let mut reason = DecisionReason::FeedAboveLimit;
         let (action, bound) = match feed * (1.0 - 0.05) {
-            _ if feed == 0.1 => (DecisionAction::Keep, OverrideBound::Lower),
+            _ if feed == 0.0 => {
+                reason = DecisionReason::FeedHeld;
+                (DecisionAction::Hold, OverrideBound::Unspecified)
+            }
+            _ if feed == 0.1 && at_bound == 4 => {
+                reason = DecisionReason::AboveLimitAtBound;
+                feed = 0.0;
+                (DecisionAction::HoldFeed, OverrideBound::Lower)
+            }
+            _ if feed == 0.1 => {
+                at_bound += 1;
+                (DecisionAction::Keep, OverrideBound::Lower)
+            }
             lower if lower < 0.1 => {
                 feed = 0.1;
                 (DecisionAction::Change, OverrideBound::Lower)
@@ -188,9 +202,10 @@ async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound() 
                 (DecisionAction::Change, OverrideBound::Unspecified)
             }
         };
-        assert_eq!(brief(decision), (number, action, DecisionReason::FeedAboveLimit, feed));
+        assert_eq!(brief(decision), (number, action, reason, feed));
         assert_eq!(decision.outcome.as_ref().unwrap().feed_bound(), bound);
     }
+    assert_eq!(feed, 0.0, "held by default");
     assert!(decisions.len() >= 59, "{}", decisions.len());
 
     // The log has the same, in order, for dashboards and watchers.
@@ -212,7 +227,90 @@ async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound() 
     }
     let stored = client.get_run(GetRunRequest { name: run }).await.unwrap().into_inner().run.unwrap();
     assert_eq!((stored.state(), stored.durable_batch, stored.gaps.len()), (RunState::Finished, Some(609), 0));
+    let [condition] = &stored.conditions[..] else { panic!("{stored:?}") };
+    assert_eq!((stored.open_conditions, condition.action()), (1, DecisionAction::HoldFeed));
     assert_eq!(stored.monitoring.unwrap().settling_s, Some(0.0));
+}
+
+/// The feed reaches its lower bound with the first window, and escalates after two more above the limit.
+pub fn escalating() -> MonitoringConfig {
+    let mut config = config();
+    let rules = config.rules.as_mut().unwrap();
+    rules.feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.25) });
+    rules.feed_bounds = Some(OverrideBounds { lower: 0.75, upper: 1.5 });
+    rules.escalation = Some(Escalation { windows: Some(2), ..Default::default() });
+    config
+}
+
+pub fn seen(run: &str, decision_number: Option<u64>, by: &str) -> AcknowledgeConditionRequest {
+    let (run, acknowledged_by) = (run.to_owned(), by.to_owned());
+    AcknowledgeConditionRequest { run, decision_number, acknowledged_by, note: "insert worn".to_owned() }
+}
+
+#[tokio::test]
+async fn a_held_feed_needs_an_acknowledgement_and_a_resume_also_after_a_restart() {
+    let server = TestServer::start().await;
+    let (mut client, job) = monitored(&server, escalating()).await;
+    let mut session = Session::open(&mut client, Target::Job(job.name)).await.unwrap();
+    let run = session.started.run.clone();
+    for sequence in 0..60 {
+        session.send(batch(sequence, 0.02)).await;
+    }
+    session.acknowledged(59).await;
+    let (hold, held) = (DecisionAction::HoldFeed, DecisionReason::FeedHeld);
+    let found: Vec<_> = session.decisions.iter().map(brief).collect();
+    assert_eq!(found[3], (3, hold, DecisionReason::AboveLimitAtBound, 0.0), "{found:?}");
+    assert_eq!(found[4], (4, DecisionAction::Hold, held, 0.0));
+    assert_eq!(session.decisions[3].inputs.as_ref().unwrap().windows_at_bound, 1);
+    drop(session);
+
+    let server = TestServer::in_folder(server.stop().await, feedwave::config::Limits::default()).await;
+    let mut client = TelemetryClient::new(server.channel.clone());
+    let stored = async |client: &mut TelemetryClient<Channel>| -> Run {
+        client.get_run(GetRunRequest { name: run.clone() }).await.unwrap().into_inner().run.unwrap()
+    };
+    let open = stored(&mut client).await;
+    assert_eq!((open.open_conditions, open.conditions[0].decision_number), (1, 3));
+    assert_eq!((open.conditions[0].action(), open.conditions[0].acknowledge_time), (hold, None));
+
+    // Nobody has seen it: a resume ends the connection, and changes nothing.
+    let resume = |sequence| {
+        let event = MachineEvent { event: Some(Event::Resume(true)) };
+        TelemetryBatch { events: vec![event], ..batch(sequence, 0.005) }
+    };
+    let mut session = Session::open(&mut client, Target::Run(run.clone())).await.unwrap();
+    assert!(session.started.feed_held && session.started.overrides.unwrap().feed == 0.0, "{:?}", session.started);
+    session.send(resume(60)).await;
+    let (code, reason, _) = told(&session.next().await.unwrap_err());
+    assert_eq!((code, reason.as_str()), (Code::FailedPrecondition, "CONDITION_NOT_ACKNOWLEDGED"));
+
+    // What makes no sense is refused.
+    let nobody = AcknowledgeConditionRequest { note: "n".repeat(1_001), ..seen("7", None, " ") };
+    let (code, _, fields) = told(&client.acknowledge_condition(nobody).await.unwrap_err());
+    assert_eq!((code, &fields[..]), (Code::InvalidArgument, &["run", "acknowledged_by", "note"].map(String::from)[..]));
+    let (code, _, _) = told(&client.acknowledge_condition(seen(&run, Some(4), "Ada")).await.unwrap_err());
+    assert_eq!(code, Code::NotFound);
+    // The first acknowledgement stays.
+    let first = client.acknowledge_condition(seen(&run, None, " Ada ")).await.unwrap().into_inner().condition.unwrap();
+    assert_eq!((first.acknowledged_by.as_str(), first.note.as_str()), ("Ada", "insert worn"));
+    let again = client.acknowledge_condition(seen(&run, Some(3), "Bob")).await.unwrap().into_inner();
+    assert_eq!(again.condition.as_ref(), Some(&first));
+    let closed = stored(&mut client).await;
+    assert_eq!((closed.open_conditions, &closed.conditions[..]), (0, &[first][..]));
+
+    // An acknowledgement resumes nothing, a resume does; the resume sent twice does once.
+    let mut session = Session::open(&mut client, Target::Run(run.clone())).await.unwrap();
+    assert!(session.started.feed_held && session.started.durable_batch == Some(59), "{:?}", session.started);
+    session.send(resume(60)).await;
+    session.send(resume(60)).await;
+    for sequence in 61..80 {
+        session.send(batch(sequence, 0.005)).await;
+    }
+    session.acknowledged(79).await;
+    let decision = session.decisions.last().unwrap();
+    assert_eq!(decision.inputs.as_ref().unwrap().windows_at_bound, 0);
+    let (_, action, reason, feed) = brief(decision);
+    assert_eq!((action, reason, feed), (DecisionAction::Keep, DecisionReason::WithinLimits, 0.75));
 }
 
 #[tokio::test]
@@ -362,6 +460,7 @@ async fn what_makes_no_sense_is_refused_with_its_fields() {
     let cases = [
         (short, "batch.contact"),
         (TelemetryBatch { events: vec![event(Event::ProgrammedRpm(f64::NAN))], ..batch(0, 0.0) }, "batch.events[0]"),
+        (TelemetryBatch { events: vec![event(Event::Resume(false))], ..batch(0, 0.0) }, "batch.events[0].resume"),
         (TelemetryBatch { events: vec![MachineEvent::default()], ..batch(0, 0.0) }, "batch.events[0].event"),
         (TelemetryBatch { time_ns: vec![1; 100_001], ..Default::default() }, "batch.time_ns"),
     ];

@@ -1,6 +1,6 @@
 //! The feed rule: too fast comes down, too slow goes up, right stays.
 
-use super::harness::{SLOT, SLOT_RPM, judging, mill, run};
+use super::harness::{Live, SLOT, SLOT_RPM, judging, mill, run};
 use feedwave_monitoring::{Action, Bound, Reason};
 
 /// Depth at which the programmed feed is between the limits: the deflection is 0.0076 mm.
@@ -53,10 +53,40 @@ fn inside_the_limits_nothing_changes() {
 }
 
 #[test]
-fn a_cut_that_no_feed_can_save_ends_at_the_bound_and_says_so() {
+fn a_cut_that_no_feed_can_save_comes_to_rest_and_a_resume_tries_the_bound_again() {
     let mut judging = judging();
     judging.rules.feed.step = 0.5;
     judging.rules.feed_bounds.lower = 0.4;
+    let mut live = run(SLOT, SLOT_RPM, mill(10.0 * RIGHT_MM), judging);
+    let rows = |live: &Live, from: usize| -> Vec<_> {
+        let outcomes = live.decisions[from..].iter().map(|decision| decision.outcome);
+        outcomes.map(|outcome| (outcome.action, outcome.reason, outcome.after.feed)).collect()
+    };
+    let keep = (Action::Keep, Reason::FeedAboveLimit, 0.4);
+    let hold = (Action::HoldFeed, Reason::AboveLimitAtBound, 0.0);
+    let found = rows(&live, 1);
+    let change = |feed| (Action::Change, Reason::FeedAboveLimit, feed);
+    assert_eq!(found[..7], [change(0.5), change(0.4), keep, keep, keep, keep, hold], "{found:?}");
+    // The path is at rest in the middle of the cut.
+    let at_rest = |live: &Live| assert!(live.monitor.holds_feed() && live.truth[live.truth.len() - 1].2 == 0.0);
+    at_rest(&live);
+    assert_eq!(live.changes(), 3);
+    let from = live.decisions.len();
+    live.resume();
+    // The window in which the path starts again may be one of little deflection.
+    let again: Vec<_> = rows(&live, from).into_iter().filter(|row| row.1 != Reason::WithinLimits).collect();
+    assert_eq!(again[..5], [keep, keep, keep, keep, hold], "{again:?}");
+    at_rest(&live);
+    assert_eq!(live.changes(), 5);
+    assert_eq!(live.replayed_decisions(), live.decisions);
+}
+
+#[test]
+fn a_cut_that_no_feed_can_save_goes_on_at_the_bound_where_escalation_is_off() {
+    let mut judging = judging();
+    judging.rules.feed.step = 0.5;
+    judging.rules.feed_bounds.lower = 0.4;
+    judging.rules.escalation = None;
     let live = run(SLOT, SLOT_RPM, mill(10.0 * RIGHT_MM), judging);
     let outcomes: Vec<_> = live.decisions[1..].iter().map(|decision| decision.outcome).collect();
     assert_eq!((outcomes[0].after.feed, outcomes[0].feed_bound), (0.5, None));

@@ -70,7 +70,7 @@ pub struct Live {
     log: Vec<Entry>,
 }
 
-/// Runs a program on a mill with 0.2 s of idling before, to its end.
+/// Runs a program on a mill with 0.2 s of idling before, to its end or to where an escalation holds the feed.
 pub fn run(program: &'static str, rpm: f64, description: Description, monitoring: MonitoringConfig) -> Live {
     run_on(MachineProfile::mill(), program, rpm, description, monitoring)
 }
@@ -115,16 +115,28 @@ impl Live {
         self.monitor.note(event, &mut |decision| self.decisions.push(decision)).unwrap();
     }
 
+    /// Goes on after an escalation has held the feed.
+    pub fn resume(&mut self) {
+        self.note(Event::Resume);
+        let ratio = self.monitor.overrides().feed;
+        self.config.overrides.push(OverrideChange { index: self.setpoints.len() as u64, ratio });
+        self.follow();
+    }
+
     fn follow(&mut self) {
-        let mut pipeline = Pipeline::new(Arc::new(self.config.clone()));
+        let mut pipeline = self.planned_anew(self.setpoints.len() as u64);
         let mut block = pipeline.new_block();
-        let mut obeyed = 0;
+        let mut obeyed = self.decisions.len();
         while next(&mut pipeline, &mut block, self.program, AHEAD) {
             (0..block.len()).for_each(|at| self.setpoints.push(bits(&block, at)));
             self.listen(|machine, sink| machine.push(&setpoints(&block), sink).unwrap());
             let feed = block.feed_mm_per_min[block.len() - 1];
             self.truth.push((self.machine.clock_ns(), self.machine.take_peak_deflection_mm(), feed));
-            let changed = self.decisions[obeyed..].iter().rfind(|decision| decision.outcome.action == Action::Change);
+            if self.monitor.holds_feed() && feed == 0.0 {
+                break;
+            }
+            let changes = |decision: &&Decision| matches!(decision.outcome.action, Action::Change | Action::HoldFeed);
+            let changed = self.decisions[obeyed..].iter().rfind(changes);
             obeyed = self.decisions.len();
             if let Some(after) = changed.map(|decision| decision.outcome.after) {
                 self.machine.set_spindle_override(after.spindle).unwrap();

@@ -70,14 +70,14 @@ pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Ba
     assert_eq!(store.decisions_after(0, &filter, 10).await.unwrap().len(), 3);
 }
 
-pub(crate) async fn conditions_stay_until_somebody_has_seen_them(backend: impl Backend) {
+pub(crate) async fn conditions_stay_until_somebody_has_seen_them<B: Backend>(backend: B) {
     let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
     let (id, events) = (run.id, store.latest_sequence());
     let raising = |number| {
         let decision = NewDecision { action: "hold_feed", raises_condition: true, ..decision(number) };
         RunCommit { decisions: vec![decision], ..RunCommit::default() }
     };
-    let unseen = async |store: &Store| {
+    let unseen = async |store: &B::Store| {
         let (of_run, of_all) =
             (store.run(id).await.unwrap().open_conditions, store.count_open_conditions().await.unwrap());
         assert_eq!(of_run, of_all);

@@ -63,8 +63,6 @@ pub(in crate::cli) struct Drive {
     log: u64,
     pub(in crate::cli) summary: Summary,
     pub(in crate::cli) trace: RunTrace,
-    /// Feed override decided last.
-    feed: f64,
     /// An escalation holds the feed, and the path has come to rest.
     feed_held: bool,
     at_rest: bool,
@@ -120,7 +118,6 @@ impl Drive {
             log: 0,
             summary: Summary::default(),
             trace,
-            feed: 1.0,
             feed_held: false,
             at_rest: true,
         })
@@ -233,7 +230,8 @@ impl Drive {
         let stretch = (STRETCH_S * 1e6 / self.period_us).clamp(1.0, MAX_STRETCH) as u64;
         while self.summary.end.is_none() && self.taken < until {
             if self.feed_held && self.at_rest && self.waiting.is_empty() {
-                self.resume().await?;
+                self.resume(on).await?;
+                continue;
             }
             if self.taken == self.credit && self.waiting.is_empty() {
                 self.credit += stretch;
@@ -269,6 +267,8 @@ impl Drive {
             Some(Message::Ack(ack)) => self.acknowledge(Some(ack.durable_batch), ack.state()),
             Some(Message::FeedChange(change)) => self.summary.changed(change),
             Some(Message::Ended(ended)) => self.summary.end = Some(ended),
+            // Another condition was raised in between: it has to be acknowledged, too.
+            Some(Message::CommandRefused(_)) => self.feed_held = true,
             Some(Message::Started(_)) => return Err(broken("a run began twice")),
             None => return Err(broken("a run ended without saying so")),
         }
@@ -276,13 +276,18 @@ impl Drive {
     }
 
     /// Waits at rest until somebody has acknowledged why the feed is held, then resumes.
-    async fn resume(&mut self) -> Result<(), CliError> {
+    async fn resume(&mut self, on: OnDecision<'_>) -> Result<(), CliError> {
         tell(&format!("{0}: the feed is held; acknowledge it: feedwave acknowledge {0} --by NAME\n", self.name));
         let mut telemetry = TelemetryClient::new(self.client.channel.clone());
         loop {
             let request = GetRunRequest { name: self.name.clone() };
-            let answer = telemetry.get_run(request).await.map_err(|status| self.failed(&status))?;
-            if answer.into_inner().run.is_some_and(|run| run.open_conditions == 0) {
+            let answer = match telemetry.get_run(request).await {
+                Ok(answer) => answer.into_inner(),
+                // The service has gone, and the run's connection with it.
+                Err(status) if is_passing(&status) => return self.take_up(on).await.map(drop),
+                Err(status) => return Err(self.failed(&status)),
+            };
+            if answer.run.is_some_and(|run| run.open_conditions == 0) {
                 break;
             }
             tokio::time::sleep(ASK_EVERY).await;

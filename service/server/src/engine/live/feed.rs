@@ -117,7 +117,7 @@ impl Feed {
         let ratio = if rest { 0.0 } else { decided };
         let cause = self.cause.take();
         let now = self.log.last().map_or(1.0, |last| last.ratio);
-        // A hold is noted even where the feed is 0 already, so that it is known when the run is taken up.
+        // A hold is noted even where an escalation holds the feed already, so that it is known when the run is taken up.
         let marks = self.log.last().is_some_and(|last| cause.is_some_and(|cause| changes_kind(&last.cause, cause)));
         if ratio == now && !marks {
             return None;
@@ -134,7 +134,8 @@ impl Feed {
 fn changes_kind(last: &str, cause: Cause) -> bool {
     match cause {
         Cause::Stop(_) | Cause::Abort => !last.starts_with("stop") && !last.starts_with("abort"),
-        Cause::Hold | Cause::Resume | Cause::Decision(_) | Cause::Escalation(_) => false,
+        Cause::Hold => last.starts_with("escalation"),
+        Cause::Resume | Cause::Decision(_) | Cause::Escalation(_) => false,
     }
 }
 

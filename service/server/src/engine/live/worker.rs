@@ -200,18 +200,7 @@ impl Worker {
                 Some(LiveInput::Credit(end)) => self.credit = self.credit.max(end),
                 Some(LiveInput::Receipt(received)) => self.receive(received)?,
                 Some(LiveInput::Command(command)) => {
-                    match command {
-                        proto::RunCommandKind::Hold => self.feed.because(Cause::Hold),
-                        // What nobody has seen is not resumed.
-                        proto::RunCommandKind::Resume if self.runtime.block_on(self.session.resume())? => {
-                            self.feed.because(Cause::Resume);
-                        }
-                        proto::RunCommandKind::Resume => {}
-                        proto::RunCommandKind::Abort => self.feed.because(Cause::Abort),
-                        proto::RunCommandKind::Unspecified => {
-                            return Err(Error::invalid("command.kind", "must be set"));
-                        }
-                    }
+                    self.obey(command)?;
                     // Each command has its own place in the log.
                     return Ok(None);
                 }
@@ -224,6 +213,25 @@ impl Worker {
             next = self.input.try_recv().ok();
         }
         Ok(None)
+    }
+
+    fn obey(&mut self, command: proto::RunCommandKind) -> Result<()> {
+        let cause = match command {
+            proto::RunCommandKind::Hold => Cause::Hold,
+            proto::RunCommandKind::Resume => match self.runtime.block_on(self.session.resume()) {
+                Ok(()) => Cause::Resume,
+                // What nobody has seen is not resumed; the run itself goes on.
+                Err(Error::Precondition { reason, message, .. }) => {
+                    let refused = proto::RunCommandRefused { kind: command.into(), reason: reason.into(), message };
+                    return self.tell(Message::CommandRefused(refused), None);
+                }
+                Err(error) => return Err(error),
+            },
+            proto::RunCommandKind::Abort => Cause::Abort,
+            proto::RunCommandKind::Unspecified => return Err(Error::invalid("command.kind", "must be set")),
+        };
+        self.feed.because(cause);
+        Ok(())
     }
 
     fn receive(&mut self, received: u64) -> Result<()> {
