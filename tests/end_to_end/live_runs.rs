@@ -23,7 +23,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use crate::FEEDWAVE;
 
 /// 13 s of turning.
-const PART: &str = "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nX40. Z-25.\nG4 P200\nG1 Z-40. F250\nM30\n";
+pub(crate) const PART: &str =
+    "G21 G94 G97 S1000 M3\nG0 X30. Z2.\nG1 Z-20. F200\nX40. Z-25.\nG4 P200\nG1 Z-40. F250\nM30\n";
 /// How often the service is killed.
 const KILLS: u64 = 6;
 

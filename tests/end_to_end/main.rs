@@ -7,6 +7,7 @@ mod configuration;
 mod dashboards;
 mod discovery;
 mod durability;
+mod escalation;
 mod five_axis;
 mod hostile;
 mod jobs;
