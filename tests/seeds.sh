@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Runs the random tests of the pure crates with other seeds than that of the project, and names those that fail.
+#
+#   tests/seeds.sh [FIRST [LAST]]     seeds, by default 1 to 200; takes hours
+#
+# The tests are built once. What a seed finds is mended or explained, and becomes a test of its own with its numbers.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+first=${1:-1}
+last=${2:-200}
+crates=(feedwave-program feedwave-motion feedwave-cutting feedwave-monitoring feedwave-simulator)
+
+# The functions of all `proptest!` blocks: up to the brace that stands below the block's beginning.
+names=$(awk '/^ *proptest! \{/ { inside = 1; match($0, /^ */); indent = RLENGTH; next }
+    inside && match($0, /^ *\}/) && RLENGTH == indent + 1 { inside = 0 }
+    inside && match($0, /^ *fn [a-z0-9_]+\(/) { sub(/^ *fn /, ""); sub(/\(.*/, ""); print }' \
+    $(grep -rl --include='*.rs' 'proptest! {' "${crates[@]/#feedwave-/service/}") | sort -u)
+executables=$(cargo test "${crates[@]/#/--package=}" --lib --tests --no-run 2>&1 |
+    sed -n 's/^ *Executable .*(\(.*\))$/\1/p')
+[[ -n $names && -n $executables ]]
+
+failed=0
+for seed in $(seq "$first" "$last"); do
+    for executable in $executables; do
+        random=$("$executable" --list 2>/dev/null | sed -n 's/: test$//p' | grep -E "(^|::)($(paste -sd'|' <<<"$names"))\$" || true)
+        [[ -n $random ]] || continue
+        # shellcheck disable=SC2086
+        if ! output=$(PROPTEST_RNG_SEED=$seed "$executable" --exact $random 2>&1); then
+            failed=$((failed + 1))
+            printf 'seed %d: %s\n%s\n' "$seed" "$(basename "$executable")" "$(grep -A3 -E "^thread .* panicked|minimal failing input" <<<"$output" | head -c 4000)"
+        fi
+    done
+    printf 'seed %d done, %d failures so far\n' "$seed" "$failed"
+done
+[[ $failed -eq 0 ]]
