@@ -19,15 +19,26 @@ executables=$(cargo test "${crates[@]/#/--package=}" --lib --tests --no-run 2>&1
     sed -n 's/^ *Executable .*(\(.*\))$/\1/p')
 [[ -n $names && -n $executables ]]
 
+# The random tests of each executable.
+declare -A random
+count=0
+for executable in $executables; do
+    listed=$("$executable" --list)
+    tests=$(sed -n 's/: test$//p' <<<"$listed" | grep -E "(^|::)($(paste -sd'|' <<<"$names"))\$" || true)
+    [[ -n $tests ]] || continue
+    random[$executable]=$tests
+    count=$((count + $(wc -l <<<"$tests")))
+done
+printf '%d random tests in %d executables\n' "$count" "${#random[@]}"
+
 failed=0
 for seed in $(seq "$first" "$last"); do
-    for executable in $executables; do
-        random=$("$executable" --list 2>/dev/null | sed -n 's/: test$//p' | grep -E "(^|::)($(paste -sd'|' <<<"$names"))\$" || true)
-        [[ -n $random ]] || continue
+    for executable in "${!random[@]}"; do
         # shellcheck disable=SC2086
-        if ! output=$(PROPTEST_RNG_SEED=$seed "$executable" --exact $random 2>&1); then
+        if ! output=$(PROPTEST_RNG_SEED=$seed "$executable" --exact ${random[$executable]} 2>&1); then
             failed=$((failed + 1))
-            printf 'seed %d: %s\n%s\n' "$seed" "$(basename "$executable")" "$(grep -A3 -E "^thread .* panicked|minimal failing input" <<<"$output" | head -c 4000)"
+            printf 'seed %d: %s\n' "$seed" "$(basename "$executable")"
+            grep -A3 -E "panicked|minimal failing input" <<<"$output" | head -c 4000 || true
         fi
     done
     printf 'seed %d done, %d failures so far\n' "$seed" "$failed"
