@@ -429,10 +429,8 @@ impl Builder {
                 *most = most.max(speed);
             }
         }
-        if in_section {
-            if let Some(open) = &mut analysis.open {
-                open.add_element(element, cut.feed, &cut.spindle, limits);
-            }
+        if in_section && let Some(open) = &mut analysis.open {
+            open.add_element(element, cut.feed, &cut.spindle, limits);
         }
     }
 }
