@@ -26,8 +26,11 @@ const MACHINES: [(&str, &[&str]); 2] = [
     ("slot.nc", &["--machine-kind", "mill"]),
 ];
 
+/// The line of an output that has a name.
+type FindName = fn(&str) -> Option<&str>;
+
 /// What stands for a name that the service gives: the command whose output has it, and which of its lines.
-const NAMES: [(&str, &str, fn(&str) -> Option<&str>); 2] =
+const NAMES: [(&str, &str, FindName); 2] =
     [("jobs/\u{2026}", "submit", |text| text.lines().last()), ("runs/\u{2026}", "run", |text| text.lines().next())];
 
 /// Commands that are run elsewhere: this test is part of one, and what passes every change runs all of them.

@@ -156,9 +156,9 @@ mod tests {
             let mut series = Series::default();
             for step in 0..10_000 {
                 if step % 10 < share {
-                    series.push(f64::from(step), rapid)
+                    series.push(f64::from(step), rapid);
                 } else {
-                    series.push_cut(f64::from(step), 750.0)
+                    series.push_cut(f64::from(step), 750.0);
                 }
             }
             series.legible_extent()

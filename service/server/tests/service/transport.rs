@@ -36,7 +36,11 @@ fn all_paths() -> Vec<String> {
 fn sent_bytes(status: &Status) -> usize {
     let mut headers = http::HeaderMap::new();
     status.add_header(&mut headers).unwrap();
-    ["grpc-message", "grpc-status-details-bin"].iter().filter_map(|&name| headers.get(name)).map(|v| v.len()).sum()
+    ["grpc-message", "grpc-status-details-bin"]
+        .iter()
+        .filter_map(|&name| headers.get(name))
+        .map(http::HeaderValue::len)
+        .sum()
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -84,7 +88,7 @@ async fn answers_are_compressed_where_asked_for_but_streams_of_a_machine_never()
         assert!(answer.metadata().get("grpc-encoding").is_none(), "{path}");
         assert!(patiently(answer.into_inner().message()).await.unwrap().is_some(), "{path}");
     }
-    let summary = GetPlanSummaryRequest { job, ..Default::default() }.encode_to_vec();
+    let summary = GetPlanSummaryRequest { job }.encode_to_vec();
     let asked = [
         ("/feedwave.v1.Setpoints/GetPlanSummary", summary),
         ("/feedwave.v1.Jobs/ListJobs", Vec::new()),
@@ -99,7 +103,11 @@ async fn answers_are_compressed_where_asked_for_but_streams_of_a_machine_never()
     ];
     for (path, request) in asked {
         let answer = call(&test.channel, path, vec![request.clone().into()], true).await.unwrap();
-        assert_eq!(answer.metadata().get("grpc-encoding").map(|v| v.as_bytes()), Some(GZIP.as_bytes()), "{path}");
+        assert_eq!(
+            answer.metadata().get("grpc-encoding").map(tonic::metadata::MetadataValue::as_bytes),
+            Some(GZIP.as_bytes()),
+            "{path}"
+        );
         let plain = call(&test.channel, path, vec![request.into()], false).await.unwrap();
         assert!(plain.metadata().get("grpc-encoding").is_none(), "{path}");
     }

@@ -10,7 +10,7 @@ fn sent_bytes(status: &Status) -> usize {
     [Status::GRPC_MESSAGE, Status::GRPC_STATUS_DETAILS]
         .iter()
         .filter_map(|name| headers.get(name))
-        .map(|v| v.len())
+        .map(http::HeaderValue::len)
         .sum()
 }
 

@@ -99,7 +99,6 @@ fn lobes() -> Figure {
     let pocket = |speed_rpm: f64| StabilityPocket {
         band: Some(SpindleBand { above_rpm: speed_rpm - 1_000.0, up_to_rpm: speed_rpm + 1_000.0, speed_rpm }),
         stable_mm: Some(0.8 * limit(speed_rpm)),
-        ..StabilityPocket::default()
     };
     let lobes = StabilityLobes {
         search: Some(PocketSearch { margin: Some(0.15), ..PocketSearch::default() }),
