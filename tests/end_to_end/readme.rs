@@ -29,9 +29,6 @@ const MACHINES: [(&str, &[&str]); 2] = [
 /// The line of an output that has a name.
 type FindName = fn(&str) -> Option<&str>;
 
-/// Finds a line of an output.
-type Line = fn(&str) -> Option<&str>;
-
 /// What stands for a name that the service gives: the command whose output has it, and which of its lines.
 const NAMES: [(&str, &str, FindName); 2] =
     [("jobs/\u{2026}", "submit", |text| text.lines().last()), ("runs/\u{2026}", "run", |text| text.lines().next())];
