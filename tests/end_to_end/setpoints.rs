@@ -56,12 +56,13 @@ async fn a_turning_program_comes_out_as_setpoints_that_end_where_it_says() {
     let peak = vibration.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
     assert!(peak <= 0.03 + 1e-12 && peak > 0.03 * 0.99, "{peak}");
     assert!(vibration[..cut].iter().all(|value| *value == 0.0));
-    // Blended in over 1.2 amplitudes of the path, which are more than two vibrations at 10 mm/min.
+    // Blended in over the way of two vibrations at 50 mm/min, which is more than 1.2 amplitudes.
+    let ramp_mm = 2.0 * (50.0 / 60.0) / 41.667;
     let path = setpoints.of_kind(ColumnKind::PathPosition);
     for periods in [1_u32, 3, 5, 50, 100, 150, 200, 217, 1_000] {
         let time_s = f64::from(periods) * 1e-3;
         let index = cut + periods as usize - 1;
-        let x = ((path[index] - path[cut - 1]) / 0.036).min(1.0);
+        let x = ((path[index] - path[cut - 1]) / ramp_mm).min(1.0);
         let envelope = x * x * x * (10.0 + x * (6.0 * x - 15.0));
         let expected = 0.03 * envelope * (2.0 * std::f64::consts::PI * 41.667 * time_s).sin();
         assert!((vibration[index] - expected).abs() < 1e-9, "{periods}: {} is not {expected}", vibration[index]);

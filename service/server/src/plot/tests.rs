@@ -272,10 +272,13 @@ mod thread {
             assert_eq!(names, expected);
             let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
             for (name, wanted) in [
-                ("thread-unrolled.svg", ["spindle angle, degrees", "Z, mm", "in the air with the full section"]),
+                (
+                    "thread-unrolled.svg",
+                    ["spindle angle (360 degrees are", "Z, mm", "in the air with the full section"],
+                ),
                 ("thread-position.svg", ["spindle angle, degrees", "X (radius), mm", "a ribbon holds the chip"]),
                 ("thread-section.svg", ["along Z from the tip", "finished groove", "most is left at"]),
-                ("thread-unrolled.svg", ["magnified", "no vibration", "360 degrees are"]),
+                ("thread-unrolled.svg", ["magnified", "no vibration", "mm of the circumference), degrees"]),
             ] {
                 for wanted in wanted {
                     assert!(text(name).contains(wanted), "{name}: {wanted}");
@@ -400,7 +403,7 @@ mod oscillation {
             ("path", ["along the feed, mm", "away from the work, mm", "E4 points ahead"]),
             ("edges", ["to the right of the feed, mm", "without oscillation", "E2"]),
             ("stages", ["removes 0.3545 mm²", "1 × 0.03 mm", "surface of the work at 1 mm"]),
-            ("stages", ["heights are magnified", "0.35 × ", "surface after the pass"]),
+            ("stages", ["are magnified", "0.35 ×", "surface after the pass"]),
             ("layers", ["1.03 mm² per revolution", "35.5 %", "finishes"]),
             ("layers", ["surface before and after", "the same without oscillation", "of the volume, %"]),
             ("floor", ["both floors are flat", "along the feed, mm", "without oscillation"]),

@@ -65,7 +65,22 @@ fn json_has_the_documented_keys_and_the_trap_with_its_cure() {
     let finding = &report["findings"][0];
     let mut keys: Vec<_> = finding.as_object().unwrap().keys().map(String::as_str).collect();
     keys.sort_unstable();
-    assert_eq!(keys, ["code", "column", "length", "line", "message", "severity", "suggestions", "values"]);
+    assert_eq!(
+        keys,
+        [
+            "code",
+            "column",
+            "first",
+            "length",
+            "line",
+            "message",
+            "occurrences",
+            "severity",
+            "suggestions",
+            "values",
+            "worst"
+        ]
+    );
     assert_eq!((finding["code"].as_str(), finding["severity"].as_str()), (Some("VIB-CHIP-UNBROKEN"), Some("warning")));
     assert_eq!([&finding["line"], &finding["column"], &finding["length"]].map(Value::as_u64), [6, 6, 3].map(Some));
     assert_eq!(finding["suggestions"][0]["replacement"], "F41.667");
@@ -352,7 +367,7 @@ fn vibrating_threads_are_told_from_plain_ones_and_feeds_scaled_for_them() {
     let tool_path = picture("tool-path.svg");
     // Three passes vibrate, the finishing pass does not.
     assert!(tool_path.contains("threading with vibration of X") && tool_path.contains("\nthreading\n"), "{tool_path}");
-    assert!(tool_path.contains("beyond the scale: start at Z 80 mm, X (radius) 60 mm"));
+    assert!(tool_path.contains("beyond the scale: start at Z 0 mm, X (radius) 0 mm"));
     // The cut at 750 mm/min fills the scale, rapid moves leave it.
     let feed = picture("feed.svg");
     assert!(feed.contains("beyond the scale: rapid moves") && !feed.contains("\n10\u{a0}000\n"));
