@@ -1,5 +1,5 @@
-//! Tool oscillation through the built binary and its database: judged, streamed, taken up, refused, and all the same after
-//! the service was killed.
+//! Tool oscillation through the built binary and its database: judged, streamed, taken up, refused, and all the same
+//! after the service was killed.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +18,7 @@ use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 
 use crate::FEEDWAVE;
 
-/// The worked example of the tool oscillation page.
+/// The worked example of docs/functions/tool-oscillation.md.
 const PROGRAM: &str = "G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
 /// Length of the cut, and over how much of it the oscillation is blended in and out, mm.
 const LENGTH_MM: f64 = 30.0;
@@ -81,7 +81,7 @@ fn assert_near(value: f64, expected: f64, tolerance: f64) {
     assert!((value - expected).abs() <= tolerance, "{value} is not {expected} within {tolerance}");
 }
 
-/// The axial waveform of the page, mm away from the work.
+/// The axial waveform of docs/functions/tool-oscillation.md, "Worked example", mm away from the work.
 fn retraction_mm(turns: f64) -> f64 {
     match turns - turns.floor() {
         part if part < 0.1 => 0.03 * (TAU * part / 0.4).sin(),
@@ -92,7 +92,8 @@ fn retraction_mm(turns: f64) -> f64 {
     }
 }
 
-/// Every setpoint with the whole oscillation stands where the page says at its own spindle angle; how many there are.
+/// Every setpoint with the whole oscillation is where docs/functions/tool-oscillation.md ("Motion") puts it at its own
+/// spindle angle; returns how many there are.
 #[track_caller]
 fn assert_in_step(setpoints: &Setpoints) -> usize {
     let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));

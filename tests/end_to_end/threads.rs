@@ -15,7 +15,7 @@ use tonic::{Code, Status};
 use crate::FEEDWAVE;
 use crate::status::{assert_error, violated_fields};
 
-/// The thread of program A of the thread vibration page.
+/// The thread of program A (docs/functions/thread-vibration.md, "Worked programs").
 fn thread_of_program_a() -> PlanThreadRequest {
     PlanThreadRequest {
         on: Some(On::Machine("machines/lathe".to_owned())),
@@ -113,7 +113,7 @@ async fn every_wrong_field_of_a_thread_is_named_at_once() {
     assert!(["on", "advance", "depth_mm", "first_depth_mm"].iter().all(|field| fields.contains(&(*field).to_owned())));
 }
 
-/// Programs A and B of the thread vibration page.
+/// Programs A and B (docs/functions/thread-vibration.md, "Worked programs").
 const PROGRAM_A: &str = include_str!("../fixtures/thread-a.nc");
 const PROGRAM_B: &str = include_str!("../fixtures/thread-b.nc");
 

@@ -1,6 +1,7 @@
 //! Programs that the tests send.
 
-/// The example of the path vibration page with a spindle speed of three vibrations per revolution: the chip never breaks.
+/// The worked example of docs/functions/path-vibration.md: three vibrations per revolution, so that the chip never
+/// breaks.
 pub const SHAFT: &str = "%
 O0101 (SHAFT, VIBRATING)
 G21 G97 S1000 M3

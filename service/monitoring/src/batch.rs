@@ -6,7 +6,7 @@ use thiserror::Error;
 /// Largest number of samples in one batch: ten seconds at 100 kHz.
 pub const MAX_BATCH_SAMPLES: usize = 1_000_000;
 
-/// Two equal sensors at 90°, same height (page 04, Signals).
+/// Two equal sensors at 90°, same height (docs/functions/adaptive-feed.md, "Signals").
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'a> {
     /// X channel: mm, strain, or mm/s², as configured.
@@ -122,8 +122,8 @@ pub enum Event {
     Tool(u32),
     /// Start over with the baseline, for the tool in the spindle; the only way out of a stop.
     Rebaseline,
-    /// Somebody resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the operator
-    /// has set since. Without effect where nothing is held.
+    /// Somebody resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the
+    /// operator has set since. Without effect where nothing is held.
     Resume,
     /// The clock of the sensors shows this time in ns: notices silence and stale stamps.
     Clock(u64),

@@ -1,4 +1,4 @@
-//! One sensor channel: removes wrong values and notices a stuck sensor (page 04, Signals).
+//! One sensor channel: removes wrong values and notices a stuck sensor (docs/functions/adaptive-feed.md, "Signals").
 
 use crate::config::{Quality, Sensors};
 use serde::{Deserialize, Serialize};

@@ -51,8 +51,8 @@ pub enum Grouping {
 pub enum Length {
     /// This many seconds.
     Seconds(f64),
-    /// Until each angular point was passed this often (k) and there are [`Quality::min_valid_samples`]; needs the grouping by
-    /// angle.
+    /// Until each angular point was passed this often (k) and there are [`Quality::min_valid_samples`]; needs the
+    /// grouping by angle.
     Series(u32),
 }
 
@@ -171,7 +171,8 @@ pub struct MonitoringConfig {
 }
 
 impl Default for MonitoringConfig {
-    /// The page's defaults: displacement at the tool, 36 points, run-out 2 %, settling 10 s, windows of 2 s.
+    /// Defaults of docs/functions/adaptive-feed.md, "Settings": displacement at the tool, 36 points, run-out 2 %,
+    /// settling 10 s, windows of 2 s.
     fn default() -> Self {
         Self {
             sample_rate_hz: 20_000.0,

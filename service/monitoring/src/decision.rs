@@ -1,4 +1,5 @@
-//! Decisions: pure functions of their inputs, which every record carries (page 04, Decisions).
+//! Decisions: pure functions of their inputs, which every record carries (docs/functions/adaptive-feed.md,
+//! "Decisions").
 
 use crate::rules::{Bounds, EscalationAction, Fallback, Property, Rules, SpindleRule};
 use crate::spectrum::SpectralLine;
@@ -261,9 +262,9 @@ impl Decision {
 
 /// The decision that follows from the inputs.
 ///
-/// Stop wins; then bad data and threads hold; then a feed that is held stays so; then a property that stays above its limit
-/// at the lower feed bound escalates; then the spindle rule, which scales the feed so that the feed per edge stays;
-/// the feed rule only when the spindle rule changes nothing.
+/// Stop wins; then bad data and threads hold; then a feed that is held stays so; then a property that stays above its
+/// limit at the lower feed bound escalates; then the spindle rule, which scales the feed so that the feed per edge
+/// stays; the feed rule only when the spindle rule changes nothing.
 pub fn decide(inputs: &Inputs) -> Outcome {
     let outcome =
         |action, reason| Outcome { action, reason, after: inputs.before, feed_bound: None, spindle_bound: None };
@@ -305,8 +306,8 @@ fn property(rules: &Rules, properties: &Properties) -> Option<f64> {
 
 /// Windows in a row, with this one, in which the property was above its upper limit at the lower feed bound.
 ///
-/// Only a window that is judged counts or breaks the row: bad data, threads, silence and a missing spectrum say nothing about
-/// the property, and a pause of contact belongs to the window around it.
+/// Only a window that is judged counts or breaks the row: bad data, threads, silence and a missing spectrum say nothing
+/// about the property, and a pause of contact belongs to the window around it.
 pub fn windows_at_bound(inputs: &Inputs) -> u32 {
     let value = match &inputs.evidence {
         Evidence::Process(properties) if !inputs.threading && !inputs.held => property(&inputs.rules, properties),

@@ -1,8 +1,8 @@
-//! From sensor signals to feed and spindle decisions, as a pure state machine (specification page 04).
+//! From sensor signals to feed and spindle decisions, as a pure state machine (docs/functions/adaptive-feed.md).
 //!
-//! Samples and events go in, in order; [`Decision`]s come out. Invariants: pure and deterministic to the bit, whatever the
-//! batch boundaries; memory is bounded by the configuration; no decision from bad data; every decision carries all its
-//! inputs and [`decide`] recomputes it from them; a restored [`Monitor`] continues exactly.
+//! Samples and events go in, in order; [`Decision`]s come out. Invariants: pure and deterministic to the bit, whatever
+//! the batch boundaries; memory is bounded by the configuration; no decision from bad data; every decision carries all
+//! its inputs and [`decide`] recomputes it from them; a restored [`Monitor`] continues exactly.
 //!
 //! The tool path never changes: a decision scales all feed axes by one factor, and the spindle speed by another.
 

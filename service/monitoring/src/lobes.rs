@@ -1,4 +1,5 @@
-//! Stability lobes of milling and turning, and the spindle table they fill (page 04, Decisions).
+//! Stability lobes of milling and turning, and the spindle table they fill (docs/functions/adaptive-feed.md,
+//! "Spindle table from stability lobes").
 
 mod chart;
 mod limit;
@@ -19,8 +20,8 @@ const MAX_LOBES: u32 = 300;
 /// Largest ratio of radial to tangential coefficient.
 const MAX_RADIAL_RATIO: f64 = 10.0;
 
-/// Below this radial immersion, as a fraction of the diameter, cutting is so much interrupted that the zeroth order, which
-/// averages the cutting forces over the revolution, errs on the unsafe side.
+/// Below this radial immersion, as a fraction of the diameter, cutting is so much interrupted that the zeroth order,
+/// which averages the cutting forces over the revolution, errs on the unsafe side.
 pub const LOW_IMMERSION: f64 = 0.25;
 /// By how much it errs there, at most, as a fraction of the limit.
 pub const LOW_IMMERSION_ERROR: f64 = 0.15;
@@ -153,8 +154,8 @@ impl Check {
     }
 }
 
-/// Everything that is impossible in modal and cutting data that is kept for later, field by field: lists may be empty and
-/// coefficients absent.
+/// Everything that is impossible in modal and cutting data that is kept for later, field by field: lists may be empty
+/// and coefficients absent.
 pub fn dynamics_problems(
     modes: &[(&'static str, &[Mode])],
     coefficients_n_per_mm2: &[(&'static str, Option<f64>)],
@@ -364,7 +365,8 @@ impl Model {
     }
 }
 
-/// Stability limit over the chatter frequency, in branches that are continuous, fine enough to find the exact limit from.
+/// Stability limit over the chatter frequency, in branches that are continuous, fine enough to find the exact limit
+/// from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lobes {
     model: Model,

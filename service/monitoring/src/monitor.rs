@@ -1,4 +1,5 @@
-//! State machine of one run: one tool on one machine (page 04, State machine of one run).
+//! State machine of one run: one tool on one machine (docs/functions/adaptive-feed.md,
+//! "State machine of one run").
 
 mod contact;
 mod input;

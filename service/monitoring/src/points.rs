@@ -1,4 +1,5 @@
-//! Averages per angular point or over consecutive samples, and what is computed from them (page 04, state machine).
+//! Averages per angular point or over consecutive samples, and what is computed from them
+//! (docs/functions/adaptive-feed.md, "State machine of one run").
 
 use crate::config::{Grouping, MonitoringConfig};
 use serde::{Deserialize, Serialize};

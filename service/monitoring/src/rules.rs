@@ -1,4 +1,4 @@
-//! Limits and steps of the decisions (page 04, Decisions).
+//! Limits and steps of the decisions (docs/functions/adaptive-feed.md, "Decisions").
 
 use serde::{Deserialize, Serialize};
 
@@ -106,7 +106,8 @@ pub enum Fallback {
     Stop,
 }
 
-/// What happens when the property stays above its limit at the lower feed bound (page 04, Decision: escalation).
+/// What happens when the property stays above its limit at the lower feed bound (docs/functions/adaptive-feed.md,
+/// "Escalation").
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Escalation {
     /// After so many windows in a row; at least 1.
@@ -144,7 +145,8 @@ pub struct Rules {
 }
 
 impl Default for Rules {
-    /// The page's defaults with the limits of its example: D* = 0.003 mm, D** = 0.01 mm, p = 5 %, escalation after 5 windows.
+    /// Defaults and example limits of docs/functions/adaptive-feed.md, "Settings": D* = 0.003 mm, D** = 0.01 mm,
+    /// p = 5 %, escalation after 5 windows.
     fn default() -> Self {
         Self {
             property: Property::Deviation,

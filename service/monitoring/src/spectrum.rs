@@ -1,4 +1,5 @@
-//! Dominant spectral line of a window and whether it is chatter (page 04, Decisions).
+//! Dominant spectral line of a window and whether it is chatter (docs/functions/adaptive-feed.md, "Amplitude and
+//! frequency of vibration").
 
 mod fft;
 
@@ -175,8 +176,9 @@ impl Analyser {
 
     /// Frequency in Hz and amplitude of the dominant line; `None` while the record is not full or silent.
     ///
-    /// X and Y are transformed at once as x + iy. With the Hann window the ratio r of the larger neighbour to the peak gives
-    /// the line's distance from the bin δ = (2r − 1)/(r + 1), and the peak is A·N/4·sinc(δ)/(1 − δ²) (Grandke 1983).
+    /// X and Y are transformed at once as x + iy. With the Hann window the ratio r of the larger neighbour to the peak
+    /// gives the line's distance from the bin δ = (2r − 1)/(r + 1), and the peak is A·N/4·sinc(δ)/(1 − δ²) (Grandke
+    /// 1983).
     pub fn line(&mut self, record: &Record, config: &SpectrumConfig, sample_rate_hz: f64) -> Option<(f64, f64)> {
         let length = record.ring.len();
         if record.filled < length {

@@ -1,4 +1,4 @@
-//! Every worked number of page 04 in the rules, as pure functions of the inputs.
+//! Every rule of docs/functions/adaptive-feed.md ("Decisions") with worked numbers, as pure functions of the inputs.
 
 use feedwave_monitoring::{
     Action, Bound, Evidence, Fallback, HoldReason, Inputs, LineOrigin, Outcome, Overrides, Properties, Property,

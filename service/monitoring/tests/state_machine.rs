@@ -1,4 +1,5 @@
-//! The states of page 04 with their worked numbers, from samples to decisions.
+//! The states of docs/functions/adaptive-feed.md ("State machine of one run") with their worked numbers, from samples
+//! to decisions.
 
 mod common;
 

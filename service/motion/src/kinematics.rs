@@ -1,6 +1,7 @@
 //! Kinematics of machines with two rotary axes, described by data: one ordered chain of axes from the workpiece to the
-//! tool gives table-table, head-table and head-head machines, with pivot offsets and tilted rotary axes, and one general
-//! solution serves them all (specification page 02, "After thinning: tool-centre-point interpolation").
+//! tool gives table-table, head-table and head-head machines, with pivot offsets and tilted rotary axes, and one
+//! general solution serves them all (docs/functions/five-axis-thinning.md, "After thinning: tool-centre-point
+//! interpolation").
 //!
 //! **Conventions.** Every axis of the chain is the motion of all that lies on its tool side *relative to* all that lies
 //! on its work side, so that it does not matter which parts of the machine stand still. A positive value moves the tool

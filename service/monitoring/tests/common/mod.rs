@@ -55,7 +55,7 @@ impl Columns {
     }
 }
 
-/// 36 points, baseline of 3 series, settling 2 s, windows of 1 s, rules of the page with p = 2 %.
+/// 36 points, baseline of 3 series, settling 2 s, windows of 1 s, the default rules with p = 2 %.
 pub fn config() -> MonitoringConfig {
     let mut rules = Rules::default();
     rules.feed.step = 0.02;

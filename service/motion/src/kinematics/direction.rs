@@ -1,5 +1,6 @@
-//! Direction between the ends of a block: by the angles of the rotary axes when the program gives angles, along the great
-//! circle when it gives vectors (specification page 02, "After thinning").
+//! Direction between the ends of a block: by the angles of the rotary axes when the program gives angles, along the
+//! great circle when it gives vectors (docs/functions/five-axis-thinning.md, "After thinning: tool-centre-point
+//! interpolation").
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -179,8 +180,8 @@ impl FiveAxisSegment {
 }
 
 impl Kinematics {
-    /// The rotary axes, where both of them turn the work and none the tool, which stands along Z over X, Y and Z: there the linear
-    /// axes move the tool in its own directions, however the work is turned.
+    /// The rotary axes, where both of them turn the work and none the tool, which stands along Z over X, Y and Z: there
+    /// the linear axes move the tool in its own directions, however the work is turned.
     #[must_use]
     pub fn under_fixed_spindle(&self) -> Option<RotaryDirections> {
         let is_along = |v: Vec3, k: usize| (0..3).all(|component| v[component] == f64::from(u8::from(component == k)));
@@ -197,7 +198,8 @@ impl Kinematics {
         RotaryDirections { first, second, tool: self.tool_direction }
     }
 
-    /// Angle between the direction that these rotary values give and the line of the first rotary axis, rad: 0 in a pole.
+    /// Angle between the direction that these rotary values give and the line of the first rotary axis, rad: 0 in a
+    /// pole.
     #[must_use]
     pub fn pole_distance_rad(&self, rotary_rad: [f64; 2]) -> f64 {
         let axis = self.joints[self.rotary[0]].direction;

@@ -1,5 +1,5 @@
-//! Five-axis kinematics (specification page 02): known machines in figures, inverse against forward over random
-//! machines and poses, ranges and turns, poles, the choice of the branch, refusals.
+//! Five-axis kinematics (docs/functions/five-axis-thinning.md): known machines in figures, inverse against forward over
+//! random machines and poses, ranges and turns, poles, the choice of the branch, refusals.
 
 mod arcs;
 mod five_axis;

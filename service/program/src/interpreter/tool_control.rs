@@ -1,5 +1,5 @@
-//! Tool centre point control: `G43.4` with the angles of the rotary axes, `G43.5` with direction vectors, `G49`; and the
-//! moves under it.
+//! Tool centre point control: `G43.4` with the angles of the rotary axes, `G43.5` with direction vectors, `G49`; and
+//! the moves under it.
 
 use super::execute::Execution;
 use super::motion::{CURVE_LETTERS, Frame};
@@ -318,7 +318,7 @@ impl Execution<'_> {
             return;
         }
         let span = self.block.span();
-        // As on the page: what is missing is zero. A direction has no unit, so neither inch nor increments scale it.
+        // A component that is missing is zero. A direction has no unit, so neither inch nor increments scale it.
         let components = [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| word.number.value()));
         match normalised(components) {
             Some(direction) => self.state.tool_control.direction = Some(direction),

@@ -1,4 +1,5 @@
-//! A live run: the pipeline's setpoints move the machine, its telemetry is judged, decisions change what the pipeline plans.
+//! A live run: the pipeline's setpoints move the machine, its telemetry is judged, decisions change what the pipeline
+//! plans.
 
 use feedwave_cutting::{MachineProfile, OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step};
 use feedwave_monitoring::{
@@ -23,7 +24,7 @@ pub fn mill(depth_mm: f64) -> Description {
     Description { seed: 7, contacts: line(3, depth_mm), ..Description::default() }
 }
 
-/// Windows of 0.2 s at 20 kHz after 0.1 s of settling, limits of the page, p = 5 %.
+/// Windows of 0.2 s at 20 kHz after 0.1 s of settling, default limits, p = 5 %.
 pub fn judging() -> MonitoringConfig {
     let mut config = MonitoringConfig {
         sample_rate_hz: 20_000.0,

@@ -1,4 +1,4 @@
-//! The loop of page 04 closed over the pipeline, the simulated machine and the monitor.
+//! Adaptive feed (docs/functions/adaptive-feed.md) closed over the pipeline, the simulated machine and the monitor.
 
 mod faults;
 mod feed;
