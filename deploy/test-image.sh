@@ -2,7 +2,7 @@
 # Builds the image and runs it as compose.yaml says, then proves: it becomes healthy; nothing of it runs as root, has a
 # capability or can write outside its volume; a job goes through it; SIGTERM ends it in order, with a stream open that
 # nobody reads; the job is still there after a restart; under mutual TLS with a private authority, as compose.tls.yaml says,
-# it becomes healthy by the probe's own certificate and serves clients with one, and nobody else.
+# it becomes healthy by the probe's own certificate and serves clients with one, and no others.
 #
 # Needs the Rust toolchain and Python 3; installs buildah, podman and runc with apt-get where they are missing. Images,
 # volumes and settings of the engine live in a directory of their own, which is removed at the end. Works without systemd

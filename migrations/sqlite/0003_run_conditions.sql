@@ -1,4 +1,4 @@
--- What of a run somebody has to see: raised by a decision, in its transaction, and acknowledged once.
+-- Conditions of a run that need attention: raised by a decision, in its transaction, and acknowledged once.
 CREATE TABLE run_conditions (
     run_id          TEXT    NOT NULL REFERENCES runs (id) ON DELETE CASCADE,
     decision_number INTEGER NOT NULL,

@@ -84,7 +84,7 @@ async fn acknowledged_jobs_survive_kill_9_and_pending_ones_are_validated_afterwa
     let mut waiting = all_jobs(&mut clients).await;
     for (number, name) in &acknowledged {
         assert!(waiting.contains_key(name), "job {number} was acknowledged as {name} and is lost; seed {seed}");
-        // Its request id is still known, so that a client that did not hear the answer may ask again.
+        // Its request id is still known, so that a client that did not get the answer may ask again.
         let source = Source::InlineProgram(Bytes::from(program(*number)));
         let again = clients.create_from(source, &format!("request-{number}")).await.expect("the same job");
         assert_eq!(&again.name, name, "seed {seed}");

@@ -1,4 +1,5 @@
-//! An escalation through `kill -9`: it happens once, its condition stays until somebody has seen it, and so does that.
+//! An escalation through `kill -9`: it happens once, its condition stays until it is acknowledged, and so does the
+//! acknowledgement.
 
 use feedwave::proto::run_request::Message as Request;
 use feedwave::proto::run_response::Message;
@@ -121,9 +122,9 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     rules.escalation = Some(Escalation { windows: Some(2), ..Default::default() });
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config) };
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
-    telemetry.set_monitoring(request).await.expect("the configuration is sound");
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
 
-    // Killed after ever more messages, and at last before the client hears anything of the escalation.
+    // Killed after ever more messages, and at last before the client receives anything of the escalation.
     let mut known = Known::default();
     for messages in [6, 9, 12, 15, 3, 0] {
         let mut link = Link::open(&server, &job, &mut known).await;
@@ -180,7 +181,7 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     let told = events.iter().filter(|event| event.to_string().contains("condition")).count();
     assert_eq!(told, 2, "raised and acknowledged, once each: {events:?}");
 
-    // Seen, but nobody has resumed; then somebody does, once.
+    // Acknowledged, but not resumed; then resumed, once.
     let mut link = Link::open(&server, &job, &mut known).await;
     assert!(link.started.feed_held);
     link.say(resume).await;

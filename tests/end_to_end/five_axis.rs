@@ -259,10 +259,10 @@ async fn what_cannot_be_is_refused_with_numbers_and_a_cure() {
     let mut clients = server.connect().await;
     set_up(&mut clients).await;
     let guided = |block: &str| format!("G0 A-20\nG43.5 H1\nG0 X0 Y0 Z20 I0 J0.3 K1\n{block} F1000\nM30\n");
-    let sound = guided("G1 X5 I0 J0.4 K1");
+    let valid = guided("G1 X5 I0 J0.4 K1");
     for (machine, tool, program, code, line) in [
         ("mill", "ball", "G43.4 H1\nG0 X0 Y0 Z20\nM30\n".to_owned(), "FIVE-AXIS-KINEMATICS", 2),
-        ("trunnion", "unmeasured", sound.clone(), "TOOL-LENGTH", 3),
+        ("trunnion", "unmeasured", valid.clone(), "TOOL-LENGTH", 3),
         ("trunnion", "ball", guided("G1 X5 I0 J0 K0"), "PRG-TOOL-DIRECTION", 4),
         ("trunnion", "ball", guided("G1 X5 I0 J-1 K-1"), "FIVE-AXIS-RANGE", 4),
     ] {
@@ -276,6 +276,6 @@ async fn what_cannot_be_is_refused_with_numbers_and_a_cure() {
         let status = stream(&mut clients, request).await.expect_err("nothing moves");
         assert_error(&status, Code::FailedPrecondition, "JOB_NOT_READY");
     }
-    let outcome = submit(&mut clients, "trunnion", "ball", &sound).await;
+    let outcome = submit(&mut clients, "trunnion", "ball", &valid).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
 }

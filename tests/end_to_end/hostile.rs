@@ -1,4 +1,4 @@
-//! Programs and requests from nobody's friend.
+//! Hostile programs and requests.
 
 use bytes::Bytes;
 use feedwave::proto::create_job_request::Source;

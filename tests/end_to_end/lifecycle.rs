@@ -20,7 +20,7 @@ async fn ends_gracefully_on(signal: Signal) {
     let mut events = clients.jobs.watch_jobs(watch).await.unwrap().into_inner();
 
     server.signal(signal);
-    // The watch would wait forever and the stream is read by nobody for now: both are told why.
+    // The watch would wait forever and the stream is read by nobody for now: both are ended with a reason.
     assert_error(&events.message().await.unwrap_err(), Code::Unavailable, "SERVER_DRAINING");
     let status = loop {
         match messages.message().await {

@@ -148,7 +148,7 @@ async fn a_live_run_survives_kills_at_any_moment() {
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config()) };
-    telemetry.set_monitoring(request).await.expect("the configuration is sound");
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
 
     let mut known = Known::default();
     let mut kills = 0;

@@ -125,7 +125,7 @@ async fn monitored(server: &Server, program: &str, config: MonitoringConfig) -> 
     let job = server.connect().await.submit(program).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config) };
-    telemetry.set_monitoring(request).await.expect("the configuration is sound");
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
     job
 }
 

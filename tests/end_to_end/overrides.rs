@@ -61,7 +61,7 @@ async fn the_feed_follows_the_override_and_the_path_does_not() {
         let wanted = programmed * ratio;
         assert!(feed[rows.clone()].iter().all(|feed| (feed - wanted).abs() <= 1e-9 * programmed), "{rows:?}");
     }
-    // Held, the path stands still while the vibration goes on.
+    // Held, the path is at rest while the vibration goes on.
     let path = changed.of_kind(ColumnKind::PathPosition);
     assert!(path[20_100..22_000].iter().all(|position| position.to_bits() == path[20_100].to_bits()));
     let vibration = changed.of_kind(ColumnKind::VibrationOffset);

@@ -42,7 +42,7 @@ async fn a_turning_program_comes_out_as_setpoints_that_end_where_it_says() {
     // Lines of the program, in their order and each with its own motion.
     let mut lines = setpoints.lines.clone();
     lines.dedup();
-    assert_eq!(lines, [0, 4, 6, 7], "where the machine stands before the first block, the rapid, the line and the arc");
+    assert_eq!(lines, [0, 4, 6, 7], "where the machine is before the first block, the rapid, the line and the arc");
     let cut = setpoints.lines.iter().position(|line| *line == 6).expect("line 6");
     let arc = setpoints.lines.iter().position(|line| *line == 7).expect("line 7");
     assert!(x[..cut].iter().zip(&z[..cut]).all(|(x, z)| (0.0..=3.0).contains(x) && (0.0..=10.0).contains(z)));
@@ -56,7 +56,7 @@ async fn a_turning_program_comes_out_as_setpoints_that_end_where_it_says() {
     let peak = vibration.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
     assert!(peak <= 0.03 + 1e-12 && peak > 0.03 * 0.99, "{peak}");
     assert!(vibration[..cut].iter().all(|value| *value == 0.0));
-    // Blended in over the way of two vibrations at 50 mm/min, which is more than 1.2 amplitudes.
+    // Blended in over the path length of two vibrations at 50 mm/min, which is more than 1.2 amplitudes.
     let ramp_mm = 2.0 * (50.0 / 60.0) / 41.667;
     let path = setpoints.of_kind(ColumnKind::PathPosition);
     for periods in [1_u32, 3, 5, 50, 100, 150, 200, 217, 1_000] {

@@ -1,4 +1,4 @@
-//! What errors say, read the way clients read it.
+//! Errors as clients read them.
 
 use tonic::{Code, Status};
 use tonic_types::StatusExt;

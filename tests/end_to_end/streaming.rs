@@ -91,7 +91,7 @@ async fn more_streams_than_permitted_are_refused_until_one_ends() {
     }
     let status = stream(&mut clients, request.clone()).await.unwrap_err();
     assert_error(&status, Code::ResourceExhausted, "OVERLOADED");
-    // A client that goes away makes room; the service learns of it with the next packets.
+    // A client that disconnects frees its place; the service learns of it with the next packets.
     open.pop();
     let freed = async {
         loop {

@@ -1,4 +1,4 @@
-//! Telemetry that is wrong in every way, through `kill -9` at random moments: the decisions are those of a session that
+//! Telemetry with every kind of fault, through `kill -9` at random moments: the decisions are those of a session that
 //! nothing interrupted, each made once, and none from bad data.
 
 use feedwave::proto::decision_inputs::Evidence;
@@ -168,7 +168,7 @@ async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad
     let job = server.connect().await.submit(PART).await.job.name;
     let mut telemetry = TelemetryClient::new(server.connect().await.channel);
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config()) };
-    telemetry.set_monitoring(request).await.expect("the configuration is sound");
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
 
     let mut whole = Heard::default();
     assert!(ingest(&server, &job, &mut whole, usize::MAX).await);
@@ -221,7 +221,7 @@ async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad
         assert!(held.contains(&reason), "{reason:?} is not among {held:?}");
     }
 
-    // What never came, or came too late, is told.
+    // What never came, or came too late, is reported.
     let run = run_of(&server, &heard.run).await;
     assert_eq!((run.state(), run.durable_batch), (RunState::Finished, Some(399)));
     assert_eq!(run.gaps, run_of(&server, &whole.run).await.gaps);

@@ -136,7 +136,7 @@ async fn a_call_that_breaks_keeps_what_was_acknowledged() {
     // The client is gone with its connection.
     answer.abort();
     drop((open_call, breaking));
-    // What is still on its way may arrive meanwhile; the service names the right offset whenever it is asked.
+    // What is still in transit may arrive meanwhile; the service names the right offset whenever it is asked.
     let goes_on = async {
         loop {
             let state = progress(&mut clients, &name).await.unwrap();

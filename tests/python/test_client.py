@@ -103,7 +103,7 @@ def test_setpoints_are_evenly_timed_and_end_on_the_programmed_point(cured):
     assert columns["x_mm"][-1] == 14.0 / 2 and columns["z_mm"][-1] == 23.5
     path = columns["path_position_mm"]
     assert all(later >= earlier for earlier, later in zip(path, path[1:]))
-    # Line 0: where the machine stands before the first block.
+    # Line 0: where the machine is before the first block.
     assert lines[0] == 0 and set(lines) == {0, 2, LINE_OF_LINE, LINE_OF_ARC}
     duration_s = report.summary.duration_s
     assert abs(duration_s - len(lines) * PERIOD_S) <= 2 * PERIOD_S

@@ -1,4 +1,4 @@
-//! How much memory the service takes for a program of any size: the whole way from upload to the last setpoint.
+//! How much memory the service takes for a program of any size: from the upload to the last setpoint.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -32,7 +32,7 @@ pub const SHAFT_END_X_MM: f64 = 14.02 / 2.0;
 /// See [`SHAFT_END_X_MM`].
 pub const SHAFT_END_Z_MM: f64 = 23.51;
 
-/// A program that stands still for `seconds`: many setpoints from few bytes.
+/// A program that rests for `seconds`: many setpoints from few bytes.
 #[must_use]
 pub fn long_dwell(seconds: u32) -> String {
     format!("G21 G97 S1000 M3\nG0 X10. Z1.\nG4 P{}\nG1 Z2. F0.5\nM30\n", u64::from(seconds) * 1000)

@@ -87,7 +87,7 @@ pub enum BatchError {
 pub enum Receipt {
     /// Taken in.
     Accepted,
-    /// Taken in, but batches before it never came: `first..=last` are missing, and the window under way is void.
+    /// Taken in, but batches before it never came: `first..=last` are missing, and the window in progress is void.
     AcceptedAfterGap {
         /// First missing number.
         first: u64,
@@ -106,7 +106,7 @@ pub enum Receipt {
 pub enum Event {
     /// The programmed spindle speed, before any override, is now this.
     ProgrammedSpindle {
-        /// rev/min, 0 when the spindle stands.
+        /// rev/min, 0 when the spindle is stopped.
         rpm: f64,
     },
     /// The overrides in force are now these, for instance because the operator set them.
@@ -120,7 +120,7 @@ pub enum Event {
     Threading(bool),
     /// This tool is in the spindle; decisions hold while the baseline is another's.
     Tool(u32),
-    /// Start over with the baseline, for the tool in the spindle; the only way out of a stop.
+    /// Start over with the baseline, for the tool in the spindle; only this ends a stop.
     Rebaseline,
     /// Somebody resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the
     /// operator has set since. Without effect where nothing is held.

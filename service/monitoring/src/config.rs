@@ -74,7 +74,7 @@ pub struct IdleRunUp {
     pub speed_tolerance: f64,
     /// How long each step is collected.
     pub length: Length,
-    /// Largest |X_i¹ − X_i⁰| of a sound machine, mm (mm/s² with accelerations).
+    /// Largest |X_i¹ − X_i⁰| of a healthy machine, mm (mm/s² with accelerations).
     pub max_difference: f64,
 }
 

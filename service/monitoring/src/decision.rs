@@ -169,7 +169,7 @@ pub enum Action {
     Hold,
     /// The machine is to stop.
     Stop,
-    /// The feed is to be held, its override is 0, until somebody resumes.
+    /// The feed is to be held, its override is 0, until the machine resumes.
     HoldFeed,
 }
 

@@ -249,7 +249,7 @@ impl MillingModel {
         let a1 = (xx * g_x.0 + yy * g_y.0, xx * g_x.1 + yy * g_y.1);
         let square = mul(a1, a1);
         let root = sqrt((square.0 - 4.0 * a0.0, square.1 - 4.0 * a0.1));
-        // Λ = 2/(−a₁ ∓ √(a₁² − 4a₀)): this form stays sound when a₀ vanishes, as with one flexible direction.
+        // Λ = 2/(−a₁ ∓ √(a₁² − 4a₀)): this form stays valid when a₀ vanishes, as with one flexible direction.
         let scale = libm::hypot(a1.0, a1.1) + libm::hypot(root.0, root.1);
         [1.0, -1.0].map(|sign| {
             let denominator = (-a1.0 - sign * root.0, -a1.1 - sign * root.1);

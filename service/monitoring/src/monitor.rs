@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 pub use snapshot::SnapshotError;
 use window::Window;
 
-/// Where the run stands.
+/// State of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
     /// Idle at the lowest spindle speed: X_i⁰, Y_i⁰ are collected.
@@ -54,7 +54,7 @@ struct Run {
     settled_ns: u64,
     last_ns: Option<u64>,
     clock_ns: Option<u64>,
-    /// The silence under way has brought its fallback.
+    /// The silence in progress has brought its fallback.
     silent: bool,
     overrides: Overrides,
     /// Feed override that a resume takes, while an escalation holds the feed.
@@ -63,7 +63,7 @@ struct Run {
     windows_at_bound: u32,
     programmed_rpm: Option<f64>,
     threading: bool,
-    /// A thread was being cut at some time of the window under way.
+    /// A thread was being cut at some time of the window in progress.
     threaded: bool,
     newest_batch: Option<u64>,
     samples: u64,
@@ -151,7 +151,7 @@ impl Monitor {
         &self.config
     }
 
-    /// Where the run stands.
+    /// State of the run.
     pub fn state(&self) -> State {
         self.run.state
     }
@@ -289,7 +289,7 @@ impl Monitor {
             self.run.window.invalidate(HoldReason::TimeOutOfOrder);
         } else {
             if step > self.times.silence && !was_silent {
-                // The silence ended before any clock told of it.
+                // The silence ended before a clock event reported it.
                 self.run.last_ns = Some(last);
                 self.fall_silent(sink);
                 self.run.silent = false;
@@ -382,7 +382,7 @@ impl Monitor {
     fn collect(&mut self, sample: &Sample, index: u64, point: usize, valid: bool, step_ns: u64) {
         let window = &mut self.run.window;
         window.count(sample.time_ns, index, step_ns);
-        // Half a period of jitter is none; more means that samples were dropped on the way.
+        // Half a period of jitter is none; more means that samples were dropped in transit.
         if window.span.samples > 1 && step_ns > self.times.period + self.times.period / 2 {
             let dropped = (step_ns + self.times.period / 2) / self.times.period - 1;
             window.span.removed.dropped = window.span.removed.dropped.saturating_add(dropped.min(1 << 20) as u32);
@@ -452,7 +452,7 @@ impl Monitor {
         }
     }
 
-    /// What a sound window says.
+    /// What a valid window says.
     fn evidence(&mut self) -> Evidence {
         let summary = self.run.window.points.summary(&self.run.baseline);
         match self.run.state {

@@ -165,7 +165,7 @@ impl Points {
         self.points[index].add(value);
     }
 
-    /// Ends the pass under way.
+    /// Ends the pass in progress.
     #[inline]
     fn leave(&mut self) {
         if let Some(last) = self.current.take() {

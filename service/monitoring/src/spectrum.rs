@@ -85,7 +85,7 @@ pub(crate) struct Record {
     filled: usize,
 }
 
-/// A record in a snapshot: nothing but its samples, so that after a decision, when there are none, it takes no room.
+/// A record in a snapshot: nothing but its samples, so that after a decision, when there are none, it takes no space.
 #[derive(Serialize, Deserialize)]
 struct Kept {
     /// Samples that fit in.

@@ -36,7 +36,7 @@ fn poses(criterion: &mut Criterion) {
         tool_direction: [0.0, 0.0, 1.0],
         preferred_branch: BranchPreference::Nearest,
     };
-    let machine = Kinematics::new(&description).expect("a sound machine");
+    let machine = Kinematics::new(&description).expect("a valid machine");
     let circle = GreatCircle::new([0.0, 0.6, 0.8], [0.6, 0.0, 0.8]).expect("not opposite");
     let great_circle = DirectionPath::GreatCircle(circle);
     let angles = DirectionPath::Angles { start_rad: [0.0, 0.5], end_rad: [1.0, 0.6] };

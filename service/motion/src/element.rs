@@ -431,7 +431,7 @@ impl Element {
             let along = arc.largest_radius_mm() * (arc.sweep_rad * per_length).abs();
             let outwards = (arc.end_radius_mm - arc.start_radius_mm).abs() * per_length;
             let quarter = TAU / 4.0;
-            // The first axis moves fastest where the arc passes the second axis' direction, and the other way round.
+            // The first axis moves fastest where the arc passes the second axis' direction, and vice versa.
             for (axis, passing) in [(arc.first, [quarter, -quarter]), (arc.second, [0.0, 2.0 * quarter])] {
                 let value = &mut largest[axis.index()];
                 *value = value.max(at_end[axis.index()].abs());

@@ -138,14 +138,14 @@ fn stretch_from(element: &Element, start: f64, spindle_along: &dyn Fn(f64) -> f6
     // would gain nothing.
     for _ in 0..MAX_TURNS_PER_STRETCH {
         let turn = next_turn(element, at);
-        // |X| is monotonic up to the turn, so the speeds on the way lie between those at its ends.
+        // |X| is monotonic up to the turn, so the speeds in between lie between those at its ends.
         let fits = |s: f64| {
             let speed = spindle_along(s);
             speed.max(fastest) <= speed.min(slowest) * SURFACE_SPEED_STEP
         };
         if !fits(turn) {
             let end = narrow(at, turn, &fits);
-            // Where even the resolution of the search is too coarse, the whole way to the turn has its lowest speed.
+            // Where even the resolution of the search is too coarse, everything up to the turn has its lowest speed.
             let end = if end > start { end } else { turn };
             return (end, slowest.min(spindle_along(end)));
         }

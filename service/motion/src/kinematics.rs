@@ -4,7 +4,7 @@
 //! interpolation").
 //!
 //! **Conventions.** Every axis of the chain is the motion of all that lies on its tool side *relative to* all that lies
-//! on its work side, so that it does not matter which parts of the machine stand still. A positive value moves the tool
+//! on its work side, so that it does not matter which parts of the machine are at rest. A positive value moves the tool
 //! along (or turns it right-handed about) the axis' direction as seen from the workpiece, as ISO 841 defines the signs.
 //! All directions and points are given in *chain coordinates*: fixed to the workpiece side, and equal to the machine's
 //! own coordinates while every axis is at zero. With the axes' screw motions written as Eᵢ(qᵢ), the tool centre point

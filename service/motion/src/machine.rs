@@ -20,7 +20,7 @@ pub enum CarriedBy {
     /// The axis moves the tool: axis position = work position + offset.
     #[default]
     Tool,
-    /// The axis moves the workpiece the other way: axis position = −(work position + offset).
+    /// The axis moves the workpiece in the opposite sense: axis position = −(work position + offset).
     Workpiece,
 }
 
@@ -144,7 +144,7 @@ impl Machine {
         self.axes[column].sign() * (work_value + work_offset)
     }
 
-    /// Everything that makes the machine unusable; empty when it is sound.
+    /// Everything that makes the machine unusable; empty when it is valid.
     #[must_use]
     pub fn validate(&self) -> Vec<ProfileProblem> {
         let mut problems = Vec::new();

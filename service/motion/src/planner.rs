@@ -216,7 +216,7 @@ impl<B> Planner<B> {
         if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
     }
 
-    /// Whether a restart is under way, which looks at what is known as a whole.
+    /// Whether a restart is in progress, which looks at what is known as a whole.
     const fn is_restarting(&self) -> bool {
         self.next_plan == usize::MAX
     }

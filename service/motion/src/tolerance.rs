@@ -24,7 +24,7 @@ pub(crate) const MAX_STRETCHES: usize = 2_048;
 pub(crate) const MAX_TURNS_PER_STRETCH: usize = 64;
 
 /// Angles closer than this are the same place of an arc, rad: rounding of angles is below 1e-15, and a circle's X
-/// changes by less than 1e-12 of its radius on the way.
+/// changes by less than 1e-12 of its radius along it.
 pub(crate) const SAME_ANGLE_RAD: f64 = 1e-12;
 
 /// Share of an axis' acceleration that the centripetal part v²κ may use on a curve; see `limits`.
@@ -168,10 +168,10 @@ pub(crate) const FIVE_AXIS_TAIL: f64 = 1e4;
 pub(crate) const MAX_FIVE_AXIS_HALVINGS: u32 = 40;
 /// Most polynomial pieces of a five-axis element.
 pub(crate) const MAX_FIVE_AXIS_PIECES: usize = 4_096;
-/// Largest difference between where the rotary axes stand and where a block starts, rad: rounding of a unit vector is as
+/// Largest difference between where the rotary axes are and where a block starts, rad: rounding of a unit vector is as
 /// much where it is taken along a pole no more.
 pub(crate) const SAME_START_RAD: f64 = 1e-8;
-/// Largest difference between where the linear axes stand and where a block starts, mm.
+/// Largest difference between where the linear axes are and where a block starts, mm.
 pub(crate) const SAME_START_MM: f64 = 1e-5;
 /// Coefficients of a five-axis element's polynomials below this are left out, mm and degrees.
 pub(crate) const FIVE_AXIS_NOTHING: f64 = 1e-15;

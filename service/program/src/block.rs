@@ -13,7 +13,7 @@ const LARGEST_NUMBER: f64 = 1e9;
 /// Largest line or program number: eight digits, as long as controls take them.
 const LARGEST_LABEL: f64 = 99_999_999.0;
 
-/// The cure where something stands within a word.
+/// The cure for something inside a word.
 const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
 
 /// Whether a number can be a line or a program number.
@@ -28,7 +28,7 @@ fn letters_in(text: &[u8]) -> u32 {
     letters.fold(0, |mask, byte| mask | letter_bit(byte.to_ascii_uppercase()))
 }
 
-/// A word: where it stands and what it says.
+/// A word: its place and its value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Word {
     pub(crate) number: Number,
@@ -36,7 +36,7 @@ pub(crate) struct Word {
     end: u32,
 }
 
-/// A code word: the code and where it stands.
+/// A code word: the code and its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodeWord {
     /// Place in the code table.

@@ -49,7 +49,7 @@ const EXPLAINED_BY: &[(&str, Scope, u32)] = &[
     (code::TOOL_CONTROL_LENGTH, Scope::Block, letters(b"H")),
 ];
 
-/// Where the word stands that a finding follows from.
+/// Place of the word that a finding follows from.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Scope {
     Block,

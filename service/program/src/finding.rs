@@ -85,7 +85,7 @@ pub struct Finding {
     pub first: Option<Occurrence>,
     /// The worst occurrence, likewise.
     pub worst: Option<Occurrence>,
-    /// What tells occurrences of one finding from other findings, and which of them is the worst.
+    /// What distinguishes occurrences of one finding from other findings, and ranks them.
     #[serde(skip)]
     rank: Option<Rank>,
 }

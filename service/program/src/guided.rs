@@ -1,5 +1,5 @@
-//! Moves of a guided tool: tool centre point control (`G43.4`, `G43.5`), tilted planes (`G68.2`, `G53.1`), and the way back to
-//! plain axes.
+//! Moves of a guided tool: tool centre point control (`G43.4`, `G43.5`), tilted planes (`G68.2`, `G53.1`), and the
+//! return to plain axes.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::{Axis, Move};
 /// A move whose axis positions depend on the kinematics of the machine: the program says where the tool is, not where the axes
 /// are.
 ///
-/// The program knows the end of such a move only. It starts where the machine stands after the move before: switching the
+/// The program knows the end of such a move only. It starts where the machine is after the move before: switching the
 /// tool centre point control or a tilted plane on or off moves nothing, so that then the same place has other coordinates,
 /// which the program cannot know without the kinematics.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -227,7 +227,7 @@ pub enum FaultKind {
     DuplicateBatches,
     /// A batch comes after the one that follows it.
     SwappedBatches,
-    /// Batches are lost on the way.
+    /// Batches are lost in transit.
     LostBatches,
     /// No telemetry.
     Silence,

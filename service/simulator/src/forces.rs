@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Memory of the surface, samples of all edges: a revolution at 92 rev/min with 100 kHz.
 const WAVE_SAMPLES: usize = 1 << 16;
-/// Slower than this the spindle stands, rev/min.
+/// Slower than this the spindle is stopped, rev/min.
 const STANDSTILL_RPM: f64 = 1e-3;
 
 /// An edge relative to the first one.
@@ -196,8 +196,8 @@ impl Forces {
         chip_mm
     }
 
-    /// Adds the force −F_r·r̂ − F_t·t̂ of an edge with r̂ = (sin φ, cos φ) pointing outwards and t̂ the way it goes; without a
-    /// chip there is none.
+    /// Adds the force −F_r·r̂ − F_t·t̂ of an edge with r̂ = (sin φ, cos φ) pointing outwards and t̂ along its motion;
+    /// without a chip there is none.
     #[inline]
     fn cut(&self, chip_mm: f64, depth_mm: f64, radial_ratio: f64, [sin, cos]: [f64; 2], force: &mut [f64; 2]) {
         if chip_mm <= 0.0 {

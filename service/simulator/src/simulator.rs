@@ -215,7 +215,7 @@ impl Simulator {
         f64::from(self.description.interpolation_period_us) * 1e-6
     }
 
-    /// Moves to a setpoint, turning the spindle by this angle, and takes the samples on the way.
+    /// Moves to a setpoint, turning the spindle by this angle, and takes the samples in between.
     fn go(&mut self, to: Setpoint, end_ns: u64, turned_rad: f64, sink: &mut dyn FnMut(&Batch<'_>)) {
         if end_ns > self.at_ns {
             let seconds = (end_ns - self.at_ns) as f64 * 1e-9;

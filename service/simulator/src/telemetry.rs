@@ -1,4 +1,4 @@
-//! Columns of a batch on their way to the monitor, and what happens to them there.
+//! Columns of a batch on their path to the monitor, and the faults applied to them.
 
 use feedwave_monitoring::{Batch, Pair};
 

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::page::{Page, PageRequest};
 use crate::programs::ProgramId;
 
-/// Where a job stands.
+/// State of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum JobState {
     /// Stored, not yet validated.
@@ -66,7 +66,7 @@ impl FromStr for JobState {
     }
 }
 
-/// A digest of what a client asked for, by which a repeated request is told from a different one
+/// A digest of what a client asked for, which distinguishes a repeated request from a different one
 /// with the same request id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fingerprint([u8; 32]);
@@ -136,7 +136,7 @@ pub struct Job {
     pub program_size_bytes: u64,
     /// The machine's identifier.
     pub machine_id: String,
-    /// Where the job stands.
+    /// State of the job.
     pub state: JobState,
     /// Detail of the last state change, for example why the job failed; may be empty.
     pub state_detail: String,

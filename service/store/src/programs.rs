@@ -107,7 +107,7 @@ pub struct UploadInfo {
     pub updated_us: i64,
 }
 
-/// Where an upload stands when it is begun.
+/// State of an upload when it begins.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum UploadStart {
     /// Bytes are still missing or [`Programs::finish_upload`] was not called yet; continue at
@@ -153,7 +153,7 @@ pub trait Programs {
 
     /// Appends bytes at `offset`, which must be the number of bytes received so far, and returns
     /// the number of bytes received thereafter. `data` may be of any size; if a large one fails
-    /// half-way its beginning may have been received, as [`Programs::upload`] then tells.
+    /// half-way its beginning may have been received; [`Programs::upload`] then reports how much.
     ///
     /// # Errors
     /// `NotFound`, `WrongOffset`, `TooLarge` if more bytes come than were announced, `Unavailable`.
@@ -165,7 +165,7 @@ pub trait Programs {
     /// `NotFound`, `Incomplete`, `HashMismatch` (the upload is then discarded), `Unavailable`.
     fn finish_upload(&self, id: UploadId) -> impl Future<Output = Result<ProgramInfo>> + Send;
 
-    /// Where an unfinished upload stands.
+    /// State of an unfinished upload.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.

@@ -20,7 +20,7 @@ pub enum RunKind {
     Live,
 }
 
-/// Where a run stands.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RunState {
     /// It may go on.
@@ -107,7 +107,7 @@ pub struct Run {
     pub setpoints: RunSetpoints,
     /// What the client asked for.
     pub settings: Json,
-    /// Conditions that nobody has acknowledged.
+    /// Conditions that are not acknowledged.
     pub open_conditions: u64,
 }
 
@@ -122,7 +122,7 @@ pub struct RunSetpoints {
     pub digest: Option<[u8; 32]>,
 }
 
-/// A run that was taken up, with everything to go on with.
+/// A resumed run, with everything needed to continue.
 #[derive(Debug, Clone)]
 pub struct AttachedRun {
     /// The run.
@@ -144,11 +144,11 @@ pub struct NewDecision {
     pub action: &'static str,
     /// The decision with all its inputs.
     pub body: Bytes,
-    /// Whether somebody has to see it: raises a condition of the run.
+    /// Whether it raises a condition of the run.
     pub raises_condition: bool,
 }
 
-/// Something of a run that somebody has to see.
+/// Something of a run that needs attention.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunCondition {
     /// Number of the decision that raised it.
@@ -157,7 +157,7 @@ pub struct RunCondition {
     pub action: String,
     /// When it was raised, microseconds since the Unix epoch.
     pub raised_us: i64,
-    /// Who has seen it; `None`: nobody.
+    /// Who acknowledged it; `None`: not acknowledged.
     pub acknowledged: Option<Acknowledgement>,
 }
 
@@ -269,7 +269,8 @@ pub trait Runs {
     /// Makes durable what happened in a run; the stored decisions in order.
     ///
     /// # Errors
-    /// `NotFound` if the run was deleted, `Detached` if somebody else took it up, `RunEnded`, `TooLarge`, `Unavailable`.
+    /// `NotFound` if the run was deleted, `Detached` if another connection resumed it, `RunEnded`, `TooLarge`,
+    /// `Unavailable`.
     fn commit_run(
         &self,
         id: Uuid,
@@ -295,8 +296,8 @@ pub trait Runs {
     /// `Unavailable`.
     fn run_conditions(&self, id: Uuid) -> impl Future<Output = Result<Vec<RunCondition>>> + Send;
 
-    /// Keeps that somebody has seen a condition of a run, the newest where no decision is named; what was kept first stays.
-    /// The job's log of events tells of it.
+    /// Stores the acknowledgement of a condition of a run, the newest where no decision is named; the first one is
+    /// kept. The job's log of events tells of it.
     ///
     /// # Errors
     /// `NotFound` if the run or the condition does not exist, `TooLarge`, `Unavailable`.
@@ -308,7 +309,7 @@ pub trait Runs {
         note: String,
     ) -> impl Future<Output = Result<RunCondition>> + Send;
 
-    /// Conditions of all runs that nobody has acknowledged.
+    /// Unacknowledged conditions of all runs.
     ///
     /// # Errors
     /// `Unavailable`.

@@ -29,7 +29,7 @@ pub struct StoreSettings {
     pub max_commit_operations: usize,
     /// How long to wait for a lock held by another program, or for a free reader; default 5 s.
     pub busy_timeout: Duration,
-    /// Who is told about finished operations; default nobody.
+    /// Observer of finished operations; none by default.
     pub observer: Arc<dyn Observer>,
 }
 
@@ -68,7 +68,7 @@ impl fmt::Debug for StoreSettings {
     }
 }
 
-/// Is told about finished operations; called on the store's own tasks, so it must return at once.
+/// Observes finished operations; called on the store's own tasks, so it must return at once.
 pub trait Observer: Send + Sync {
     /// A transaction with `operations` writes was committed; `latency` is from its begin to its
     /// durable end.
@@ -91,7 +91,7 @@ impl Observer for NoObserver {}
 /// Counters of a store since it was opened.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StoreStats {
-    /// Writes waiting or under way now.
+    /// Writes waiting or in progress now.
     pub write_queue_depth: u64,
     /// Transactions committed.
     pub commits: u64,

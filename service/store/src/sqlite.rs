@@ -70,7 +70,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Ends the store in order: waits for the writes under way, refuses new ones, and closes the
+    /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the
     /// file. Clones are closed with it. Dropping the store without closing it loses nothing that was
     /// acknowledged.
     pub async fn close(&self) {

@@ -1,7 +1,7 @@
 //! `proptest` with one seed for all: the same random cases in every clone and every run, by whatever starts the test.
 //!
 //! The crates of the workspace get this under the name `proptest`, so that no property test can do without. What fails is
-//! found again by running the test again; no file remembers it. The variables of `proptest` hold as usual:
+//! found again by running the test again; no file remembers it. The variables of `proptest` apply:
 //! `PROPTEST_RNG_SEED` takes other cases, `PROPTEST_CASES` another number of them.
 
 pub use proptest_itself::*;

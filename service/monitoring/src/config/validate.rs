@@ -1,4 +1,4 @@
-//! Refuses configurations under which no sound decision could be made.
+//! Refuses configurations under which no valid decision could be made.
 
 use super::{
     ContactSource, Grouping, IdleRunUp, Length, MonitoringConfig, Quality, Quantity, Sensors, SpectrumConfig, Violation,

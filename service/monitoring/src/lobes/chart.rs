@@ -59,8 +59,9 @@ struct Chart<'a> {
 
 impl Lobes {
     /// The stability chart: at evenly spaced speeds from the lowest to the highest, and at as many between them as it
-    /// needs, the limit with its lobe, and how the tool chatters above it. Both panels of the usual picture are in it, depth
-    /// and chatter frequency over speed. Lines from one speed to the next lie on the exact limit or up to 0.1 % below.
+    /// needs, the limit with its lobe, and how the tool chatters above it. Both panels of a stability chart are in it,
+    /// depth and chatter frequency over speed. Lines from one speed to the next lie on the exact limit or up to 0.1 %
+    /// below.
     ///
     /// Where the limit is hollow the lines are tangents, whose crossings lie below it; where it is bulging, they are chords.
     /// With 40 000 speeds the chart is full: where more would be needed it is drawn flat, at its least.

@@ -146,7 +146,7 @@ impl Lobes {
             if best.1.abs() <= ROOT * (1.0 + f64::from(lobe)) {
                 break;
             }
-            // False position; where one end stays, its weight is halved (Illinois); in the end the way itself is.
+            // False position; where one end stays, its weight is halved (Illinois); at last the interval itself is.
             let share = if step < MAX_STEPS / 2 { low.1 / (low.1 - high.1) } else { 0.5 };
             let frequency_hz = low.0 + share * (high.0 - low.0);
             if frequency_hz <= low.0 || frequency_hz >= high.0 {

@@ -62,7 +62,7 @@ impl Lobes {
     /// Best pocket of each band.
     ///
     /// # Errors
-    /// [`LobeError`] for an impossible request, and when a required depth cannot be had.
+    /// [`LobeError`] for an impossible request, and when a required depth is not stable in a band.
     pub fn pockets(&self, request: &PocketRequest) -> Result<Vec<Pocket>, LobeError> {
         let PocketRequest { lowest_rpm, highest_rpm, bands, margin, speed_tolerance, required_mm } = *request;
         Check(request.problems()).finish()?;

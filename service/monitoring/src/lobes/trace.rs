@@ -114,7 +114,7 @@ impl Model {
         self.modes().map(|mode| mode.frequency_hz).fold(0.0, f64::max) * 5.0
     }
 
-    /// Halves the way between two points until the limit is smooth.
+    /// Halves the distance between two points until the limit is smooth.
     fn refine(&self, points: &[LobePoint], room: &mut usize) -> Vec<LobePoint> {
         let mut fine = Vec::with_capacity(points.len());
         let mut open: Vec<(LobePoint, LobePoint, u32)> = Vec::new();

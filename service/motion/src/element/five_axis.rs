@@ -270,7 +270,7 @@ impl FiveAxis {
         Ok(())
     }
 
-    /// Refuses a rotary axis that leaves its range (rad) on the way.
+    /// Refuses a rotary axis that leaves its range (rad) along the block.
     pub(crate) fn check_range(&self, axis: Axis, [low, high]: [f64; 2]) -> Result<(), FiveAxisRefusal> {
         let Some(place) = self.place(axis) else { return Ok(()) };
         let [least, most] = self.extent(place);

@@ -10,7 +10,7 @@ use super::inverse::way;
 use super::range::nearest_turn;
 use super::vector::Vec3;
 
-/// Most turns of an axis that are tried as the start of a cut, each way from where it stands.
+/// Most turns of an axis that are tried as the start of a cut, in each direction from where it is.
 const TRIED_TURNS: i32 = 4;
 
 /// Where the rotary axes start a cut, and how they fare.
@@ -24,7 +24,7 @@ pub struct CutStart {
     pub largest_step_rad: f64,
     /// The direction (counted from 0) at whose end that step is.
     pub largest_step_at: u64,
-    /// Directions in a pole, where the first rotary axis is left where it stands.
+    /// Directions in a pole, where the first rotary axis is left where it is.
     pub singular: u64,
     /// Smallest distance from a pole, rad.
     pub least_pole_distance_rad: f64,
@@ -39,7 +39,7 @@ pub struct CutFailure {
     /// The direction (counted from 0) at which the start ran out of its ranges, or which cannot be reached. A cut
     /// that ends before it can be made.
     pub at: u64,
-    /// What stands in the way there.
+    /// What prevents it there.
     pub reason: KinematicsError,
 }
 
@@ -76,7 +76,7 @@ pub struct CutSearch {
 }
 
 impl CutSearch {
-    /// A search for rotary axes that stand at `reference_rad`. Great circles are bent through a pole within the tolerance;
+    /// A search for rotary axes at `reference_rad`. Great circles are bent through a pole within the tolerance;
     /// see [`super::FiveAxisBlock::pole_tolerance_rad`].
     #[must_use]
     pub const fn new(setup: Setup, reference_rad: [f64; 2], pole_tolerance_rad: f64) -> Self {
@@ -174,7 +174,7 @@ impl CutSearch {
         });
     }
 
-    /// Begins the trial of the values within range that a solution has, near where the axes stand.
+    /// Begins the trial of the values within range that a solution has, near where the axes are.
     fn add_starts(
         &mut self,
         kinematics: &Kinematics,
@@ -271,7 +271,7 @@ impl Kinematics {
     ///
     /// # Errors
     ///
-    /// [`CutFailure`]; where the ranges stand in the way, the start that got furthest says where.
+    /// [`CutFailure`]; where the ranges prevent it, the start that got furthest says where.
     pub fn choose_start(
         &self,
         directions: impl IntoIterator<Item = Vec3>,

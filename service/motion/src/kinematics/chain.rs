@@ -161,7 +161,7 @@ pub(super) struct Joint {
     pub wrap: Wrap,
 }
 
-/// A sound description, ready to solve.
+/// A valid description, ready to solve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kinematics {
     pub(super) joints: Vec<Joint>,

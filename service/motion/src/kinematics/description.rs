@@ -20,10 +20,11 @@ const LEAST_TILT_RAD: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
-    /// Angles count on beyond a turn: 370° is a turn and 10°, and is approached from wherever the axis stands.
+    /// Angles count on beyond a turn: 370° is a turn and 10°, and is approached from wherever the axis is.
     #[default]
     Counting,
-    /// Angles repeat every turn: 370° is 10°, and is approached the shortest way (half a turn: the positive way).
+    /// Angles repeat every turn: 370° is 10°, and is approached by the shortest path (half a turn: in the positive
+    /// direction).
     Rollover,
 }
 
@@ -31,7 +32,7 @@ pub enum Wrap {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BranchPreference {
-    /// The one that is nearest to where the rotary axes stand.
+    /// The one that is nearest to where the rotary axes are.
     #[default]
     Nearest,
     /// The one with the larger angle of the second rotary axis within (−180°, 180°].
@@ -64,7 +65,7 @@ pub struct ChainAxis {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KinematicsDescription {
-    /// The axes in order from the workpiece to the tool, whatever stands still: a table-table machine is
+    /// The axes in order from the workpiece to the tool, whichever parts are at rest: a table-table machine is
     /// `C A X Y Z`, a head-table machine `C X Y Z B`, a head-head machine `X Y Z C A`.
     pub chain: Vec<ChainAxis>,
     /// Where the gauge point of the spindle (from which tool lengths count) is with all axes at zero, mm from the origin
@@ -92,7 +93,7 @@ fn direction_problem(direction: Vec3) -> Option<String> {
 }
 
 impl KinematicsDescription {
-    /// Everything that makes the description unusable, by field; empty when it is sound.
+    /// Everything that makes the description unusable, by field; empty when it is valid.
     #[must_use]
     pub fn validate(&self) -> Vec<ProfileProblem> {
         let mut problems = Vec::new();
@@ -101,7 +102,7 @@ impl KinematicsDescription {
         };
         add("gauge_point_mm".to_owned(), point_problem(self.gauge_point_mm));
         add("tool_direction".to_owned(), direction_problem(self.tool_direction));
-        // A chain that is too long says enough; its axes are looked at as far as a sound one reaches.
+        // A chain that is too long says enough; its axes are checked up to the length of a valid one.
         for (index, axis) in self.chain.iter().take(CHAIN_AXES).enumerate() {
             let field = |name: &str| format!("chain[{index}].{name}");
             let twin = self.chain[..index].iter().position(|other| other.axis == axis.axis);

@@ -38,7 +38,7 @@ pub struct InverseSolution {
     pub joints: JointValues,
     /// Angle between the direction and the line of the first rotary axis, rad.
     pub pole_distance_rad: f64,
-    /// Whether the direction is in a pole, so that the first rotary axis was left where it stands.
+    /// Whether the direction is in a pole, so that the first rotary axis was left where it is.
     pub singular: bool,
 }
 
@@ -220,7 +220,7 @@ impl BranchPreference {
     }
 }
 
-/// The way of the axis that has further to go, rad.
+/// Travel of the axis that has further to go, rad.
 pub(super) fn way(values: [f64; 2], reference: [f64; 2]) -> f64 {
     (values[0] - reference[0]).abs().max((values[1] - reference[1]).abs())
 }

@@ -8,7 +8,8 @@ use super::description::Wrap;
 /// How far beyond a range still counts as at its end, rad or mm: what rounding adds to a value at the end.
 const RANGE_SLACK: f64 = 1e-9;
 
-/// `angle` plus the turns that bring it nearest to `reference`; at half a turn it is approached the positive way.
+/// `angle` plus the turns that bring it nearest to `reference`; at half a turn it is approached in the positive
+/// direction.
 #[must_use]
 pub(super) fn nearest_turn(angle: f64, reference: f64) -> f64 {
     let way = angle - reference;
@@ -64,7 +65,7 @@ impl Kinematics {
     }
 
     /// The value a rotary axis (0: next to the work, 1: next to the tool) goes to from `from_rad` when `commanded_rad` is
-    /// programmed: as written for an axis that counts, the shortest way for one that rolls over.
+    /// programmed: as written for an axis that counts, the shortest path for one that rolls over.
     #[must_use]
     pub fn approach(&self, rotary: usize, commanded_rad: f64, from_rad: f64) -> f64 {
         match self.joints[self.rotary[rotary]].wrap {

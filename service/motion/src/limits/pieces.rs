@@ -73,8 +73,8 @@ fn is_close(union: &PathLimits, part: &PathLimits, slowdown: f64) -> bool {
 /// the tightest of them.
 ///
 /// The machine must have every axis that the element moves; see [`super::missing_axis`]. No piece is faster than
-/// `top_speed` mm/s: what nobody will command need not be found out, and what the turning of a spline does not take at
-/// that speed is left for acceleration and jerk.
+/// `top_speed` mm/s: speeds that are never commanded need not be examined, and what the turning of a spline does not
+/// take at that speed is left for acceleration and jerk.
 ///
 /// # Errors
 /// [`LimitExceeded`] for the first axis whose limit leaves less than a fiftieth for the feed, anywhere.

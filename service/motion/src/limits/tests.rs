@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A helix, or an arc whose radius grows by `error` on the way.
+/// A helix, or an arc whose radius grows by `error` along it.
 fn arc(radius: f64, angle: f64, sweep_rad: f64, rise: f64, error: f64) -> Element {
     let at = |angle: f64, radius: f64, z: f64| -> Position {
         [radius * libm::cos(angle), radius * libm::sin(angle), z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]

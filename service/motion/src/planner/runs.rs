@@ -22,7 +22,7 @@ pub(super) struct Node {
     hard_velocity: f64,
     /// Commanded velocity at 100 % override, mm/s, and what of it the limits leave.
     command: f64,
-    usual_velocity: f64,
+    target_velocity: f64,
     follows_override: bool,
     entry: Junction,
     /// Path position in its run, mm.
@@ -52,7 +52,7 @@ impl Node {
             },
             hard_velocity,
             command: stretch.speed_mm_per_s,
-            usual_velocity: hard_velocity.min(stretch.speed_mm_per_s),
+            target_velocity: hard_velocity.min(stretch.speed_mm_per_s),
             follows_override: request.follows_override,
             entry,
             offset: 0.0,
@@ -69,8 +69,8 @@ struct Run {
     length: f64,
     limits: PathLimits,
     hard_velocity: f64,
-    usual_velocity: f64,
-    /// Time at every stretch's own usual velocity, s.
+    target_velocity: f64,
+    /// Time at every stretch's own target velocity, s.
     ideal_s: f64,
     /// Largest of each limit among the stretches.
     best: PathLimits,
@@ -91,8 +91,8 @@ impl Run {
             length: node.length,
             limits: node.limits,
             hard_velocity: node.hard_velocity,
-            usual_velocity: node.usual_velocity,
-            ideal_s: node.length / node.usual_velocity,
+            target_velocity: node.target_velocity,
+            ideal_s: node.length / node.target_velocity,
             best: node.limits,
             command: node.command,
             follows_override: node.follows_override,
@@ -115,8 +115,8 @@ impl Run {
                 jerk: a.jerk.min(b.jerk),
             },
             hard_velocity: self.hard_velocity.min(node.hard_velocity).min(junction),
-            usual_velocity: self.usual_velocity.min(node.usual_velocity).min(junction),
-            ideal_s: self.ideal_s + node.length / node.usual_velocity,
+            target_velocity: self.target_velocity.min(node.target_velocity).min(junction),
+            ideal_s: self.ideal_s + node.length / node.target_velocity,
             best: PathLimits {
                 velocity: self.best.velocity,
                 acceleration: self.best.acceleration.max(b.acceleration),
@@ -139,7 +139,7 @@ impl Run {
         }
         let joined = self.with(node);
         let PathLimits { acceleration, jerk, .. } = joined.limits;
-        let velocity = joined.usual_velocity;
+        let velocity = joined.target_velocity;
         let traverse_s = joined.length / velocity;
         let (ramp_s, best_ramp_s) = (acceleration / jerk, joined.best.acceleration / joined.best.jerk);
         let slower_change_s =
@@ -150,7 +150,7 @@ impl Run {
         }
         // With room to cruise, a lower speed is reached at the price of a small change of speed.
         let cruising_mm = velocity * (velocity / acceleration + ramp_s);
-        let step = self.usual_velocity.max(node.usual_velocity) - velocity;
+        let step = self.target_velocity.max(node.target_velocity) - velocity;
         let divides = self.length.max(node.length) >= cruising_mm
             && slower_travel_s > 2.0 * step * (step / jerk).sqrt() / velocity;
         (!divides).then_some(joined)

@@ -59,7 +59,7 @@ pub struct PathSmoother<T> {
     held: Option<Entry<T>>,
 }
 
-/// An element on its way through.
+/// An element in the smoother.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Entry<T> {
     element: Element,

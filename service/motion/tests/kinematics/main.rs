@@ -252,7 +252,7 @@ fn opposite_angle_paths_keep_the_tip_in_place() {
 }
 
 fn fields(description: &KinematicsDescription) -> Vec<String> {
-    let problems = Kinematics::new(description).expect_err("unsound");
+    let problems = Kinematics::new(description).expect_err("invalid");
     problems.into_iter().map(|problem| problem.field).collect()
 }
 

@@ -47,7 +47,7 @@ impl FindingMark {
 }
 
 impl FindingLog {
-    /// Findings kept in full unless told otherwise.
+    /// Findings kept in full by default.
     pub const DEFAULT_LIMIT: usize = 1_000;
 
     /// An empty log that keeps at most `limit` findings in full.
@@ -86,8 +86,8 @@ impl FindingLog {
         }
     }
 
-    /// Adds a finding of this severity, built only while it can be told from others, so that a program of nothing but
-    /// mistakes costs no formatting either.
+    /// Adds a finding of this severity, built only while it can be distinguished from others, so that a program of
+    /// nothing but mistakes costs no formatting either.
     pub fn push_with(&mut self, severity: Severity, build: impl FnOnce() -> Finding) {
         if self.findings.len() < self.limit || self.knows_more() {
             let finding = build();

@@ -269,7 +269,7 @@ impl Execution<'_> {
         let span = self.block.span();
         let opened = nurbs.span.line;
         self.findings.push_with(Severity::Error, || {
-            let message = format!("nothing but control points may stand in the NURBS opened in line {opened}");
+            let message = format!("only control points are permitted in the NURBS opened in line {opened}");
             Finding::error(code::NURBS_UNFINISHED, span, message)
                 .with_value("opened_in_line", f64::from(opened), "")
                 .suggest("close it with G5.3 first")

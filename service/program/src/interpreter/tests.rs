@@ -42,7 +42,7 @@ fn feed(feed: Feed) -> String {
     }
 }
 
-/// The way and the lead, then whatever is not as usual.
+/// The path and the lead, then whatever differs from the default.
 fn thread(step: &ThreadMove) -> String {
     let mut text = format!("thread {} -> {} @{}", place(&step.start), place(&step.end), number(step.lead_mm));
     let mut add = |name: &str, value: Option<f64>| {

@@ -28,7 +28,7 @@ const LEADS_MM: RangeInclusive<f64> = 1e-4..=500.0;
 /// Start angles and phase shifts, degrees.
 const ANGLES_DEG: RangeInclusive<f64> = 0.0..=360.0;
 
-/// What a threading pass says besides its way.
+/// What a threading pass states besides its path.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cut {
     lead_mm: f64,

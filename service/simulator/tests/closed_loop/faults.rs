@@ -66,7 +66,7 @@ fn a_clock_that_jumps() {
     // To either side and back.
     holds_and_recovers(FaultKind::ClockJump(30_000_000), Reason::Data(HoldReason::TimeGap));
     holds_and_recovers(FaultKind::ClockJump(-30_000_000), Reason::Data(HoldReason::TimeOutOfOrder));
-    // Stamps further behind the clock than a silence may last are one, and it is told once.
+    // Stamps further behind the clock than a silence may last are one, and it is reported once.
     holds_and_recovers(FaultKind::ClockJump(-700_000_000), Reason::Silence);
     let told = |reason: &&Reason| **reason == Reason::Silence;
     assert_eq!(with(FaultKind::ClockJump(-700_000_000), 1.5).reasons().iter().filter(told).count(), 1);

@@ -1,5 +1,5 @@
 //! Moves what the write-ahead log holds into the database, beside the writer: what is acknowledged is in the log, so no
-//! commit has to wait for it. Unless someone does this the log grows, and the commit that reaches its limit does it itself.
+//! commit has to wait for it. Without it the log grows, and the commit that reaches its limit does it itself.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -39,7 +39,7 @@ pub(super) async fn run(options: SqliteConnectOptions, commits: Arc<Notify>, mut
     }
 }
 
-/// Moves as much as no reader still needs; waits for nobody.
+/// Moves as much as no reader still needs; never waits.
 pub(super) async fn checkpoint(
     connection: Option<SqliteConnection>,
     options: &SqliteConnectOptions,

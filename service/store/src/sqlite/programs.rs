@@ -12,10 +12,10 @@ use crate::programs::{
     CHUNK_BYTES, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
 
-/// Chunks removed by one write: a large program is removed in pieces that hold up nobody.
+/// Chunks removed by one write: a large program is removed in pieces, so that other writes are not delayed.
 const REMOVED_CHUNKS: i64 = 32;
 
-/// A compressed chunk on its way to the database.
+/// A compressed chunk to be written.
 pub(super) struct Chunk {
     pub(super) index: i64,
     pub(super) source_bytes: i64,

@@ -140,7 +140,7 @@ async fn a_refused_write_takes_none_of_its_batch_with_it() {
     let (_folder, store) = store(StoreSettings { observer: observer.clone(), ..StoreSettings::default() }).await;
     create_notes(&store).await;
     let before = store.stats();
-    // A write that is under way until all others are queued: they go together into the next transaction.
+    // A write that is in progress until all others are queued: they go together into the next transaction.
     let (begun, has_begun) = oneshot::channel();
     let (go_on, may_go_on) = oneshot::channel::<()>();
     let held = tokio::spawn({

@@ -224,7 +224,7 @@ impl Store {
                     if deleted.rows_affected() == 0 {
                         return Err(missing(id));
                     }
-                    // The same program may have come another way meanwhile.
+                    // The same program may have been uploaded by another request meanwhile.
                     if let Some(program) = find_program(&mut tx.connection, info.expected).await? {
                         return Ok((program, true));
                     }

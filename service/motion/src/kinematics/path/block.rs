@@ -24,7 +24,8 @@ pub struct FiveAxisPoint {
     pub tip_mm: Vec3,
     /// Tool direction, work coordinates: as programmed where it was programmed as a vector.
     pub direction: Vec3,
-    /// Values of the axes of the chain, by letter, in the chain's sense; those of other axes as they stand; mm and degrees.
+    /// Values of the axes of the chain, by letter, in the chain's sense; those of other axes as they are; mm and
+    /// degrees.
     pub position: Position,
 }
 
@@ -77,8 +78,8 @@ pub struct FiveAxisMotion {
 /// Why a block cannot be run.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum FiveAxisRefusal {
-    /// A pose on the way has no axis values.
-    #[error("{reason}, {:.1} % of the way along the block", 100.0 * share)]
+    /// A pose within the block has no axis values.
+    #[error("{reason}, after {:.1} % of the block", 100.0 * share)]
     Pose {
         /// Share of the block at which it was found.
         share: f64,
@@ -88,8 +89,8 @@ pub enum FiveAxisRefusal {
     /// The direction turns to its opposite.
     #[error(transparent)]
     Opposite(#[from] OppositeDirections),
-    /// The axes do not stand where the block starts.
-    #[error("{} stands {difference} beside the start of the block", axis.letter())]
+    /// The axes are not where the block starts.
+    #[error("{} is {difference} off the start of the block", axis.letter())]
     Start {
         /// The axis.
         axis: Axis,
@@ -97,7 +98,7 @@ pub enum FiveAxisRefusal {
         difference: f64,
     },
     /// An axis has to reverse so sharply that no polynomial follows: at the edge of what the axes can reach.
-    #[error("the rotary axes cannot follow the direction smoothly, {:.1} % of the way along the block", 100.0 * share)]
+    #[error("the rotary axes cannot follow the direction smoothly, after {:.1} % of the block", 100.0 * share)]
     TooSharp {
         /// Share of the block.
         share: f64,
@@ -114,7 +115,7 @@ impl FiveAxisRefusal {
 }
 
 impl Kinematics {
-    /// The point at which the axes stand: tool centre point and direction of axis values by letter (mm and degrees).
+    /// The point at which the axes are: tool centre point and direction of axis values by letter (mm and degrees).
     #[must_use]
     pub fn point_at(&self, position: &Position, setup: &Setup) -> FiveAxisPoint {
         let ToolPose { tip_mm, direction } = self.forward(&self.from_position(position), setup);
@@ -147,7 +148,7 @@ impl Kinematics {
     }
 
     /// The elements of a block that starts at `start`: where the block before has ended, or [`Kinematics::point_at`] of where
-    /// the axes stand. The rotary axes go on in the branch of the inverse solution in which they stand; another one
+    /// the axes are. The rotary axes go on in the branch of the inverse solution in which they are; another one
     /// comes only through a pole. [`Kinematics::choose_start`] says where to start so that a whole cut can be made.
     ///
     /// # Errors
@@ -188,7 +189,8 @@ impl Kinematics {
     /// opposite, rad.
     ///
     /// # Errors
-    /// [`KinematicsError::Unreachable`], and [`KinematicsError::OutOfRange`] where an axis leaves its range on the way.
+    /// [`KinematicsError::Unreachable`], and [`KinematicsError::OutOfRange`] where an axis leaves its range within the
+    /// block.
     pub(in crate::kinematics) fn followed(
         &self,
         [from, to]: [Vec3; 2],
@@ -341,7 +343,7 @@ impl Kinematics {
             Some(circle) => TipPath::along(circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?,
         };
         let length_mm = tip.length_mm();
-        // A shorter way is none: derivatives by it would say nothing.
+        // A shorter travel counts as none: derivatives by it would mean nothing.
         let length = if length_mm > SAME_POINT_MM { length_mm } else { turn_deg };
         if !(length > 0.0 && length.is_finite()) {
             return Ok(None);

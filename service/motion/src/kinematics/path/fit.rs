@@ -67,7 +67,7 @@ struct Fit<'a> {
     reference_rad: [f64; 2],
 }
 
-/// The polynomials along `length` mm or degrees, from where the axes stand.
+/// The polynomials along `length` mm or degrees, from where the axes are.
 pub(in crate::kinematics) fn fit(
     kinematics: &Kinematics,
     setup: &Setup,

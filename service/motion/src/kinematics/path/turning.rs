@@ -171,7 +171,7 @@ impl Turning {
         if self.bent.is_some() { self.beside_rad.abs() } else { 0.0 }
     }
 
-    /// Smallest angle to the line of the first axis on the way as it is programmed, rad.
+    /// Smallest angle to the line of the first axis along the programmed turn, rad.
     pub(super) fn pole_distance_rad(&self) -> f64 {
         let ends = [self.start_rad, self.start_rad + self.angle_rad];
         let inside = ends[0] <= 0.0 && ends[1] >= 0.0;
@@ -188,7 +188,7 @@ impl Turning {
         self.bent.is_some() && self.start_rad.abs() <= POLE_RAD
     }
 
-    /// Share of the angle at which the pole is nearest, where that is on the way.
+    /// Share of the angle at which the pole is nearest, where that is within the turn.
     pub(super) fn nearest_share(&self) -> Option<f64> {
         let share = -self.start_rad / self.angle_rad;
         (share > 0.0 && share < 1.0).then_some(share)

@@ -243,7 +243,7 @@ fn thread_line() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    /// Programs of nothing but threads and cycles, sound and unsound: bounded, finite, and every thread a sound one.
+    /// Programs of nothing but threads and cycles, valid and invalid: bounded, finite, and every thread valid.
     #[test]
     fn any_threads(lines in prop::collection::vec(thread_line(), 0..40)) {
         for settings in [lathe(), mill()] {
@@ -265,7 +265,7 @@ proptest! {
         }
     }
 
-    /// Programs of nothing but path control and splines, sound and unsound.
+    /// Programs of nothing but path control and splines, valid and invalid.
     #[test]
     fn any_path_control_and_splines(lines in prop::collection::vec(spline_line(), 0..60), plane in 17..20u8) {
         for settings in [lathe(), mill()] {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::{DecimalPointRule, XWord};
 
-/// Spindle on and the way to the start of a cycle.
+/// Spindle on and the rapid to the start of a cycle.
 const GO: &str = "M3 S500\nG0 X20. Z5.\n";
 
 /// The operations behind [`GO`], then the findings.
@@ -159,7 +159,7 @@ fn g76_on_tapers_and_in_bores() {
     assert_eq!(number(found[0].start[0]), number(9.0 - 1.0 + 0.839_099_631 / 25.0));
     let found = passes("M3 S500\nG0 X17. Z5.\nG76 P011060 Q0 R0\nG76 X20. Z-20. P1000 Q600 F2.", lathe());
     assert_eq!(depths(9.0, &found), ["0.6", "0.848528", "1", "1"]);
-    // Out to the axis, and no further than the way back: 8.5 is 1.1 from 9.6.
+    // Out to the axis, and no further than the return path: 8.5 is 1.1 from 9.6.
     let retreats: Vec<_> = found.iter().map(|pass| number(pass.pull_out.unwrap().retreat_mm)).collect();
     assert_eq!(retreats, ["-1.1", "-1.348528", "-1.5", "-1.5"]);
 }

@@ -1,7 +1,7 @@
 //! Threading cycles of FANUC lathes: `G92`, and `G76` in two lines and in one.
 //!
 //! A cycle becomes the moves that the control makes: rapid to the start of a pass, the pass, rapid out in X, rapid
-//! back in Z; after the last it stands where it started. Lengths of cycles are on the radius, but for X itself. The
+//! back in Z; after the last it is where it started. Lengths of cycles are on the radius, but for X itself. The
 //! vibration of a pass follows from its infeed and the ratio of `G165`; finishing passes do not vibrate.
 //!
 //! `G76` of two lines: pass n cuts to Q·√n, at least the least infeed Q of the first line deeper than the pass before,
@@ -161,7 +161,7 @@ impl Execution<'_> {
         if let Some((_, span)) = self.code(Group::NonModal) {
             self.used |= letters;
             return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle stands in a block of its own")
+                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle needs a block of its own")
                     .suggest("write them in two blocks")
             });
         }
@@ -347,7 +347,7 @@ impl Execution<'_> {
         }
         let forwards = (end_z - z).signum();
         let outwards = if x < root_x { -1.0 } else { 1.0 };
-        // The way back runs along X = x, and may not touch the crest at either end.
+        // The return path runs along X = x, and may not touch the crest at either end.
         let taper_towards = (outwards * cycle.taper_mm).max(0.0);
         let needed = cycle.height_mm + taper_towards;
         let clear = outwards * (x - root_x);
@@ -370,7 +370,7 @@ impl Execution<'_> {
             let end_x = root_x + outwards * (cycle.height_mm - depth_mm);
             let start_x = end_x + cycle.taper_mm * (1.0 - shift / length);
             self.rapid_to(start_x, z + forwards * shift);
-            // At 45°, and no further than the way back.
+            // At 45°, and no further than the return path.
             let retreat_mm = outwards * chamfer_mm.min((x - end_x).abs());
             self.cut_thread(
                 self.moved(end_x, end_z),

@@ -118,7 +118,7 @@ impl Execution<'_> {
         self.rapid_to(x, end_z);
     }
 
-    /// X and Z where the tool stands.
+    /// X and Z of the tool.
     const fn drive_line(&self) -> [f64; 2] {
         [self.state.position[Axis::X.index()], self.state.position[Axis::Z.index()]]
     }
@@ -141,10 +141,16 @@ impl Execution<'_> {
     }
 
     /// A pure number or an angle; `None` after a finding.
-    fn cycle_number(&mut self, letter: u8, name: &'static str, usual: f64, range: RangeInclusive<f64>) -> Option<f64> {
+    fn cycle_number(
+        &mut self,
+        letter: u8,
+        name: &'static str,
+        default: f64,
+        range: RangeInclusive<f64>,
+    ) -> Option<f64> {
         match self.take(letter) {
             Some(word) => self.checked(&word, word.number.value(), name, range),
-            None => Some(usual),
+            None => Some(default),
         }
     }
 }

@@ -86,11 +86,11 @@ impl Execution<'_> {
         &mut self,
         letter: u8,
         name: &'static str,
-        usual: u32,
+        default: u32,
         range: RangeInclusive<f64>,
     ) -> Option<u32> {
         let Some(word) = self.take(letter) else {
-            return Some(usual);
+            return Some(default);
         };
         let count = self.whole(&word)?;
         self.checked(&word, f64::from(count), name, range).map(|_| count)
