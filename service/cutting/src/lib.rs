@@ -2,40 +2,28 @@
 //!
 //! Invariants: pure and deterministic to the bit; memory does not grow with the program; a setpoint's value does
 //! not depend on where a stream started; a restored pipeline continues exactly.
+//!
+//! `frame` is what all programs pass through, `functions` has one folder per machining function, and `shared` is
+//! what both know.
 
 #![forbid(unsafe_code)]
 
-mod blend;
-mod builder;
-mod chip;
-mod cut;
-mod five_axis;
-mod following;
-mod interpolator;
-mod path_vibration;
-mod pipeline;
-mod profile;
-mod report;
-mod setpoint;
-pub mod thinning;
-pub mod thread;
-pub mod tool_oscillation;
-mod validation;
-mod wording;
+mod frame;
+mod functions;
+mod shared;
 
-pub use chip::*;
-pub use cut::Cut;
-pub use five_axis::{DroppedRun, ProgramThinning};
-pub use following::{FollowingModel, FollowingReport};
-pub use path_vibration::*;
-pub use pipeline::{
+pub use frame::pipeline::{
     AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
     Pipeline, PipelineConfig, SnapshotError, Step, Tool,
 };
-pub use profile::{
+pub use frame::profile::{
     MAX_AMPLITUDE_MM, MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG,
     MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
 };
-pub use report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
-pub use setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};
-pub use validation::Validation;
+pub use frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+pub use frame::validation::Validation;
+pub use functions::path_vibration::*;
+pub use functions::thinning::{DroppedRun, ProgramThinning};
+pub use functions::{thinning, thread, tool_oscillation};
+pub use shared::cut::Cut;
+pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};

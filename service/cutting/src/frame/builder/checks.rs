@@ -1,0 +1,132 @@
+//! What is looked at in every move: tool, spindle speed, feed, travel and time.
+
+use feedwave_motion::{Curve, Element, Machine, Stretches, travel_exceeded};
+use feedwave_program::{Axis, Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+
+use super::Builder;
+use crate::PipelineConfig;
+
+/// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
+pub(crate) const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
+/// Different tools listed; a program can name a billion.
+const MAX_LISTED_TOOLS: usize = 1_000;
+
+impl Builder {
+    pub(crate) fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
+        if let Some(analysis) = &mut self.analysis
+            && analysis.tools.len() < MAX_LISTED_TOOLS
+        {
+            analysis.tools.insert(number);
+        }
+        self.state.speed_limit_reported = false;
+        if number != 0 && !config.tools.is_empty() && !config.tools.iter().any(|tool| tool.number == number) {
+            let known: Vec<String> = config.tools.iter().map(|tool| format!("T{}", tool.number)).collect();
+            findings.push(
+                Finding::error("TOOL-UNKNOWN", span, format!("tool {number} is not among the job's tools"))
+                    .with_value("tool", f64::from(number), "")
+                    .suggest(format!("the job has {}", known.join(", "))),
+            );
+        }
+    }
+
+    /// Spindle speed against the machine's and the tool's limit; once per tool.
+    pub(crate) fn check_speed(
+        &mut self,
+        spindle: &Spindle,
+        tool: u32,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) {
+        if self.state.speed_limit_reported {
+            return;
+        }
+        let tool_limit = config
+            .tools
+            .iter()
+            .find(|listed| listed.number == tool)
+            .and_then(|tool| tool.max_rev_per_min)
+            .unwrap_or(f64::INFINITY);
+        let limit = tool_limit.min(config.profile.machine.max_spindle_rev_per_min);
+        // Constant surface speed is clamped by the machine; a constant speed is what the program insists on.
+        if let SpindleSpeed::Constant { rev_per_min } = spindle.speed
+            && spindle.is_turning()
+            && rev_per_min > limit
+        {
+            self.state.speed_limit_reported = true;
+            let message = format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min");
+            findings.push(
+                Finding::error("SPINDLE-SPEED", span, message)
+                    .with_value("spindle_speed", rev_per_min, "rev/min")
+                    .with_value("limit", limit, "rev/min")
+                    .suggest_value("lower the speed", Some(format!("S{limit}")), "spindle_speed", limit, "rev/min"),
+            );
+        }
+    }
+
+    pub(crate) fn check_feed(&mut self, stretches: &Stretches, element: &Element, findings: &mut FindingLog) {
+        let span = element.source;
+        let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
+        let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
+        let duration_s = element.length / slowest;
+        if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+            findings.push(too_long(span, duration_s));
+        }
+        let limit = stretches.iter().map(|stretch| stretch.limits.velocity).fold(f64::INFINITY, f64::min);
+        if fastest > limit && !self.state.feed_limited_reported {
+            self.state.feed_limited_reported = true;
+            let wanted = fastest * 60.0;
+            let allowed = limit * 60.0;
+            let unit = if is_rotary_only(element) { "deg/min" } else { "mm/min" };
+            let message = format!(
+                "the programmed feed {wanted:.1} {unit} is limited to {allowed:.1} {unit} by the axes here (first place)"
+            );
+            findings.push(
+                Finding::info("FEED-LIMITED", span, message)
+                    .with_value("feed", wanted, unit)
+                    .with_value("limit", allowed, unit)
+                    .suggest_value("program what the axes can follow", None, "feed", allowed, unit),
+            );
+        }
+    }
+}
+
+/// Whether the length of an element is in degrees: only rotary axes move.
+pub(crate) fn is_rotary_only(element: &Element) -> bool {
+    !matches!(element.curve, Curve::FiveAxis(_))
+        && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
+}
+
+pub(crate) fn missing(axis: Axis, span: SourceSpan) -> Finding {
+    let letter = axis.letter();
+    Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"))
+        .suggest("remove the word, or add the axis to the machine profile")
+}
+
+pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
+    if let Some(exceeded) = travel_exceeded(element, machine) {
+        let letter = exceeded.axis.letter();
+        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
+        let message = format!(
+            "{letter} would reach {:.3} {unit}, beyond its travel limit {:.3} {unit} (machine coordinates)",
+            exceeded.value, exceeded.limit
+        );
+        let end = if exceeded.value < exceeded.limit { "low" } else { "high" };
+        findings.push(
+            Finding::error("AXIS-TRAVEL", element.source, message)
+                .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
+                .with_value("position", exceeded.value, unit)
+                .with_value("limit", exceeded.limit, unit)
+                .suggest("check the work offset and the programmed coordinate"),
+        );
+    }
+}
+
+pub(crate) fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
+    let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
+    Finding::error("PLAN-TOO-LONG", span, message)
+        .ranked("", duration_s)
+        .with_value("duration", duration_s, "s")
+        .with_value("limit", MAX_BLOCK_DURATION_S, "s")
+        .suggest("check the decimal point of the feed or dwell")
+}

@@ -1,0 +1,434 @@
+//! From operations to planner input: elements with their limits, speeds and barriers, and what there is to say
+//! about them.
+
+pub(crate) mod checks;
+
+use std::collections::{BTreeSet, VecDeque};
+
+use feedwave_motion::{
+    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
+    limit_pieces, missing_axis, stretches, top_command,
+};
+use feedwave_program::{
+    DwellTime, Finding, FindingLog, Function, Move, MoveKind, Operation, OperationKind, PathControl, Position,
+    SourceSpan, Spindle,
+};
+use serde::{Deserialize, Serialize};
+
+use self::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
+use crate::frame::interpolator::{Barrier, SectionSamples};
+use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
+use crate::functions::path_vibration::ActiveVibration;
+use crate::functions::thread::{ThreadPath, ThreadSectionReport, Threads};
+use crate::functions::tool_oscillation::{ActiveOscillation, Judgements, OscillationSectionReport};
+use crate::shared::cut::Cut;
+use crate::{PipelineConfig, SectionAnalyzer, SectionReport};
+
+/// Section reports kept in full; further sections are counted.
+pub(crate) const MAX_SECTION_REPORTS: usize = 1_000;
+
+/// Modal state between operations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct BuilderState {
+    pub(crate) vibration: Option<ActiveVibration>,
+    pub(crate) oscillation: Option<Box<ActiveOscillation>>,
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    pub(crate) oscillating_cutting_time_s: f64,
+    /// Tool in the spindle, 0 before the first.
+    pub(crate) tool: u32,
+    /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
+    pub(crate) unusable_vibration: bool,
+    pub(crate) spindle: Spindle,
+    pub(crate) smoother: PathSmoother<Cut>,
+    pub(crate) guide: GuideState,
+    pub(crate) threads: Threads,
+    /// X radius where the last move ended, mm.
+    pub(crate) radius_mm: f64,
+    pub(crate) feed_limited_reported: bool,
+    pub(crate) speed_limit_reported: bool,
+}
+
+/// Figures and section reports of a whole program; gathered while validating only.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Analysis {
+    pub(crate) open: Option<SectionAnalyzer>,
+    /// Sections whose setpoints are still to come.
+    pub(crate) awaiting: VecDeque<SectionAnalyzer>,
+    /// Feed override in force; `None` before the first change.
+    pub(crate) feed_override: Option<f64>,
+    pub(crate) sections: Vec<SectionReport>,
+    pub(crate) section_count: u64,
+    pub(crate) threads: Vec<ThreadSectionReport>,
+    pub(crate) thread_count: u64,
+    pub(crate) oscillations: Vec<OscillationSectionReport>,
+    pub(crate) oscillation_count: u64,
+    pub(crate) judgements: Judgements,
+    pub(crate) thread_passes: u64,
+    /// Thread and pass whose way is wanted, counted from 0.
+    pub(crate) wanted_pass: Option<(u64, usize)>,
+    /// That way.
+    pub(crate) wanted_path: Option<ThreadPath>,
+    pub(crate) moves: u64,
+    pub(crate) cutting_moves: u64,
+    pub(crate) path_length_mm: f64,
+    pub(crate) cutting_length_mm: f64,
+    pub(crate) tools: BTreeSet<u32>,
+    pub(crate) spindle_rev_per_min: Option<[f64; 2]>,
+}
+
+impl Analysis {
+    /// A section's setpoints have all been generated.
+    pub(crate) fn finish_section(&mut self, samples: SectionSamples, findings: &mut FindingLog) {
+        self.is_cut(f64::INFINITY);
+        if let Some(analyzer) = self.awaiting.pop_front() {
+            let report = analyzer.finish(samples.clamped, samples.total, findings);
+            self.section_count += 1;
+            if self.sections.len() < MAX_SECTION_REPORTS {
+                self.sections.push(report);
+            }
+        }
+    }
+
+    /// The section under way has been cut up to a place, mm from its start, at the feed override in force.
+    pub(crate) fn is_cut(&mut self, up_to_mm: f64) {
+        let feed_override = self.feed_override.unwrap_or(1.0);
+        if let Some(under_way) = self.awaiting.front_mut().or(self.open.as_mut()) {
+            under_way.is_cut(up_to_mm, feed_override);
+        }
+    }
+
+    /// The feed override changes, in a section at a place of it.
+    pub(crate) fn changes_override(&mut self, place_mm: Option<f64>, feed_override: f64) {
+        if let Some(place_mm) = place_mm {
+            self.is_cut(place_mm);
+        }
+        // What is cut while the path comes to rest is cut at the override before.
+        if feed_override > 0.0 {
+            self.feed_override = Some(feed_override);
+        }
+    }
+
+    /// No more setpoints will be generated: finish what waits for them.
+    pub(crate) fn finish_waiting(&mut self, findings: &mut FindingLog) {
+        while !self.awaiting.is_empty() {
+            self.finish_section(SectionSamples::default(), findings);
+        }
+    }
+}
+
+/// Turns operations into planner input.
+#[derive(Clone, Debug)]
+pub(crate) struct Builder {
+    pub(crate) state: BuilderState,
+    pub(crate) analysis: Option<Analysis>,
+    /// The way from the tool to the axes, on machines that have kinematics.
+    pub(crate) guide: Option<Guide>,
+    /// The inverse solution for the next operation, where it was looked ahead for.
+    pub(crate) chosen: Option<Chosen>,
+    /// Elements on their way from the smoother to the planner; empty between operations.
+    pub(crate) smoothed: Vec<Smoothed<Cut>>,
+}
+
+impl BuilderState {
+    /// The state at the start of a program, with the axes at this machine position.
+    pub(crate) fn at(position: Position) -> Self {
+        Self {
+            guide: GuideState::at(position),
+            vibration: None,
+            oscillation: None,
+            oscillating_cutting_time_s: 0.0,
+            tool: 0,
+            unusable_vibration: false,
+            spindle: Spindle::STOPPED,
+            smoother: PathSmoother::default(),
+            threads: Threads::default(),
+            radius_mm: 0.0,
+            feed_limited_reported: false,
+            speed_limit_reported: false,
+        }
+    }
+}
+
+impl Builder {
+    pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
+        Self { state, analysis, guide, chosen: None, smoothed: Vec::new() }
+    }
+
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    pub(crate) const fn oscillating_cutting_time_s(&self) -> f64 {
+        self.state.oscillating_cutting_time_s
+    }
+
+    /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
+    /// out.
+    pub(crate) fn beside(&self) -> Self {
+        Self::new(self.state.clone(), None, self.guide.as_ref().map(Guide::without_ranges))
+    }
+
+    /// What to look ahead for before an operation; nothing for most.
+    pub(crate) fn ahead(&self, operation: &Operation, config: &PipelineConfig) -> Option<Ahead> {
+        let OperationKind::Guided(guided) = &operation.kind else { return None };
+        self.guide.as_ref()?.ahead(guided, operation.span.line, &self.state.guide, config)
+    }
+
+    /// Plans what path smoothing holds back.
+    pub(crate) fn flush(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        self.state.smoother.flush(&mut |smoothed| self.smoothed.push(smoothed));
+        self.run_smoothed(config, planner, findings);
+    }
+
+    /// Handles one operation.
+    pub(crate) fn operation(
+        &mut self,
+        operation: &Operation,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let kind = match &operation.kind {
+            OperationKind::Move(mv) => mv.kind,
+            OperationKind::Guided(guided) => guided.step.kind,
+            _ => MoveKind::Rapid,
+        };
+        if kind != MoveKind::Cutting {
+            // Everything but another cut happens on the programmed point, and in the section that it belongs to.
+            self.flush(config, planner, findings);
+        }
+        if self.state.threads.is_waiting() && !matches!(operation.kind, OperationKind::Thread(_)) {
+            // A pass goes on only in the very next block.
+            self.flush_threads(config, planner, findings);
+        }
+        match &operation.kind {
+            OperationKind::Move(mv) if self.holds_rapid(mv, operation.span, config) => {}
+            OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
+            OperationKind::Thread(mv) => {
+                self.close_section(planner, findings);
+                self.thread(mv, operation.span, config, planner, findings);
+            }
+            OperationKind::Guided(guided) => self.guided(guided, operation.span, config, planner, findings),
+            OperationKind::Dwell(time) => {
+                self.close_section(planner, findings);
+                let duration_s = match *time {
+                    DwellTime::Seconds(seconds) => seconds,
+                    DwellTime::Revolutions(revolutions) => {
+                        revolutions / self.state.spindle.rev_per_s(self.state.radius_mm)
+                    }
+                };
+                // The infinite dwell of a stopped spindle is refused too.
+                if (0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+                    planner.push_barrier(Barrier::Dwell { duration_s, line: operation.span.line });
+                } else {
+                    findings.push(too_long(operation.span, duration_s));
+                }
+            }
+            OperationKind::Spindle(spindle) => {
+                if !spindle.is_turning() {
+                    self.close_section(planner, findings);
+                }
+                // The path rests here: the oscillation is blended out before.
+                self.close_oscillation(planner, findings);
+                self.state.spindle = *spindle;
+                planner.push_barrier(Barrier::Spindle(*spindle));
+            }
+            &OperationKind::Tool { number, .. } => {
+                self.close_section(planner, findings);
+                self.state.tool = number;
+                self.tool(number, operation.span, config, findings);
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+            }
+            OperationKind::Coolant(_) => {}
+            OperationKind::Function(command) => match command.function {
+                Function::PathVibration => {
+                    self.switch_vibration(command, operation.span, config, planner, findings);
+                }
+                Function::Thinning => {}
+                Function::ToolOscillation => {
+                    self.switch_oscillation(command, operation.span, config, planner, findings);
+                }
+                Function::ThreadVibration => self.switch_thread_vibration(command, operation.span, config, findings),
+            },
+            OperationKind::Stop { .. } => {
+                self.close_section(planner, findings);
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+            }
+            OperationKind::End => {
+                self.close_section(planner, findings);
+                self.end_threads(config, findings);
+                if let Some(vibration) = self.state.vibration.take() {
+                    findings.push(
+                        Finding::warning(
+                            "VIB-UNCLOSED",
+                            vibration.on_span,
+                            "the program ends while the vibration switched on here is still on",
+                        )
+                        .suggest("switch the vibration off before the end of the program"),
+                    );
+                }
+                self.end_oscillation(findings);
+                planner.push_barrier(Barrier::End);
+                planner.finish();
+            }
+        }
+    }
+
+    pub(crate) fn motion(
+        &mut self,
+        mv: &Move,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        if self.guide.is_some() {
+            self.state.guide.moved(mv);
+        }
+        let machine = &config.profile.machine;
+        let Some(element) = Element::from_move(mv, span) else {
+            if mv.spline.is_some() {
+                let message =
+                    "the spline has a place without a direction, a cusp or a handle of length 0, or turns back";
+                let finding = Finding::error("PATH-SPLINE-CUSP", span, message);
+                findings.push(finding.suggest("move its control points apart, or divide it at the cusp"));
+            }
+            return;
+        };
+        if let Some(axis) = missing_axis(&element, machine) {
+            findings.push(missing(axis, span));
+            return;
+        }
+        check_travel(&element, machine, findings);
+
+        let cutting = mv.kind == MoveKind::Cutting;
+        if cutting {
+            self.open_section(config, planner);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
+        } else {
+            self.close_section(planner, findings);
+        }
+        let is_vibrating = cutting && self.state.vibration.is_some();
+        if is_vibrating && is_rotary_only(&element) {
+            findings.push(
+                Finding::error(
+                    "VIB-ROTARY-ONLY",
+                    span,
+                    "only rotary axes move here: there is no path to vibrate along",
+                )
+                .suggest("switch the vibration off for this block"),
+            );
+            return;
+        }
+        self.state.radius_mm = mv.end[0];
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += u64::from(cutting);
+        }
+        let cut = Cut::of(mv, &element);
+        let mut parts = element.smooth_parts().into_iter().peekable();
+        while let Some(part) = parts.next() {
+            // The block stops at its own end only.
+            let stops_within = parts.peek().is_some() && mv.path_control == PathControl::ExactStop;
+            let control = if stops_within { PathControl::ExactPath } else { mv.path_control };
+            self.state.smoother.push(part, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+        }
+        self.run_smoothed(config, planner, findings);
+    }
+
+    /// Plans what came out of the smoother.
+    pub(crate) fn run_smoothed(
+        &mut self,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let mut smoothed = std::mem::take(&mut self.smoothed);
+        for smoothed in smoothed.drain(..) {
+            self.run(smoothed, config, planner, findings);
+        }
+        self.smoothed = smoothed;
+    }
+
+    fn run(
+        &mut self,
+        smoothed: Smoothed<Cut>,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let machine = &config.profile.machine;
+        let Smoothed { element, carried: cut, blocks, rest_at_end } = smoothed;
+        let (cutting, span) = (!element.rapid, element.source);
+        if blocks == 0 {
+            // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
+            check_travel(&element, machine, findings);
+        }
+        let left = if cutting { self.oscillate(&element, &cut, config, planner, findings) } else { None };
+        let machine = left.as_deref().unwrap_or(machine);
+        let top_speed = top_command(&element, cut.feed, &cut.spindle, machine);
+        let vibration = if cutting { self.vibrate(&element, top_speed, config, planner) } else { None };
+        let pieces = match &vibration {
+            Some(demand) => demand.limit_pieces(&element, machine, top_speed),
+            // Twice the commanded speed is the most that a feed override asks for.
+            None => limit_pieces(&element, machine, PathMotion::ZERO, 2.0 * top_speed),
+        };
+        let limits = match &pieces {
+            Ok(pieces) => Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits))),
+            Err(exceeded) => Err(*exceeded),
+        };
+        self.analyse(&cut, &element, &limits, vibration.is_some(), machine);
+        let pieces = match pieces {
+            Ok(pieces) => pieces,
+            Err(exceeded) => {
+                // The section's own report says more where there is one.
+                if self.analysis.as_ref().is_none_or(|analysis| analysis.open.is_none()) {
+                    let LimitExceeded { axis, quantity, demanded, limit } = exceeded;
+                    let unit = quantity.unit(axis.is_rotary());
+                    findings.push(
+                        Finding::error("AXIS-LIMIT", span, exceeded.to_string())
+                            .ranked(format!("{quantity} of {}", axis.letter()), demanded / limit)
+                            .with_value("demanded", demanded, unit)
+                            .with_value("limit", limit, unit),
+                    );
+                }
+                return;
+            }
+        };
+        let stretches = stretches(&element, cut.feed, &cut.spindle, machine, &pieces);
+        // A curve at a corner has no feed of its own that could be missed.
+        if cutting && blocks > 0 {
+            self.check_feed(&stretches, &element, findings);
+        }
+        // Where the vibration has to wait for a corner, the path rests there.
+        let passes_corners = vibration.is_none();
+        let mut request = MotionRequest::new(element, stretches);
+        request.rest_at_end = rest_at_end;
+        request.passes_corners = passes_corners;
+        planner.push_motion(request);
+    }
+
+    fn analyse(
+        &mut self,
+        cut: &Cut,
+        element: &Element,
+        limits: &Result<PathLimits, LimitExceeded>,
+        in_section: bool,
+        machine: &Machine,
+    ) {
+        let Some(analysis) = &mut self.analysis else { return };
+        analysis.path_length_mm += element.length;
+        if element.rapid {
+            return;
+        }
+        analysis.cutting_length_mm += element.length;
+        if cut.spindle.is_turning() {
+            for radius_mm in element.radius_range_mm() {
+                let speed = (cut.spindle.rev_per_s(radius_mm) * 60.0).min(machine.max_spindle_rev_per_min);
+                let [least, most] = analysis.spindle_rev_per_min.get_or_insert([speed; 2]);
+                *least = least.min(speed);
+                *most = most.max(speed);
+            }
+        }
+        if in_section && let Some(open) = &mut analysis.open {
+            open.add_element(element, cut.feed, &cut.spindle, limits);
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! The stretch of track around the tool: planned motions behind and ahead, with the barriers between them.
+
+use std::collections::VecDeque;
+
+use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
+use feedwave_program::Spindle;
+use serde::{Deserialize, Serialize};
+
+use crate::functions::thread::ThreadRun;
+use crate::functions::tool_oscillation::OscillationRun;
+
+/// What separates motions; the path is at rest at each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Barrier {
+    /// A vibrating section starts.
+    SectionStart(SectionStart),
+    /// The vibrating section ends, and its last part with it.
+    SectionEnd,
+    /// A part of the section starts, which the vibration does not leave.
+    PartStart(SectionPart),
+    /// That part ends, and another one follows: the vibration cannot go over the junction of the two.
+    PartEnd,
+    /// A part of the path on which the tool oscillates starts.
+    OscillationStart(Box<OscillationRun>),
+    /// That part ends.
+    OscillationEnd,
+    /// Stand still.
+    Dwell {
+        /// For so long, s.
+        duration_s: f64,
+        /// Source line of the dwell.
+        line: u32,
+    },
+    /// A threading pass.
+    Thread(Box<ThreadRun>),
+    /// The spindle's state changes.
+    Spindle(Spindle),
+    /// The program ends.
+    End,
+}
+
+impl Barrier {
+    /// Whether the path of a section, or of a part of it, ends here.
+    fn ends_section(&self) -> bool {
+        matches!(self, Self::SectionEnd | Self::PartEnd | Self::OscillationEnd)
+    }
+}
+
+/// What the generator needs to know of a vibrating section.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SectionStart {
+    pub(crate) frequency_hz: f64,
+    pub(crate) amplitude_mm: f64,
+    /// Largest ratio to it at which the amplitude follows the feed override; `None`: it stays.
+    pub(crate) follows_up_to: Option<f64>,
+}
+
+/// Part of a vibrating section between two junctions that the vibration does not go over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SectionPart {
+    /// Length of path over which the vibration is blended in and out, mm; `None` where it is clamped at the part's ends.
+    pub(crate) ramp_mm: Option<f64>,
+}
+
+/// Room for the rounding of summed path lengths, relative and mm.
+const LENGTH_MARGIN: f64 = 1e-9;
+
+/// Planned items from one amplitude behind the tool to one amplitude ahead.
+///
+/// Every item knows its place on the section's path, so that a place is found by bisection, however short the
+/// elements are: with elements of nanometres, millions lie within an amplitude.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Track {
+    items: VecDeque<Item>,
+    /// Index of the item the tool is on (or is about to take).
+    current: usize,
+    /// Path length of the section up to its last known item, mm.
+    known_mm: f64,
+    /// Whether the last item is the section's end; nothing is pushed until the tool is there.
+    end_is_known: bool,
+    /// Items at the end that are shown only, see [`Track::show_path`], and whether the section's end is.
+    shown: usize,
+    end_is_shown: bool,
+}
+
+/// An item of the track.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Item {
+    /// Path length from the section's start to the start of this item, mm; meaningless outside sections.
+    start_mm: f64,
+    planned: Planned<Barrier>,
+}
+
+/// Where a path position lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Location {
+    /// Index of the item.
+    pub(crate) item: usize,
+    /// Arc length within its element, mm.
+    pub(crate) s: f64,
+    /// By how much the position lay beyond the section, mm; negative before its start, 0 within.
+    pub(crate) beyond_mm: f64,
+}
+
+impl Item {
+    /// Whether it only shows where the path goes.
+    fn is_shown(&self) -> bool {
+        self.motion().is_some_and(|motion| motion.stretches.is_empty())
+    }
+
+    fn motion(&self) -> Option<&PlannedMotion> {
+        match &self.planned {
+            Planned::Motion(motion) => Some(motion),
+            Planned::Barrier(_) => None,
+        }
+    }
+
+    fn length_mm(&self) -> f64 {
+        self.motion().map_or(0.0, |motion| motion.element.length)
+    }
+}
+
+impl Track {
+    pub(crate) fn push(&mut self, planned: Planned<Barrier>) {
+        match &planned {
+            Planned::Barrier(Barrier::PartStart(_) | Barrier::OscillationStart(_)) => self.known_mm = 0.0,
+            Planned::Barrier(barrier) if barrier.ends_section() => self.end_is_known = true,
+            _ => {}
+        }
+        if let Some(last) = self.items.back_mut()
+            && last.is_shown()
+            && matches!(planned, Planned::Motion(_))
+        {
+            // A feed hold stood at its start.
+            last.planned = planned;
+            self.shown = 0;
+            return;
+        }
+        let item = Item { start_mm: self.known_mm, planned };
+        self.known_mm += item.length_mm();
+        self.items.push_back(item);
+    }
+
+    /// Adds stretches to the last item, whose element goes on where a change of the feed override has divided it.
+    pub(crate) fn extend_last(&mut self, stretches: &[PlannedStretch]) {
+        if let Some(Planned::Motion(motion)) = self.items.back_mut().map(|item| &mut item.planned) {
+            motion.stretches.extend_from_slice(stretches);
+        }
+    }
+
+    /// Changes the planned motion of an item; its element stays.
+    pub(crate) fn motion_mut(&mut self, item: usize) -> Option<&mut PlannedMotion> {
+        match &mut self.items.get_mut(item)?.planned {
+            Planned::Motion(motion) => Some(motion),
+            Planned::Barrier(_) => None,
+        }
+    }
+
+    /// Takes back every item from this one on; those that were only shown have no stretches.
+    pub(crate) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<Barrier>> {
+        let from = from.min(self.items.len());
+        let is_end = |item: &Item| matches!(&item.planned, Planned::Barrier(barrier) if barrier.ends_section());
+        self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
+        self.end_is_shown = false;
+        self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
+        self.shown = self.items.range(..from).rev().take_while(|item| item.is_shown()).count();
+        self.items.drain(from..).map(|item| item.planned)
+    }
+
+    /// Adds what lies ahead of a feed hold without being planned, up to the end of the section or of what is known.
+    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, Barrier>>) {
+        let mut shown = 0;
+        for item in path {
+            match item {
+                Ahead::Motion(request) if request.start == 0.0 => {
+                    shown += 1;
+                    if shown > self.shown {
+                        let planned = Planned::Motion(PlannedMotion::unplanned(request));
+                        self.items.push_back(Item { start_mm: self.known_mm, planned });
+                        self.known_mm += request.element.length;
+                        self.shown = shown;
+                    }
+                }
+                Ahead::Barrier(barrier) if barrier.ends_section() => {
+                    self.end_is_known = true;
+                    self.end_is_shown = true;
+                    return;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Number of items held.
+    pub(crate) fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    pub(crate) fn current(&self) -> Option<&Planned<Barrier>> {
+        self.items.get(self.current).map(|item| &item.planned)
+    }
+
+    pub(crate) fn current_index(&self) -> usize {
+        self.current
+    }
+
+    pub(crate) fn motion(&self, item: usize) -> Option<&PlannedMotion> {
+        self.items.get(item)?.motion()
+    }
+
+    /// Path length from the section's start to the start of an item, mm.
+    fn start_mm(&self, item: usize) -> f64 {
+        self.items.get(item).map_or(self.known_mm, |item| item.start_mm)
+    }
+
+    /// Distance of the start of an item from the start of its section, and the section's length where it is known, mm.
+    pub(crate) fn section_place(&self, item: usize) -> (f64, Option<f64>) {
+        (self.start_mm(item), self.end_is_known.then_some(self.known_mm))
+    }
+
+    /// Takes the next item; what lies further behind than `keep_mm` is forgotten.
+    pub(crate) fn advance(&mut self, keep_mm: f64) {
+        if matches!(self.current(), Some(Planned::Barrier(barrier)) if barrier.ends_section()) {
+            self.end_is_known = false;
+        }
+        self.current += 1;
+        let here_mm = self.start_mm(self.current);
+        let kept_from_mm = here_mm - keep_mm - margin(here_mm + keep_mm);
+        while self.current > 0 {
+            let is_needed = |item: &Item| keep_mm > 0.0 && item.start_mm + item.length_mm() > kept_from_mm;
+            if self.items.front().is_none_or(is_needed) {
+                break;
+            }
+            self.items.pop_front();
+            self.current -= 1;
+        }
+    }
+
+    /// Whether the section's path is known for `distance_mm` beyond the current item, or to its end.
+    pub(crate) fn is_known_ahead(&self, distance_mm: f64) -> bool {
+        let ahead_mm = self.known_mm - self.start_mm(self.current + 1);
+        self.end_is_known || ahead_mm > distance_mm + margin(self.known_mm + distance_mm)
+    }
+
+    /// Finds the place `s` mm from the start of the element of motion `from` on the path of the section; what lies
+    /// beyond the section is clamped to its first or last point.
+    pub(crate) fn locate(&self, from: usize, s: f64) -> Location {
+        let length_at = |item: usize| self.items.get(item).map_or(0.0, Item::length_mm);
+        if s >= 0.0 && s <= length_at(from) {
+            return Location { item: from, s, beyond_mm: 0.0 };
+        }
+        // Beside the section's ends a sum of path lengths would miss them by its rounding.
+        let end = length_at(from);
+        if s > end && self.start_mm(from) + end >= self.known_mm {
+            return Location { item: from, s: end, beyond_mm: s - end };
+        }
+        if s < 0.0 && self.start_mm(from) == 0.0 {
+            return Location { item: from, s: 0.0, beyond_mm: s };
+        }
+        let place_mm = self.start_mm(from) + s;
+        let reached = self.items.partition_point(|item| item.start_mm <= place_mm);
+        let is_motion = |item: &usize| self.motion(*item).is_some();
+        let item = (0..reached).rev().find(is_motion).or_else(|| (reached..self.items.len()).find(is_motion));
+        let item = item.unwrap_or(from);
+        let s = place_mm - self.start_mm(item);
+        let end = length_at(item);
+        if s < 0.0 {
+            Location { item, s: 0.0, beyond_mm: s }
+        } else if s > end {
+            // Beyond an element that another one follows is rounding.
+            let is_last = self.start_mm(item) + end >= self.known_mm;
+            Location { item, s: end, beyond_mm: if is_last { s - end } else { 0.0 } }
+        } else {
+            Location { item, s, beyond_mm: 0.0 }
+        }
+    }
+
+    /// The section's first motion and the distance from its start to the start of motion `from`, where that is
+    /// less than `within_mm`.
+    pub(crate) fn section_start_near(&self, from: usize, within_mm: f64) -> Option<(&PlannedMotion, f64)> {
+        let distance_mm = self.start_mm(from);
+        let is_near = distance_mm < within_mm;
+        // While it is near, the section's start is held in front.
+        let first = self.items.iter().find_map(Item::motion).filter(|_| is_near)?;
+        Some((first, distance_mm))
+    }
+
+    /// The section's last motion and the distance from the end of motion `from` to its end, where that is less
+    /// than `within_mm`.
+    pub(crate) fn section_end_near(&self, from: usize, within_mm: f64) -> Option<(&PlannedMotion, f64)> {
+        let distance_mm = self.known_mm - self.start_mm(from + 1);
+        let is_near = self.end_is_known && distance_mm < within_mm;
+        let last = self.items.iter().rev().find_map(Item::motion).filter(|_| is_near)?;
+        Some((last, distance_mm))
+    }
+}
+
+fn margin(length_mm: f64) -> f64 {
+    LENGTH_MARGIN * (1.0 + length_mm)
+}

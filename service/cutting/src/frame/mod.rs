@@ -1,0 +1,10 @@
+//! What all programs pass through: from operations to elements with their limits, from plans to setpoints, the pipeline around
+//! both, and what is judged and reported of every program.
+
+pub(crate) mod builder;
+pub(crate) mod interpolator;
+pub(crate) mod pipeline;
+pub(crate) mod profile;
+pub(crate) mod report;
+pub(crate) mod timed;
+pub(crate) mod validation;

@@ -1,0 +1,111 @@
+//! What a run of the pipeline is given.
+
+use feedwave_program::ToolLength;
+use serde::{Deserialize, Serialize};
+
+use crate::functions::tool_oscillation::{OscillationRequest, ToolGeometry};
+use crate::{Frame, GenerationMode, MachineProfile, VibrationEnvelope, VibrationSettings};
+
+/// What a run of the pipeline is for; immutable while it runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PipelineConfig {
+    /// The machine.
+    pub profile: MachineProfile,
+    /// Interpolation period, µs: [`MIN_PERIOD_US`] to [`MAX_PERIOD_US`].
+    pub interpolation_period_us: u32,
+    /// How the vibration is generated; the profile's mode unless the request says otherwise.
+    pub generation_mode: GenerationMode,
+    /// How the vibration begins and ends; as the profile says unless the request says otherwise.
+    pub vibration_envelope: VibrationEnvelope,
+    /// Coordinates of the axis columns.
+    pub frame: Frame,
+    /// Changes of the feed override, ascending by index. What they act on is planned at 100 % before the first.
+    pub overrides: Vec<OverrideChange>,
+    /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
+    pub tools: Vec<Tool>,
+    /// What the job asks of the oscillations of its program.
+    pub oscillation: OscillationRequest,
+    /// Runs every block even where the program has blocks thinned: what thinning is compared with.
+    pub every_block: bool,
+}
+
+impl PipelineConfig {
+    /// Default period, the profile's generation mode, machine coordinates, no tool list.
+    #[must_use]
+    pub fn new(profile: MachineProfile) -> Self {
+        let VibrationSettings { generation_mode, envelope: vibration_envelope, .. } = profile.vibration;
+        Self {
+            profile,
+            interpolation_period_us: DEFAULT_PERIOD_US,
+            generation_mode,
+            vibration_envelope,
+            frame: Frame::Machine,
+            overrides: Vec::new(),
+            tools: Vec::new(),
+            oscillation: OscillationRequest::default(),
+            every_block: false,
+        }
+    }
+
+    /// The lengths of the tools that have one.
+    #[must_use]
+    pub fn tool_lengths(&self) -> Vec<ToolLength> {
+        let length = |tool: &Tool| Some(ToolLength { number: tool.number, length_mm: tool.length_mm? });
+        self.tools.iter().filter_map(length).collect()
+    }
+
+    /// The profile's settings of the vibration as this run has them.
+    #[must_use]
+    pub fn vibration(&self) -> VibrationSettings {
+        let Self { generation_mode, vibration_envelope: envelope, .. } = *self;
+        VibrationSettings { generation_mode, envelope, ..self.profile.vibration }
+    }
+
+    /// Interpolation period, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        f64::from(self.interpolation_period_us) * 1e-6
+    }
+}
+
+/// Shortest interpolation period, µs.
+pub const MIN_PERIOD_US: u32 = 50;
+/// Longest interpolation period, µs.
+pub const MAX_PERIOD_US: u32 = 20_000;
+/// Interpolation period where the request names none, µs.
+pub const DEFAULT_PERIOD_US: u32 = 1_000;
+/// Most setpoints a program may have: 49 days at 1 ms. Bounds the work that a short text can cause.
+pub const MAX_SETPOINTS: u64 = 1 << 32;
+
+/// Highest ratio of the feed override.
+pub const MAX_OVERRIDE_RATIO: f64 = 2.0;
+
+/// A change of the feed override. It acts on rapids only by holding them; dwells and the spindle are not affected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OverrideChange {
+    /// Index of the setpoint at whose instant it changes.
+    pub index: u64,
+    /// Ratio of the feed to the programmed one, 0 (feed hold) to 2.
+    pub ratio: f64,
+}
+
+/// What validation needs to know of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tool {
+    /// Number of the `T` word.
+    pub number: u32,
+    /// Name for people.
+    #[serde(default)]
+    pub name: String,
+    /// Highest permitted spindle speed, rev/min.
+    #[serde(default)]
+    pub max_rev_per_min: Option<f64>,
+    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
+    #[serde(default)]
+    pub length_mm: Option<f64>,
+    /// Its cutting edges, which oscillation needs.
+    #[serde(default)]
+    pub geometry: Option<ToolGeometry>,
+}

@@ -1,0 +1,585 @@
+//! The whole way from program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
+
+mod config;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use feedwave_motion::kinematics::Kinematics;
+use feedwave_motion::{Planner, PlannerSettings};
+use feedwave_program::{
+    Finding, FindingLog, Function, Interpreter, InterpreterState, LineOutcome, Operation, OperationKind, SourceSpan,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::frame::builder::{Analysis, Builder, BuilderState};
+use crate::frame::interpolator::{self, Barrier, Fill, Interpolator};
+use crate::frame::timed::TimedPlans;
+use crate::functions::five_axis::{Guide, Scout};
+use crate::functions::thinning::{StageState, ThinningStage};
+use crate::{BLOCK_LENGTH, Frame, GenerationMode, ProgramThinning, SetpointBlock};
+
+pub use config::{
+    DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
+    Tool,
+};
+
+/// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
+const MAX_HELD_ITEMS: usize = 1 << 14;
+/// Findings kept while streaming: the program was validated before, so the first one matters only.
+const STREAM_FINDINGS: usize = 16;
+/// Version of the snapshot's layout; a snapshot of another version is refused.
+const SNAPSHOT_VERSION: u8 = 18;
+
+/// What a call to [`Pipeline::next_block`] brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// More program bytes are needed: [`Pipeline::push`] or [`Pipeline::finish_input`], then call again with the
+    /// same block.
+    NeedInput,
+    /// The block was filled; it may be short at the end of a program and where the feed override changes.
+    Block,
+    /// The program has ended; every setpoint was delivered.
+    Finished,
+    /// The program has an error ([`Pipeline::findings`]): no setpoint follows.
+    Refused,
+}
+
+/// The state cannot be kept as bytes, or not be restored from them.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SnapshotError {
+    /// The state could not be serialised.
+    #[error("the snapshot cannot be written: {0}")]
+    Write(postcard::Error),
+    /// The bytes are no snapshot.
+    #[error("the snapshot cannot be read: {0}")]
+    Read(postcard::Error),
+    /// Written by another version.
+    #[error("the snapshot has layout version {found}, this is version {SNAPSHOT_VERSION}")]
+    Version {
+        /// Version of the snapshot.
+        found: u8,
+    },
+}
+
+/// A change of the feed override that cannot be appended; nothing changes.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AppendError {
+    /// What lies before was handed out already, or is governed by a change appended before.
+    #[error("setpoint {index} lies before {earliest}, the earliest at which the feed override can change")]
+    TooEarly {
+        /// Index of the change.
+        index: u64,
+        /// See [`Pipeline::earliest_override`].
+        earliest: u64,
+    },
+    /// Not a number from 0 to [`MAX_OVERRIDE_RATIO`].
+    #[error("a feed override of {0} is not between 0 and {MAX_OVERRIDE_RATIO}")]
+    Ratio(f64),
+}
+
+/// A running pipeline. Its memory does not grow with the program.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    pub(crate) config: Arc<PipelineConfig>,
+    /// Program bytes not read yet start at `consumed`.
+    input: Vec<u8>,
+    consumed: usize,
+    input_finished: bool,
+    /// Program offset of the next byte to read.
+    offset: u64,
+    interpreter: Interpreter,
+    operations: Vec<Operation>,
+    pub(crate) thinning: ThinningStage,
+    /// Operations on their way to the builder; empty between lines, but while more has to be known of what follows.
+    waiting: VecDeque<Operation>,
+    /// Looks ahead for the first of them. It is no part of the state: another one sees the same.
+    scout: Option<Box<Scout>>,
+    /// Plans of the thinned parts for their times; while validating only.
+    pub(crate) timed: Option<TimedPlans>,
+    pub(crate) builder: Builder,
+    planner: Planner<Barrier>,
+    pub(crate) interpolator: Interpolator,
+    pub(crate) findings: FindingLog,
+    overrides: OverrideState,
+    /// Whether the block in hand was begun by an earlier call.
+    block_begun: bool,
+}
+
+/// Progress through the changes of the feed override.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct OverrideState {
+    /// Number of changes taken up.
+    taken: usize,
+    /// The ratio that waits for the path to brake less.
+    pending: Option<f64>,
+}
+
+/// Everything that changes while a pipeline runs.
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    offset: u64,
+    interpreter: InterpreterState,
+    thinning: StageState,
+    waiting: VecDeque<Operation>,
+    builder: BuilderState,
+    planner: Planner<Barrier>,
+    interpolator: interpolator::State,
+    overrides: OverrideState,
+}
+
+/// The version and a state behind it.
+fn encoded<T: Serialize>(state: &T) -> Result<Vec<u8>, SnapshotError> {
+    postcard::to_extend(state, vec![SNAPSHOT_VERSION]).map_err(SnapshotError::Write)
+}
+
+impl Pipeline {
+    /// A pipeline at the start of a program.
+    #[must_use]
+    pub fn new(config: Arc<PipelineConfig>) -> Self {
+        Self::with_analysis(config, None)
+    }
+
+    pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
+        let language = &config.profile.language;
+        let interpreter = Interpreter::new(language.clone()).with_tool_lengths(config.tool_lengths());
+        let work_offset = language.work_offsets[0];
+        let mut position = language.initial_position;
+        for (value, offset) in position.iter_mut().zip(work_offset) {
+            *value -= offset;
+        }
+        let mut interpolator = Interpolator::new(
+            &config.profile.machine,
+            config.period_s(),
+            config.generation_mode,
+            config.frame,
+            position,
+            work_offset,
+        );
+        let findings = if analysis.is_some() { FindingLog::default() } else { FindingLog::with_limit(STREAM_FINDINGS) };
+        let is_validation = analysis.is_some();
+        // A description that is not sound is refused before it gets here; without one, five-axis moves are findings.
+        let kinematics = config.profile.kinematics.as_ref().and_then(|it| Kinematics::new(it).ok()).map(Arc::new);
+        if let (Frame::Work, Some(kinematics)) = (config.frame, &kinematics) {
+            interpolator = interpolator.with_tool_direction(&config.profile.machine, kinematics);
+        }
+        let look_ahead = config.profile.look_ahead_blocks as usize;
+        let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
+        Self {
+            input: Vec::new(),
+            consumed: 0,
+            input_finished: false,
+            offset: 0,
+            interpreter,
+            operations: Vec::new(),
+            thinning: ThinningStage::new(&config, kinematics.clone(), is_validation),
+            waiting: VecDeque::new(),
+            scout: None,
+            timed: is_validation.then(TimedPlans::default),
+            builder: Builder::new(BuilderState::at(language.initial_position), analysis, kinematics.map(Guide::new)),
+            planner: Planner::new(settings),
+            interpolator,
+            findings,
+            overrides: OverrideState::default(),
+            block_begun: false,
+            config,
+        }
+        .at_next_override()
+    }
+
+    /// A pipeline that continues, bit for bit, where [`Pipeline::snapshot`] was taken with the same
+    /// configuration and program. Input continues at [`Pipeline::input_offset`].
+    ///
+    /// # Errors
+    /// [`SnapshotError`] when the bytes are not a snapshot of this version.
+    pub fn restore(config: Arc<PipelineConfig>, snapshot: &[u8]) -> Result<Self, SnapshotError> {
+        let (found, state) = postcard::take_from_bytes::<u8>(snapshot).map_err(SnapshotError::Read)?;
+        if found != SNAPSHOT_VERSION {
+            return Err(SnapshotError::Version { found });
+        }
+        let snapshot: Snapshot = postcard::from_bytes(state).map_err(SnapshotError::Read)?;
+        let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter)
+            .with_tool_lengths(config.tool_lengths());
+        let mut fresh = Self::new(config);
+        fresh.builder.state = snapshot.builder;
+        fresh.thinning.state = snapshot.thinning;
+        fresh.waiting = snapshot.waiting;
+        fresh.interpolator.state = snapshot.interpolator;
+        let Snapshot { offset, planner, overrides, .. } = snapshot;
+        Ok(Self { offset, interpreter, planner, overrides, ..fresh })
+    }
+
+    /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
+    /// depend on the frame: a snapshot taken with one may be restored with the other.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`] when the state cannot be serialised; there is nothing to store then.
+    pub fn snapshot(&self) -> Result<Vec<u8>, SnapshotError> {
+        let snapshot = Snapshot {
+            offset: self.offset,
+            interpreter: self.interpreter.state().clone(),
+            thinning: self.thinning.state.clone(),
+            waiting: self.waiting.clone(),
+            builder: self.builder.state.clone(),
+            planner: self.planner.clone(),
+            interpolator: self.interpolator.state().clone(),
+            overrides: self.overrides,
+        };
+        encoded(&snapshot)
+    }
+
+    /// Program offset, in bytes, of the first byte that a restored pipeline needs to be given.
+    #[must_use]
+    pub fn input_offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Index of the next setpoint; between blocks, that of the first setpoint of the next block.
+    #[must_use]
+    pub fn next_index(&self) -> u64 {
+        self.interpolator.next_index()
+    }
+
+    /// First and last setpoint of the threading pass that was begun last, however far it has been handed out; the last
+    /// is the one before the first where the pass is over within a period.
+    #[must_use]
+    pub fn last_thread_pass(&self) -> Option<(u64, u64)> {
+        self.interpolator.last_thread_pass()
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &PipelineConfig {
+        &self.config
+    }
+
+    /// What was found so far.
+    #[must_use]
+    pub fn findings(&self) -> &FindingLog {
+        &self.findings
+    }
+
+    /// A block of the right shape for [`Pipeline::next_block`].
+    #[must_use]
+    pub fn new_block(&self) -> SetpointBlock {
+        let servo = self.config.generation_mode == GenerationMode::ServoSide;
+        let block = SetpointBlock::for_machine(&self.config.profile.machine, servo);
+        if self.interpolator.shows_tool_direction() { block.with_tool_direction() } else { block }
+    }
+
+    /// Gives the pipeline more of the program. Call when it asks ([`Step::NeedInput`]); pieces of 64 KiB to
+    /// 1 MiB are best.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.input.drain(..self.consumed);
+        self.consumed = 0;
+        self.input.extend_from_slice(bytes);
+    }
+
+    /// Says that the program has no more bytes.
+    pub fn finish_input(&mut self) {
+        self.input_finished = true;
+    }
+
+    /// Fills the next block of setpoints. `block` comes from [`Pipeline::new_block`] and may be used again and
+    /// again.
+    pub fn next_block(&mut self, block: &mut SetpointBlock) -> Step {
+        self.next_setpoints(block, BLOCK_LENGTH)
+    }
+
+    /// [`Pipeline::next_block`] with at most so many setpoints, for whoever waits for the first ones. `most` is 1 to
+    /// [`BLOCK_LENGTH`]; beyond, the nearest of the two holds.
+    pub fn next_setpoints(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
+        if !self.block_begun {
+            block.clear(self.interpolator.next_index());
+            self.block_begun = true;
+        }
+        let step = self.run(block, most.clamp(1, BLOCK_LENGTH));
+        self.block_begun = step == Step::NeedInput;
+        step
+    }
+
+    fn run(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
+        loop {
+            match self.interpolator.fill(block, most) {
+                Fill::Full => {
+                    if let (Some(analysis), Some(place_mm)) =
+                        (&mut self.builder.analysis, self.interpolator.section_place_mm())
+                    {
+                        analysis.is_cut(place_mm);
+                    }
+                    break;
+                }
+                Fill::Ended => return if block.is_empty() { Step::Finished } else { Step::Block },
+                Fill::SectionEnded => {
+                    let samples = self.interpolator.take_finished_section();
+                    if let (Some(samples), Some(analysis)) = (samples, &mut self.builder.analysis) {
+                        analysis.finish_section(samples, &mut self.findings);
+                    }
+                }
+                Fill::Starved => match self.planner.pop() {
+                    Some(item) => {
+                        self.interpolator.push(item);
+                        self.check_held_items();
+                    }
+                    None => {
+                        if self.planner.is_held() && self.rest_in_feed_hold() {
+                            continue;
+                        }
+                        if !self.read_line() {
+                            return Step::NeedInput;
+                        }
+                    }
+                },
+                Fill::Paused => {
+                    self.change_override();
+                    // Planning anew takes its time: with many changes in a block, the caller could not stop between.
+                    if !block.is_empty() {
+                        break;
+                    }
+                }
+            }
+            if self.findings.has_errors() {
+                return Step::Refused;
+            }
+        }
+        if self.interpolator.next_index() > MAX_SETPOINTS {
+            let line = block.line.last().copied().unwrap_or_default();
+            let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
+            let finding = Finding::error("PLAN-TOO-MANY-SETPOINTS", SourceSpan { line, column: 1, length: 0 }, message);
+            let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
+            self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
+            return Step::Refused;
+        }
+        Step::Block
+    }
+
+    /// Index of the earliest setpoint at which a change of the feed override can still be appended; call between blocks.
+    #[must_use]
+    pub fn earliest_override(&self) -> u64 {
+        let after_last = self.config.overrides.last().map_or(0, |last| last.index + 1);
+        self.next_index().max(after_last)
+    }
+
+    /// Adds a change of the feed override while the pipeline runs; call between blocks. What follows is, to the last bit,
+    /// what a pipeline would give that had the change in its configuration from the start.
+    ///
+    /// # Errors
+    /// [`AppendError`] for a change before [`Pipeline::earliest_override`] or an impossible ratio.
+    pub fn append_override(&mut self, change: OverrideChange) -> Result<(), AppendError> {
+        let OverrideChange { index, ratio } = change;
+        if !(0.0..=MAX_OVERRIDE_RATIO).contains(&ratio) {
+            return Err(AppendError::Ratio(ratio));
+        }
+        let earliest = self.earliest_override();
+        if index < earliest {
+            return Err(AppendError::TooEarly { index, earliest });
+        }
+        Arc::make_mut(&mut self.config).overrides.push(change);
+        self.interpolator.end_feed_hold_at(index);
+        self.interpolator.pause_at(self.interpolator.pause().into_iter().chain([index]).min());
+        Ok(())
+    }
+
+    /// Takes up the change of the feed override that is due.
+    fn change_override(&mut self) {
+        let next = self.interpolator.next_index();
+        while let Some(change) = self.config.overrides.get(self.overrides.taken).filter(|change| change.index <= next) {
+            self.overrides.pending = Some(change.ratio);
+            self.overrides.taken += 1;
+            self.interpolator.follow_with_amplitude(change.ratio);
+        }
+        let Some(ratio) = self.overrides.pending else { return self.interpolator.pause_at(self.next_override()) };
+        let place_mm = self.interpolator.section_place_mm();
+        let again = self.interpolator.change_override(&mut self.planner, ratio);
+        if again.is_none() {
+            if let Some(analysis) = &mut self.builder.analysis {
+                analysis.changes_override(place_mm, ratio);
+            }
+            self.overrides.pending = None;
+            self.interpolator.follow_override(ratio);
+        }
+        self.interpolator.pause_at(again.into_iter().chain(self.next_override()).min());
+    }
+
+    fn next_override(&self) -> Option<u64> {
+        self.config.overrides.get(self.overrides.taken).map(|change| change.index)
+    }
+
+    fn at_next_override(mut self) -> Self {
+        self.interpolator.pause_at(self.next_override());
+        self
+    }
+
+    /// Rests while no speed is commanded; `false` when the path ahead has to be known first.
+    fn rest_in_feed_hold(&mut self) -> bool {
+        self.interpolator.show_path(self.planner.waiting());
+        if self.interpolator.goes_on() {
+            return self.interpolator.reach_is_known();
+        }
+        let next = self.interpolator.next_index();
+        // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.
+        self.interpolator.hold_feed(self.interpolator.pause().unwrap_or(MAX_SETPOINTS + 1).max(next));
+        true
+    }
+
+    /// Bounds the memory that a vibration of large amplitude on very short blocks takes.
+    fn check_held_items(&mut self) {
+        if self.interpolator.held_items() <= MAX_HELD_ITEMS {
+            return;
+        }
+        let span = SourceSpan { line: self.interpolator.line(), column: 1, length: 0 };
+        let message = format!(
+            "more than {MAX_HELD_ITEMS} blocks lie within one amplitude, or one blend of an oscillation, of the tool"
+        );
+        self.findings.push(
+            Finding::error("VIB-BLOCKS-TOO-SHORT", span, message)
+                .with_value("limit", MAX_HELD_ITEMS as f64, "")
+                .suggest("use a smaller amplitude, or longer blocks"),
+        );
+    }
+
+    /// Reads one line into the planner; `false` when more input is needed first.
+    pub(crate) fn read_line(&mut self) -> bool {
+        if !self.waiting.is_empty() {
+            return self.hand_on();
+        }
+        let unread = &self.input[self.consumed..];
+        let outcome = self.interpreter.read_line(unread, self.input_finished, &mut self.operations, &mut self.findings);
+        let more = match outcome {
+            LineOutcome::Consumed(bytes) => {
+                self.consumed += bytes;
+                self.offset += bytes as u64;
+                true
+            }
+            LineOutcome::NeedMore => false,
+            LineOutcome::Ended => !self.operations.is_empty(),
+        };
+        let mut operations = std::mem::take(&mut self.operations);
+        for operation in operations.drain(..) {
+            self.operation(operation);
+        }
+        self.operations = operations;
+        (self.waiting.is_empty() || self.hand_on()) && more
+    }
+
+    #[inline]
+    fn operation(&mut self, operation: Operation) {
+        let is_switch = |command: &feedwave_program::FunctionCommand| command.function == Function::Thinning;
+        if self.thinning.is_on() || matches!(&operation.kind, OperationKind::Function(command) if is_switch(command)) {
+            return self.thin(operation);
+        }
+        if !self.waiting.is_empty() || matches!(operation.kind, OperationKind::Guided(_)) {
+            return self.waiting.push_back(operation);
+        }
+        self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+    }
+
+    /// Passes an operation through the thinning stage.
+    fn thin(&mut self, operation: Operation) {
+        let Self { config, thinning, waiting, timed, .. } = self;
+        let ends = operation.kind == OperationKind::End;
+        if let Some(timed) = timed {
+            timed.before(&operation, config);
+        }
+        thinning.operation(operation, &mut |operation| {
+            if let Some(timed) = timed {
+                timed.after(&operation, config);
+            }
+            waiting.push_back(operation);
+        });
+        if let (Some(timed), true) = (timed, ends || !thinning.is_on()) {
+            timed.stop(config);
+        }
+    }
+
+    /// Hands on what waits for the builder; `false` when more input is needed to look ahead.
+    fn hand_on(&mut self) -> bool {
+        while let Some(operation) = self.waiting.front() {
+            if self.scout.is_none()
+                && let Some(ahead) = self.builder.ahead(operation, &self.config)
+            {
+                let scout = Scout::new(ahead, &self.interpreter, &self.thinning, self.waiting.iter().skip(1));
+                self.scout = Some(Box::new(scout));
+            }
+            if let Some(scout) = &mut self.scout {
+                let chosen = scout.look(&self.input[self.consumed..], self.input_finished);
+                if chosen.is_none() {
+                    return false;
+                }
+                self.builder.chosen = chosen;
+                self.scout = None;
+            }
+            if let Some(operation) = self.waiting.pop_front() {
+                self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
+            }
+        }
+        if let Some(timed) = self.timed.as_mut().filter(|timed| self.thinning.is_on() && !timed.are_running()) {
+            timed.start(&self.builder, &self.config);
+        }
+        true
+    }
+
+    /// What thinning did, where it was switched on.
+    pub(crate) fn thinning_report(&mut self) -> Option<ProgramThinning> {
+        let figures = self.thinning.report()?;
+        let dropped = self.thinning.dropped.take().unwrap_or_default();
+        let [time_before_s, time_after_s] = self.timed.as_ref().map_or([0.0; 2], |timed| timed.times_s);
+        Some(ProgramThinning {
+            figures,
+            rotary_axes: self.thinning.rotary_letters(),
+            dropped: dropped.runs,
+            dropped_not_listed: dropped.not_listed,
+            time_before_s,
+            time_after_s,
+            deviations: self.thinning.deviations(),
+        })
+    }
+
+    /// Forgets what is planned but will not be interpolated.
+    pub(crate) fn discard_planned(&mut self) {
+        while self.planner.pop().is_some() {}
+    }
+
+    pub(crate) fn input_is_finished(&self) -> bool {
+        self.input_finished
+    }
+
+    pub(crate) fn interpreter_state(&self) -> &InterpreterState {
+        self.interpreter.state()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::{Serialize, Serializer, ser::SerializeSeq as _};
+
+    use super::*;
+    use crate::MachineProfile;
+
+    /// A list that does not say how long it is, as a member of the state with a serialisation of its own might.
+    struct Unserialisable;
+
+    impl Serialize for Unserialisable {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            serializer.serialize_seq(None)?.end()
+        }
+    }
+
+    #[test]
+    fn a_state_that_cannot_be_serialised_is_an_error_and_no_snapshot() {
+        assert!(matches!(encoded(&Unserialisable), Err(SnapshotError::Write(_))));
+        assert_eq!(encoded(&7_u8), Ok(vec![SNAPSHOT_VERSION, 7]));
+    }
+
+    #[test]
+    fn bytes_that_are_no_snapshot_of_this_version_are_refused() {
+        let config = Arc::new(PipelineConfig::new(MachineProfile::lathe()));
+        let restore = |bytes: &[u8]| Pipeline::restore(Arc::clone(&config), bytes).err();
+        let mut snapshot = Pipeline::new(Arc::clone(&config)).snapshot().expect("plain data");
+        assert_eq!(restore(&snapshot), None);
+        assert!(matches!(restore(&[]), Some(SnapshotError::Read(_))), "what an unwritten one would be");
+        assert!(matches!(restore(&snapshot[..snapshot.len() / 2]), Some(SnapshotError::Read(_))));
+        snapshot[0] += 1;
+        assert_eq!(restore(&snapshot), Some(SnapshotError::Version { found: SNAPSHOT_VERSION + 1 }));
+    }
+}

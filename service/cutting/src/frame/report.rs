@@ -1,0 +1,153 @@
+//! What validation says about a whole program.
+
+use feedwave_program::Finding;
+use serde::{Deserialize, Serialize};
+
+use crate::functions::thread::ThreadSectionReport;
+use crate::functions::tool_oscillation::OscillationSectionReport;
+use crate::{ProgramThinning, SectionReport};
+
+/// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
+/// `feedwave validate --format json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValidationReport {
+    /// Everything found, in the order of the source; the first ones in full where there are very many.
+    pub findings: Vec<Finding>,
+    /// One report per vibrating section, in order; the first ones where there are very many.
+    pub sections: Vec<SectionReport>,
+    /// One report per thread, in order; the first ones where there are very many.
+    #[serde(default)]
+    pub threads: Vec<ThreadSectionReport>,
+    /// One report per oscillation, tool, feed and spindle speed, in order; the first ones where there are very many.
+    #[serde(default)]
+    pub oscillations: Vec<OscillationSectionReport>,
+    /// What thinning did, where it was switched on.
+    #[serde(default)]
+    pub thinning: Option<ProgramThinning>,
+    /// Counts, times and peaks of the whole program.
+    pub summary: ProgramSummary,
+}
+
+impl ValidationReport {
+    /// Whether nothing forbids running the program.
+    #[must_use]
+    pub const fn is_accepted(&self) -> bool {
+        self.summary.errors == 0
+    }
+}
+
+/// Figures of a whole program.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProgramSummary {
+    /// Errors found (counted even where not listed).
+    pub errors: u64,
+    /// Warnings found.
+    pub warnings: u64,
+    /// Informations found.
+    pub infos: u64,
+    /// Findings counted but not listed.
+    pub findings_not_listed: u64,
+    /// Vibrating sections, listed or not.
+    pub section_count: u64,
+    /// Threads, listed or not.
+    #[serde(default)]
+    pub thread_count: u64,
+    /// Threading passes.
+    #[serde(default)]
+    pub thread_passes: u64,
+    /// Reports on oscillations, listed or not.
+    #[serde(default)]
+    pub oscillation_count: u64,
+    /// Cutting time with an oscillating tool at the programmed feed, s: added to that before the part it is that before the
+    /// next one ([`crate::functions::tool_oscillation::OscillationRequest`]).
+    #[serde(default)]
+    pub oscillating_cutting_time_s: f64,
+    /// Bytes of the program.
+    pub bytes: u64,
+    /// Lines read.
+    pub lines: u64,
+    /// Moves: rapid and cutting.
+    pub moves: u64,
+    /// Cutting moves.
+    pub cutting_moves: u64,
+    /// Interpolation period, µs.
+    pub interpolation_period_us: u32,
+    /// Setpoints at that period; 0 when the program has errors.
+    pub setpoint_count: u64,
+    /// Machining time, s.
+    pub duration_s: f64,
+    /// Time in cutting moves, s.
+    pub cutting_time_s: f64,
+    /// Time in rapid moves, s.
+    pub rapid_time_s: f64,
+    /// Time at rest: dwells and waits for the vibration, s.
+    pub rest_time_s: f64,
+    /// Which limit governs for how long; together [`ProgramSummary::duration_s`].
+    pub limit_times: LimitTimes,
+    /// Path length, mm.
+    pub path_length_mm: f64,
+    /// Path length of cutting moves, mm.
+    pub cutting_length_mm: f64,
+    /// Tool numbers used, ascending; the first ones used where there are very many.
+    pub tools: Vec<u32>,
+    /// Extents and peaks per machine axis.
+    pub axes: Vec<AxisSummary>,
+    /// Smallest and largest spindle speed while cutting, rev/min.
+    pub spindle_rev_per_min: Option<[f64; 2]>,
+}
+
+/// Which limit governs the motion for how long, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LimitTimes {
+    /// At the programmed feed, with the override.
+    pub feed_s: f64,
+    /// At the largest velocity of an axis, on straight lines.
+    pub axis_velocity_s: f64,
+    /// At the speed that the axes' limits leave on a curve: arc, spline or rounded corner.
+    pub curvature_s: f64,
+    /// At a constant speed below all of that, for the sake of corners and neighbouring blocks.
+    pub corners_s: f64,
+    /// Gaining or losing speed at the largest acceleration.
+    pub acceleration_s: f64,
+    /// Building up or ending an acceleration at the largest jerk.
+    pub jerk_s: f64,
+    /// At rest.
+    pub rest_s: f64,
+}
+
+/// One machine axis over the whole program, from the setpoints themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AxisSummary {
+    /// Column name.
+    pub name: String,
+    /// Whether its figures are in degrees rather than millimetres.
+    pub rotary: bool,
+    /// Smallest machine position, mm or degrees.
+    pub min: f64,
+    /// Largest machine position, mm or degrees.
+    pub max: f64,
+    /// Largest velocity by first difference, per s.
+    pub peak_velocity_per_s: f64,
+    /// Largest acceleration by second difference, per s². Starts and ends of a vibration step the velocity by
+    /// design and are included.
+    pub peak_acceleration_per_s2: f64,
+    /// Largest jerk by third difference, per s³, with everything that the acceleration has.
+    pub peak_jerk_per_s3: f64,
+    /// Where the velocity is largest first; `None` for an axis that does not move.
+    pub peak_velocity_at: Option<PeakPlace>,
+    /// Where the acceleration is largest first.
+    pub peak_acceleration_at: Option<PeakPlace>,
+    /// Where the jerk is largest first.
+    pub peak_jerk_at: Option<PeakPlace>,
+}
+
+/// Where a peak is: the last of the setpoints that its difference is taken of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PeakPlace {
+    /// Index of the setpoint.
+    pub setpoint_index: u64,
+    /// Its time from the program's start, s.
+    pub time_s: f64,
+    /// Its source line; 0 before the first block.
+    pub line: u32,
+}

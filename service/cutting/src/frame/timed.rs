@@ -1,0 +1,87 @@
+//! The machining time with and without thinning: the same blocks, planned twice by themselves.
+
+use feedwave_motion::{Planned, Planner, PlannerSettings};
+use feedwave_program::{FindingLog, Operation};
+
+use crate::PipelineConfig;
+use crate::frame::builder::Builder;
+use crate::frame::interpolator::Barrier;
+
+/// A plan that nothing is interpolated from.
+#[derive(Clone, Debug)]
+struct TimedPlan {
+    builder: Builder,
+    planner: Planner<Barrier>,
+    time_s: f64,
+}
+
+impl TimedPlan {
+    fn operation(&mut self, operation: &Operation, config: &PipelineConfig) {
+        // What there is to find is found in the plan that is run.
+        let mut findings = FindingLog::with_limit(0);
+        self.builder.operation(operation, config, &mut self.planner, &mut findings);
+        self.drain();
+    }
+
+    fn drain(&mut self) {
+        while let Some(item) = self.planner.pop() {
+            self.time_s += match &item {
+                Planned::Motion(motion) => motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum(),
+                Planned::Barrier(Barrier::Dwell { duration_s, .. }) => *duration_s,
+                Planned::Barrier(_) => 0.0,
+            };
+        }
+    }
+
+    fn finish(&mut self, config: &PipelineConfig) -> f64 {
+        self.builder.flush(config, &mut self.planner, &mut FindingLog::with_limit(0));
+        self.planner.finish();
+        self.drain();
+        self.time_s
+    }
+}
+
+/// Both plans, while thinning is on; gathered while validating only.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TimedPlans {
+    running: Option<Box<[TimedPlan; 2]>>,
+    /// Times so far, before and after thinning, s.
+    pub(crate) times_s: [f64; 2],
+}
+
+impl TimedPlans {
+    /// Thinning is switched on: both plans begin at rest where the builder is.
+    pub(crate) fn start(&mut self, builder: &Builder, config: &PipelineConfig) {
+        let look_ahead = config.profile.look_ahead_blocks as usize;
+        let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
+        let plan = TimedPlan { builder: builder.beside(), planner: Planner::new(settings), time_s: 0.0 };
+        self.running = Some(Box::new([plan.clone(), plan]));
+    }
+
+    /// An operation as programmed.
+    pub(crate) fn before(&mut self, operation: &Operation, config: &PipelineConfig) {
+        if let Some(plans) = &mut self.running {
+            plans[0].operation(operation, config);
+        }
+    }
+
+    /// An operation that thinning has left.
+    pub(crate) fn after(&mut self, operation: &Operation, config: &PipelineConfig) {
+        if let Some(plans) = &mut self.running {
+            plans[1].operation(operation, config);
+        }
+    }
+
+    pub(crate) fn are_running(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// Thinning is switched off, or the program ends.
+    pub(crate) fn stop(&mut self, config: &PipelineConfig) {
+        if let Some(mut plans) = self.running.take() {
+            for (time_s, plan) in self.times_s.iter_mut().zip(plans.iter_mut()) {
+                *time_s += plan.finish(config);
+            }
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Looking ahead over a cut, for the inverse solution that it starts with.
+//!
+//! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis may
+//! turn at rest. What has to be known there are the directions up to the next such rapid. The program is read on for them
+//! from where the pipeline stands, by an interpreter and a thinning stage of its own, and nothing of it is kept: what was
+//! looked at is read again when its turn comes. So the choice is a function of the program's bytes, and no part of the state.
+
+use std::sync::Arc;
+
+use feedwave_motion::kinematics::vector::{Vec3, angle};
+use feedwave_motion::kinematics::{BranchPreference, CutFailure, CutSearch, Kinematics, KinematicsError};
+use feedwave_program::{
+    Axis, FindingLog, GuidedMove, Interpreter, LineOutcome, MoveKind, Operation, OperationKind, Position, ToolGuide,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::functions::thinning::ThinningStage;
+
+/// Most directions that are looked at.
+pub(crate) const MAX_DIRECTIONS: u64 = 10_000;
+/// Most program text that is read for them, bytes.
+const MAX_BYTES: usize = 1 << 20;
+
+/// Directions that make no difference to the rotary axes, rad.
+pub(crate) const SAME_DIRECTION_RAD: f64 = 1e-7;
+
+/// A cut that is looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Ahead {
+    pub(crate) kinematics: Arc<Kinematics>,
+    pub(crate) search: CutSearch,
+    pub(crate) preferred: BranchPreference,
+    pub(crate) length_offset: u32,
+    pub(crate) work_offset: Position,
+    /// The direction before.
+    pub(crate) direction: Vec3,
+    /// Line from which the choice holds.
+    pub(crate) line: u32,
+    /// Lines of the furthest failures.
+    pub(crate) failed_lines: [u32; 2],
+    /// The cut has come to its end.
+    pub(crate) ended: bool,
+}
+
+/// The start of a cut.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Chosen {
+    /// Values of the rotary axes, rad.
+    pub(crate) start_rad: [f64; 2],
+    pub(crate) cut: CutNote,
+}
+
+/// What is known of a cut from the look-ahead, for the findings within it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CutNote {
+    /// Line from which the choice holds.
+    pub(crate) line: u32,
+    /// Where the other solution leaves its range.
+    pub(crate) other: Option<OtherSolution>,
+}
+
+/// How the other inverse solution fares.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OtherSolution {
+    /// Line in which it leaves its range.
+    pub(crate) line: u32,
+    pub(crate) axis: Axis,
+    /// Where the axis would be, degrees.
+    pub(crate) value_deg: f64,
+    /// Its range, degrees.
+    pub(crate) range_deg: [f64; 2],
+}
+
+impl Ahead {
+    /// The next direction.
+    pub(crate) fn push(&mut self, direction: Vec3, line: u32) {
+        let at = self.search.count();
+        self.search.push(&self.kinematics, direction);
+        self.direction = direction;
+        for (failed_line, failure) in self.failed_lines.iter_mut().zip(self.search.failed()) {
+            if failure.is_some_and(|failure| failure.at == at) {
+                *failed_line = line;
+            }
+        }
+    }
+
+    /// Looks at an operation.
+    fn operation(&mut self, operation: &Operation) {
+        match &operation.kind {
+            OperationKind::Guided(guided) => self.guided(guided, operation.span.line),
+            OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::End => self.ended = true,
+            _ => {}
+        }
+    }
+
+    fn guided(&mut self, guided: &GuidedMove, line: u32) {
+        let is_same_setup = guided.length_offset == self.length_offset && guided.step.work_offset == self.work_offset;
+        let ToolGuide::Vector { end, .. } = guided.guide else { return self.ended = true };
+        let turned = end.filter(|&end| angle(end, self.direction) > SAME_DIRECTION_RAD);
+        let is_free = guided.step.kind == MoveKind::Rapid && turned.is_some();
+        self.ended |= is_free || !is_same_setup;
+        if let Some(direction) = turned.filter(|_| !self.ended) {
+            self.push(direction, line);
+        }
+    }
+
+    /// Whether the choice is made, whatever follows.
+    fn is_settled(&self) -> bool {
+        let search = &self.search;
+        self.ended || search.alive() == 1 || search.has_failed() || search.count() >= MAX_DIRECTIONS
+    }
+
+    fn chosen(&self) -> Chosen {
+        let (start_rad, solution) = match self.search.chosen(&self.kinematics, self.preferred) {
+            Ok(start) => (start.start_rad, None),
+            // The one that gets furthest says in its place why not.
+            Err(failure) => (failure.start_rad, Some(failure)),
+        };
+        let is_other = |failure: &CutFailure| solution.is_none_or(|own| own != *failure);
+        let others = self.search.failed().iter().zip(self.failed_lines).filter_map(|(failure, line)| {
+            let failure = failure.filter(is_other)?;
+            let KinematicsError::OutOfRange { axis, value_rad, range_rad } = failure.reason else { return None };
+            let (value_deg, range_deg) = (value_rad.to_degrees(), range_rad.map(f64::to_degrees));
+            Some(OtherSolution { line, axis, value_deg, range_deg })
+        });
+        let other = others.max_by_key(|other| other.line);
+        Chosen { start_rad, cut: CutNote { line: self.line, other } }
+    }
+}
+
+/// Reads a program ahead of the pipeline.
+#[derive(Clone, Debug)]
+pub(crate) struct Scout {
+    interpreter: Interpreter,
+    thinning: ThinningStage,
+    operations: Vec<Operation>,
+    /// Bytes read beyond those of the pipeline.
+    read: usize,
+    ahead: Ahead,
+}
+
+impl Scout {
+    /// A scout that sets out from where the pipeline stands, with operations that wait there.
+    pub(crate) fn new<'a>(
+        ahead: Ahead,
+        interpreter: &Interpreter,
+        thinning: &ThinningStage,
+        waiting: impl Iterator<Item = &'a Operation>,
+    ) -> Self {
+        let (interpreter, thinning) = (interpreter.clone(), thinning.beside());
+        let mut scout = Self { interpreter, thinning, operations: Vec::new(), read: 0, ahead };
+        waiting.for_each(|operation| scout.ahead.operation(operation));
+        scout
+    }
+
+    /// Reads on in what the pipeline has not read yet; nothing while there is not enough of it.
+    pub(crate) fn look(&mut self, unread: &[u8], input_finished: bool) -> Option<Chosen> {
+        // Mistakes are found where they are carried out.
+        let mut findings = FindingLog::with_limit(0);
+        let Self { interpreter, thinning, operations, read, ahead } = self;
+        while !ahead.is_settled() && *read < MAX_BYTES {
+            match interpreter.read_line(&unread[*read..], input_finished, operations, &mut findings) {
+                LineOutcome::Consumed(bytes) => *read += bytes,
+                LineOutcome::NeedMore => return None,
+                LineOutcome::Ended => ahead.ended = true,
+            }
+            for operation in operations.drain(..) {
+                thinning.operation(operation, &mut |operation| ahead.operation(&operation));
+            }
+        }
+        Some(ahead.chosen())
+    }
+}

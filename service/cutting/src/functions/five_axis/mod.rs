@@ -1,0 +1,8 @@
+//! Moves under tool centre point control: the way of guided moves into the planner.
+
+mod ahead;
+mod guide;
+mod state;
+
+pub(crate) use ahead::{Ahead, Chosen, Scout};
+pub(crate) use guide::{Guide, GuideState, Guided, no_kinematics};

@@ -1,0 +1,79 @@
+//! Moves under tool centre point control.
+
+use feedwave_motion::kinematics::FiveAxisMotion;
+use feedwave_motion::{Curve, Element, Planner};
+use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, SourceSpan};
+
+use super::{Guided, no_kinematics};
+use crate::frame::builder::Builder;
+use crate::frame::builder::checks::check_travel;
+use crate::frame::interpolator::Barrier;
+use crate::shared::cut::Cut;
+use crate::{GenerationMode, PipelineConfig};
+
+impl Builder {
+    /// A move of a guided tool.
+    pub(crate) fn guided(
+        &mut self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let Some(guide) = self.guide.clone() else {
+            if self.state.guide.is_first_refusal(guided.length_offset) {
+                findings.push(no_kinematics(span));
+            }
+            return;
+        };
+        let chosen = self.chosen.take();
+        let motion = match guide.carry_out(guided, span, chosen, &mut self.state.guide, config, findings) {
+            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
+            Some(Guided::Elements(motion)) => motion,
+            None => return,
+        };
+        let mv = &guided.step;
+        let cutting = mv.kind == MoveKind::Cutting;
+        if cutting && !motion.elements.is_empty() {
+            self.open_section(config, planner);
+            self.check_speed(&mv.spindle, mv.tool, span, config, findings);
+        } else {
+            self.close_section(planner, findings);
+        }
+        if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
+            return;
+        }
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += u64::from(cutting);
+        }
+        let corners = guide.corners(config);
+        for element in motion.elements {
+            check_travel(&element, &config.profile.machine, findings);
+            let cut = Cut::of(mv, &element);
+            let (control, smoothed) = (mv.path_control, &mut self.smoothed);
+            self.state.smoother.push_guided(element, control, cut, corners, &mut |element| smoothed.push(element));
+        }
+        self.run_smoothed(config, planner, findings);
+    }
+}
+
+/// Whether a guided cut may vibrate along its path, or a finding.
+fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
+    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip().length_mm() == 0.0);
+    if motion.elements.iter().any(rests) {
+        let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
+        let finding = Finding::error("VIB-ROTARY-ONLY", span, message);
+        findings.push(finding.suggest("switch the vibration off for this block"));
+        return false;
+    }
+    if config.generation_mode != GenerationMode::AlongPath {
+        let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
+                       leave the path";
+        findings
+            .push(Finding::error("VIB-FIVE-AXIS", span, message).suggest("choose the generation mode along the path"));
+        return false;
+    }
+    true
+}

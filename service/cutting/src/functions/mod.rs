@@ -1,0 +1,7 @@
+//! The machining functions, one folder each: words, state, limits, superposition, judgement and report.
+
+pub(crate) mod five_axis;
+pub(crate) mod path_vibration;
+pub mod thinning;
+pub mod thread;
+pub mod tool_oscillation;

@@ -1,0 +1,318 @@
+//! Whether the chip breaks along a section: at the feed overrides that it is cut at, place by place, and at the largest
+//! one that is permitted.
+//!
+//! The feed per revolution is proportional to the override r, so that the margin 2A·|sin πD|/f_r of a cut is its margin at
+//! the programmed feed times a(r)/r, where a(r) is the ratio at which the amplitude follows. That never grows with r: what
+//! breaks the chip at one override does so at every lower one, but where the amplitude has followed it down.
+
+use std::collections::VecDeque;
+
+use super::chips::{ChipBlock, ChipStretches};
+use super::{OverrideReport, VibrationCondition, VibrationSettings};
+use crate::functions::path_vibration::chip::reaches_through;
+use crate::{ChipSpan, CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport};
+
+/// A piece that ends this little beyond the place of a change ends there, mm: rounding of path lengths.
+const SAME_PLACE_MM: f64 = 1e-9;
+
+/// How the amplitude of a section follows the feed override.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Following {
+    amplitude_mm: f64,
+    /// Largest ratio at which it follows; `None`: it stays.
+    up_to: Option<f64>,
+}
+
+impl Following {
+    pub(super) fn of(condition: VibrationCondition, settings: &VibrationSettings) -> Self {
+        let amplitude_mm = condition.amplitude_mm;
+        Self { amplitude_mm, up_to: settings.follows_up_to(amplitude_mm) }
+    }
+
+    /// Ratio of the commanded amplitude to the programmed one.
+    fn ratio_at(self, feed_override: f64) -> f64 {
+        self.up_to.map_or(1.0, |limit| feed_override.min(limit))
+    }
+
+    /// Largest feed override at which a cut breaks its chip that has this margin at the programmed feed; `None` where it
+    /// does at none.
+    fn largest_breaking(self, margin: f64) -> Option<f64> {
+        match self.up_to {
+            None => (margin > 0.0).then_some(margin),
+            Some(limit) => reaches_through(margin).then_some(margin * limit),
+        }
+    }
+}
+
+/// A piece of the path, at the programmed feed.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Piece {
+    /// At a constant spindle speed.
+    Constant(ChipBlock),
+    /// At a constant surface speed, along which the radius changes linearly.
+    Surface(LinearSpan),
+    /// With a stopped spindle: nothing can be said, and what follows is a stretch of its own.
+    Stopped { start_mm: f64, length_mm: f64 },
+}
+
+impl Piece {
+    fn start_mm(&self) -> f64 {
+        match *self {
+            Self::Constant(ChipBlock { start_mm, .. })
+            | Self::Surface(LinearSpan { start_mm, .. })
+            | Self::Stopped { start_mm, .. } => start_mm,
+        }
+    }
+
+    fn length_mm(&self) -> f64 {
+        match *self {
+            Self::Constant(ChipBlock { length_mm, .. })
+            | Self::Surface(LinearSpan { length_mm, .. })
+            | Self::Stopped { length_mm, .. } => length_mm,
+        }
+    }
+
+    /// Its parts before and after `length_mm`.
+    fn divided(self, length_mm: f64) -> [Self; 2] {
+        let (start_mm, rest_mm) = (self.start_mm() + length_mm, self.length_mm() - length_mm);
+        match self {
+            Self::Constant(block) => [
+                Self::Constant(ChipBlock { length_mm, ..block }),
+                Self::Constant(ChipBlock { start_mm, length_mm: rest_mm, ..block }),
+            ],
+            Self::Surface(span) => {
+                let share = length_mm / span.length_mm;
+                let radius_mm = span.start_radius_mm + (span.end_radius_mm - span.start_radius_mm) * share;
+                [
+                    Self::Surface(LinearSpan { length_mm, end_radius_mm: radius_mm, ..span }),
+                    Self::Surface(LinearSpan { start_mm, length_mm: rest_mm, start_radius_mm: radius_mm, ..span }),
+                ]
+            }
+            Self::Stopped { start_mm: first_mm, .. } => {
+                [Self::Stopped { start_mm: first_mm, length_mm }, Self::Stopped { start_mm, length_mm: rest_mm }]
+            }
+        }
+    }
+
+    /// The piece under a feed override.
+    fn at(self, feed_override: f64, following: Following) -> Self {
+        let amplitude_ratio = following.ratio_at(feed_override);
+        match self {
+            Self::Constant(mut block) => {
+                block.cut.feed_per_rev_mm *= feed_override;
+                block.cut.amplitude_mm *= amplitude_ratio;
+                block.feed_override = feed_override;
+                Self::Constant(block)
+            }
+            Self::Surface(mut span) => {
+                span.feed = match span.feed {
+                    SpanFeed::PerRevolution(mm) => SpanFeed::PerRevolution(mm * feed_override),
+                    SpanFeed::PerMinute(mm) => SpanFeed::PerMinute(mm * feed_override),
+                };
+                span.amplitude_mm *= amplitude_ratio;
+                Self::Surface(span)
+            }
+            Self::Stopped { .. } => self,
+        }
+    }
+
+    /// The cut that is furthest from breaking.
+    fn worst(&self) -> Option<Worst> {
+        let (margin, cut, line) = match self {
+            Self::Constant(block) => (block.cut.breaking_margin(), block.cut, block.line),
+            Self::Surface(span) => {
+                let (margin, cut) = span.worst_cut()?;
+                (margin, cut, span.line)
+            }
+            Self::Stopped { .. } => return None,
+        };
+        Some(Worst { margin, cut, line })
+    }
+}
+
+/// The cut that is furthest from breaking.
+#[derive(Clone, Copy, Debug)]
+struct Worst {
+    margin: f64,
+    cut: CutCondition,
+    line: u32,
+}
+
+/// The cut that a report is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WorstCut {
+    pub(super) cut: CutCondition,
+    pub(super) line: u32,
+    pub(super) feed_override: f64,
+}
+
+/// Chip breaking gathered over pieces under their overrides.
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    chips: ChipStretches,
+    surface_speed: SurfaceSpeedAnalysis,
+    /// The cut at the start of the first piece at constant surface speed on which the chip does not break everywhere; of the
+    /// first one until there is such a piece.
+    surface_cut: Option<WorstCut>,
+}
+
+impl Tally {
+    fn add(&mut self, piece: &Piece, feed_override: f64) {
+        match piece {
+            Piece::Constant(block) => self.chips.add(block),
+            Piece::Surface(span) => {
+                self.chips.interrupt();
+                let was_unbroken = self.surface_speed.is_unbroken_somewhere();
+                self.surface_speed.add(span);
+                let becomes_unbroken = !was_unbroken && self.surface_speed.is_unbroken_somewhere();
+                if self.surface_cut.is_none() || becomes_unbroken {
+                    self.surface_cut = Some(WorstCut { cut: span.cut_at(0.0), line: span.line, feed_override });
+                }
+            }
+            Piece::Stopped { .. } => self.chips.interrupt(),
+        }
+    }
+
+    /// Share of the length on which the chip breaks; `None` without a length.
+    fn broken_share(&self, surface: Option<&SurfaceSpeedReport>) -> Option<f64> {
+        let surface_mm = surface.map_or(0.0, |surface| surface.length_mm);
+        let broken_mm = self.chips.broken_mm() + surface.map_or(0.0, |surface| surface.broken_share * surface_mm);
+        let length_mm = self.chips.length_mm() + surface_mm;
+        (length_mm > 0.0).then(|| broken_mm / length_mm)
+    }
+
+    /// The cut furthest from breaking: at constant surface speed that in the middle of the first span that does not break.
+    fn worst(&self, surface: Option<&SurfaceSpeedReport>) -> Option<WorstCut> {
+        let at_surface_speed = self.surface_cut.map(|start| {
+            let Some(span) = surface.and_then(|surface| surface.unbroken_spans.first()) else { return start };
+            let vibrations_per_rev = 0.5 * (span.start_vibrations_per_rev + span.end_vibrations_per_rev);
+            let spindle_rev_per_min = 60.0 * start.cut.frequency_hz / vibrations_per_rev;
+            let speed_ratio = match start.cut.feed_coupling {
+                FeedCoupling::PerRevolution => 1.0,
+                FeedCoupling::PerMinute => start.cut.spindle_rev_per_min / spindle_rev_per_min,
+            };
+            let cut = CutCondition {
+                feed_per_rev_mm: start.cut.feed_per_rev_mm * speed_ratio,
+                spindle_rev_per_min,
+                diameter_mm: 0.5 * (span.start_diameter_mm + span.end_diameter_mm),
+                ..start.cut
+            };
+            WorstCut { cut, line: span.first_line, ..start }
+        });
+        let both = [self.chips.worst(), at_surface_speed].into_iter().flatten();
+        both.min_by(|a, b| a.cut.breaking_margin().total_cmp(&b.cut.breaking_margin()))
+    }
+}
+
+/// Chip breaking along one section. Its memory does not grow with the section: pieces wait only until they are cut.
+#[derive(Clone, Debug)]
+pub(super) struct ChipCourse {
+    following: Following,
+    max_amplitude_mm: f64,
+    max_feed_override: f64,
+    /// Whether pieces wait for the override that they are cut at, instead of being cut at the programmed feed.
+    waits: bool,
+    waiting: VecDeque<Piece>,
+    cut: Tally,
+    permitted: Tally,
+    /// At the programmed feed.
+    worst: Option<Worst>,
+}
+
+/// What there is to say about the chip of a section.
+pub(super) struct ChipVerdict {
+    pub(super) broken_share: Option<f64>,
+    pub(super) worst: Option<WorstCut>,
+    pub(super) spans: Vec<ChipSpan>,
+    pub(super) spans_not_listed: u64,
+    pub(super) surface_speed: Option<SurfaceSpeedReport>,
+    pub(super) permitted: Option<OverrideReport>,
+}
+
+impl ChipCourse {
+    pub(super) fn new(condition: VibrationCondition, settings: &VibrationSettings) -> Self {
+        Self {
+            following: Following::of(condition, settings),
+            max_amplitude_mm: settings.max_amplitude_mm,
+            max_feed_override: 1.0,
+            waits: false,
+            waiting: VecDeque::new(),
+            cut: Tally::default(),
+            permitted: Tally::default(),
+            worst: None,
+        }
+    }
+
+    /// See [`super::SectionAnalyzer::with_feed_overrides`].
+    pub(super) fn with_overrides(self, max_feed_override: f64, waits: bool) -> Self {
+        Self { max_feed_override, waits, ..self }
+    }
+
+    pub(super) fn add(&mut self, piece: Piece) {
+        self.permitted.add(&piece.at(self.max_feed_override, self.following), self.max_feed_override);
+        if let Some(worst) = piece.worst()
+            && self.worst.is_none_or(|known| worst.margin < known.margin)
+        {
+            self.worst = Some(worst);
+        }
+        self.waiting.push_back(piece);
+        if !self.waits {
+            self.is_cut(f64::INFINITY, 1.0);
+        }
+    }
+
+    /// The path has been cut up to a place of the section at a feed override; what was cut before stays.
+    pub(super) fn is_cut(&mut self, up_to_mm: f64, feed_override: f64) {
+        while let Some(piece) = self.waiting.pop_front() {
+            let before_mm = up_to_mm - piece.start_mm();
+            if before_mm <= SAME_PLACE_MM {
+                return self.waiting.push_front(piece);
+            }
+            let piece = if before_mm < piece.length_mm() - SAME_PLACE_MM {
+                let [piece, rest] = piece.divided(before_mm);
+                self.waiting.push_front(rest);
+                piece
+            } else {
+                piece
+            };
+            self.cut.add(&piece.at(feed_override, self.following), feed_override);
+        }
+    }
+
+    /// The verdict on a section of `length_mm`; what still waits is judged at the programmed feed.
+    pub(super) fn finish(mut self, length_mm: f64) -> ChipVerdict {
+        self.is_cut(f64::INFINITY, 1.0);
+        let permitted = self.permitted_report();
+        let Tally { chips, surface_speed, surface_cut } = self.cut;
+        let surface_speed = surface_speed.finish();
+        let cut = Tally { chips, surface_speed: SurfaceSpeedAnalysis::default(), surface_cut };
+        let (broken_share, worst) = (cut.broken_share(surface_speed.as_ref()), cut.worst(surface_speed.as_ref()));
+        let (spans, spans_not_listed) = cut.chips.into_spans(length_mm);
+        ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted }
+    }
+
+    fn permitted_report(&self) -> Option<OverrideReport> {
+        let surface = self.permitted.surface_speed.clone().finish();
+        let broken_share = self.permitted.broken_share(surface.as_ref())?;
+        let Worst { margin, cut, line } = self.worst?;
+        let amplitude_ratio = self.following.ratio_at(self.max_feed_override);
+        let least_mm = |needed_override: f64| {
+            let commanded_mm = needed_override * cut.amplitude_mm / margin;
+            let programmed_mm = commanded_mm / self.following.up_to.map_or(1.0, |limit| needed_override.min(limit));
+            (margin > 0.0 && commanded_mm <= self.max_amplitude_mm).then_some(programmed_mm)
+        };
+        let largest = self.following.largest_breaking(margin);
+        Some(OverrideReport {
+            max_feed_override: self.max_feed_override,
+            broken_share,
+            breaking_margin: margin * amplitude_ratio / self.max_feed_override,
+            line,
+            largest_breaking_override: largest,
+            largest_breaking_feed_per_rev_mm: largest.map(|ratio| cut.feed_per_rev_mm * ratio),
+            min_amplitude_mm: least_mm(self.max_feed_override),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

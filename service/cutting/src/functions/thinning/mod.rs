@@ -1,0 +1,23 @@
+//! Block thinning for five-axis programs: CAM systems emit a block at each crossing of the tool path with a triangle edge, and
+//! directions averaged at edges flicker over short distances. Blocks whose change in direction *and* in position is small
+//! are dropped before interpolation (specification page 02, "Conditions" and "Algorithm").
+//!
+//! A streaming stage: a group of blocks goes in, the kept ones come out. Memory is one group; the results are those of the
+//! page's flow chart, while trees of bounds over the group let the searches leap over blocks that cannot stop them.
+
+mod bounds;
+mod program_report;
+mod report;
+mod span;
+mod stage;
+mod thinner;
+mod trace;
+
+pub(crate) use program_report::report_findings;
+pub use program_report::{DroppedRun, ProgramThinning};
+pub use report::{RotaryReport, ThinningReport};
+pub(crate) use stage::{StageState, ThinningStage};
+pub use thinner::{
+    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningSettings,
+};
+pub use trace::{Deviation, DeviationTrace};

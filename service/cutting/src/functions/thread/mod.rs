@@ -1,0 +1,43 @@
+//! Thread turning with low-frequency vibration (file 004): passes, phases, chips and a planner of passes.
+//!
+//! The tool vibrates in X, on the retreat side only, in a fixed ratio to the spindle, and the phase is shifted
+//! from pass to pass, so that one pass cuts shallow where the pass before cut deep. Everything is a function of
+//! the spindle angle: a generator asks [`ThreadJob::position`], whatever turns the spindle.
+
+mod chip;
+mod findings;
+mod follower;
+mod geometry;
+mod infeed;
+mod job;
+mod parameters;
+mod pass;
+mod path;
+mod planner;
+mod program_text;
+mod report;
+mod run_up;
+mod settings;
+mod state;
+mod superposition;
+#[cfg(test)]
+mod tests;
+mod wave;
+
+pub use chip::{ChipLevel, Clearance, ThreadChip};
+pub use follower::{NotAnAngle, ThreadFollower};
+pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
+pub use infeed::{DepthLaw, InfeedPattern};
+pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};
+pub use path::{MAX_THREAD_PARTS, ThreadPath, ThreadPlace};
+pub(crate) use path::{PathColumns, PathPart, PathVibration};
+pub use planner::{PassMethod, ThreadPlan, ThreadRequest, plan_thread};
+pub use program_text::{ThreadTextOptions, thread_program_text};
+pub use report::{
+    CrestReport, MAX_THREAD_PASSES, ThreadLimits, ThreadPassReport, ThreadReport, ThreadSectionReport, judge_thread,
+};
+pub use run_up::RunUp;
+pub use settings::ThreadVibrationSettings;
+pub(crate) use state::Threads;
+pub(crate) use superposition::ThreadRun;
+pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

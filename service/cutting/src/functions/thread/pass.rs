@@ -1,0 +1,309 @@
+//! From a programmed pass to what the interpolator runs: its way, how its speed changes, and what forbids it.
+
+use core::f64::consts::TAU;
+
+use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
+use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
+
+use super::{PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
+use crate::frame::builder::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
+
+/// Share of the limits of X that changes of its speed take beside the vibration: on a taper, at a pull-out, between
+/// parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
+pub(crate) const TAPER_SHARE: f64 = 0.2;
+
+/// A threading block on its way to the planner.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct ThreadBlock {
+    pub(crate) mv: ThreadMove,
+    pub(crate) span: SourceSpan,
+}
+
+impl ThreadBlock {
+    /// The point where the tool is at its end.
+    pub(crate) fn end(&self) -> Position {
+        let mut end = self.mv.end;
+        if let Some(pull_out) = self.mv.pull_out {
+            end[X] += pull_out.retreat_mm;
+        }
+        end
+    }
+
+    /// Whether `next` goes on with the same thread: only the first block waits for the spindle.
+    pub(crate) fn goes_on_in(&self, next: &ThreadMove) -> bool {
+        self.mv.pull_out.is_none()
+            && self.mv.end == next.start
+            && self.mv.work_offset == next.work_offset
+            && self.mv.spindle == next.spindle
+    }
+
+    /// Travel of X and Z.
+    pub(crate) fn travel(&self) -> [f64; 2] {
+        [self.mv.end[X] - self.mv.start[X], self.mv.end[Z] - self.mv.start[Z]]
+    }
+
+    /// Whether the lead is along Z, as the vibration needs it.
+    pub(crate) fn leads_along_z(&self) -> bool {
+        let [x, z] = self.travel();
+        z.abs() > x.abs()
+    }
+}
+
+const X: usize = Axis::X.index();
+const Z: usize = Axis::Z.index();
+
+/// Tightest limits of the columns that carry out an axis.
+pub(crate) fn axis_limits(machine: &Machine, axis: Axis) -> PathLimits {
+    let columns = machine.axes.iter().filter(|column| column.axis == axis);
+    let limits: Vec<_> = columns
+        .map(|column| PathLimits {
+            velocity: column.max_velocity_per_s,
+            acceleration: column.max_acceleration_per_s2,
+            jerk: column.max_jerk_per_s3,
+        })
+        .collect();
+    PathLimits::tightest(limits.iter())
+}
+
+/// The way of one pass before it is timed.
+pub(crate) struct PassWay {
+    start: [f64; 2],
+    parts: Vec<PathPart>,
+    changes_deg: Vec<f64>,
+    rev_per_s: f64,
+}
+
+impl PassWay {
+    /// The way through blocks that are one thread; `None` with a finding where it is impossible.
+    pub(crate) fn new(blocks: &[ThreadBlock], machine: &Machine, findings: &mut FindingLog) -> Option<Self> {
+        let first = blocks.first()?;
+        let spindle = &first.mv.spindle;
+        let rev_per_s = spindle.rev_per_s(first.mv.start[X]).min(machine.max_spindle_rev_per_min / 60.0);
+        if !(rev_per_s > 0.0 && rev_per_s.is_finite()) {
+            let message = "a thread follows the spindle, which does not turn at a constant speed";
+            let finding = Finding::error("SPINDLE-STOPPED", first.span, message);
+            findings.push(finding.suggest("start the spindle first, such as G97 M3 S500"));
+            return None;
+        }
+        let start = [first.mv.start[X], first.mv.start[Z]];
+        let mut parts: Vec<PathPart> = Vec::with_capacity(blocks.len() + 1);
+        let mut from = start;
+        for block in blocks {
+            let (to, line) = ([block.mv.end[X], block.mv.end[Z]], block.span.line);
+            match block.mv.pull_out.filter(|pull_out| pull_out.travel_mm > 0.0) {
+                Some(pull_out) => {
+                    let whole = PathPart::new(from, to, block.mv.lead_mm, line);
+                    let share = pull_out.travel_mm / (to[1] - from[1]).abs();
+                    // Not a number where it does not move along Z.
+                    if share.is_nan() || share >= 1.0 {
+                        let travel_mm = pull_out.travel_mm;
+                        let message = format!("the tool is pulled out over {travel_mm} mm, all of the thread");
+                        findings.push(
+                            Finding::error("THREAD-PULL-OUT", block.span, message)
+                                .with_value("pull_out", travel_mm, "mm")
+                                .with_value("length", (to[1] - from[1]).abs(), "mm")
+                                .suggest("pull the tool out over a shorter way, or cut a longer thread"),
+                        );
+                        return None;
+                    }
+                    let leaving = [0, 1].map(|axis| to[axis] + (from[axis] - to[axis]) * share);
+                    parts.push(PathPart { end: leaving, angle_deg: whole.angle_deg * (1.0 - share), line });
+                    let end = [block.end()[X], to[1]];
+                    parts.push(PathPart { end, angle_deg: whole.angle_deg * share, line });
+                }
+                None => parts.push(PathPart::new(from, [block.end()[X], to[1]], block.mv.lead_mm, line)),
+            }
+            from = to;
+        }
+        let mut way = Self { start, parts, changes_deg: Vec::new(), rev_per_s };
+        if way.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
+            let message = "the thread has no travel, or no lead";
+            let finding = Finding::error("THREAD-TRAVEL", first.span, message);
+            findings.push(finding.suggest("check the end point, the position before it and the lead"));
+            return None;
+        }
+        way.changes_deg = way.changes(machine);
+        Some(way)
+    }
+
+    pub(crate) fn rev_per_s(&self) -> f64 {
+        self.rev_per_s
+    }
+
+    /// How the lead axis starts.
+    pub(crate) fn run_up(&self) -> RunUp {
+        RunUp { angle_deg: self.changes_deg.first().copied().unwrap_or(0.0) }
+    }
+
+    /// Speeds of X, Z and the path in every part, mm/s.
+    fn speeds(&self) -> impl Iterator<Item = [f64; 3]> {
+        let starts = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));
+        let deg_per_s = 360.0 * self.rev_per_s;
+        starts.zip(&self.parts).map(move |(start, part)| part.slope(start).map(|slope| slope * deg_per_s))
+    }
+
+    /// Angles over which the speed changes at every vertex, the least within the limits of both axes.
+    fn changes(&self, machine: &Machine) -> Vec<f64> {
+        let (x, z) = (axis_limits(machine, Axis::X), axis_limits(machine, Axis::Z));
+        let leads_along_x = self.speeds().all(|[x, z, _]| x.abs() > z.abs());
+        let share = if leads_along_x { 1.0 } else { TAPER_SHARE };
+        let rest = [[0.0; 3]];
+        let before: Vec<_> = rest.into_iter().chain(self.speeds()).collect();
+        let after = self.speeds().chain(rest);
+        let angle_deg = |change: f64, limits: PathLimits, share: f64| {
+            let lead_mm = change.abs() / self.rev_per_s;
+            RunUp::within(lead_mm, self.rev_per_s, share * limits.acceleration, share * limits.jerk).angle_deg
+        };
+        let changes = before
+            .iter()
+            .zip(after)
+            .map(|(from, to)| angle_deg(to[0] - from[0], x, share).max(angle_deg(to[1] - from[1], z, 1.0)));
+        changes.collect()
+    }
+
+    /// Whether every part leaves room for the changes of speed at its ends; with `judged` the thread's own report says so
+    /// of a pass of one part. `number` is that of the pass in its thread.
+    pub(crate) fn check_length(
+        &self,
+        judged: bool,
+        number: Option<u64>,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let is_reported = judged && self.parts.len() == 1;
+        for ((part, ends), speed) in self.parts.iter().zip(self.changes_deg.windows(2)).zip(self.speeds()) {
+            let needed_deg = 0.5 * (ends[0] + ends[1]);
+            if part.angle_deg >= needed_deg {
+                continue;
+            }
+            if is_reported {
+                return false;
+            }
+            let mm_per_deg = speed[2] / (360.0 * self.rev_per_s);
+            let message = format!(
+                "the thread in line {} is {:.3} mm long, but takes {:.3} mm to change its speed at both ends",
+                part.line,
+                part.angle_deg * mm_per_deg,
+                needed_deg * mm_per_deg
+            );
+            let finding = Finding::error("THREAD-LENGTH-SHORT", span, message)
+                .ranked("", (needed_deg - part.angle_deg) * mm_per_deg);
+            let finding = if let Some(number) = number { finding.at("pass", number) } else { finding };
+            findings.push(
+                finding
+                    .with_value("length", part.angle_deg * mm_per_deg, "mm")
+                    .with_value("needed", needed_deg * mm_per_deg, "mm")
+                    .with_value("line", f64::from(part.line), "")
+                    .suggest("turn slower")
+                    .suggest("start further before the work, or end further behind it"),
+            );
+            return false;
+        }
+        true
+    }
+
+    /// Speeds of the axes against their limits, with the vibration; `judged` says that the thread's own report compares
+    /// those of the first part.
+    pub(crate) fn check_speeds(
+        &self,
+        vibration_mm_per_s: f64,
+        judged: bool,
+        machine: &Machine,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) {
+        for (axis, superposed) in [(Axis::X, vibration_mm_per_s), (Axis::Z, 0.0)] {
+            let limit = axis_limits(machine, axis).velocity;
+            let place = usize::from(axis == Axis::Z);
+            let speeds = self.speeds().skip(usize::from(judged));
+            let fastest = speeds.map(|speed| speed[place].abs()).fold(0.0, f64::max);
+            if fastest > 0.0 && fastest + superposed > limit * (1.0 + 1e-9) {
+                let demanded = fastest + superposed;
+                let speed = (60.0 * self.rev_per_s * limit / demanded).floor();
+                let message = format!(
+                    "the thread moves {} with {demanded:.1} mm/s, whose limit is {limit:.1} mm/s",
+                    axis.letter()
+                );
+                findings.push(
+                    Finding::error("THREAD-AXIS-SPEED", span, message)
+                        .ranked(axis.letter().to_string(), demanded / limit)
+                        .with_value("velocity", demanded, "mm/s")
+                        .with_value("limit", limit, "mm/s")
+                        .suggest_value(
+                            format!("turn at {speed} rev/min at most"),
+                            None,
+                            "spindle_speed",
+                            speed,
+                            "rev/min",
+                        ),
+                );
+            }
+        }
+    }
+
+    /// What the interpolator runs. With `prepares` X moves to the vibration position by itself.
+    pub(crate) fn run(
+        &self,
+        blocks: &[ThreadBlock],
+        vibration: PathVibration,
+        settings: &ThreadVibrationSettings,
+        prepares: bool,
+        machine: &Machine,
+        findings: &mut FindingLog,
+    ) -> Option<ThreadRun> {
+        let (first, last) = (blocks.first()?, blocks.last()?);
+        let path = ThreadPath::new(self.start, &self.parts, first.mv.start_angle_deg, &self.changes_deg, vibration);
+        let duration_s = (path.rest_deg() + 360.0) / (360.0 * self.rev_per_s);
+        if !(0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+            findings.push(too_long(first.span, duration_s));
+            return None;
+        }
+        let end = last.end();
+        check_travel(&self.extent(first, vibration.outwards * vibration.wave.amplitude_mm), machine, findings);
+        let prepared_mm = path.retreat_mm(-1.0);
+        let preparation = (prepares && prepared_mm > 0.0)
+            .then(|| Profile::solve(prepared_mm, 0.0, 0.0, axis_limits(machine, Axis::X)))
+            .flatten();
+        Some(ThreadRun {
+            path,
+            end,
+            work_offset: first.mv.work_offset,
+            preparation,
+            outwards: vibration.outwards,
+            reference_rev: settings.reference_angle_deg / 360.0,
+            rev_per_s: self.rev_per_s,
+            line: first.span.line,
+        })
+    }
+
+    /// From the lowest to the highest X and Z of the way with this retreat: a line for the checks of lines.
+    fn extent(&self, first: &ThreadBlock, retreat_mm: f64) -> Element {
+        let (mut start, mut end) = (first.mv.start, first.mv.start);
+        let places = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));
+        for [x, z] in places {
+            start[X] = start[X].min(x).min(x + retreat_mm);
+            end[X] = end[X].max(x).max(x + retreat_mm);
+            start[Z] = start[Z].min(z);
+            end[Z] = end[Z].max(z);
+        }
+        Element {
+            start,
+            end,
+            work_offset: first.mv.work_offset,
+            curve: Curve::Line,
+            length: libm::hypot(end[X] - start[X], end[Z] - start[Z]),
+            source: first.span,
+            rapid: false,
+        }
+    }
+
+    /// Whether the machine has the axes.
+    pub(crate) fn missing_axis(&self, first: &ThreadBlock, machine: &Machine) -> Option<Axis> {
+        feedwave_motion::missing_axis(&self.extent(first, 1.0), machine)
+    }
+}
+
+/// Peak velocity of a vibration, mm/s.
+pub(crate) fn peak_velocity(vibration: &PathVibration, rev_per_s: f64) -> f64 {
+    0.5 * vibration.wave.amplitude_mm * TAU * vibration.wave.vibrations_per_rev * rev_per_s
+}

@@ -1,0 +1,79 @@
+//! A thread as program text, in the words of the thread vibration page ("Program words", "Worked programs").
+
+use serde::{Deserialize, Serialize};
+
+use super::{SpindleRotation, ThreadJob, default_phase_shift_deg};
+use crate::shared::wording::{decimal, word};
+
+/// What a program says besides its passes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ThreadTextOptions {
+    /// Distance of the way back from the work's surface, mm on the radius.
+    pub clearance_mm: f64,
+    /// Amplitude ratio of the `G165` word; passes that follow it have no `A` word.
+    pub ratio: f64,
+}
+
+impl Default for ThreadTextOptions {
+    fn default() -> Self {
+        Self { clearance_mm: 2.0, ratio: 1.2 }
+    }
+}
+
+/// Program text of a thread, X and A as diameters, lengths in mm.
+///
+/// `A` stands where the amplitude does not follow the ratio, `R` where the phase shift is not the default one; both
+/// always stand in a thread of several starts, whose passes a control may count in another way, and on a taper, where
+/// X differs between start positions at equal depth.
+#[must_use]
+pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> String {
+    let geometry = &job.geometry;
+    let mut text = String::new();
+    let mut line = |words: &[String]| {
+        text.push_str(&words.join(" "));
+        text.push('\n');
+    };
+    let spindle = match geometry.rotation {
+        SpindleRotation::Forward => "M3",
+        SpindleRotation::Reverse => "M4",
+    };
+    line(&[format!("(THREAD WITH VIBRATION, D = {})", decimal(job.vibrations_per_rev, 4))]);
+    line(&["G97".to_owned(), format!("S{}", decimal(job.spindle_rev_per_min, 3)), spindle.to_owned()]);
+    line(&["G165 P3".to_owned(), word('X', geometry.work_diameter_mm, 4), word('Q', options.ratio, 4)]);
+    // Clear of the work at both ends, whichever of them the taper makes the higher one.
+    let clear_mm = |travel_mm: f64| geometry.radius_mm(-options.clearance_mm, travel_mm);
+    let ends = [clear_mm(0.0), clear_mm(geometry.length_mm())];
+    let higher = |a: f64, b: f64| if geometry.inwards() > 0.0 { a.max(b) } else { a.min(b) };
+    let mut clear = higher(ends[0], ends[1]);
+    for pass in &job.passes {
+        clear = higher(clear, clear_mm(pass.start_travel_mm));
+    }
+    // A narrow bore has no room for all of the clearance.
+    let clear = word('X', 2.0 * clear.max(0.0), 4);
+    let plain = geometry.starts <= 1 && geometry.taper == 0.0;
+    for (index, pass) in job.passes.iter().enumerate() {
+        line(&["G0".to_owned(), clear.clone()]);
+        line(&["G0".to_owned(), word('Z', geometry.z_mm(pass.start_travel_mm), 4)]);
+        line(&["G0".to_owned(), word('X', 2.0 * geometry.radius_mm(pass.depth_mm, pass.start_travel_mm), 4)]);
+        let mut words = vec!["G32".to_owned()];
+        if geometry.taper != 0.0 {
+            words.push(word('X', 2.0 * geometry.radius_mm(pass.depth_mm, geometry.length_mm()), 4));
+        }
+        words.push(word('Z', geometry.end_z_mm, 4));
+        words.push(word('F', geometry.lead_mm, 6));
+        words.push(word('Q', pass.start_angle_deg, 3));
+        let followed_mm = job.infeed_mm(index) * options.ratio;
+        if !plain || !pass.vibrates() || (pass.amplitude_mm - followed_mm).abs() > 1e-6 {
+            words.push(word('A', 2.0 * pass.amplitude_mm, 4));
+        }
+        let shift = pass.phase_shift_deg - default_phase_shift_deg(index);
+        if pass.vibrates() && (!plain || shift.abs() > 1e-6) {
+            words.push(word('R', pass.phase_shift_deg, 3));
+        }
+        line(&words);
+    }
+    line(&["G0".to_owned(), clear]);
+    text.push_str("G165 P0\nM5\nM30\n");
+    text
+}

@@ -1,0 +1,466 @@
+//! The conditions of the tool oscillation page, each a finding with its numbers and what cures it.
+
+use feedwave_program::{Finding, SourceSpan};
+
+use super::condition::{MAX_RAMP_PERIODS, OscillationPeriod, nearest_periods_per_rev};
+use super::report::{DirectionLoad, OscillationJob, OscillationReport};
+use super::waveform::{MAX_HOLD_SHARE, WaveformError};
+use super::{Engagement, OscillationDirection, Waveform};
+use crate::MAX_AMPLITUDE_MM;
+use crate::shared::wording::{decimal, round_down, round_to, round_up};
+
+/// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.
+const PERIOD_TOLERANCE: f64 = 1e-5;
+/// Most periods per revolution.
+const MAX_PERIODS_PER_REV: f64 = 1_000.0;
+/// Phase error from which on it is worth a warning, degrees.
+const PHASE_TOLERANCE_DEG: f64 = 1.0;
+/// Room for the rounding of computed limits, which are often met exactly.
+const ROUNDING: f64 = 1e-9;
+/// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.
+const MAX_LONG_HOLD: f64 = 0.9;
+/// Height that counts as left over above an edge, mm.
+const NOTHING_MM: f64 = 1e-6;
+
+/// Values that are impossible by themselves.
+pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
+    if let Err(error) = job.tool.check() {
+        let finding = Finding::error("OSC-TOOL", job.span, error.to_string());
+        findings.push(finding.suggest("correct the tool in the tool library"));
+    }
+    let mut check = |name: &'static str, value: f64, low: f64, high: f64, unit: &'static str| {
+        // NaN is refused as well.
+        if !(low..=high).contains(&value) {
+            let message = format!("the oscillation's {name} must be between {low} and {high} {unit}, is {value}");
+            let nearest = if value > high { high } else { low };
+            findings.push(
+                Finding::error("OSC-VALUE", job.span, message)
+                    .ranked(name, value.abs())
+                    .with_value("value", value, unit)
+                    .with_value("least", low, unit)
+                    .with_value("most", high, unit)
+                    .suggest_value("use a value within the range", None, "nearest", nearest, unit),
+            );
+        }
+    };
+    let (condition, cut) = (job.condition, &job.cut);
+    let directions =
+        [("feed", Some(&condition.feed)), ("axial", Some(&condition.axial)), ("cross", condition.cross.as_ref())];
+    for (name, direction) in directions.iter().filter_map(|(name, direction)| Some((*name, (*direction)?))) {
+        let (amplitude, phase) = match name {
+            "feed" => ("feed amplitude", "feed phase"),
+            "axial" => ("axial amplitude", "axial phase"),
+            _ => ("cross amplitude", "cross phase"),
+        };
+        check(amplitude, direction.amplitude_mm, 0.0, MAX_AMPLITUDE_MM, "mm");
+        check(phase, direction.phase_deg, -360.0, 360.0, "deg");
+    }
+    check("leading phase", condition.leading_edge.phase_deg, -360.0, 360.0, "deg");
+    check("number of ramp periods", f64::from(condition.ramp_periods), 1.0, f64::from(MAX_RAMP_PERIODS), "");
+    check("feed", cut.feed_mm_per_min, 1e-3, 1e6, "mm/min");
+    check("spindle speed", cut.spindle_rev_per_min, 1e-3, 1e6, "rev/min");
+    check("depth", cut.depth_mm, 0.0, 1_000.0, "mm");
+    check("start of the engagement", cut.engagement_deg[0], -90.0, 90.0, "deg");
+    check("end of the engagement", cut.engagement_deg[1], cut.engagement_deg[0].clamp(-90.0, 90.0), 90.0, "deg");
+    if let Engagement::Width { width_mm, .. } = condition.engagement {
+        check("width of the engagement", width_mm, 1e-3, 2.0 * job.tool.radius_mm, "mm");
+    }
+    match condition.period {
+        OscillationPeriod::PerRevolution(periods) => {
+            check("number of periods per revolution", f64::from(periods), 1.0, MAX_PERIODS_PER_REV, "");
+        }
+        OscillationPeriod::Seconds(seconds) => check("period", seconds, 1e-6, 1e3, "s"),
+    }
+    for (name, direction) in directions.iter().filter_map(|(name, direction)| Some((*name, (*direction)?))) {
+        if let Err(error) = direction.waveform.compile() {
+            findings.push(waveform(name, &error, job.span));
+        }
+    }
+    let edges = job.tool.edge_count();
+    if !(1..=edges).contains(&job.leading_edge) {
+        let message = format!("edge {} is to lead, but the tool has the edges 1 to {edges}", job.leading_edge);
+        findings.push(
+            Finding::error("OSC-LEADING-EDGE", job.span, message)
+                .with_value("edge", f64::from(job.leading_edge), "")
+                .with_value("edges", f64::from(edges), "")
+                .suggest_value("let the first edge lead", None, "edge", 1.0, ""),
+        );
+    }
+}
+
+fn waveform(direction: &str, error: &WaveformError, span: SourceSpan) -> Finding {
+    let finding = Finding::error("OSC-WAVEFORM", span, format!("waveform in the {direction} direction: {error}"));
+    match *error {
+        WaveformError::HoldShare(share) => {
+            let nearest = if share > MAX_HOLD_SHARE { MAX_HOLD_SHARE } else { 0.0 };
+            finding.with_value("hold_share", share, "").suggest_value(
+                "use a share within the range",
+                None,
+                "hold_share",
+                nearest,
+                "",
+            )
+        }
+        WaveformError::PointCount(count) => finding.with_value("points", count as f64, ""),
+        WaveformError::Phase { number, phase } => {
+            finding.with_value("point", number as f64, "").with_value("phase", phase, "")
+        }
+        WaveformError::Peak(peak) => {
+            finding.with_value("peak", peak, "").suggest("divide all values by the largest and scale the amplitude")
+        }
+    }
+}
+
+/// Periods per revolution M; `None`, with a finding, where the period is no whole part of a revolution.
+pub(super) fn period(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> Option<u32> {
+    let seconds = match job.condition.period {
+        OscillationPeriod::PerRevolution(periods) => return Some(periods),
+        OscillationPeriod::Seconds(seconds) => seconds,
+    };
+    let revolution_s = 60.0 / job.cut.spindle_rev_per_min;
+    let periods = revolution_s / seconds;
+    let whole = periods.round().clamp(1.0, MAX_PERIODS_PER_REV);
+    if (periods - whole).abs() <= PERIOD_TOLERANCE * whole {
+        return Some(whole as u32);
+    }
+    let nearest = f64::from(nearest_periods_per_rev(job.tool, periods));
+    let message = format!(
+        "a period of {} ms is no whole part of a revolution of {} ms: {} periods fit",
+        decimal(seconds * 1e3, 4),
+        decimal(revolution_s * 1e3, 4),
+        decimal(periods, 4)
+    );
+    findings.push(
+        Finding::error("OSC-PERIOD-FRACTION", job.span, message)
+            .ranked("", (periods - whole).abs())
+            .with_value("period", seconds, "s")
+            .with_value("revolution", revolution_s, "s")
+            .with_value("periods_per_rev", periods, "")
+            .suggest_value(use_periods(nearest), None, "periods_per_rev", nearest, "")
+            .suggest_value("or the period that belongs to it", None, "period", revolution_s / nearest, "s"),
+    );
+    None
+}
+
+/// The cure by another number of periods per revolution.
+fn use_periods(periods: f64) -> String {
+    format!("use {periods} {} per revolution", if periods == 1.0 { "period" } else { "periods" })
+}
+
+/// Every condition of a pass whose quantities are possible.
+pub(super) fn conditions(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    edges_and_period(job, report, findings);
+    hold(job, report, findings);
+    step(job, report, findings);
+    phase(job, report, findings);
+    roles(job, report, findings);
+    for load in &report.loads {
+        dynamics(job, load, findings);
+    }
+    depth(job, report, findings);
+}
+
+fn edges_and_period(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let (edges, periods) = (job.tool.edge_count(), report.periods_per_rev);
+    if edges.is_multiple_of(periods) {
+        return;
+    }
+    let nearest = f64::from(nearest_periods_per_rev(job.tool, f64::from(periods)));
+    let message =
+        format!("{periods} periods per revolution do not divide the {edges} edges: no edge leads in every period");
+    findings.push(
+        Finding::error("OSC-EDGES-PERIOD", job.span, message)
+            .with_value("edges", f64::from(edges), "")
+            .with_value("periods_per_rev", f64::from(periods), "")
+            .suggest_value(use_periods(nearest), None, "periods_per_rev", nearest, ""),
+    );
+}
+
+fn hold(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let (held, required) = (report.hold_share, report.required_hold_share);
+    if held >= required * (1.0 - ROUNDING) || job.condition.axial.amplitude_mm == 0.0 {
+        return;
+    }
+    let message = format!(
+        "the largest protrusion is held for {} of the period, but the next edge comes after {}: the protruded edges close \
+         no circle and the floor is not smooth",
+        decimal(held, 4),
+        decimal(required, 4)
+    );
+    let finding = Finding::warning("OSC-HOLD-SHORT", job.span, message)
+        .ranked("", required - held)
+        .with_value("hold_share", held, "")
+        .with_value("required", required, "");
+    findings.push(if required <= MAX_HOLD_SHARE {
+        let share = round_up(required, 4).min(MAX_HOLD_SHARE);
+        finding.suggest_value(
+            format!("use a held peak with a hold share of at least {}", decimal(share, 4)),
+            None,
+            "hold_share",
+            share,
+            "",
+        )
+    } else {
+        longer_hold(job, report, finding)
+    });
+}
+
+/// Cures where extremes that are held alike cannot be held long enough: fewer periods per revolution, or a waveform that holds
+/// the protrusion longer than the retraction.
+fn longer_hold(job: &OscillationJob<'_>, report: &OscillationReport, finding: Finding) -> Finding {
+    let (edges, gap) = (job.tool.edge_count(), job.tool.widest_gap_turns());
+    let fitting = |most: f64| {
+        (1..=edges).rev().find(|periods| f64::from(*periods) * gap <= most && edges.is_multiple_of(*periods))
+    };
+    let finding = match fitting(MAX_HOLD_SHARE).map(f64::from) {
+        Some(periods) => finding.suggest_value(use_periods(periods), None, "periods_per_rev", periods, ""),
+        None => finding,
+    };
+    let Some(periods) = fitting(MAX_LONG_HOLD).filter(|periods| *periods <= report.periods_per_rev) else {
+        return finding.suggest("use a tool with more edges");
+    };
+    let (points, hold_share) = long_hold(f64::from(periods) * gap);
+    let points = points.map(|[phase, value]| format!("({}, {value})", decimal(phase, 3))).join(", ");
+    let with = format!("the axial waveform of a table through {points}, which holds the protrusion longer");
+    if periods == report.periods_per_rev {
+        finding.suggest_value(format!("use {with}"), None, "hold_share", hold_share, "")
+    } else {
+        let periods = f64::from(periods);
+        finding.suggest_value(format!("{} and {with}", use_periods(periods)), None, "periods_per_rev", periods, "")
+    }
+}
+
+/// A table that holds the protrusion around ¾ of the period for a little more than `required`, and the share for which it does.
+/// What is left is shared by ramps, retraction and ramps as 3 : 4 : 3.
+fn long_hold(required: f64) -> ([[f64; 2]; 4], f64) {
+    let trough = round_up(0.5 * required + 0.01, 3);
+    let crest = round_down(0.2 * (1.0 - 2.0 * trough), 3);
+    let points = [[trough - 0.25, -1.0], [0.25 - crest, 1.0], [0.25 + crest, 1.0], [0.75 - trough, -1.0]];
+    (points, 2.0 * trough)
+}
+
+fn step(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let (step_mm, length_mm) = (report.feed_per_period_mm, job.tool.radial_edge_length_mm);
+    if step_mm <= length_mm * (1.0 + ROUNDING) {
+        return;
+    }
+    let feed = round_down(60.0 * length_mm / report.period_s, 1);
+    let message = format!(
+        "the feed goes {} mm in one period, further than the {} mm that an edge cuts at its end",
+        decimal(step_mm, 4),
+        decimal(length_mm, 4)
+    );
+    let finding = Finding::error("OSC-STEP-LONG", job.span, message)
+        .ranked("", step_mm / length_mm)
+        .with_value("feed_per_period", step_mm, "mm")
+        .with_value("radial_edge_length", length_mm, "mm")
+        .suggest_value(format!("feed at most {} mm/min", decimal(feed, 1)), None, "feed", feed, "mm/min");
+    let speed = round_up(job.cut.spindle_rev_per_min * step_mm / length_mm, 1);
+    findings.push(finding.suggest_value(
+        format!("or turn at {} rev/min at least", decimal(speed, 1)),
+        None,
+        "spindle_speed",
+        speed,
+        "rev/min",
+    ));
+}
+
+fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let error_deg = report.phase_error_deg;
+    if error_deg.abs() <= PHASE_TOLERANCE_DEG {
+        return;
+    }
+    let message = format!(
+        "the largest protrusion comes {} degrees {} the largest retreat in the feed direction",
+        decimal(error_deg.abs(), 2),
+        if error_deg > 0.0 { "after" } else { "before" }
+    );
+    // Beyond a quarter the protruded tool is in front of the retracted one: it would rough with what has to finish.
+    let finding = if error_deg.abs() > 90.0 {
+        Finding::error("OSC-PHASE", job.span, format!("{message}: it would finish before it roughs"))
+    } else {
+        Finding::warning("OSC-PHASE", job.span, message)
+    };
+    let cure_deg = job.condition.axial.phase_deg + error_deg;
+    // To a thousandth, and no negative zero.
+    let cure_deg = round_to(cure_deg - 360.0 * (cure_deg / 360.0).round(), 3) + 0.0;
+    findings.push(finding.ranked("", error_deg.abs()).with_value("phase_error", error_deg, "deg").suggest_value(
+        format!("let the axial oscillation run ahead by {} degrees", decimal(cure_deg, 3)),
+        None,
+        "axial_phase",
+        cure_deg,
+        "deg",
+    ));
+}
+
+/// Which edges lead and finish, and whether they are those meant for it.
+fn roles(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let names = |edges: &[u32]| edges.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+    let message = format!("edge {} leads, edge {} finishes", report.leading_edge, names(&report.finishing_edges));
+    findings.push(
+        Finding::info("OSC-ROLES", job.span, message)
+            .with_value("leading_edge", f64::from(report.leading_edge), "")
+            .with_value("finishing_edges", report.finishing_edges.len() as f64, "")
+            .with_value("expected_finishing_edges", f64::from(report.periods_per_rev), ""),
+    );
+    let meant: Vec<u32> =
+        (1..).zip(&job.tool.edges).filter(|(_, edge)| edge.finishing).map(|(number, _)| number).collect();
+    if meant.is_empty() || report.finishing_edges.iter().all(|edge| meant.contains(edge)) {
+        return;
+    }
+    // Turning the roles by the distance from a finishing edge to the one meant for it.
+    let edges = job.tool.edge_count();
+    let shift = report.finishing_edges.first().map_or(0, |finishing| (meant[0] + edges - finishing) % edges);
+    let leading = (job.leading_edge - 1 + shift) % edges + 1;
+    let message =
+        format!("edge {} finishes, but edge {} is meant for it", names(&report.finishing_edges), names(&meant));
+    findings.push(
+        Finding::warning("OSC-FINISHING-EDGE", job.span, message)
+            .with_value("finishing_edge", f64::from(report.finishing_edges.first().copied().unwrap_or(0)), "")
+            .with_value("meant", f64::from(meant[0]), "")
+            .suggest_value(format!("let edge {leading} lead"), None, "leading_edge", f64::from(leading), ""),
+    );
+}
+
+fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<Finding>) {
+    let (name, amplitude) = match load.direction {
+        OscillationDirection::Feed => ("in the feed direction", "feed_amplitude"),
+        OscillationDirection::Axial => ("along the tool axis", "axial_amplitude"),
+        OscillationDirection::Cross => ("across the feed", "cross_amplitude"),
+    };
+    let feed = load.velocity_with_feed_mm_per_s - load.peaks.velocity_mm_per_s;
+    let quantities = [
+        (
+            "OSC-AXIS-VELOCITY",
+            "velocity",
+            "mm/s",
+            load.peaks.velocity_mm_per_s,
+            load.limits.velocity_mm_per_s,
+            feed,
+            1.0,
+        ),
+        (
+            "OSC-AXIS-ACCELERATION",
+            "acceleration",
+            "mm/s²",
+            load.peaks.acceleration_mm_per_s2,
+            load.limits.acceleration_mm_per_s2,
+            0.0,
+            2.0,
+        ),
+        ("OSC-AXIS-JERK", "jerk", "mm/s³", load.peaks.jerk_mm_per_s3, load.limits.jerk_mm_per_s3, 0.0, 3.0),
+    ];
+    for (code, quantity, unit, peak, limit, taken, order) in quantities {
+        if peak + taken <= limit * (1.0 + ROUNDING) {
+            continue;
+        }
+        let left = (limit - taken).max(0.0);
+        let message = format!(
+            "the oscillation {name} takes {} {unit} of the {quantity}, whose limit is {}",
+            decimal(peak + taken, 1),
+            decimal(limit, 1)
+        );
+        let mut finding = Finding::error(code, job.span, message)
+            .ranked(name, (peak + taken) / limit)
+            .with_value("demanded", peak + taken, unit)
+            .with_value("limit", limit, unit);
+        if peak > 0.0 && left > 0.0 {
+            let largest_mm = round_down(load.amplitude_mm * left / peak, 4);
+            let speed = round_down(job.cut.spindle_rev_per_min * libm::pow(left / peak, 1.0 / order), 1);
+            finding = finding
+                .suggest_value(
+                    format!("the machine can follow an amplitude of {} mm", decimal(largest_mm, 4)),
+                    None,
+                    amplitude,
+                    largest_mm,
+                    "mm",
+                )
+                .suggest_value(
+                    format!("or turn at {} rev/min at most", decimal(speed, 1)),
+                    None,
+                    "spindle_speed",
+                    speed,
+                    "rev/min",
+                );
+        }
+        findings.push(finding);
+    }
+    let step = load.peaks.acceleration_step_mm_per_s2;
+    if step > 0.0 {
+        let message = format!(
+            "the waveform {name} steps the acceleration by {} mm/s²: the jerk is unbounded there",
+            decimal(step, 1)
+        );
+        let waveform = match load.direction {
+            OscillationDirection::Feed => Some(&job.condition.feed.waveform),
+            OscillationDirection::Axial => Some(&job.condition.axial.waveform),
+            OscillationDirection::Cross => job.condition.cross.as_ref().map(|cross| &cross.waveform),
+        };
+        let finding = Finding::warning("OSC-JERK-STEP", job.span, message).ranked(name, step).with_value(
+            "acceleration_step",
+            step,
+            "mm/s²",
+        );
+        findings.push(match waveform {
+            Some(Waveform::HeldPeak { hold_share }) => finding.suggest_value(
+                "use the jerk-limited held peak with the same holds",
+                None,
+                "hold_share",
+                *hold_share,
+                "",
+            ),
+            // No other waveform holds the protrusion longer than the retraction.
+            Some(Waveform::Table { .. }) if needs_long_hold(job, load.direction) => {
+                finding.suggest("use a smaller axial amplitude or a lower spindle speed, which make the step smaller")
+            }
+            _ => finding.suggest("use a sine or the jerk-limited held peak"),
+        });
+    }
+}
+
+/// Whether extremes that are held alike would leave the floor rough.
+fn needs_long_hold(job: &OscillationJob<'_>, direction: OscillationDirection) -> bool {
+    let periods = match job.condition.period {
+        OscillationPeriod::PerRevolution(periods) => f64::from(periods),
+        OscillationPeriod::Seconds(seconds) => 60.0 / job.cut.spindle_rev_per_min / seconds,
+    };
+    direction == OscillationDirection::Axial && periods * job.tool.widest_gap_turns() > MAX_HOLD_SHARE
+}
+
+fn depth(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let (reach_mm, height_mm) = (report.axial_reach_mm, job.tool.axial_edge_height_mm);
+    if reach_mm <= height_mm * (1.0 + ROUNDING) {
+        return;
+    }
+    let message = format!(
+        "depth and axial travel together are {} mm, the edges are {} mm high",
+        decimal(reach_mm, 4),
+        decimal(height_mm, 4)
+    );
+    let with_values = |finding: Finding| {
+        finding
+            .ranked("", reach_mm - height_mm)
+            .with_value("reach", reach_mm, "mm")
+            .with_value("edge_height", height_mm, "mm")
+            .with_value("left_above_edge", report.above_edge_mm, "mm")
+    };
+    if report.above_edge_mm <= NOTHING_MM {
+        let message = format!("{message}; the stages leave nothing above an edge");
+        findings.push(with_values(Finding::info("OSC-DEPTH", job.span, message)));
+        return;
+    }
+    let message = format!("{message}: {} mm meet the tool above an edge", decimal(report.above_edge_mm, 4));
+    let mut finding = with_values(Finding::error("OSC-DEPTH", job.span, message));
+    let travel_mm = 2.0 * job.condition.axial.amplitude_mm;
+    let depth_mm = round_down(height_mm - travel_mm, 4);
+    if depth_mm > 0.0 {
+        let cure = format!("cut at most {} mm deep", decimal(depth_mm, 4));
+        finding = finding.suggest_value(cure, None, "depth", depth_mm, "mm");
+    }
+    let amplitude_mm = round_down(0.5 * (height_mm - job.cut.depth_mm), 4);
+    if amplitude_mm > 0.0 {
+        let cure = format!("or use an axial amplitude of at most {} mm", decimal(amplitude_mm, 4));
+        finding = finding.suggest_value(cure, None, "axial_amplitude", amplitude_mm, "mm");
+    }
+    findings.push(finding);
+}

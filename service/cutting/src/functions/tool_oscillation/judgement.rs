@@ -1,0 +1,406 @@
+//! Judging oscillating cuts: what can be said about an element alone, and about a whole pass where tool, feed or spindle
+//! speed are new.
+
+use feedwave_motion::kinematics::RotaryDirections;
+use feedwave_motion::{Curve, Element, top_command};
+use feedwave_program::{Axis, Finding, Position, SourceSpan, SpindleDirection, SpindleSpeed};
+
+use super::limits::{LeftLimits, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
+use super::{
+    ActiveOscillation, ConditionChoice, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
+    OscillationJob, OscillationReport, OscillationRun, OscillationSectionReport, RoleReport, RoleRotation,
+    ToolGeometry, ToolOscillation, find_condition, judge, known_names, ramp_mm, seen_by_tool, synchronise,
+};
+use crate::PipelineConfig;
+use crate::shared::cut::Cut;
+
+/// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
+const LEAST_IN_PLANE: f64 = 0.1;
+/// Stretches of an element in which the turning of the feed direction is looked at.
+const TURNING_PLACES: usize = 16;
+/// What it is taken larger between them: along a corner's quintics it changes by a tenth from one place to the next.
+const TURNING_MARGIN: f64 = 1.2;
+/// Most passes whose judgement is kept.
+const MAX_KNOWN: usize = 256;
+/// Most floors that are simulated for one program.
+const MAX_FLOORS: usize = 32;
+
+/// Passes that were judged, so that like ones are judged once; while validating only.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Judgements {
+    known: Vec<Judgement>,
+    floors: usize,
+    floors_ended: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Judgement {
+    tool: u32,
+    condition: OscillationCondition,
+    leading_edge: u32,
+    cut: OscillationCut,
+    span: SourceSpan,
+    report: Option<OscillationReport>,
+    findings: Vec<Finding>,
+}
+
+impl Judgements {
+    /// As [`judge`], with the floor as the profile says.
+    fn judge(
+        &mut self,
+        tool: u32,
+        mut job: OscillationJob<'_>,
+        config: &PipelineConfig,
+        found: &mut Vec<Finding>,
+    ) -> Option<OscillationReport> {
+        let like = self.known.iter().find(|known| {
+            known.tool == tool
+                && known.leading_edge == job.leading_edge
+                && known.cut == job.cut
+                && known.condition == *job.condition
+        });
+        if let Some(known) = like {
+            let here = known.findings.iter().cloned().map(|mut finding| {
+                if finding.span == known.span {
+                    finding.span = job.span;
+                }
+                finding
+            });
+            found.extend(here);
+            return known.report.clone();
+        }
+        job.floor = config.profile.oscillation_floor.area(job.tool, &job.cut);
+        if job.floor.is_some() {
+            if self.floors < MAX_FLOORS {
+                self.floors += 1;
+            } else {
+                job.floor = None;
+                if !std::mem::replace(&mut self.floors_ended, true) {
+                    let message = format!(
+                        "the floor of this and of further cuts is not simulated: {MAX_FLOORS} different ones were"
+                    );
+                    found.push(
+                        Finding::info("OSC-FLOOR", job.span, message)
+                            .with_value("simulated", MAX_FLOORS as f64, "")
+                            .suggest("validate a part of the program to see its floor"),
+                    );
+                }
+            }
+        }
+        let (report, findings) = judge(&job);
+        found.extend(findings.iter().cloned());
+        if self.known.len() < MAX_KNOWN {
+            self.known.push(Judgement {
+                tool,
+                condition: job.condition.clone(),
+                leading_edge: job.leading_edge,
+                cut: job.cut,
+                span: job.span,
+                report: report.clone(),
+                findings,
+            });
+        }
+        report
+    }
+}
+
+impl ActiveOscillation {
+    /// Judges the element. The report of a pass comes where `judgements` are kept and the pass is new.
+    #[allow(clippy::too_many_arguments, reason = "what an element is judged by has no other thing in common")]
+    pub(crate) fn prepare(
+        &mut self,
+        element: &Element,
+        cut: &Cut,
+        tool: u32,
+        rotary: Option<&RotaryDirections>,
+        vibrates: bool,
+        config: &PipelineConfig,
+        judgements: Option<&mut Judgements>,
+        found: &mut Vec<Finding>,
+    ) -> Option<OscillationSectionReport> {
+        let span = element.source;
+        let mut refuse =
+            |code, message: &str, cure: &str| found.push(Finding::error(code, span, message).suggest(cure));
+        let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
+        let guided = match &element.curve {
+            Curve::FiveAxis(five_axis) => Some(five_axis),
+            _ => None,
+        };
+        if guided.is_some() && rotary.is_none() {
+            let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
+                           under a spindle along Z: here one of them turns the tool";
+            refuse("OSC-FIVE-AXIS", message, "switch the oscillation off before");
+            return None;
+        }
+        if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
+            refuse("OSC-ROTARY", "the tool oscillates while a rotary axis moves", "switch the oscillation off before");
+            return None;
+        }
+        if vibrates {
+            let message = "the tool oscillates while the vibration along the path is on";
+            refuse("OSC-WITH-VIBRATION", message, "switch one of them off");
+            return None;
+        }
+        let SpindleSpeed::Constant { rev_per_min } = cut.spindle.speed else {
+            let message = "the tool oscillates in step with a constant spindle speed only";
+            refuse("OSC-SURFACE-SPEED", message, "program a spindle speed with G97");
+            return None;
+        };
+        if !cut.spindle.is_turning() {
+            refuse("OSC-SPINDLE-STOPPED", "the oscillation is driven by the spindle, which stands", "start it before");
+            return None;
+        }
+        let spindle_rev_per_min = rev_per_min.min(config.profile.machine.max_spindle_rev_per_min);
+        let in_plane = |s: f64| {
+            let heading = heading(rotary, element, s);
+            libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
+        };
+        let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
+        if least < LEAST_IN_PLANE {
+            let message = "the path goes along the tool axis: there is no feed direction to oscillate in";
+            refuse("OSC-PLUNGE", message, "switch the oscillation off for this block");
+            return None;
+        }
+        let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, &config.profile.machine);
+        let curvature = guided.map_or_else(|| element.curvature(), |_| turning_per_mm(rotary, element));
+        let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
+        if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
+            let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
+            let message = "the feed direction turns too fast for the oscillation to follow it";
+            found.push(
+                Finding::error("OSC-TURNING", span, message)
+                    .ranked("", feed_mm_per_s / largest_mm_per_s)
+                    .with_value("curvature", curvature, "1/mm")
+                    .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
+                    .suggest_value("feed slower on this curve", None, "feed", feed, "mm/min"),
+            );
+            return None;
+        }
+        let clockwise = cut.spindle.direction == SpindleDirection::Clockwise;
+        let feed_mm_per_min = feed_mm_per_s * 60.0;
+        let signed = if clockwise { spindle_rev_per_min } else { -spindle_rev_per_min };
+        if self.judged.is_some_and(|(old_tool, feed, speed)| {
+            // A slower feed is within everything that the faster one was judged by, where no table decides otherwise.
+            let is_within = if self.has_tables { feed == feed_mm_per_min } else { feed >= feed_mm_per_min };
+            old_tool == tool && is_within && speed == signed
+        }) {
+            return None;
+        }
+        self.judged = Some((tool, feed_mm_per_min, signed));
+        let cutting = OscillationCut {
+            feed_mm_per_min,
+            spindle_rev_per_min,
+            clockwise,
+            depth_mm: 0.0,
+            engagement_deg: [-90.0, 90.0],
+        };
+        self.judge(span.line, tool, cutting, config, judgements, found)
+    }
+
+    fn judge(
+        &mut self,
+        line: u32,
+        tool_number: u32,
+        mut cut: OscillationCut,
+        config: &PipelineConfig,
+        judgements: Option<&mut Judgements>,
+        found: &mut Vec<Finding>,
+    ) -> Option<OscillationSectionReport> {
+        let span = self.on_span;
+        let profile = &config.profile;
+        let named = self.choose(config, tool_number, found)?;
+        self.has_tables = !named.tables.is_empty();
+        let tool = self.geometry(config, tool_number, found)?;
+        let mut condition = named.at(cut.feed_mm_per_min, cut.spindle_rev_per_min);
+        if let Some(amplitude_mm) = self.feed_amplitude_mm {
+            condition.feed.amplitude_mm = amplitude_mm;
+        }
+        if let Some(amplitude_mm) = self.axial_amplitude_mm {
+            condition.axial.amplitude_mm = amplitude_mm;
+        }
+        // Without a depth the deepest pass that the edges can cut.
+        let deepest_mm = (tool.axial_edge_height_mm - 2.0 * condition.axial.amplitude_mm).max(0.0);
+        cut.depth_mm = self.depth_mm.unwrap_or(deepest_mm);
+        cut.engagement_deg = condition.engagement.azimuths_deg(tool.radius_mm, cut.clockwise);
+        let (leading_edge, roles) = self.roles(&condition.leading_edge, tool, config);
+        let limits = machine_limits(&profile.machine);
+        let job = OscillationJob { tool, condition: &condition, leading_edge, cut, limits, floor: None, span };
+        // While streaming the program has been judged before.
+        let mut ignored = Vec::new();
+        let (report, said) = match judgements {
+            Some(judgements) => {
+                let report = judgements.judge(tool_number, job, config, found);
+                report_roles(&roles, leading_edge, span, found);
+                (report, &mut ignored)
+            }
+            None => (None, &mut *found),
+        };
+        let oscillation = synchronise(&job, said)?;
+        let run = run(oscillation, &condition, &cut);
+        let mut report = report.map(|report| OscillationSectionReport {
+            on_line: self.on_span.line,
+            line,
+            tool: tool_number,
+            condition: named.name.clone(),
+            roles,
+            cut,
+            report,
+        });
+        match LeftLimits::of(&profile.machine, &run, &cut) {
+            Ok(left) => (self.left, self.run) = (Some(left), Some(Box::new(run))),
+            Err(shortage) => {
+                let fits = |share: f64| {
+                    let mut oscillation = run.oscillation.clone();
+                    let plane = core::iter::once(&mut oscillation.feed).chain(&mut oscillation.cross);
+                    plane.chain([&mut oscillation.axial]).for_each(|motion| motion.amplitude_mm *= share);
+                    LeftLimits::of(&profile.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
+                };
+                found.push(shortage.finding(span, &run, fits));
+                // What was judged is told all the same.
+                if let Some(report) = &mut report {
+                    report.report.feasible = false;
+                }
+            }
+        }
+        report
+    }
+
+    /// The condition that the request or the program chooses.
+    fn choose<'a>(
+        &self,
+        config: &'a PipelineConfig,
+        tool: u32,
+        found: &mut Vec<Finding>,
+    ) -> Option<&'a NamedCondition> {
+        let conditions = &config.profile.tool_oscillation;
+        let requested = config.oscillation.condition.as_deref();
+        let number = self.number.unwrap_or_default();
+        let choice = requested.map_or(ConditionChoice::Number(number), ConditionChoice::Name);
+        let Some(named) = find_condition(conditions, choice, tool) else {
+            let which = requested.map_or_else(|| number.to_string(), |name| format!("{name:?}"));
+            let message = format!("the machine has no oscillation condition {which} for tool {tool}");
+            let cure = if conditions.is_empty() {
+                "add the condition to the machine profile".to_owned()
+            } else {
+                known_names(conditions)
+            };
+            let finding = Finding::error("OSC-CONDITION-UNKNOWN", self.on_span, message);
+            // A name is no number.
+            let finding =
+                if requested.is_none() { finding.with_value("condition", f64::from(number), "") } else { finding };
+            found.push(finding.with_value("tool", f64::from(tool), "").suggest(cure));
+            return None;
+        };
+        if let Some(number) = self.number
+            && number != named.number
+        {
+            let message = format!(
+                "the program chooses condition {number}, the job {:?}, which is {}: the job's is run",
+                named.name, named.number
+            );
+            found.push(
+                Finding::warning("OSC-CONDITION-OVERRIDDEN", self.on_span, message)
+                    .with_value("programmed", f64::from(number), "")
+                    .with_value("condition", f64::from(named.number), "")
+                    .suggest("leave P out of the program, or the condition out of the job"),
+            );
+        }
+        Some(named)
+    }
+
+    /// The tool's cutting edges.
+    fn geometry<'a>(
+        &self,
+        config: &'a PipelineConfig,
+        number: u32,
+        found: &mut Vec<Finding>,
+    ) -> Option<&'a ToolGeometry> {
+        let known = config.tools.iter().find(|tool| tool.number == number);
+        let geometry = known.and_then(|tool| tool.geometry.as_ref());
+        if geometry.is_none() {
+            let message = format!("nothing is known of the cutting edges of tool {number}");
+            let finding = Finding::error("OSC-TOOL-UNKNOWN", self.on_span, message);
+            let finding = finding.with_value("tool", f64::from(number), "");
+            found.push(finding.suggest("give edges, radius, edge length and edge height in the tool library"));
+        }
+        geometry
+    }
+
+    /// Which edge leads, and why. A word of the program says which edge leads the first part.
+    fn roles(&self, leading: &LeadingEdge, tool: &ToolGeometry, config: &PipelineConfig) -> (u32, RoleReport) {
+        let parts_before = config.oscillation.parts_before;
+        let cutting_time_before_s = config.oscillation.cutting_time_before_s + self.cutting_time_before_s;
+        let first_edge = self.leading_edge.unwrap_or(leading.edge);
+        let leading = LeadingEdge { edge: first_edge, ..*leading };
+        let changes = leading.steps_after(parts_before, cutting_time_before_s);
+        let edge = if (1..=tool.edge_count()).contains(&first_edge) {
+            leading.edge_after(parts_before, cutting_time_before_s, tool.edge_count())
+        } else {
+            // Not an edge of the tool, which is found.
+            first_edge
+        };
+        (edge, RoleReport { first_edge, rotation: leading.rotation, parts_before, cutting_time_before_s, changes })
+    }
+}
+
+/// Logs which edge leads where the roles change.
+fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: &mut Vec<Finding>) {
+    let (interval, unit, before, name) = match roles.rotation {
+        RoleRotation::Fixed => return,
+        RoleRotation::EveryParts(parts) => (f64::from(parts), "parts", roles.parts_before as f64, "parts_before"),
+        RoleRotation::EverySeconds(seconds) => (seconds, "s", roles.cutting_time_before_s, "cutting_time_before"),
+    };
+    let number = |value: f64| crate::shared::wording::decimal(value, 3);
+    let message = format!(
+        "edge {leading_edge} leads this part: the lead moves on every {} {unit}, and {} {unit} came before",
+        number(interval),
+        number(before)
+    );
+    found.push(
+        Finding::info("OSC-ROLES-TURNED", span, message)
+            .with_value("leading_edge", f64::from(leading_edge), "")
+            .with_value("first_edge", f64::from(roles.first_edge), "")
+            .with_value("changes", roles.changes as f64, "")
+            .with_value(name, before, if unit == "s" { "s" } else { "" }),
+    );
+}
+
+/// The direction of the path, under tool centre point control as the tool sees it.
+pub(crate) fn heading(rotary: Option<&RotaryDirections>, element: &Element, s: f64) -> Position {
+    let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, rotary) else { return element.tangent(s) };
+    let mut heading = Position::default();
+    heading[..3].copy_from_slice(&seen_by_tool(rotary, element, five_axis, s));
+    heading
+}
+
+/// How fast the feed direction turns in the work plane along an element, rad by mm: between places, with a margin for what lies
+/// between them.
+fn turning_per_mm(rotary: Option<&RotaryDirections>, element: &Element) -> f64 {
+    let azimuth = |place: usize| {
+        let heading = heading(rotary, element, element.length * place as f64 / TURNING_PLACES as f64);
+        libm::atan2(heading[1], heading[0])
+    };
+    let step_mm = element.length / TURNING_PLACES as f64;
+    let mut before = azimuth(0);
+    let mut largest = 0.0_f64;
+    for place in 1..=TURNING_PLACES {
+        let next = azimuth(place);
+        let turned = next - before;
+        let turned = turned - core::f64::consts::TAU * (turned / core::f64::consts::TAU).round();
+        largest = largest.max(turned.abs() / step_mm);
+        before = next;
+    }
+    TURNING_MARGIN * largest
+}
+
+/// What the generator gets.
+fn run(oscillation: ToolOscillation, condition: &OscillationCondition, cut: &OscillationCut) -> OscillationRun {
+    let feed_per_period_mm = cut.feed_per_rev_mm() / f64::from(oscillation.periods_per_rev);
+    let amplitude_mm = oscillation.feed.amplitude_mm;
+    OscillationRun {
+        ramp_mm: ramp_mm(condition.ramp_periods, feed_per_period_mm, amplitude_mm, condition.may_overrun),
+        oscillation,
+        clockwise: cut.clockwise,
+        rotary: None,
+    }
+}

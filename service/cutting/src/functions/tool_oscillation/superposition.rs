@@ -1,0 +1,296 @@
+//! Superposition of the oscillation of a rotary tool: offsets along the feed direction, across it and along the tool axis,
+//! with the phase from the spindle angle.
+//!
+//! The offsets are blended in and out by the place on the path, so that they are 0 at both ends of the section and the tool
+//! never leaves it in the feed direction; nothing depends on time, on the feed or on its override.
+
+use core::f64::consts::TAU;
+
+use feedwave_motion::kinematics::vector::Vec3;
+use feedwave_motion::kinematics::{RotaryDirections, ToolPose};
+use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
+use feedwave_program::Axis;
+use serde::{Deserialize, Serialize};
+
+use super::ToolOscillation;
+use crate::frame::interpolator::columns::ColumnMap;
+use crate::shared::blend::BlendedPath;
+use crate::{BLOCK_LENGTH, SetpointBlock};
+
+/// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OscillationRun {
+    pub(crate) oscillation: ToolOscillation,
+    /// Whether the spindle turns clockwise, seen from it.
+    pub(crate) clockwise: bool,
+    /// Length of path over which the oscillation is blended in and out, mm.
+    pub(crate) ramp_mm: f64,
+    /// The rotary axes of a machine on which the tool may oscillate while they turn the work.
+    pub(crate) rotary: Option<RotaryDirections>,
+}
+
+/// Path direction of a guided tool as the tool sees it, at an arc length of an element.
+pub(crate) fn seen_by_tool(rotary: &RotaryDirections, element: &Element, five_axis: &FiveAxis, s: f64) -> Vec3 {
+    let mut tangent = [0.0; 3];
+    for (axis, value) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(&mut tangent) {
+        element.fill_work_tangent(axis, &[s], core::slice::from_mut(value));
+    }
+    let tangent = five_axis.setup().to_chain(&ToolPose { tip_mm: [0.0; 3], direction: tangent }).direction;
+    rotary.as_seen_by_tool(rotary_rad(element, five_axis, s), tangent)
+}
+
+fn rotary_rad(element: &Element, five_axis: &FiveAxis, s: f64) -> [f64; 2] {
+    let [.., first, second] = *five_axis.axes();
+    [first, second].map(|axis| {
+        let mut angle_deg = [0.0];
+        element.fill_axis(axis, &[s], &mut angle_deg);
+        angle_deg[0].to_radians()
+    })
+}
+
+/// Buffers of one block.
+#[derive(Clone, Debug)]
+pub(crate) struct OscillationScratch {
+    /// Phase, turns.
+    turns: Vec<f64>,
+    /// Offset in one direction, mm.
+    offset: Vec<f64>,
+    /// Share of the oscillation, 0 to 1.
+    share: Vec<f64>,
+    /// Feed direction in X and Y.
+    direction: [Vec<f64>; 2],
+    /// Offsets of a guided tool, in its own directions, mm.
+    guided: [Vec<f64>; 3],
+}
+
+impl OscillationScratch {
+    pub(crate) fn new() -> Self {
+        let column = || vec![0.0; BLOCK_LENGTH];
+        Self {
+            turns: column(),
+            offset: column(),
+            share: column(),
+            direction: [column(), column()],
+            guided: [column(), column(), column()],
+        }
+    }
+}
+
+impl OscillationRun {
+    /// Adds the oscillation to the columns from `start` on, whose commanded arc lengths in `element` are `s`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the columns and their buffers are separate fields of the interpolator"
+    )]
+    pub(crate) fn superpose(
+        &self,
+        columns: &[ColumnMap],
+        element: &Element,
+        (before_mm, section_mm): (f64, Option<f64>),
+        s: &[f64],
+        scratch: &mut OscillationScratch,
+        block: &mut SetpointBlock,
+        start: usize,
+    ) {
+        let count = s.len();
+        if let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, &self.rotary) {
+            self.fill_share(before_mm, section_mm, s, &mut scratch.share[..count]);
+            return self.superpose_guided(columns, element, five_axis, rotary, s, scratch, block, start);
+        }
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], .. } = scratch;
+        let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
+        let (along_x, along_y) = (&mut along_x[..count], &mut along_y[..count]);
+
+        self.fill_share(before_mm, section_mm, s, share);
+        let angles_deg = &block.spindle_angle_deg[start..start + count];
+        self.fill_direction_and_phase(element, s, angles_deg, along_x, along_y, turns);
+
+        // Along the feed.
+        self.fill_offset(&self.oscillation.feed, turns, share, offset);
+        block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            let column = &mut column[start..start + count];
+            match map.axis {
+                Axis::X => add(column, map.sign, offset, along_x),
+                Axis::Y => add(column, map.sign, offset, along_y),
+                _ => {}
+            }
+        }
+        // Across it, along (x, y, 0) × (0, 0, 1) = (y, −x, 0).
+        if let Some(cross) = &self.oscillation.cross {
+            self.fill_offset(cross, turns, share, offset);
+            for (map, column) in columns.iter().zip(&mut block.axes) {
+                let column = &mut column[start..start + count];
+                match map.axis {
+                    Axis::X => add(column, map.sign, offset, along_y),
+                    Axis::Y => add(column, -map.sign, offset, along_x),
+                    _ => {}
+                }
+            }
+        }
+        // Along the tool axis, positive away from the work.
+        self.fill_offset(&self.oscillation.axial, turns, share, offset);
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            if map.axis == Axis::Z {
+                for (value, offset) in column[start..start + count].iter_mut().zip(&*offset) {
+                    *value += map.sign * offset;
+                }
+            }
+        }
+    }
+
+    /// [`OscillationRun::superpose`] for a tool whose work the rotary axes turn: the feed direction is that which the tool sees, and
+    /// the offsets are along its own directions, which are those of the linear axes.
+    #[allow(clippy::too_many_arguments, reason = "as there")]
+    fn superpose_guided(
+        &self,
+        columns: &[ColumnMap],
+        element: &Element,
+        five_axis: &FiveAxis,
+        rotary: &RotaryDirections,
+        s: &[f64],
+        scratch: &mut OscillationScratch,
+        block: &mut SetpointBlock,
+        start: usize,
+    ) {
+        let count = s.len();
+        let OscillationScratch { turns, offset, share, direction: [along_x, along_y], guided: [x, y, z] } = scratch;
+        let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
+        let rotation = if self.clockwise { 1.0 } else { -1.0 };
+        for (k, &s) in s.iter().enumerate() {
+            let seen = seen_by_tool(rotary, element, five_axis, s);
+            [along_x[k], along_y[k]] = unit(seen[0], seen[1]);
+            let feed_turns = -rotation * libm::atan2(along_y[k], along_x[k]) / TAU;
+            let spindle_turns = rotation * block.spindle_angle_deg[start + k] / 360.0;
+            turns[k] = self.oscillation.phase_turns(spindle_turns, feed_turns);
+        }
+        self.fill_offset(&self.oscillation.feed, turns, share, offset);
+        block.vibration_offset_mm[start..start + count].copy_from_slice(offset);
+        for k in 0..count {
+            (x[k], y[k]) = (offset[k] * along_x[k], offset[k] * along_y[k]);
+        }
+        if let Some(cross) = &self.oscillation.cross {
+            self.fill_offset(cross, turns, share, offset);
+            for k in 0..count {
+                x[k] += offset[k] * along_y[k];
+                y[k] -= offset[k] * along_x[k];
+            }
+        }
+        self.fill_offset(&self.oscillation.axial, turns, share, offset);
+        z[..count].copy_from_slice(offset);
+        if columns.iter().any(ColumnMap::is_of_work) {
+            // On the work the offsets are turned back with it.
+            for (k, &s) in s.iter().enumerate() {
+                let direction = rotary.as_carried_by_tool(rotary_rad(element, five_axis, s), [x[k], y[k], z[k]]);
+                let pose = ToolPose { tip_mm: [0.0; 3], direction };
+                [x[k], y[k], z[k]] = five_axis.setup().to_work(&pose).direction;
+            }
+        }
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            let offsets = match map.axis {
+                Axis::X => &*x,
+                Axis::Y => &*y,
+                Axis::Z => &*z,
+                _ => continue,
+            };
+            for (value, offset) in column[start..start + count].iter_mut().zip(offsets) {
+                *value += map.sign * offset;
+            }
+        }
+    }
+
+    /// How much of the oscillation there is at every place: 0 at the ends of the section, 1 further inside.
+    fn fill_share(&self, before_mm: f64, length_mm: Option<f64>, s: &[f64], share: &mut [f64]) {
+        let path = BlendedPath { ramp_mm: self.ramp_mm, before_mm, length_mm };
+        if path.is_whole(s) { share.fill(1.0) } else { path.fill_share(s, share) }
+    }
+
+    fn fill_direction_and_phase(
+        &self,
+        element: &Element,
+        s: &[f64],
+        angles_deg: &[f64],
+        along_x: &mut [f64],
+        along_y: &mut [f64],
+        turns: &mut [f64],
+    ) {
+        // The spindle angle counts down where it turns counter-clockwise; azimuths from X to Y are counter-clockwise.
+        let rotation = if self.clockwise { 1.0 } else { -1.0 };
+        let feed_turns = |x: f64, y: f64| -rotation * libm::atan2(y, x) / TAU;
+        if element.curve == Curve::Line {
+            let tangent = element.tangent(0.0);
+            let [x, y] = unit(tangent[Axis::X.index()], tangent[Axis::Y.index()]);
+            let feed_turns = feed_turns(x, y);
+            along_x.fill(x);
+            along_y.fill(y);
+            for (turns, angle_deg) in turns.iter_mut().zip(angles_deg) {
+                *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns);
+            }
+            return;
+        }
+        if let Curve::Arc(arc) = &element.curve
+            && let Some(heading) = Heading::of(arc, element.length)
+        {
+            for (((x, y), turns), (s, angle_deg)) in
+                along_x.iter_mut().zip(along_y).zip(turns).zip(s.iter().zip(angles_deg))
+            {
+                let heading = heading.start_turns + heading.per_mm * s;
+                (*y, *x) = sincos_turns(heading);
+                *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, -rotation * heading);
+            }
+            return;
+        }
+        element.fill_tangent(Axis::X, s, along_x);
+        element.fill_tangent(Axis::Y, s, along_y);
+        for (((x, y), turns), angle_deg) in along_x.iter_mut().zip(along_y).zip(turns).zip(angles_deg) {
+            [*x, *y] = unit(*x, *y);
+            *turns = self.oscillation.phase_turns(rotation * angle_deg / 360.0, feed_turns(*x, *y));
+        }
+    }
+
+    fn fill_offset(
+        &self,
+        motion: &crate::functions::tool_oscillation::DirectionMotion,
+        turns: &mut [f64],
+        share: &[f64],
+        offset: &mut [f64],
+    ) {
+        motion.fill_offset_mm(turns, offset);
+        for (offset, share) in offset.iter_mut().zip(share) {
+            *offset *= share;
+        }
+    }
+}
+
+/// Azimuth of the path on an arc in the work plane, turns from X to Y: it changes evenly.
+struct Heading {
+    start_turns: f64,
+    per_mm: f64,
+}
+
+impl Heading {
+    /// `None` for an arc in another plane.
+    fn of(arc: &Arc, length_mm: f64) -> Option<Self> {
+        if (arc.first, arc.second) != (Axis::X, Axis::Y) {
+            return None;
+        }
+        // Where the radius changes, the path goes outwards by nearly the same angle everywhere.
+        let around_mm = 0.5 * (arc.start_radius_mm + arc.end_radius_mm) * arc.sweep_rad.abs();
+        let outwards_rad = libm::atan2(arc.end_radius_mm - arc.start_radius_mm, around_mm);
+        let side = arc.sweep_rad.signum();
+        let start_rad = arc.start_angle_rad + side * (0.25 * TAU - outwards_rad);
+        Some(Self { start_turns: start_rad / TAU, per_mm: arc.sweep_rad / TAU / length_mm })
+    }
+}
+
+fn add(column: &mut [f64], sign: f64, offset: &[f64], direction: &[f64]) {
+    for ((value, offset), direction) in column.iter_mut().zip(offset).zip(direction) {
+        *value += sign * (offset * direction);
+    }
+}
+
+/// The direction in the work plane; X where there is none, which the builder refuses.
+fn unit(x: f64, y: f64) -> [f64; 2] {
+    let length = (x * x + y * y).sqrt();
+    if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
+}
