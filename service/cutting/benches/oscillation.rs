@@ -1,4 +1,5 @@
-//! Oscillated setpoints and cells of the floor per second and core, on the worked example of the tool oscillation page.
+//! Oscillated setpoints and cells of the floor per second and core, on the worked example of
+//! docs/functions/tool-oscillation.md.
 
 use std::hint::black_box;
 use std::sync::Arc;

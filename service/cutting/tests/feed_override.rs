@@ -85,7 +85,7 @@ fn feed_hold_stops_on_the_path_and_goes_on() {
         let held = run(PART, &held_config);
         check_same_path(&held, &plain).unwrap();
         check_limits(&held, &held_config).unwrap();
-        // 40 mm/s are braked within 40/10 000 + 10 000/5e6 s; a braking under way may end first, and the dwell lasts.
+        // 40 mm/s are braked within 40/10 000 + 10 000/5e6 s; a braking in progress may end first, and the dwell lasts.
         let rest = &held.path[start as usize + 150..start as usize + 400];
         assert!(rest.windows(2).all(|pair| pair[0] == pair[1]), "moves while held from {start} on");
         assert!(held.len() > plain.len() + 200);

@@ -85,7 +85,7 @@ fn peaks_are_where_the_setpoints_have_them_first() {
             }
         }
     }
-    // An axis that stands still has no peak to be found.
+    // An axis at rest has no peak.
     let still = validate("G21 G90 G94 G1 X10. F600.\nM30\n", &config).summary;
     assert_eq!(still.axes[1].peak_velocity_at, None);
     assert_eq!(still.axes[1].peak_jerk_per_s3, 0.0);

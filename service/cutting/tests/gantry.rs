@@ -13,7 +13,7 @@ fn mill() -> PipelineConfig {
     PipelineConfig::new(MachineProfile::mill())
 }
 
-/// Half as strong as the usual X axis.
+/// Half as strong as the default X axis.
 fn weak_x() -> MachineAxis {
     MachineAxis { name: "X2".to_owned(), ..MachineAxis::new(Axis::X, 250.0, 5_000.0, 2_500_000.0) }
 }

@@ -1,5 +1,5 @@
-//! Vibration along the path through the whole pipeline, in the published form, against the equations of the specification;
-//! how it begins and ends otherwise is in `vibration_envelope`.
+//! Vibration along the path through the whole pipeline, in the published form, against the equations of
+//! docs/functions/path-vibration.md; how it begins and ends otherwise is in `vibration_envelope`.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Invariants of the whole way from program text to setpoints, on random programs.
+//! Invariants from program text to setpoints, on random programs.
 
 mod common;
 
@@ -42,7 +42,7 @@ fn block() -> impl Strategy<Value = Block> {
     ]
 }
 
-/// Program text; incremental, so that every block is valid wherever it stands.
+/// Program text; incremental, so that every block is valid wherever it is.
 fn text(blocks: &[Block]) -> String {
     let mm = |um: i32| format!("{:.3}", f64::from(um) / 1_000.0);
     let mut text = String::from("G17 G21 G91 M3 S3000 F2000.\n");

@@ -18,7 +18,7 @@ enum Block {
     Arc(f64, f64, f64),
     /// Cubic spline: lengths of its two handles, distance and side step of its end.
     Spline(f64, f64, f64, f64),
-    /// Back along the way.
+    /// Back along the path.
     Reversal(f64),
     Control(&'static str),
     Feed(f64),

@@ -1,4 +1,4 @@
-//! Threads through the whole pipeline, against the numbers and conditions of the specification.
+//! Threads through the whole pipeline, against the numbers and conditions of docs/functions/thread-vibration.md.
 
 mod common;
 
@@ -16,7 +16,7 @@ fn lathe() -> PipelineConfig {
     PipelineConfig::new(MachineProfile::lathe())
 }
 
-/// Of the page's programs X vibrates by more than 1 mm.
+/// In the worked programs X vibrates by more than 1 mm.
 fn delayed() -> PipelineConfig {
     let mut config = lathe();
     config.profile.thread_vibration.start_up = StartUp::Delayed;
@@ -47,7 +47,7 @@ fn near(value: f64, expected: f64, tolerance: f64) -> bool {
     (value - expected).abs() <= tolerance
 }
 
-/// Retreat of the page: (A/2)·(1 − cos ψ), ψ = D·θ − Δ with D = 2.
+/// Retreat (docs/functions/thread-vibration.md, "Amplitude"): (A/2)·(1 − cos ψ), ψ = D·θ − Δ with D = 2.
 fn wave(amplitude_mm: f64, spindle_deg: f64, shift_deg: f64) -> f64 {
     0.5 * amplitude_mm * (1.0 - ((2.0 * spindle_deg - shift_deg).rem_euclid(360.0) * PI / 180.0).cos())
 }

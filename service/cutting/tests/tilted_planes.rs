@@ -73,7 +73,7 @@ fn position(setpoints: &Setpoints, config: &PipelineConfig, index: usize) -> [f6
 
 /// Poses of the tool in work coordinates by forward kinematics.
 fn poses(setpoints: &Setpoints, config: &PipelineConfig) -> Vec<ToolPose> {
-    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("valid");
     let offset = config.profile.language.work_offsets[0];
     let setup = Setup::new(kinematics.gauge_point_at(&kinematics.from_position(&offset)), LENGTH_MM);
     let pose = |index| kinematics.forward(&kinematics.from_position(&position(setpoints, config, index)), &setup);
@@ -241,7 +241,7 @@ const WORDS: [&str; 14] = [
     "G0 Z55",
 ];
 
-/// Where the rotary axes stand in the end.
+/// Where the rotary axes are in the end.
 fn rotary_at_the_end(program: &str, config: &PipelineConfig) -> [f64; 2] {
     let setpoints = run(program, config);
     let last = position(&setpoints, config, setpoints.len() - 1);
@@ -259,7 +259,7 @@ fn the_solution_is_chosen() {
     assert_eq!((larger[0], smaller[0]), (30.0, -30.0));
     assert_eq!((larger[1] - smaller[1]).abs(), 180.0);
     assert!(near == larger || near == smaller);
-    assert_eq!(near[1], 0.0, "without P the way is the shorter one");
+    assert_eq!(near[1], 0.0, "without P the turn is the shorter one");
     // The profile's preference, and a range that leaves one solution only.
     let mut preferring = config.clone();
     let kinematics = preferring.profile.kinematics.as_mut().expect("five axes");

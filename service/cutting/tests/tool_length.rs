@@ -19,7 +19,7 @@ fn config() -> PipelineConfig {
     PipelineConfig { tools, ..PipelineConfig::new(profile) }
 }
 
-/// The end of a CAM post's usual program: safety line, tool, approach, cut, retreat.
+/// The end of a CAM post's typical program: safety line, tool, approach, cut, retreat.
 const PROGRAM: &str = "%
 O1000
 G17 G21 G40 G49 G80 G90 G94

@@ -266,7 +266,7 @@ fn what_the_machine_permits_beyond_the_plan_is_a_warning_with_the_feed_and_the_a
     let (_, findings) = judged(SCARCE, &config(None, &[]));
     let cure = findings[0].suggestions[0].replacement.clone().expect("a word");
     assert_eq!(cure, "A0.0075");
-    // Each cure cures; the smallest amplitude that serves has no room for the spindle's speed besides.
+    // Each cure cures; the smallest sufficient amplitude leaves no margin for the spindle's speed besides.
     let changed = SCARCE.replace("A0.0055", &cure);
     assert!(codes(&judged(&changed, &config(None, &[])).1).is_empty());
     assert_eq!(codes(&judged(&changed, &config(None, &[(0, 1.5)])).1), ["VIB-CHIP-MARGINAL"]);

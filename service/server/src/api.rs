@@ -95,7 +95,7 @@ fn etag(etag: &str) -> Option<&str> {
 }
 
 /// What is wrong with a message of a client's stream; `None` where it is the connection that broke: then there is nobody
-/// to tell, and what was under way goes on without the client.
+/// to tell, and what was in progress goes on without the client.
 fn unreadable(status: Status) -> Option<Error> {
     std::error::Error::source(&status).is_none().then(|| status.into())
 }

@@ -108,11 +108,11 @@ pub struct Limits {
     pub upload_bytes: u64,
     /// Largest request message, bytes.
     pub message_bytes: usize,
-    /// Calls under way at once, streams included.
+    /// Calls in progress at once, streams included.
     pub concurrent_requests: usize,
     /// Setpoint streams open at once.
     pub concurrent_streams: usize,
-    /// Runs under way at once, live ones and those of telemetry only.
+    /// Runs in progress at once, live ones and those of telemetry only.
     pub concurrent_runs: usize,
     /// Streams that one connection may have open at once.
     pub streams_per_connection: u32,

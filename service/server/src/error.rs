@@ -79,7 +79,7 @@ pub enum Error {
         /// Numbers for programs to read, such as `expected_offset`.
         metadata: Vec<(&'static str, String)>,
     },
-    /// As many as permitted are under way; try again.
+    /// As many as permitted are in progress; try again.
     #[error("there are already {limit} {what}")]
     Overloaded {
         /// What there are too many of.

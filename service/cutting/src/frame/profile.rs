@@ -83,7 +83,7 @@ impl MachineProfile {
         Self { language: LanguageSettings::mill(), machine: Machine::mill(), ..Self::lathe() }
     }
 
-    /// Everything that makes the profile unusable, each with the path of the field; empty when it is sound.
+    /// Everything that makes the profile unusable, each with the path of the field; empty when it is valid.
     #[must_use]
     pub fn problems(&self) -> Vec<ProfileProblem> {
         let mut problems = prefixed("machine", self.machine.validate());
@@ -260,7 +260,7 @@ const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
 pub const MAX_SERVO_SUBSTEPS: u32 = 64;
-/// What monitoring is bounded by where nothing else is said, and the usual end of a machine's override switch.
+/// Default bound of monitoring, and the common end of a machine's override switch.
 const DEFAULT_MAX_FEED_OVERRIDE: f64 = 1.5;
 /// Fewest elements looked ahead.
 pub const MIN_LOOK_AHEAD_BLOCKS: u32 = 4;

@@ -17,7 +17,7 @@ struct TimedPlan {
 
 impl TimedPlan {
     fn operation(&mut self, operation: &Operation, config: &PipelineConfig) {
-        // What there is to find is found in the plan that is run.
+        // Findings are made in the plan that is run.
         let mut findings = FindingLog::with_limit(0);
         self.builder.operation(operation, config, &mut self.planner, &mut findings);
         self.drain();

@@ -77,7 +77,7 @@ impl Validation {
         Self { pipeline, block, axes, stopped: false, ended: false, setpoint_count: 0 }
     }
 
-    /// Keeps the way of one pass: both numbers count from 0, in the order of the report's threads and of their passes.
+    /// Keeps the path of one pass: both numbers count from 0, in the order of the report's threads and of their passes.
     #[must_use]
     pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
         if let Some(analysis) = &mut self.pipeline.builder.analysis {
@@ -86,7 +86,7 @@ impl Validation {
         self
     }
 
-    /// The way that is kept, as soon as its pass is planned, which is before its setpoints come.
+    /// The path that is kept, as soon as its pass is planned, which is before its setpoints come.
     #[must_use]
     pub fn kept_path(&self) -> Option<&ThreadPath> {
         self.pipeline.builder.analysis.as_ref()?.wanted_path.as_ref()

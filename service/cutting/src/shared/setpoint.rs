@@ -56,7 +56,8 @@ pub struct SetpointBlock {
 }
 
 impl SetpointBlock {
-    /// An empty block with room for [`BLOCK_LENGTH`] setpoints of this machine, so that filling it allocates nothing.
+    /// An empty block with capacity for [`BLOCK_LENGTH`] setpoints of this machine, so that filling it allocates
+    /// nothing.
     #[must_use]
     pub fn for_machine(machine: &Machine, servo: bool) -> Self {
         let column = || Vec::with_capacity(BLOCK_LENGTH);
@@ -87,7 +88,7 @@ impl SetpointBlock {
         self
     }
 
-    /// Empties the block, keeping its room.
+    /// Empties the block, keeping its capacity.
     pub(crate) fn clear(&mut self, first_index: u64) {
         self.first_index = first_index;
         let columns = self.axes.iter_mut().chain(&mut self.tool_direction).chain([

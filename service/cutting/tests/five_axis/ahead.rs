@@ -47,7 +47,7 @@ fn sweep(tilt: f64, turns: impl Iterator<Item = i32>) -> Vec<[f64; 2]> {
 #[test]
 fn a_cut_that_would_run_out_of_turns_starts_a_turn_back() {
     let config = limited([-220.0, 220.0]);
-    // C stands at 140 and the cut goes on from 150 to 300: only from −210 on is there room.
+    // C is at 140 and the cut continues from 150 to 300: only from −210 on does it stay in range.
     let cut = cut(&sweep(40.0, (150..=300).step_by(10)), &format!("G43.5 H1 G0 X0 Y0 Z80 {}", words(40.0, 140.0)));
     let report = validate(&cut, &config);
     assert!(report.is_accepted(), "{:#?}", report.findings);
@@ -55,14 +55,14 @@ fn a_cut_that_would_run_out_of_turns_starts_a_turn_back() {
     assert_eq!(found.span.line, 2);
     let value = |name: &str| found.values.iter().find(|value| value.name == name).expect(name).value;
     assert!((value("other_line") - 10.0).abs() < 1e-9 && (value("other_range_max") - 220.0).abs() < 1e-9, "{found:?}");
-    // Somewhere on the way from 220 to 230.
+    // Somewhere from 220 to 230.
     assert!((220.0..=230.0).contains(&value("other_angle")), "{found:?}");
     let setpoints = run(&cut, &config);
     for (line, [a, c]) in [(1, [-40.0, 140.0]), (2, [-40.0, -210.0]), (3, [-40.0, -200.0]), (17, [-40.0, -60.0])] {
         let [at_a, at_c] = at_end_of(&setpoints, line);
         assert!((at_a - a).abs() < 1e-3 && (at_c - c).abs() < 1e-3, "line {line}: {at_a} {at_c}");
     }
-    // With room enough the nearest solution is taken, and nothing is said.
+    // With range enough the nearest solution is taken, without a finding.
     let free = limited([-220.0, 320.0]);
     assert!((at_end_of(&run(&cut, &free), 2)[1] - 150.0).abs() < 1e-3);
     assert!(validate(&cut, &free).findings.iter().all(|finding| finding.code != "FIVE-AXIS-SOLUTION"));
@@ -70,7 +70,7 @@ fn a_cut_that_would_run_out_of_turns_starts_a_turn_back() {
 
 #[test]
 fn a_cut_that_would_run_out_of_tilt_starts_in_the_other_solution() {
-    // A +20 is nearest to where the axes stand, but it ends at 30; from the pole, and from a rapid in that solution.
+    // A +20 is nearest to where the axes are, but it ends at 30; from the pole, and from a rapid in that solution.
     let config = limited([-400.0, 400.0]);
     let mut poses = sweep(20.0, (180..=180).step_by(1));
     poses.extend((2..=9).map(|tenth| [10.0 * f64::from(tenth), 180.0]));
@@ -98,7 +98,7 @@ fn a_cut_that_leaves_a_pole_looks_ahead_too() {
         let setpoints = run(&text, &config);
         let last = *setpoints.line.iter().filter(|&&line| line > 15 && line < 20).max().expect("cut");
         let [a, c] = at_end_of(&setpoints, last);
-        // Either solution has the room: A −20 from C −210, or A 20 from C −30.
+        // Either solution stays in range: A −20 from C −210, or A 20 from C −30.
         assert!((a.abs() - 20.0).abs() < 1e-3 && (-220.0..220.0).contains(&c), "{a} {c}");
     }
 }

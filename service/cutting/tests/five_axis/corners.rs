@@ -30,7 +30,7 @@ fn program(control: &str, points: &[([f64; 3], [f64; 2])]) -> String {
 fn deviations(text: &str, config: &PipelineConfig, points: &[([f64; 3], [f64; 2])], p_mm: f64) -> (f64, f64) {
     const PLACES: usize = 400;
     let setpoints = run(text, config);
-    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("valid");
     let directions = kinematics.rotary_directions();
     let (mut off_mm, mut off_rad) = (0.0_f64, 0.0_f64);
     for (pose, &line) in poses(&setpoints, config).iter().zip(&setpoints.line).step_by(3) {

@@ -1,4 +1,4 @@
-//! Five-axis programs from text to setpoints: thinning as on the page, tool centre points on their segments, the way in and out
+//! Five-axis programs from text to setpoints: thinning, tool centre points on their segments, the way in and out
 //! of tool centre point control, refusals, streams from the middle, and a freeform program whose flicker goes.
 
 mod ahead;
@@ -30,7 +30,7 @@ fn lines(setpoints: &Setpoints) -> Vec<u32> {
 
 /// Poses of the tool in work coordinates by forward kinematics.
 fn poses(setpoints: &Setpoints, config: &PipelineConfig) -> Vec<ToolPose> {
-    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("valid");
     let offset = config.profile.language.work_offsets[0];
     let setup = Setup::new(kinematics.gauge_point_at(&kinematics.from_position(&offset)), LENGTH_MM);
     let pose = |index: usize| {

@@ -70,7 +70,7 @@ fn the_tip_is_on_its_segment_of_turned_work() {
     let program = "G43.5 H1 G0 X0 Y0 Z30 I0.3 J-0.3 K1\nG1 X20 Y5 Z20 I-0.1 J-0.5 K1 F3000\nG0 Z60\nM30\n";
     assert!(validate(program, &config).is_accepted());
     let setpoints = run(program, &config);
-    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("valid");
     // By hand: the bare spindle at the offset, and the work turned back about Z by C of the offset.
     let origin = kinematics.gauge_point_at(&kinematics.from_position(&config.profile.language.work_offsets[0]));
     let bare = Setup::new([0.0; 3], LENGTH_MM);

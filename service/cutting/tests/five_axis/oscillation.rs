@@ -58,7 +58,7 @@ fn a_setpoint_less_its_offset_is_on_the_segment() {
     let report = validate(PROGRAM, &config);
     assert!(report.is_accepted(), "{:#?}", report.findings);
     let setpoints = run(PROGRAM, &config);
-    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("sound");
+    let kinematics = Kinematics::new(config.profile.kinematics.as_ref().expect("five axes")).expect("valid");
     let setup = Setup::new(kinematics.gauge_point_at(&JointValues::default()), LENGTH_MM);
     let oscillation = ToolOscillation::new(&geometry(), &condition(), 1, 1).expect("possible");
     let length_mm = norm(sub(END, START));

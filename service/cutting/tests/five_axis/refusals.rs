@@ -118,7 +118,7 @@ fn what_thinning_did_is_said() {
     assert_eq!((finding.span.line, value(finding, "blocks")), (4, 1.0));
     assert!((value(finding, "deviation") - 90.0).abs() < 1e-9);
     assert!(finding.message.contains("within it of the kept block before"), "{}", finding.message);
-    // The page's 0°, 1°, 2°, 60° at θ = 3°.
+    // 0°, 1°, 2°, 60° at θ = 3°.
     let mut config = config();
     config.profile.thinning.angle_tolerance_deg = 3.0;
     let program = "G43.4 H1 G0 X0 Y0 Z20 A0 C0\nM33\nG1 X1 F1000\nX2 A-1\nX3 A-2\nX4 A-60\nM34";

@@ -1,4 +1,5 @@
-//! The flow chart of specification page 02 word for word, with the optional tolerance as another reason to shrink.
+//! The algorithm of docs/functions/five-axis-thinning.md ("Algorithm") word for word, with the optional tolerance as
+//! another reason to shrink.
 
 use feedwave_cutting::thinning::{CutPoint, ThinningSettings};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};

@@ -1,5 +1,5 @@
-//! Block thinning (specification page 02): the page's worked numbers, the flow chart against a literal implementation, the cost
-//! in looks, the report, and a freeform program whose flicker goes.
+//! Block thinning (docs/functions/five-axis-thinning.md): the worked numbers, the result against a literal
+//! implementation of the algorithm, the cost in looks, the report, and a freeform program whose flicker goes.
 
 mod freeform;
 mod literal;
@@ -41,7 +41,7 @@ fn trunnion() -> RotaryDirections {
         tool_direction: [0.0, 0.0, 1.0],
         preferred_branch: Default::default(),
     };
-    Kinematics::new(&description).expect("sound").rotary_directions()
+    Kinematics::new(&description).expect("valid").rotary_directions()
 }
 
 /// A block with the tool tilted by A, as a program with angles gives it.
@@ -59,7 +59,7 @@ fn thinned(
     settings: ThinningSettings,
     interpolation: DirectionInterpolation,
 ) -> (Vec<Kept<usize>>, ThinningReport) {
-    let mut thinner = Thinner::new(settings, interpolation).expect("sound settings");
+    let mut thinner = Thinner::new(settings, interpolation).expect("valid settings");
     let mut kept = Vec::new();
     for (index, point) in points.iter().enumerate() {
         thinner.push(*point, index, &mut |block| kept.push(block));
@@ -96,7 +96,7 @@ fn figures_7_and_8_drop_two_blocks_or_one() {
 fn figure_13_thins_groups_of_four_then_three() {
     // N2 and N10 switch the mode; N11 is not the thinner's. N4, N5 and N8 go.
     let settings = ThinningSettings { group_blocks: 4, ..SETTINGS };
-    let mut thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle).expect("sound");
+    let mut thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle).expect("valid");
     let mut seen = Vec::new();
     for line in 3..=9 {
         thinner.push(at(line, [f64::from(line), 0.0, 0.0], 0.1 * f64::from(line)), line, &mut |block| {
@@ -122,7 +122,7 @@ fn the_feed_of_a_dropped_block_moves_on() {
         assert_eq!(lines(&kept), [1, 4]);
         (kept[1].point.feed_word, kept[1].inherited_feed, report.feeds_inherited, report.feeds_lost)
     };
-    // The page: the F200 block P3 is dropped, P4 runs at F200.
+    // The F200 block P3 is dropped, P4 runs at F200.
     assert_eq!(run([Some(100.0), None, Some(200.0), None]), (Some(200.0), true, 1, 0));
     // Several: the last one is inherited, and the report says that one is lost.
     assert_eq!(run([None, Some(150.0), Some(200.0), None]), (Some(200.0), true, 1, 1));
@@ -131,7 +131,7 @@ fn the_feed_of_a_dropped_block_moves_on() {
 
 #[test]
 fn the_angle_tolerance_does_not_bound_the_interpolated_direction() {
-    // The page: 0°, 1°, 2°, 60° at θ = 3°: two blocks go, and the error is 38°.
+    // 0°, 1°, 2°, 60° at θ = 3°: two blocks go, and the error is 38°.
     let points = [0.0, 1.0, 2.0, 60.0].map(|a: f64| at(a as u32 + 1, [a.min(3.0), 0.0, 0.0], a));
     for (points, interpolation) in [
         (points.map(vector), DirectionInterpolation::GreatCircle),
@@ -180,7 +180,7 @@ fn unsound_settings_are_refused_by_field() {
         group_blocks: MAX_GROUP_BLOCKS + 1,
         interpolated_direction_tolerance_deg: Some(91.0),
     };
-    let problems = Thinner::<()>::new(settings, DirectionInterpolation::GreatCircle).expect_err("unsound");
+    let problems = Thinner::<()>::new(settings, DirectionInterpolation::GreatCircle).expect_err("invalid");
     let fields: Vec<&str> = problems.iter().map(|problem| problem.field.as_str()).collect();
     assert_eq!(
         fields,
@@ -199,7 +199,7 @@ fn blocks_that_are_no_numbers_are_kept() {
 fn a_restored_stage_continues_exactly() {
     let points: Vec<CutPoint> = freeform::program(12, 40).into_iter().take(400).collect();
     let (whole, report) = thinned(&points, SETTINGS, DirectionInterpolation::Angles(trunnion()));
-    let mut thinner = Thinner::new(SETTINGS, DirectionInterpolation::Angles(trunnion())).expect("sound");
+    let mut thinner = Thinner::new(SETTINGS, DirectionInterpolation::Angles(trunnion())).expect("valid");
     let mut kept = Vec::new();
     for (index, point) in points.iter().enumerate() {
         if index % 37 == 0 {
@@ -215,7 +215,7 @@ fn a_restored_stage_continues_exactly() {
 /// The looks per block that a group costs.
 fn looks_per_block(points: &[CutPoint], settings: ThinningSettings) -> f64 {
     let settings = ThinningSettings { group_blocks: 10_000, ..settings };
-    let mut thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle).expect("sound");
+    let mut thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle).expect("valid");
     for point in points {
         thinner.push(*point, (), &mut |_| {});
     }

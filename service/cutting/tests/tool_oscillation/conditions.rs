@@ -1,4 +1,4 @@
-//! Every condition of the page with its numbers and its cure.
+//! Every condition of docs/functions/tool-oscillation.md ("Conditions") with its numbers and its cure.
 
 use feedwave_cutting::tool_oscillation::{
     ConditionChoice, ConditionTable, DirectionOscillation, Engagement, FloorArea, HeightField, Interpolation,

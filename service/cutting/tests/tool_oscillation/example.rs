@@ -1,4 +1,4 @@
-//! The worked example of the specification page as golden numbers.
+//! The worked example of docs/functions/tool-oscillation.md as golden numbers.
 
 use feedwave_cutting::tool_oscillation::{FloorArea, RemovedLayer, ToolOscillation, judge, plane_section};
 use feedwave_program::Severity;
@@ -26,7 +26,7 @@ fn the_protrusion_follows_the_page() {
         let turns = 0.9 + 0.002 * f64::from(step);
         assert_near(protrusion(turns), 0.03 * libm::cos(pi * (turns - 0.9) / 0.2), 1e-14);
     }
-    // The retraction goes with the way forward, the protrusion with the way back.
+    // The retraction is in the forward half, the protrusion in the backward half.
     for turns in [0.25, 0.75] {
         let offset = oscillation.offset(turns);
         assert_near(offset.feed_mm, 0.4 * (4.0 * (0.5 - turns)), 1e-15);

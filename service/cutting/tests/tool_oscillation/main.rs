@@ -1,4 +1,5 @@
-//! Oscillation of a rotary tool, from the specification page's worked example to an independent simulation.
+//! Oscillation of a rotary tool, from the worked example of docs/functions/tool-oscillation.md to an independent
+//! simulation.
 
 mod brute_force;
 #[path = "../common/mod.rs"]

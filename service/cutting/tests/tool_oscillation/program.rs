@@ -1,4 +1,5 @@
-//! Oscillation in programs: setpoints against the page's formula, step by step from their own spindle angle and path position.
+//! Oscillation in programs: setpoints against the formula of docs/functions/tool-oscillation.md ("Motion"), step by
+//! step from their own spindle angle and path position.
 
 use feedwave_cutting::tool_oscillation::{NamedCondition, OscillationPeriod, ToolOscillation, Waveform, blend};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, Tool, ValidationReport};

@@ -1,5 +1,5 @@
-//! What a job asks for, and where the work stands: conditions by name, the lead that moves on from part to part, engagements,
-//! and the floor in the report of a program.
+//! What a job asks for, and where the work is: conditions by name, the lead that moves on from part to part,
+//! engagements, and the floor in the report of a program.
 
 use feedwave_cutting::tool_oscillation::{
     Engagement, FloorSettings, HeightField, LeadingEdge, NamedCondition, OscillationRequest, OscillationSectionReport,

@@ -28,7 +28,7 @@ const SPINDLE_HZ: f64 = 100.0;
 /// Windows without contact, for the baseline.
 const IDLE_WINDOWS: u64 = 2;
 
-/// The page's grouping and baseline; windows are shorter than usual, so that there are decisions to count.
+/// The default grouping and baseline; windows are shorter than usual, so that there are decisions to count.
 pub fn config(options: &Options) -> MonitoringConfig {
     MonitoringConfig {
         sample_rate_hz: Some(options.rate_hz as f64),

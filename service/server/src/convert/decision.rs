@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn every_decision_can_be_made_again_from_its_message() {
         let mut violations = Violations::default();
-        let milling = monitoring_from_proto(&mut violations, "config", &full()).expect("sound").rules;
+        let milling = monitoring_from_proto(&mut violations, "config", &full()).expect("valid").rules;
         let turning = Rules {
             spindle: monitoring::SpindleRule::Turning {
                 lower_rad: -0.1,

@@ -255,7 +255,8 @@ const fn band(row: &TableRow) -> proto::SpindleBand {
     proto::SpindleBand { above_rpm: row.above_rpm, up_to_rpm: row.up_to_rpm, speed_rpm: row.speed_rpm }
 }
 
-/// What there is to say about a cut that is much interrupted (page 04: the zeroth order errs on the unsafe side).
+/// What there is to say about a cut that is much interrupted (docs/functions/adaptive-feed.md, "Spindle table from
+/// stability lobes": the zeroth order errs on the unsafe side).
 fn low_immersion(immersion: f64, margin: f64) -> Option<Finding> {
     if immersion >= LOW_IMMERSION {
         return None;

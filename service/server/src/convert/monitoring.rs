@@ -24,7 +24,7 @@ const USUAL_CONTACT_SAMPLES: [u32; 2] = [20, 2_000];
 const USUAL_STEP_RUN: u32 = 3;
 const USUAL_ESCALATION_WINDOWS: u32 = 5;
 
-/// The configuration with its defaults; a violation for each field under which no sound decision could be made.
+/// The configuration with its defaults; a violation for each field under which no valid decision could be made.
 pub fn monitoring_from_proto(
     violations: &mut Violations,
     field: &str,

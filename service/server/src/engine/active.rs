@@ -20,7 +20,7 @@ pub struct ActiveJobs {
 
 impl ActiveJobs {
     fn entries(&self) -> std::sync::MutexGuard<'_, HashMap<Uuid, Entry>> {
-        // Nothing in here panics half-way, so a poisoned map is sound.
+        // Nothing in here panics half-way, so a poisoned map is valid.
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -33,7 +33,7 @@ impl ActiveJobs {
         JobGuard { jobs: self.clone(), id, token: entry.token.clone() }
     }
 
-    /// Ends all work on a job that is under way.
+    /// Ends all work on a job that is in progress.
     pub fn cancel(&self, id: Uuid) {
         if let Some(entry) = self.entries().get(&id) {
             entry.token.cancel();

@@ -121,7 +121,7 @@ impl Engine {
     /// Goes on with a live run that `guard` registers work on its job for.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are under way.
+    /// [`Error::Overloaded`] when too many runs are in progress.
     pub(crate) fn drive(
         &self,
         detail: &JobDetail,
@@ -132,7 +132,7 @@ impl Engine {
         let inner = &self.inner;
         let session = Session::new(inner.store.clone(), attached, plan.clock_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
-        let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
+        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
         let ends = RunEnds {
             job: guard.token().clone(),

@@ -136,12 +136,11 @@ impl Session {
             return Ok(());
         }
         let subject = names::run(self.run);
-        let message =
-            format!("{subject} has a condition that nobody has acknowledged: do so before the feed is resumed");
+        let message = format!("{subject} has a condition that is not acknowledged: do so before the feed is resumed");
         Err(Error::Precondition { reason: "CONDITION_NOT_ACKNOWLEDGED", subject, message })
     }
 
-    /// Refuses a batch that resumes what nobody has acknowledged.
+    /// Refuses a batch that resumes what is not acknowledged.
     ///
     /// # Errors
     /// [`Error::Precondition`], and those of the store.

@@ -114,7 +114,7 @@ impl Engine {
     /// without its end leaves the run open.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are under way.
+    /// [`Error::Overloaded`] when too many runs are in progress.
     pub(crate) fn ingest(
         &self,
         attached: &AttachedRun,
@@ -124,7 +124,7 @@ impl Engine {
         let inner = &self.inner;
         let session = Session::new(inner.store.clone(), attached, clock_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
-        let overloaded = |_| Error::Overloaded { what: "runs under way", limit };
+        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
         let ends = RunEnds {
             job: guard.token().clone(),

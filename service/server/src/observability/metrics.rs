@@ -16,19 +16,19 @@ pub struct Metrics {
     pub requests: IntCounterVec,
     /// Time from a gRPC call to its end, by method, s.
     pub request_seconds: HistogramVec,
-    /// gRPC calls under way.
+    /// gRPC calls in progress.
     pub active_requests: IntGauge,
     /// Setpoint streams open.
     pub active_streams: IntGauge,
     /// Setpoints sent.
     pub setpoints: IntCounter,
-    /// Runs under way.
+    /// Runs in progress.
     pub active_runs: IntGauge,
     /// Telemetry samples taken in.
     pub telemetry_samples: IntCounter,
     /// Decisions made durable, by action.
     pub decisions: IntCounterVec,
-    /// Conditions of runs that nobody has acknowledged.
+    /// Conditions of runs that is not acknowledged.
     pub open_conditions: IntGauge,
     /// Time from the arrival of the batch that causes a decision until the decision is durable and handed to the
     /// connection, s.
@@ -102,14 +102,14 @@ impl Metrics {
         Self {
             requests: registrar.counters("feedwave_grpc_requests_total", "gRPC calls ended.", &["method", "code"]),
             request_seconds: registrar.add(HistogramVec::new(request_seconds, &["method"])),
-            active_requests: registrar.gauge("feedwave_grpc_active_requests", "gRPC calls under way."),
+            active_requests: registrar.gauge("feedwave_grpc_active_requests", "gRPC calls in progress."),
             active_streams: registrar.gauge("feedwave_active_streams", "Setpoint streams open."),
             setpoints: registrar.counter("feedwave_setpoints_total", "Setpoints sent."),
-            active_runs: registrar.gauge("feedwave_active_runs", "Runs under way."),
+            active_runs: registrar.gauge("feedwave_active_runs", "Runs in progress."),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
             decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),
             open_conditions: registrar
-                .gauge("feedwave_open_conditions", "Conditions of runs that nobody has acknowledged."),
+                .gauge("feedwave_open_conditions", "Conditions of runs that is not acknowledged."),
             decision_seconds: registrar
                 .seconds("feedwave_decision_seconds", "Time from a batch to its decision, durable and sent."),
             sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),

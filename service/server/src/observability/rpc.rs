@@ -1,4 +1,4 @@
-//! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are under way,
+//! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are in progress,
 //! turns new ones away while the service is ending, ends them at their deadline, and completes statuses that the
 //! transport makes.
 
@@ -64,7 +64,7 @@ impl RpcLayer {
         if self.draining.is_cancelled() {
             return Err(Error::Draining);
         }
-        let overloaded = |_| Error::Overloaded { what: "calls under way", limit: self.limit as u64 };
+        let overloaded = |_| Error::Overloaded { what: "calls in progress", limit: self.limit as u64 };
         self.places.clone().try_acquire_owned().map(Some).map_err(overloaded)
     }
 }
@@ -143,7 +143,7 @@ fn observe(mut response: Response<Body>, mut call: Call) -> Response<Body> {
     response.map(|inner| Body::new(ObservedBody { inner, call }))
 }
 
-/// A call under way; counted when dropped.
+/// A call in progress; counted when dropped.
 struct Call {
     metrics: Arc<Metrics>,
     method: &'static str,

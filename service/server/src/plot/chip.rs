@@ -99,7 +99,8 @@ fn thickness_curve(condition: &CutCondition) -> Vec<Place> {
         .collect()
 }
 
-/// Position of the tool over the angle within one revolution (path vibration page, "Will the chip break?").
+/// Position of the tool over the angle within one revolution (docs/functions/path-vibration.md, "Will the chip
+/// break?").
 fn track(condition: &CutCondition, revolution: u32) -> Vec<Place> {
     (0..=POINTS_PER_REVOLUTION)
         .map(|step| {

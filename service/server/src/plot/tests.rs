@@ -339,7 +339,7 @@ mod oscillation {
         directory
     }
 
-    /// The worked example of the specification page, or it with another tool, feed and motion across.
+    /// The worked example of docs/functions/tool-oscillation.md, or it with another tool, feed and motion across.
     fn with<T>(
         tool: &ToolGeometry,
         periods_per_rev: u32,

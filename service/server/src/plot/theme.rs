@@ -103,7 +103,7 @@ pub(super) enum Mark {
 }
 
 /// What something is drawn with, and what the legend calls it. Inks of one name share a legend entry that shows them all;
-/// one without a name belongs to something that is explained where it stands.
+/// one without a name belongs to something that is explained where it is.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ink {
     pub(super) name: Cow<'static, str>,

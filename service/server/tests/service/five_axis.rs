@@ -9,7 +9,7 @@ use feedwave::proto::{
 
 use crate::support::{TestServer, lathe_job, stream_of};
 
-/// Figure 13 of the specification: N1 to N11, groups of four and three.
+/// The groups of docs/functions/five-axis-thinning.md ("Worked examples"): N1 to N11, groups of four and three.
 const PROGRAM: &str = "N1 G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nN2 M33\nN3 G1 X1 A-20.1 F1000\nN4 X2 A-20.2\nN5 X3 A-20.1
 N6 X4 A-20.2\nN7 X5 A-20.1\nN8 X6 A-20.2\nN9 X7 A-20.1\nN10 M34\nN11 X8 A-20\nN12 M30\n";
 

@@ -14,7 +14,7 @@ use feedwave::proto::{
 
 use crate::support::{TestServer, lathe_job, stream_of, told};
 
-/// The worked example of the specification: 600 rev/min, 600 mm/min, 1 mm deep.
+/// The worked example of docs/functions/tool-oscillation.md: 600 rev/min, 600 mm/min, 1 mm deep.
 const PROGRAM: &str = "G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
 
 fn direction(amplitude_mm: f64, waveform: Option<Kind>) -> Option<DirectionOscillation> {

@@ -1,4 +1,4 @@
-//! From operations to planner input: elements with their limits, speeds and barriers, and what there is to say
+//! From operations to planner input: elements with their limits, speeds and barriers, and what is found
 //! about them.
 
 pub(crate) mod checks;
@@ -64,9 +64,9 @@ pub(crate) struct Analysis {
     pub(crate) oscillation_count: u64,
     pub(crate) judgements: Judgements,
     pub(crate) thread_passes: u64,
-    /// Thread and pass whose way is wanted, counted from 0.
+    /// Thread and pass whose path is requested, counted from 0.
     pub(crate) wanted_pass: Option<(u64, usize)>,
-    /// That way.
+    /// That path.
     pub(crate) wanted_path: Option<ThreadPath>,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
@@ -89,7 +89,7 @@ impl Analysis {
         }
     }
 
-    /// The section under way has been cut up to a place, mm from its start, at the feed override in force.
+    /// The section in progress has been cut up to a place, mm from its start, at the feed override in force.
     pub(crate) fn is_cut(&mut self, up_to_mm: f64) {
         let feed_override = self.feed_override.unwrap_or(1.0);
         if let Some(under_way) = self.awaiting.front_mut().or(self.open.as_mut()) {
@@ -121,11 +121,11 @@ impl Analysis {
 pub(crate) struct Builder {
     pub(crate) state: BuilderState,
     pub(crate) analysis: Option<Analysis>,
-    /// The way from the tool to the axes, on machines that have kinematics.
+    /// From the tool to the axes, on machines that have kinematics.
     pub(crate) guide: Option<Guide>,
     /// The inverse solution for the next operation, where it was looked ahead for.
     pub(crate) chosen: Option<Chosen>,
-    /// Elements on their way from the smoother to the planner; empty between operations.
+    /// Elements between the smoother and the planner; empty between operations.
     pub(crate) smoothed: Vec<Smoothed<Cut>>,
 }
 

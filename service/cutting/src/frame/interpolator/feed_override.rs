@@ -1,8 +1,8 @@
 //! A change of the feed override while the path is run, and feed hold.
 //!
-//! What was handed out stays. From the instant of the change on, the acceleration under way is ended as soon as the jerk
-//! allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The path
-//! itself is the same all the time.
+//! What was handed out stays. From the instant of the change on, the acceleration in progress is ended as soon as the
+//! jerk allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The
+//! path itself is the same all the time.
 
 use feedwave_motion::{Ahead, PathItem, Planned, PlannedStretch, Planner};
 
@@ -44,7 +44,7 @@ impl Interpolator {
                     return Some(activity.last + 1);
                 }
             },
-            // Nothing is under way: the current item has not been begun.
+            // Nothing is in progress: the current item has not been begun.
             ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
             // A pass that has begun is cut to its end.
             _ => (self.withdraw(planner, current + 1), 0.0),
@@ -62,7 +62,7 @@ impl Interpolator {
         self.state.amplitude.follow(section, self.settings.period_s, self.state.next, ratio);
     }
 
-    /// Commanded place of the next setpoint in the vibrating section under way, mm from its start.
+    /// Commanded place of the next setpoint in the vibrating section in progress, mm from its start.
     pub(crate) fn section_place_mm(&self) -> Option<f64> {
         let state = &self.state;
         let section = state.section?;
@@ -94,7 +94,8 @@ impl Interpolator {
         self.end_activity_at(until);
     }
 
-    /// Ends the feed hold under way, where there is one, at the setpoint with the index `until` if it would last longer.
+    /// Ends the feed hold in progress, where there is one, at the setpoint with the index `until` if it would last
+    /// longer.
     pub(crate) fn end_feed_hold_at(&mut self, until: u64) {
         let Some(activity) = self.state.activity else { return };
         // Of all rests only a feed hold goes on with what it interrupted.
@@ -133,7 +134,7 @@ impl Interpolator {
         motion.is_some_and(|motion| self.state.resume.unwrap_or(0) < motion.stretches.len())
     }
 
-    /// Ends the acceleration of the stretch under way; the path from there on, and the speed there.
+    /// Ends the acceleration of the stretch in progress; the path from there on, and the speed there.
     fn break_off(
         &mut self,
         planner: &mut Planner<Barrier>,

@@ -157,7 +157,7 @@ pub(crate) enum ActivityKind {
     VibratingHold,
     /// At rest.
     Hold { line: u32 },
-    /// X on its way to the vibration position of the current pass.
+    /// X moving to the vibration position of the current pass.
     ThreadPreparation { line: u32 },
     /// The current pass, from this spindle angle to the reference point on, degrees in the direction of rotation.
     Thread { start_deg: f64 },
@@ -200,7 +200,7 @@ pub(crate) struct Section {
     pub(crate) samples: SectionSamples,
 }
 
-/// Where the tool stands between motions.
+/// Position of the tool between motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Rest {
     pub(crate) position: Position,
@@ -211,7 +211,7 @@ pub(crate) struct Rest {
 }
 
 impl Interpolator {
-    /// An interpolator at index 0, standing at `position` (work coordinates of `work_offset`).
+    /// An interpolator at index 0, at rest at `position` (work coordinates of `work_offset`).
     pub(crate) fn new(
         machine: &Machine,
         period_s: f64,
@@ -531,7 +531,7 @@ impl Interpolator {
         let period_s = self.settings.period_s;
         let aligned = self.state.clock.aligned().period;
         // A blended vibration is 0 here. While the offset is not negative the clamp holds the end point, and drives that generate the vibration
-        // themselves arrive there without a jump; otherwise the command alone stands there.
+        // themselves arrive there without a jump; otherwise the command alone is there.
         let arrives = |section: &Section| sin_turns(columns::phase_turns(section, period_s, aligned)) >= 0.0;
         let line = self.state.rest.line;
         let kind = match &self.state.section {

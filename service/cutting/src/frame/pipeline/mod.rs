@@ -1,4 +1,4 @@
-//! The whole way from program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
+//! From program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
 mod config;
 
@@ -91,7 +91,7 @@ pub struct Pipeline {
     interpreter: Interpreter,
     operations: Vec<Operation>,
     pub(crate) thinning: ThinningStage,
-    /// Operations on their way to the builder; empty between lines, but while more has to be known of what follows.
+    /// Operations that wait for the builder; empty between lines, but while more has to be known of what follows.
     waiting: VecDeque<Operation>,
     /// Looks ahead for the first of them. It is no part of the state: another one sees the same.
     scout: Option<Box<Scout>>,
@@ -158,7 +158,7 @@ impl Pipeline {
         );
         let findings = if analysis.is_some() { FindingLog::default() } else { FindingLog::with_limit(STREAM_FINDINGS) };
         let is_validation = analysis.is_some();
-        // A description that is not sound is refused before it gets here; without one, five-axis moves are findings.
+        // An invalid description is refused before it gets here; without one, five-axis moves are findings.
         let kinematics = config.profile.kinematics.as_ref().and_then(|it| Kinematics::new(it).ok()).map(Arc::new);
         if let (Frame::Work, Some(kinematics)) = (config.frame, &kinematics) {
             interpolator = interpolator.with_tool_direction(&config.profile.machine, kinematics);

@@ -2,7 +2,7 @@
 //!
 //! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis may
 //! turn at rest. What has to be known there are the directions up to the next such rapid. The program is read on for them
-//! from where the pipeline stands, by an interpreter and a thinning stage of its own, and nothing of it is kept: what was
+//! from where the pipeline is, by an interpreter and a thinning stage of its own, and nothing of it is kept: what was
 //! looked at is read again when its turn comes. So the choice is a function of the program's bytes, and no part of the state.
 
 use std::sync::Arc;
@@ -140,7 +140,7 @@ pub(crate) struct Scout {
 }
 
 impl Scout {
-    /// A scout that sets out from where the pipeline stands, with operations that wait there.
+    /// A scout that sets out from where the pipeline is, with operations that wait there.
     pub(crate) fn new<'a>(
         ahead: Ahead,
         interpreter: &Interpreter,

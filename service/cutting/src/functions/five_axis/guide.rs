@@ -288,7 +288,7 @@ impl Guide {
                 let end_rad = self.kinematics.from_position(&motion.end.position).rotary_rad;
                 end_rad.iter().zip(chosen_rad).all(|(end, chosen)| (end - chosen).abs() <= SAME_SOLUTION_RAD)
             };
-            // Which way to turn to the opposite direction is for the program to say.
+            // The program has to state in which direction to turn to the opposite one.
             if matches!(motion, Err(FiveAxisRefusal::Opposite(_))) || motion.as_ref().is_ok_and(is_there) {
                 return motion;
             }

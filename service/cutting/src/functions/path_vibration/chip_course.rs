@@ -219,7 +219,7 @@ pub(super) struct ChipCourse {
     worst: Option<Worst>,
 }
 
-/// What there is to say about the chip of a section.
+/// The judgement of the chip of a section.
 pub(super) struct ChipVerdict {
     pub(super) broken_share: Option<f64>,
     pub(super) worst: Option<WorstCut>,

@@ -1,4 +1,4 @@
-//! How a vibration begins and ends, and what that asks of the axes (path vibration page, "Start, end and termination").
+//! How a vibration starts and ends, and its loads on the axes (docs/functions/path-vibration.md, "Start and end").
 //!
 //! With the phase in radians φ = ωt, the amplitude A, the envelope E of the place σ on the path, L its length and
 //! r = v/(ω·L), how much of it goes by per radian, the offset o = A·E(σ)·sin φ has at a constant speed v
@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 use super::{GenerationMode, PEAK_RESERVE, RAMP_VIBRATIONS, VibrationCondition, VibrationSettings};
 use crate::shared::blend::BLEND_PEAKS;
 
-/// How a vibration begins and ends (path vibration page, "Start, end and termination").
+/// How a vibration begins and ends (docs/functions/path-vibration.md, "Start and end").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VibrationEnvelope {

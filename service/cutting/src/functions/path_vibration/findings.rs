@@ -11,8 +11,7 @@ use super::{
 use crate::shared::wording::{decimal, round_down, round_up, word};
 use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
 
-/// Samples per vibration period below which the wave counts as coarse (path vibration page, "Conditions to
-/// validate").
+/// Samples per vibration period below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
 const FINE_SAMPLES: f64 = 8.0;
 /// Share of the spindle speed within which it may stray in practice without notice.
 const SPEED_MARGIN: f64 = 0.02;
@@ -68,7 +67,7 @@ impl Evidence {
         self.words.amplitude.unwrap_or(self.on_span)
     }
 
-    /// A new amplitude word, where the finding stands on the old one and the amplitude can be written.
+    /// A new amplitude word, where the finding is at the old one and the amplitude can be written.
     fn amplitude_cure(&self, amplitude_mm: f64) -> Option<String> {
         self.words.amplitude.filter(|_| amplitude_mm > 0.0).map(|_| amplitude_word(amplitude_mm, self.words.inch))
     }
@@ -314,7 +313,8 @@ impl Evidence {
 
     fn chip(&self, findings: &mut Vec<Finding>) {
         if let Some(line) = self.stopped_line {
-            let message = format!("the spindle stands still in line {line}: whether the chip breaks cannot be said");
+            let message =
+                format!("the spindle is stopped still in line {line}: whether the chip breaks cannot be said");
             findings.push(
                 Finding::warning("VIB-SPINDLE-STOPPED", self.on_span, message)
                     .at("line", line.into())
@@ -414,8 +414,8 @@ impl Evidence {
         };
         let least_mm = permitted.min_amplitude_mm.map(|least_mm| round_up(least_mm, 4));
         let serving = least_mm.map_or_else(
-            || format!("no amplitude up to the machine's {} mm serves", decimal(self.settings.max_amplitude_mm, 4)),
-            |least_mm| format!("an amplitude of {} mm serves", decimal(least_mm, 4)),
+            || format!("no amplitude up to the machine's {} mm is enough", decimal(self.settings.max_amplitude_mm, 4)),
+            |least_mm| format!("an amplitude of {} mm is enough", decimal(least_mm, 4)),
         );
         let message = format!(
             "the chip in line {} breaks {breaking}, and the machine permits {top} %, where {serving}",
@@ -490,8 +490,8 @@ impl Evidence {
     }
 
     fn suggest_amplitude(&self, finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
-        // What has to be programmed for this cut, whose amplitude may have followed the feed; it serves at every permitted
-        // override as well, where one does.
+        // What has to be programmed for this cut, whose amplitude may have followed the feed; it is enough at every
+        // permitted override as well, where one does.
         let followed = chip.condition.amplitude_mm / self.condition().amplitude_mm;
         let here_mm = chip.min_amplitude_mm.map(|least_mm| least_mm / followed);
         let everywhere_mm = self.report.at_max_feed_override.and_then(|permitted| permitted.min_amplitude_mm);
@@ -505,7 +505,7 @@ impl Evidence {
     fn suggest_least_amplitude(&self, finding: Finding, least_mm: f64, on_word: bool) -> Finding {
         let up_to = match self.report.at_max_feed_override {
             Some(permitted) if permitted.max_feed_override > 1.0 && permitted.min_amplitude_mm.is_some() => {
-                format!(", which serves up to a feed override of {} %", percent(permitted.max_feed_override))
+                format!(", enough up to a feed override of {} %", percent(permitted.max_feed_override))
             }
             _ => String::new(),
         };

@@ -1,4 +1,4 @@
-//! What lies between setpoints and tool, and what it leaves of a vibration (path vibration page, "Will the
+//! What lies between setpoints and tool, and what it leaves of a vibration (docs/functions/path-vibration.md, "Will the
 //! machine follow?").
 
 use core::f64::consts::{PI, TAU};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::functions::path_vibration::sin_turns;
 
-/// What a machine profile states about the way from setpoints to the tool; `None` where it states nothing and
+/// What a machine profile states about the path from setpoints to the tool; `None` where it states nothing and
 /// nothing is predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

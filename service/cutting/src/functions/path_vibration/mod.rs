@@ -34,7 +34,7 @@ pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
 pub(crate) use state::ActiveVibration;
 pub use words::{MIN_FREQUENCY_HZ, VibrationWordSpans, condition_from_command};
 
-/// How the vibration is put onto the path (path vibration page, "Three generation modes").
+/// How the vibration is put onto the path (docs/functions/path-vibration.md, "Three generation modes").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GenerationMode {

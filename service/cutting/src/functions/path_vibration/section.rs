@@ -100,7 +100,7 @@ impl SectionAnalyzer {
         }
     }
 
-    /// Says where the frequency and amplitude words stand, so that findings can offer their replacement.
+    /// States where the frequency and amplitude words are, so that findings can offer their replacement.
     #[must_use]
     pub fn with_word_spans(mut self, words: VibrationWordSpans) -> Self {
         self.words = words;

@@ -1,5 +1,5 @@
-//! Servo-side mode: the reference generator that a drive runs on its own, shorter servo period (path vibration
-//! page, "Three generation modes", 3).
+//! Servo-side mode: the reference generator that a drive runs on its own, shorter servo period
+//! (docs/functions/path-vibration.md, "Three generation modes").
 //!
 //! Invariant: with one servo period per interpolation period the output equals the tangential mode to the bit,
 //! command + A_i·sin(2π·phase), clamped.
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::sin_turns;
 
-/// What one axis is told for the end of one interpolation period.
+/// The condition of one axis for the end of one interpolation period.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ServoCondition {
     /// Commanded position without vibration, mm.

@@ -10,7 +10,7 @@ use super::{VibrationCondition, VibrationSettings};
 /// in the tangential modes, is minutes, and every figure derived from it stays finite.
 pub const MIN_FREQUENCY_HZ: f64 = 1e-3;
 
-/// Where the words of a vibration stand, for findings that replace them.
+/// Where the words of a vibration are, for findings that replace them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct VibrationWordSpans {
     /// The frequency word.
@@ -108,7 +108,7 @@ impl Quantity {
                 Finding::error(self.invalid, word.span, message)
                     .with_value(self.name, value, self.unit)
                     .with_value("least", *least, self.unit)
-                    .suggest(format!("write a usual value, such as {example}")),
+                    .suggest(format!("write a typical value, such as {example}")),
             );
             return None;
         }

@@ -1,9 +1,10 @@
 //! Block thinning for five-axis programs: CAM systems emit a block at each crossing of the tool path with a triangle edge, and
 //! directions averaged at edges flicker over short distances. Blocks whose change in direction *and* in position is small
-//! are dropped before interpolation (specification page 02, "Conditions" and "Algorithm").
+//! are dropped before interpolation (docs/functions/five-axis-thinning.md, "Conditions" and "Algorithm").
 //!
-//! A streaming stage: a group of blocks goes in, the kept ones come out. Memory is one group; the results are those of the
-//! page's flow chart, while trees of bounds over the group let the searches leap over blocks that cannot stop them.
+//! A streaming stage: a group of blocks goes in, the kept ones come out. Memory is one group; the results are those of
+//! the algorithm of that page, while trees of bounds over the group let the searches leap over blocks that cannot stop
+//! them.
 
 mod bounds;
 mod program_report;

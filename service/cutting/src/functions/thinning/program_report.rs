@@ -18,7 +18,7 @@ pub struct DroppedRun {
     pub kept_line: u32,
 }
 
-/// Thinning over a whole program (specification page 02, "Report").
+/// Thinning over a whole program (docs/functions/five-axis-thinning.md, "Report").
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProgramThinning {
     /// Counts, deviations and reversals.
@@ -38,7 +38,7 @@ pub struct ProgramThinning {
     pub deviations: DeviationTrace,
 }
 
-/// What there is to say about thinning at the end of a program.
+/// Findings of thinning at the end of a program.
 pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettings, findings: &mut FindingLog) {
     let rotary = &report.rotary;
     let place = |line| SourceSpan { line, column: 1, length: 0 };

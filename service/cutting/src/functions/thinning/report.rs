@@ -48,7 +48,7 @@ impl Reversals {
         self.last_rad = rotary_rad;
     }
 
-    /// Another block moved the axes in a way that is not known here.
+    /// Another block moved the axes, and how is not known here.
     pub(super) fn interrupt(&mut self) {
         (self.last_rad, self.sense) = (None, [0; 2]);
     }
@@ -74,7 +74,7 @@ pub struct RotaryReport {
     pub largest_deviation_line: u32,
 }
 
-/// What thinning did (specification page 02, "Report").
+/// What thinning did (docs/functions/five-axis-thinning.md, "Report").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ThinningReport {
     /// Blocks read, all kinds.

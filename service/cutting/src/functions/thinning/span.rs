@@ -1,4 +1,4 @@
-//! One span of the flow chart: how far to reach from a kept point, and how far to shrink back.
+//! One span of the algorithm: how far to reach from a kept point, and how far to shrink back.
 
 use feedwave_motion::kinematics::vector::{Vec3, dot, sub};
 use feedwave_motion::kinematics::{GreatCircle, RotaryDirections};

@@ -134,7 +134,7 @@ impl ThinningStage {
     fn switch(&mut self, on: bool, out: &mut impl FnMut(Operation)) {
         let on = on && self.is_wanted;
         if on && self.state.thinner.is_none() {
-            // The settings of a profile in use are sound; with others nothing is thinned.
+            // The settings of a profile in use are valid; with others nothing is thinned.
             let thinner = Thinner::new(self.settings, DirectionInterpolation::GreatCircle).ok();
             self.state.thinner = if self.dropped.is_some() { thinner.map(Thinner::keeping_trace) } else { thinner };
         }

@@ -50,7 +50,7 @@ impl Default for ThinningSettings {
 }
 
 impl ThinningSettings {
-    /// Everything that makes the settings unusable, by field; empty when they are sound.
+    /// Everything that makes the settings unusable, by field; empty when they are valid.
     #[must_use]
     pub fn validate(&self) -> Vec<ProfileProblem> {
         let mut problems = Vec::new();
@@ -141,7 +141,7 @@ pub struct Thinner<T> {
     /// Questions asked about points and bounds, for the tests of the cost.
     #[serde(skip)]
     looks: u64,
-    /// Deviations along the program, where somebody wants to see them.
+    /// Deviations along the program, where requested.
     #[serde(skip)]
     trace: Option<DeviationTrace>,
 }
@@ -190,15 +190,15 @@ impl<T> Thinner<T> {
     /// Reads a pure cutting block. When it fills its group, the kept blocks of the group go to `out` in order. A block with a
     /// coordinate that is not a number is kept, and a group of its own.
     pub fn push(&mut self, point: CutPoint, payload: T, out: &mut impl FnMut(Kept<T>)) {
-        let sound = point.is_finite();
-        if !sound {
+        let finite = point.is_finite();
+        if !finite {
             self.flush(out);
         }
         self.figures.blocks_read += 1;
         self.before.add(point.rotary_rad);
         self.points.push(point);
         self.payloads.push(payload);
-        if !sound || self.points.len() >= self.settings.group_blocks as usize {
+        if !finite || self.points.len() >= self.settings.group_blocks as usize {
             self.flush(out);
         }
     }

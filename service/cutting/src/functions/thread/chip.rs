@@ -1,4 +1,5 @@
-//! What a pass finds of the groove that earlier passes left (thread vibration page, "Chip report per pass").
+//! What a pass finds of the groove that earlier passes left (docs/functions/thread-vibration.md, "Chip report per
+//! pass").
 //!
 //! A pass k lies in the air over pass j where r_k − r_j ≥ t_kj, r the retreats and t the step between the grooves:
 //! Δd at the level of depth only, Δd + |Δz|/tan β at the level of the full section; and in the air over the uncut
@@ -213,8 +214,8 @@ impl Clearance {
     }
 }
 
-/// Step t between the grooves of an earlier and a later pass, mm on the radius: what the retreat must reach (thread
-/// vibration page, "Full section").
+/// Step t between the grooves of an earlier and a later pass, mm on the radius: what the retreat must reach
+/// (docs/functions/thread-vibration.md, "Chip report per pass").
 fn step_mm(job: &ThreadJob, earlier: usize, later: usize, level: ChipLevel) -> f64 {
     let (before, after) = (job.place(earlier), job.place(later));
     match level {

@@ -1,5 +1,5 @@
 //! From a thread to findings: one for each kind and block, with how many passes it concerns, the numbers of the worst one and
-//! what cures it (thread vibration page, "Conditions to validate").
+//! what cures it (docs/functions/thread-vibration.md, "Findings").
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use super::report::{CrestReport, ThreadPassReport};
 use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
 use crate::shared::wording::{decimal, round_down, round_up};
 
-/// Samples per vibration below which the wave counts as coarse (path vibration page, "Conditions to validate").
+/// Samples per vibration below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
 const FINE_SAMPLES: f64 = 8.0;
 /// Angles that differ by less count as equal, degrees: what a program can write is 0.001°.
 const SAME_ANGLE_DEG: f64 = 0.01;

@@ -1,8 +1,8 @@
-//! What is cut: the thread and the section of its groove (thread vibration page, "Program words" and "Other required
-//! behaviour").
+//! What is cut: the thread and the section of its groove (docs/functions/thread-vibration.md, "Program words" and
+//! "Infeed, tapers and run-up").
 //!
-//! All lengths of this module are on the radius. *Travel* is the way of the lead axis from the thread's start
-//! position in the direction of the cut, so that nothing here depends on which way Z points.
+//! All lengths of this module are on the radius. *Travel* is the distance of the lead axis from the thread's start
+//! position in the direction of the cut, so that nothing here depends on the direction of Z.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! How deep every pass goes, and where along the lead (thread vibration page, "Other required behaviour"; the depth
-//! law and the flank infeed are those of its program A).
+//! How deep every pass goes, and where along the lead (docs/functions/thread-vibration.md, "Infeed, tapers and run-up";
+//! the depth law and the flank infeed are those of its program A).
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub enum InfeedPattern {
     Flank,
     /// Along a direction a little steeper than the flank, so that it is not rubbed: Δz = Δd·tan(β − relief).
     ModifiedFlank {
-        /// Angle between the infeed and the flank, degrees; usually 1 to 5.
+        /// Angle between the infeed and the flank, degrees; typically 1 to 5.
         relief_deg: f64,
     },
     /// Odd passes lie against one flank of the finished groove, even ones against the other.
@@ -27,7 +27,7 @@ impl InfeedPattern {
     /// Axial offset of a pass against the first one, mm in the direction of travel.
     ///
     /// `pass` counts from 0, `final_depth_mm` is the depth of the finished groove. The first pass of alternating
-    /// flanks is an odd one in the sense of the page.
+    /// flanks counts as an odd one.
     #[must_use]
     pub fn axial_offset_mm(
         self,

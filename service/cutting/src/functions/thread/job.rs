@@ -1,5 +1,5 @@
-//! The passes of a thread, and the position of the tool as a pure function of pass and spindle angle (thread
-//! vibration page, "Amplitude" and "Phase").
+//! The passes of a thread, and the position of the tool as a pure function of pass and spindle angle
+//! (docs/functions/thread-vibration.md, "Amplitude" and "Phase").
 
 use feedwave_program::SourceSpan;
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ pub struct ThreadJob {
     pub vibrations_per_rev: f64,
     /// How the vibration of every pass starts.
     pub start_up: StartUp,
-    /// How the lead axis starts; it comes to rest at the end in the same way backwards.
+    /// How the lead axis starts; it comes to rest at the end by the same law backwards.
     pub run_up: RunUp,
     /// Spindle speed S, rev/min.
     pub spindle_rev_per_min: f64,
@@ -135,7 +135,7 @@ impl ThreadJob {
     /// Infeed of a pass: the difference of its depth to the pass before it in the same groove, or to the
     /// work's surface, mm on the radius.
     ///
-    /// The page's |X_{k−1} − X_k|, which says nothing of several starts: each of them is a thread of its own.
+    /// The infeed |X_{k−1} − X_k|, which says nothing of several starts: each of them is a thread of its own.
     #[must_use]
     pub fn infeed_mm(&self, index: usize) -> f64 {
         let Some(pass) = self.passes.get(index) else { return 0.0 };
@@ -143,8 +143,8 @@ impl ThreadJob {
         (pass.depth_mm - before.map_or(0.0, |before| before.depth_mm)).abs()
     }
 
-    /// Gives every vibrating pass without an amplitude of its own A = infeed × ratio (thread vibration page,
-    /// "Amplitude"); `own` says which amplitudes are programmed, mm on the radius.
+    /// Gives every vibrating pass without an amplitude of its own A = infeed × ratio
+    /// (docs/functions/thread-vibration.md, "Amplitude"); `own` says which amplitudes are programmed, mm on the radius.
     pub fn apply_ratio(&mut self, ratio: f64, own: impl Fn(usize) -> Option<f64>) {
         for index in 0..self.passes.len() {
             self.passes[index].amplitude_mm = own(index).unwrap_or_else(|| self.infeed_mm(index) * ratio);

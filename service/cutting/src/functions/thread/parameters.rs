@@ -40,7 +40,7 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
         }
     }
     if geometry.taper.is_nan() || geometry.taper.abs() >= 1.0 {
-        refuse("taper", geometry.taper, "", "below 1 either way: a steeper thread has its lead along X");
+        refuse("taper", geometry.taper, "", "below 1 in either direction: a steeper thread has its lead along X");
     }
     let angle_deg = job.profile.included_angle_deg;
     if !(1.0..=170.0).contains(&angle_deg) {

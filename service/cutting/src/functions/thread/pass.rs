@@ -1,4 +1,4 @@
-//! From a programmed pass to what the interpolator runs: its way, how its speed changes, and what forbids it.
+//! From a programmed pass to what the interpolator runs: its path, how its speed changes, and what forbids it.
 
 use core::f64::consts::TAU;
 
@@ -12,7 +12,7 @@ use crate::frame::builder::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long
 /// parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
 pub(crate) const TAPER_SHARE: f64 = 0.2;
 
-/// A threading block on its way to the planner.
+/// A threading block that waits for the planner.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct ThreadBlock {
     pub(crate) mv: ThreadMove,
@@ -65,7 +65,7 @@ pub(crate) fn axis_limits(machine: &Machine, axis: Axis) -> PathLimits {
     PathLimits::tightest(limits.iter())
 }
 
-/// The way of one pass before it is timed.
+/// The path of one pass before it is timed.
 pub(crate) struct PassWay {
     start: [f64; 2],
     parts: Vec<PathPart>,
@@ -74,7 +74,7 @@ pub(crate) struct PassWay {
 }
 
 impl PassWay {
-    /// The way through blocks that are one thread; `None` with a finding where it is impossible.
+    /// The path through blocks that are one thread; `None` with a finding where it is impossible.
     pub(crate) fn new(blocks: &[ThreadBlock], machine: &Machine, findings: &mut FindingLog) -> Option<Self> {
         let first = blocks.first()?;
         let spindle = &first.mv.spindle;
@@ -102,7 +102,7 @@ impl PassWay {
                             Finding::error("THREAD-PULL-OUT", block.span, message)
                                 .with_value("pull_out", travel_mm, "mm")
                                 .with_value("length", (to[1] - from[1]).abs(), "mm")
-                                .suggest("pull the tool out over a shorter way, or cut a longer thread"),
+                                .suggest("pull the tool out over a shorter distance, or cut a longer thread"),
                         );
                         return None;
                     }
@@ -161,8 +161,8 @@ impl PassWay {
         changes.collect()
     }
 
-    /// Whether every part leaves room for the changes of speed at its ends; with `judged` the thread's own report says so
-    /// of a pass of one part. `number` is that of the pass in its thread.
+    /// Whether every part is long enough for the changes of speed at its ends; with `judged` the thread's own report
+    /// says so of a pass of one part. `number` is that of the pass in its thread.
     pub(crate) fn check_length(
         &self,
         judged: bool,
@@ -276,7 +276,7 @@ impl PassWay {
         })
     }
 
-    /// From the lowest to the highest X and Z of the way with this retreat: a line for the checks of lines.
+    /// From the lowest to the highest X and Z of the path with this retreat: a line for the checks of lines.
     fn extent(&self, first: &ThreadBlock, retreat_mm: f64) -> Element {
         let (mut start, mut end) = (first.mv.start, first.mv.start);
         let places = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));

@@ -1,8 +1,8 @@
-//! The way of the tool through one pass over the spindle angle: what the generator runs and a follower plays.
+//! The path of the tool through one pass over the spindle angle: what the generator runs and a follower plays.
 //!
 //! Programmed are straight parts, each with its lead. Where the speed along them changes, at the start, between parts,
 //! where the tool is pulled out and at the end, it changes as 3s² − 2s³ over an angle with its middle at the vertex:
-//! beyond that angle the way is the programmed one exactly, since what is missing before the vertex is caught up after
+//! beyond that angle the path is the programmed one exactly, since what is missing before the vertex is caught up after
 //! it. The run-up is such a change from rest, the run-down one to rest.
 
 use core::ops::Range;
@@ -34,7 +34,7 @@ pub struct ThreadPath {
     rest_deg: f64,
 }
 
-/// A piece of the way: at `at + slope·t`, and with a change of the slope `at + slope·t + change·L·s³(1 − s/2)` with
+/// A piece of the path: at `at + slope·t`, and with a change of the slope `at + slope·t + change·L·s³(1 − s/2)` with
 /// s = t/L, where t is the angle from `origin_deg`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Piece {
@@ -119,7 +119,7 @@ impl Piece {
 }
 
 impl ThreadPath {
-    /// The way from `start` (X on the radius and Z, mm) through `parts`, starting at `start_angle_deg`. `changes_deg`
+    /// The path from `start` (X on the radius and Z, mm) through `parts`, starting at `start_angle_deg`. `changes_deg`
     /// are the angles of the changes of speed at the start and at the end of every part; those of neighbouring vertices
     /// must not overlap.
     pub(crate) fn new(
@@ -182,7 +182,7 @@ impl ThreadPath {
         Self { start: [start[0], start[1], 0.0], pieces, end: at, lead_end_deg, wave, start_up, outwards, rest_deg }
     }
 
-    /// The way of a pass of a thread.
+    /// The path of a pass of a thread.
     #[must_use]
     pub fn of_pass(job: &ThreadJob, pass: &ThreadPass) -> Self {
         let geometry = &job.geometry;

@@ -1,4 +1,5 @@
-//! Pass planner: from thread, tool and limits to passes whose chips break in both models (thread vibration page).
+//! Pass planner: from thread, tool and limits to passes whose chips break in both models
+//! (docs/functions/thread-vibration.md).
 //!
 //! Depths follow the law, offsets the infeed pattern, phases alternate between 0° and 180° at the same place on the
 //! work, and every amplitude is the smallest that clears the full section, with a margin. Where machine or tool
@@ -18,8 +19,8 @@ use super::{
 };
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
-/// How passes with an axial offset, and the starts of a thread, are brought to their place (thread vibration page,
-/// "Phase").
+/// How passes with an axial offset, and the starts of a thread, are brought to their place
+/// (docs/functions/thread-vibration.md, "Phase").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PassMethod {
@@ -68,7 +69,7 @@ pub struct ThreadRequest {
 pub struct ThreadPlan {
     /// The passes.
     pub job: ThreadJob,
-    /// What there is to say about them; without errors and warnings.
+    /// Their judgement; without errors and warnings.
     pub report: ThreadReport,
 }
 

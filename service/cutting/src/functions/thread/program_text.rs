@@ -1,4 +1,4 @@
-//! A thread as program text, in the words of the thread vibration page ("Program words", "Worked programs").
+//! A thread as program text, in the words of docs/functions/thread-vibration.md, "Program words" and "Worked programs".
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::shared::wording::{decimal, word};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ThreadTextOptions {
-    /// Distance of the way back from the work's surface, mm on the radius.
+    /// Distance of the return path from the work's surface, mm on the radius.
     pub clearance_mm: f64,
     /// Amplitude ratio of the `G165` word; passes that follow it have no `A` word.
     pub ratio: f64,
@@ -23,9 +23,9 @@ impl Default for ThreadTextOptions {
 
 /// Program text of a thread, X and A as diameters, lengths in mm.
 ///
-/// `A` stands where the amplitude does not follow the ratio, `R` where the phase shift is not the default one; both
-/// always stand in a thread of several starts, whose passes a control may count in another way, and on a taper, where
-/// X differs between start positions at equal depth.
+/// `A` is written where the amplitude does not follow the ratio, `R` where the phase shift is not the default one; both
+/// are always written in a thread of several starts, whose passes a control may count differently, and on a taper,
+/// where X differs between start positions at equal depth.
 #[must_use]
 pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> String {
     let geometry = &job.geometry;
@@ -49,7 +49,7 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
     for pass in &job.passes {
         clear = higher(clear, clear_mm(pass.start_travel_mm));
     }
-    // A narrow bore has no room for all of the clearance.
+    // A narrow bore leaves no space for all of the clearance.
     let clear = word('X', 2.0 * clear.max(0.0), 4);
     let plain = geometry.starts <= 1 && geometry.taper == 0.0;
     for (index, pass) in job.passes.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What there is to say about a thread before it is cut (thread vibration page, "Conditions to validate").
+//! The judgement of a thread before it is cut (docs/functions/thread-vibration.md, "Findings").
 
 use core::f64::consts::TAU;
 
@@ -108,7 +108,7 @@ pub struct CrestReport {
     pub pass: usize,
 }
 
-/// A thread of a program: its passes and what there is to say about them.
+/// A thread of a program: its passes and their judgement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadSectionReport {
     /// Line that switched the vibration on; `None` for a thread without vibration.
@@ -124,11 +124,11 @@ pub struct ThreadSectionReport {
     pub work_diameter_assumed: bool,
     /// The thread as it is cut.
     pub job: ThreadJob,
-    /// What there is to say about it.
+    /// Its judgement.
     pub report: ThreadReport,
 }
 
-/// What there is to say about a thread.
+/// The judgement of a thread.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadReport {
     /// Every pass; empty where the thread itself is impossible.

@@ -1,5 +1,6 @@
-//! How the lead axis comes from rest into step with the spindle, and back to rest at the end (thread vibration page,
-//! "Other required behaviour": acceleration of the lead axis at the start takes an approach length).
+//! How the lead axis comes from rest into step with the spindle, and back to rest at the end
+//! (docs/functions/thread-vibration.md, "Infeed, tapers and run-up": acceleration of the lead axis at the start takes
+//! an approach length).
 //!
 //! The run-up is a function of the spindle angle, not of time: the axis then lags behind the ideal line by half the
 //! run-up angle in every pass, whatever the spindle speed, so that all passes stay in one groove. Its velocity
@@ -58,7 +59,7 @@ impl RunUp {
     }
 }
 
-/// The way of the lead axis through one pass, as angles of a spindle in exact ratio: run-up, exact lead, run-down.
+/// The motion of the lead axis through one pass, as angles of a spindle in exact ratio: run-up, exact lead, run-down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LeadWay {
     run_up: RunUp,
@@ -66,7 +67,7 @@ pub(super) struct LeadWay {
 }
 
 impl LeadWay {
-    /// A way of `way_deg`; where it is too short for run-up and run-down, both are shortened to fill it.
+    /// A motion over `way_deg`; where it is too short for run-up and run-down, both are shortened to fill it.
     pub(super) fn new(run_up: RunUp, way_deg: f64) -> Self {
         Self { run_up: RunUp { angle_deg: run_up.angle_deg.min(way_deg) }, way_deg }
     }
@@ -76,7 +77,7 @@ impl LeadWay {
         self.way_deg + self.run_up.angle_deg
     }
 
-    /// [`RunUp::synchronous_deg`] of the whole way; it rests at 0 before and at its end after it.
+    /// [`RunUp::synchronous_deg`] of the whole motion; it rests at 0 before and at its end after it.
     pub(super) fn synchronous_deg(&self, turned_deg: f64) -> f64 {
         let left_deg = self.angle_deg() - turned_deg;
         if left_deg >= self.run_up.angle_deg {

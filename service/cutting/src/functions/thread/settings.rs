@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{StartUp, default_phase_shift_deg};
 
-/// What a machine profile says about threading passes and their vibration (thread vibration page, "Program words").
+/// What a machine profile says about threading passes and their vibration (docs/functions/thread-vibration.md, "Program
+/// words").
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ThreadVibrationSettings {
@@ -24,8 +25,8 @@ pub struct ThreadVibrationSettings {
     pub reference_angle_deg: f64,
     /// Included angle of the tool where no cycle names it, degrees.
     pub included_angle_deg: f64,
-    /// Way from the start position of a thread to the work that programs keep, mm; the way that the lead axis needs to
-    /// come into step is compared with it where it is stated.
+    /// Distance from the start position of a thread to the work that programs keep, mm; the distance that the lead axis
+    /// needs to come into step is compared with it where it is stated.
     pub approach_mm: Option<f64>,
     /// Largest chip thickness that the tool bears, mm on the radius.
     pub max_thickness_mm: Option<f64>,
@@ -57,7 +58,7 @@ impl ThreadVibrationSettings {
         if pass.is_multiple_of(2) { self.odd_phase_shift_deg } else { self.even_phase_shift_deg }
     }
 
-    /// Everything that makes the settings unusable, with the field; empty when they are sound.
+    /// Everything that makes the settings unusable, with the field; empty when they are valid.
     #[must_use]
     pub fn problems(&self) -> Vec<ProfileProblem> {
         let mut problems = Vec::new();

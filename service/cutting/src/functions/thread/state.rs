@@ -1,4 +1,4 @@
-//! Threads in the program: the words that switch their vibration, the passes that belong together, and what there is to
+//! Threads in the program: the words that switch their vibration, the passes that belong together, and what is to
 //! say about them.
 
 use feedwave_motion::Planner;
@@ -67,7 +67,7 @@ impl Threads {
 }
 
 impl Builder {
-    /// Takes a rapid into custody where it may become part of the start-up of a pass.
+    /// Holds a rapid back where it may become part of the start-up of a pass.
     pub(crate) fn holds_rapid(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig) -> bool {
         let settings = &config.profile.thread_vibration;
         let combines = settings.combined_preparation && settings.start_up == StartUp::Preparatory;
@@ -147,7 +147,7 @@ impl Builder {
         planner.push_barrier(Barrier::Thread(Box::new(run)));
     }
 
-    /// The way and the vibration of the blocks of one pass, which joins its thread.
+    /// The path and the vibration of the blocks of one pass, which joins its thread.
     fn pass(&mut self, blocks: &[ThreadBlock], config: &PipelineConfig, findings: &mut FindingLog) -> Option<Pass> {
         let first = blocks.first()?;
         let machine = &config.profile.machine;
@@ -406,7 +406,7 @@ impl OpenThread {
             );
             return false;
         }
-        // Without vibration nothing says where a thread begins: a way back to a smaller depth does.
+        // Without vibration nothing says where a thread begins: a return to a smaller depth does.
         let goes_back = mode.is_none() && self.goes_back(first);
         is_same && !goes_back && (mode.is_some() || self.job.passes.len() < MAX_THREAD_PASSES)
     }

@@ -1,10 +1,11 @@
-//! The vibration of one pass as a function of the spindle angle (thread vibration page, "Amplitude" and "Phase").
+//! The vibration of one pass as a function of the spindle angle (docs/functions/thread-vibration.md, "Amplitude" and
+//! "Phase").
 
 use serde::{Deserialize, Serialize};
 
 use crate::sin_turns;
 
-/// How the vibration of a pass is brought to its phase (thread vibration page, "Phase").
+/// How the vibration of a pass is brought to its phase (docs/functions/thread-vibration.md, "Phase").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StartUp {

@@ -112,7 +112,7 @@ pub struct OscillationCondition {
     /// Whether the tool may pass the ends of the section in the feed direction for the sake of a short blend.
     #[serde(default)]
     pub may_overrun: bool,
-    /// Where the work stands about the tool; decides nothing but what is said about the edges.
+    /// Where the work is around the tool; decides nothing but what is said about the edges.
     #[serde(default)]
     pub engagement: Engagement,
 }

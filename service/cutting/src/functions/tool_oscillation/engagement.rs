@@ -1,4 +1,4 @@
-//! Where the work stands about the tool.
+//! Where the work is around the tool.
 
 use serde::{Deserialize, Serialize};
 

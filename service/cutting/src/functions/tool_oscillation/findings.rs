@@ -1,4 +1,5 @@
-//! The conditions of the tool oscillation page, each a finding with its numbers and what cures it.
+//! The conditions of docs/functions/tool-oscillation.md ("Conditions"), each a finding with its numbers and what cures
+//! it.
 
 use feedwave_program::{Finding, SourceSpan};
 

@@ -24,7 +24,7 @@ pub struct FloorSettings {
     /// so that every mark has at least eight.
     pub resolution_mm: f64,
     /// Most cells, 1 000 to [`MAX_FLOOR_CELLS`]; 400 000 unless stated. Where the floor has more, a strip about the middle
-    /// of what the tool sweeps stands for it.
+    /// of what the tool sweeps represents it.
     pub max_cells: u32,
     /// Whether the trailing half of the tool cuts as well; true unless stated. Not where the spindle is tilted.
     pub trailing: bool,
@@ -59,7 +59,7 @@ impl FloorSettings {
         problems
     }
 
-    /// The part of the floor that stands for a cut; `None` where none is wanted or not one row of cells could be
+    /// The part of the floor that represents a cut; `None` where none is requested or not one row of cells could be
     /// simulated.
     #[must_use]
     pub fn area(&self, tool: &ToolGeometry, cut: &OscillationCut) -> Option<FloorArea> {

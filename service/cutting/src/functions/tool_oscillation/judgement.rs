@@ -147,7 +147,11 @@ impl ActiveOscillation {
             return None;
         };
         if !cut.spindle.is_turning() {
-            refuse("OSC-SPINDLE-STOPPED", "the oscillation is driven by the spindle, which stands", "start it before");
+            refuse(
+                "OSC-SPINDLE-STOPPED",
+                "the oscillation follows the spindle, which is stopped",
+                "start the spindle before",
+            );
             return None;
         }
         let spindle_rev_per_min = rev_per_min.min(config.profile.machine.max_spindle_rev_per_min);
@@ -256,7 +260,7 @@ impl ActiveOscillation {
                     LeftLimits::of(&profile.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
                 };
                 found.push(shortage.finding(span, &run, fits));
-                // What was judged is told all the same.
+                // What was judged is reported all the same.
                 if let Some(report) = &mut report {
                     report.report.feasible = false;
                 }

@@ -1,4 +1,4 @@
-//! What every edge removes, in planes through the tool axis (tool oscillation page, figures 5 to 8 of its source).
+//! What every edge removes, in planes through the tool axis (docs/functions/tool-oscillation.md, "Report").
 //!
 //! In the plane at azimuth β (from the feed direction, in the direction of rotation) a pass of an edge clears everything
 //! behind its front and above its end. Fronts lie at
@@ -73,7 +73,7 @@ impl RemovedLayer {
 pub struct EdgePass {
     /// Offset of the tool at the pass.
     pub offset: ToolOffset,
-    /// Where the edge stands along the plane, mm.
+    /// Position of the edge along the plane, mm.
     pub front_mm: f64,
     /// Its end above the commanded end of the tool, mm.
     pub end_mm: f64,

@@ -1,4 +1,4 @@
-//! The tool: where its cutting edges stand and how far they reach.
+//! The tool: where its cutting edges are and how far they reach.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,10 +12,10 @@ pub struct CuttingEdge {
     /// Spindle angle, in the direction of rotation from the spindle's zero, at which the edge points in the work plane's
     /// first direction (+X in `G17`), degrees.
     pub angle_deg: f64,
-    /// By how much it stands out beyond the nominal radius, mm.
+    /// By how much it protrudes beyond the nominal radius, mm.
     #[serde(default)]
     pub radial_set_over_mm: f64,
-    /// By how much it stands out below the nominal end of the tool, mm.
+    /// By how much it protrudes below the nominal end of the tool, mm.
     #[serde(default)]
     pub axial_set_over_mm: f64,
     /// Whether it is meant for finishing, where the tool data say so.

@@ -1,4 +1,4 @@
-//! Waveforms of the oscillation: periodic, continuous, peak value 1 (tool oscillation page, "Motion").
+//! Waveforms of the oscillation: periodic, continuous, peak value 1 (docs/functions/tool-oscillation.md, "Motion").
 
 use core::f64::consts::TAU;
 
@@ -52,7 +52,7 @@ pub enum WaveformError {
     PointCount(usize),
     /// A phase outside [0, 1), not increasing, or too close to its neighbour.
     #[error(
-        "point {number} stands at phase {phase}: phases lie within 0 and 1 and increase by at least {MIN_WAVE_POINT_TURNS}"
+        "point {number} is at phase {phase}: phases lie within 0 and 1 and increase by at least {MIN_WAVE_POINT_TURNS}"
     )]
     Phase {
         /// Which point, counted from 1.

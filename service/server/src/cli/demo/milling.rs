@@ -129,7 +129,7 @@ async fn override_feed(
     )?;
     let (held, all) = (points(&blocks), points(plain));
     let still = held[..=HOLD.1 as usize].iter().rev().take_while(|point| **point == held[HOLD.1 as usize]).count();
-    stage.check(still > 900, &format!("the axes stand still for {still} of the 1 000 ms it lasts"))?;
+    stage.check(still > 900, &format!("the axes are at rest for {still} of the 1 000 ms it lasts"))?;
     stage.check(
         held.last() == all.last() && farthest(&held, &all) < 1e-3,
         "then one and a half times the feed, on the same path to the same end",

@@ -166,13 +166,14 @@ async fn judge(stage: &mut Stage, client: &mut Client) -> Result<Checked, CliErr
 struct Followed {
     /// Those with the whole oscillation.
     whole: u64,
-    /// Largest distance of any of them from what the page says, mm.
+    /// Largest distance of any of them from the formula of docs/functions/tool-oscillation.md ("Motion"), mm.
     farthest_mm: f64,
     /// Furthest before the start and beyond the end of the section in the feed direction, mm.
     beyond_mm: f64,
 }
 
-/// Compares setpoints with the formula of the page, each at its own spindle angle and place on the path.
+/// Compares setpoints with the formula of docs/functions/tool-oscillation.md ("Motion"), each at its own spindle angle
+/// and place on the path.
 fn followed(blocks: &[SetpointBlock]) -> Followed {
     let length_mm = LINES_MM[0] + 0.5 * PI * RADIUS_MM + LINES_MM[1];
     let rows = || blocks.iter().flat_map(|block| (0..block.len()).map(move |row| (block, row)));

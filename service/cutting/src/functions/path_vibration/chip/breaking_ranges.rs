@@ -18,7 +18,7 @@ pub(super) enum BreakingRanges {
     Proportional(f64),
 }
 
-/// Where D stands among the ranges that break the chip.
+/// Where D lies among the ranges that break the chip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Neighbours {
     /// The range that D lies in.
@@ -84,7 +84,7 @@ impl BreakingRanges {
             // The arch is 1 high, so the level passes it before D = 1/slope.
             Self::Proportional(slope) => lobe.min((1.0 / slope).floor()),
         };
-        // At most two steps: half a lobe before D = 1/slope the arch still stands above the level.
+        // At most two steps: half a lobe before D = 1/slope the arch is still above the level.
         for _ in 0..4 {
             if candidate < 0.0 {
                 return None;
@@ -97,7 +97,7 @@ impl BreakingRanges {
         None
     }
 
-    /// Where D stands among the ranges.
+    /// Where D lies among the ranges.
     pub(super) fn around(self, vibrations_per_rev: f64) -> Neighbours {
         let lobe = vibrations_per_rev.floor();
         let here = self.in_lobe(lobe);

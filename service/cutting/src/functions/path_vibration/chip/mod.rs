@@ -1,4 +1,4 @@
-//! Will the chip break? (Path vibration page, "Will the chip break?"; ES 2 634 340 T3.)
+//! Will the chip break? (docs/functions/path-vibration.md, "Will the chip break?"; ES 2 634 340 T3)
 //!
 //! The tool cuts over the surface that all earlier revolutions left. At vibration phase u the uncut thickness is
 //! h(u) = min over q ≥ 1 of [q·f_r + 2A·sin(πqD)·cos(u − πqD)], D vibrations per revolution, and the chip is cut

@@ -1,11 +1,11 @@
-//! Every worked number of the thread vibration page.
+//! Every worked number of docs/functions/thread-vibration.md.
 
 use super::*;
 
 #[test]
 fn amplitudes_follow_infeed_and_ratio() {
     let job = program_a();
-    // Diameter values of the page: infeed 2 and 0.828, A = 2.4 and 0.9936.
+    // Diameter values: infeed 2 and 0.828, A = 2.4 and 0.9936.
     assert_near(2.0 * job.infeed_mm(0), 2.0, 1e-12);
     assert_near(2.0 * job.passes[0].amplitude_mm, 2.4, 1e-12);
     assert_near(2.0 * job.infeed_mm(1), 0.828, 1e-12);
@@ -91,7 +91,7 @@ fn the_suggested_ratio_breaks_the_full_section() {
 #[test]
 fn program_a_leaves_crests_for_the_finishing_pass() {
     let crests = judge_thread(&program_a(), &ThreadLimits::default()).crests.unwrap();
-    // The page: about 0.35 mm where the nominal finishing infeed is 0.018 mm. Exactly: passes 2 and 3 are equally deep
+    // About 0.35 mm where the nominal finishing infeed is 0.018 mm. Exactly: passes 2 and 3 are equally deep
     // where 1.414 − 0.2484·(1 + cos ψ) = 1.732 − 0.1908·(1 − cos ψ).
     let cosine = (1.414 - 0.2484 - 1.732 + 0.1908) / (0.1908 + 0.2484);
     assert_near(crests.crest_mm, 0.1908 * (1.0 - cosine), 1e-9);

@@ -1,4 +1,5 @@
-//! Proof of the thread functions: the page's numbers, a simulation of the section, and properties.
+//! Proof of the thread functions: the worked numbers of docs/functions/thread-vibration.md, a simulation of the
+//! section, and properties.
 
 mod golden;
 mod planning;
@@ -10,7 +11,7 @@ use feedwave_program::SourceSpan;
 
 use super::*;
 
-/// The thread of the page's programs: M10-like, 2.5 mm lead, 60° tool, from Z100 to Z60.
+/// The thread of the worked programs: M10-like, 2.5 mm lead, 60° tool, from Z100 to Z60.
 pub(super) fn geometry() -> ThreadGeometry {
     ThreadGeometry {
         side: ThreadSide::External,
@@ -46,7 +47,7 @@ pub(super) fn job(passes: Vec<ThreadPass>) -> ThreadJob {
     }
 }
 
-/// Program A of the page.
+/// Program A of the worked programs.
 pub(super) fn program_a() -> ThreadJob {
     let mut job =
         job(vec![pass(8.0, 0.0, 0.0), pass(7.172, 325.584, 180.0), pass(6.536, 299.088, 0.0), pass(6.5, 297.648, 0.0)]);
@@ -54,7 +55,7 @@ pub(super) fn program_a() -> ThreadJob {
     job
 }
 
-/// Program B of the page.
+/// Program B of the worked programs.
 pub(super) fn program_b() -> ThreadJob {
     let mut job = job(vec![pass(7.0, 0.0, 0.0), pass(7.0, 0.0, 120.0), pass(7.0, 0.0, 240.0), pass(7.0, 0.0, 0.0)]);
     job.apply_ratio(1.2, |index| [None, Some(1.8), Some(1.8), Some(0.0)][index]);

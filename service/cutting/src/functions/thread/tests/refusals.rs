@@ -1,4 +1,5 @@
-//! Conditions of the page that are not met, each with its numbers and a cure that helps.
+//! Conditions of docs/functions/thread-vibration.md ("Findings") that are not met, each with its numbers and a cure
+//! that helps.
 
 use feedwave_program::{Finding, Severity};
 use proptest::prelude::*;
