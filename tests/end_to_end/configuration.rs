@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 
-use feedwave::config::{Config, HealthcheckConfig, Overrides, TlsConfig};
+use feedwave_server::config::{Config, HealthcheckConfig, Overrides, TlsConfig};
 use tokio::process::Command;
 
 use crate::FEEDWAVE;

@@ -1,8 +1,8 @@
 //! The read-only HTTP port, polled as a dashboard polls.
 
 use bytes::Bytes;
-use feedwave::proto::StreamSetpointsRequest;
-use feedwave::proto::stream_setpoints_response::Message;
+use feedwave_contract::proto::StreamSetpointsRequest;
+use feedwave_contract::proto::stream_setpoints_response::Message;
 use feedwave_tests::{SHAFT, Server, header_of, long_dwell, patiently};
 use http::StatusCode;
 

@@ -1,7 +1,7 @@
 //! What a client can find out without knowing the service: health, reflection, gRPC-Web.
 
 use bytes::{BufMut, Bytes, BytesMut};
-use feedwave::proto::{GetMachineRequest, GetMachineResponse};
+use feedwave_contract::proto::{GetMachineRequest, GetMachineResponse};
 use feedwave_tests::{Server, Web};
 use http::StatusCode;
 use prost::Message;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::{GetJobRequest, JobState, ListJobsRequest, WatchJobsRequest};
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::{GetJobRequest, JobState, ListJobsRequest, WatchJobsRequest};
 use feedwave_tests::{Chance, Clients, Home, Server};
 use tokio::sync::Notify;
 use tokio::task::JoinSet;

@@ -1,12 +1,12 @@
 //! An escalation through `kill -9`: it happens once, its condition stays until it is acknowledged, and so does the
 //! acknowledgement.
 
-use feedwave::proto::run_request::Message as Request;
-use feedwave::proto::run_response::Message;
-use feedwave::proto::run_start::Target;
-use feedwave::proto::runs_client::RunsClient;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::{
+use feedwave_contract::proto::run_request::Message as Request;
+use feedwave_contract::proto::run_response::Message;
+use feedwave_contract::proto::run_start::Target;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{
     AcknowledgeConditionRequest, DecisionAction, Escalation, FeedChangeCause, GetRunRequest, ListDecisionsRequest,
     OverrideBounds, ReplayRunRequest, Run, RunCommand, RunCommandKind, RunCredit, RunFeedChange, RunReceipt,
     RunRequest, RunStart, RunStarted, RunState, SetMonitoringRequest,
@@ -25,7 +25,7 @@ const BATCHES: u64 = 50;
 /// The connection of a run.
 struct Link {
     requests: mpsc::Sender<RunRequest>,
-    responses: Streaming<feedwave::proto::RunResponse>,
+    responses: Streaming<feedwave_contract::proto::RunResponse>,
     started: RunStarted,
 }
 

@@ -1,9 +1,9 @@
 //! Five axes through the built binary: programs with angles and with vectors, thinned, streamed in machine and work
 //! coordinates, and judged by forward kinematics written down here once more.
 
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::stream_setpoints_request::Start;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::{
     AxisLetter, AxisRange, ChainAxis, CreateJobRequest, CreateMachineRequest, CreateToolRequest, Frame,
     GetMachineRequest, JobState, Kinematics, MachineAxis, StreamSetpointsRequest, ThinningReport, ThinningSettings,
     Tool, Vector,

@@ -1,9 +1,9 @@
 //! Hostile programs and requests.
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::validate_program_request::On;
-use feedwave::proto::{JobState, Severity, ValidateProgramRequest, ValidationReport};
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::validate_program_request::On;
+use feedwave_contract::proto::{JobState, Severity, ValidateProgramRequest, ValidationReport};
 use feedwave_tests::{Clients, SHAFT, Server, upload};
 use tonic::Code;
 

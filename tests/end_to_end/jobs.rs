@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::validate_program_request::On;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::validate_program_request::On;
+use feedwave_contract::proto::{
     CancelJobRequest, CreateJobRequest, CreateMachineRequest, DeleteJobRequest, DeleteProgramRequest, GetJobRequest,
     GetMachineRequest, GetPlanSummaryRequest, GetReportRequest, GetToolRequest, JobState, ListJobEventsRequest,
     ListJobsRequest, Severity, StreamSetpointsRequest, ValidateProgramRequest,
@@ -188,7 +188,7 @@ async fn events_tell_the_life_of_a_job_in_order() {
     let job = clients.submit("G0 X1. Z1.\nM30\n").await.job;
     let request = ListJobEventsRequest { job: job.name.clone(), ..ListJobEventsRequest::default() };
     let events = clients.jobs.list_job_events(request).await.unwrap().into_inner();
-    let states: Vec<JobState> = events.events.iter().map(feedwave::proto::JobEvent::state).collect();
+    let states: Vec<JobState> = events.events.iter().map(feedwave_contract::proto::JobEvent::state).collect();
     assert_eq!(states, [JobState::Pending, JobState::Validating, JobState::Ready]);
     assert!(
         events
@@ -277,7 +277,7 @@ async fn a_look_ahead_too_wide_for_checkpoints_only_makes_late_streams_begin_lat
     let outcome = clients.validated(&job.name).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
     let count = outcome.report.summary.unwrap().setpoint_count;
-    let start = Some(feedwave::proto::stream_setpoints_request::Start::StartIndex(131_500));
+    let start = Some(feedwave_contract::proto::stream_setpoints_request::Start::StartIndex(131_500));
     let request = StreamSetpointsRequest { job: job.name, start, ..StreamSetpointsRequest::default() };
     let setpoints = stream(&mut clients, request).await.unwrap();
     assert_eq!(setpoints.len() as u64, count - 131_500);

@@ -1,6 +1,6 @@
 //! How the service ends.
 
-use feedwave::proto::{GetJobRequest, JobState, StreamSetpointsRequest, WatchJobsRequest};
+use feedwave_contract::proto::{GetJobRequest, JobState, StreamSetpointsRequest, WatchJobsRequest};
 use feedwave_tests::{Home, header_of, long_dwell};
 use rustix::process::Signal;
 use tonic::Code;

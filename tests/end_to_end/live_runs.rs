@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use feedwave::proto::feed_override_change::At;
-use feedwave::proto::grouping::By;
-use feedwave::proto::run_request::Message as Request;
-use feedwave::proto::run_response::Message;
-use feedwave::proto::run_start::Target;
-use feedwave::proto::runs_client::RunsClient;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::window_length::Length;
-use feedwave::proto::{
+use feedwave_contract::proto::feed_override_change::At;
+use feedwave_contract::proto::grouping::By;
+use feedwave_contract::proto::run_request::Message as Request;
+use feedwave_contract::proto::run_response::Message;
+use feedwave_contract::proto::run_start::Target;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::window_length::Length;
+use feedwave_contract::proto::{
     ChannelPair, DataQuality, Decision, DecisionRules, FeedOverrideChange, FeedRule, Grouping, ListDecisionsRequest,
     MonitoringConfig, OverrideBounds, ReplayRunRequest, RunCredit, RunFeedChange, RunReceipt, RunRequest, RunStart,
     RunState, SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest, TelemetryBatch, ToolCheck,

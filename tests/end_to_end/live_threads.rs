@@ -1,11 +1,11 @@
 //! Decisions and threads in a live run, and what becomes of a run whose telemetry stops: all without the client's help.
 
-use feedwave::proto::run_request::Message as Request;
-use feedwave::proto::run_response::Message;
-use feedwave::proto::run_start::Target;
-use feedwave::proto::runs_client::RunsClient;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::{
+use feedwave_contract::proto::run_request::Message as Request;
+use feedwave_contract::proto::run_response::Message;
+use feedwave_contract::proto::run_start::Target;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{
     Decision, DecisionAction, DecisionReason, FeedChangeCause, MonitoringConfig, ReplayRunRequest, RunCredit, RunEnded,
     RunFeedChange, RunReceipt, RunRequest, RunResponse, RunStart, RunStarted, RunState, SetMonitoringRequest,
     SilenceFallback, SpindleRule, TelemetryBatch, TurningRule, WatchDecisionsRequest, spindle_rule::Rule,

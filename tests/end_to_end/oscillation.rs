@@ -4,12 +4,12 @@
 use std::f64::consts::TAU;
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::feed_override_change::At;
-use feedwave::proto::oscillation_condition::Period;
-use feedwave::proto::stream_setpoints_request::Start;
-use feedwave::proto::waveform::Kind;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::feed_override_change::At;
+use feedwave_contract::proto::oscillation_condition::Period;
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::waveform::Kind;
+use feedwave_contract::proto::{
     ColumnKind, CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation,
     FeedOverrideChange, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState,
     OscillationCondition, StreamSetpointsRequest, Tool, ToolGeometry, Waveform,

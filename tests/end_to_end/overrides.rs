@@ -1,8 +1,8 @@
 //! Streams with changes of the feed override.
 
-use feedwave::proto::feed_override_change::At;
-use feedwave::proto::stream_setpoints_request::Start;
-use feedwave::proto::{
+use feedwave_contract::proto::feed_override_change::At;
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::{
     ColumnKind, FeedOverrideChange, ServoOutput, StreamSetpointsRequest, ValidateProgramRequest,
     validate_program_request::On,
 };
@@ -120,7 +120,7 @@ async fn places_where_a_plain_stream_may_begin_are_not_those_of_one_with_overrid
 async fn a_change_counts_interpolation_periods_in_every_mode_and_at_every_period() {
     let (_server, mut clients, request) = ready_job().await;
     let request = StreamSetpointsRequest {
-        generation_mode: feedwave::proto::GenerationMode::ServoSide.into(),
+        generation_mode: feedwave_contract::proto::GenerationMode::ServoSide.into(),
         interpolation_period_us: 2_000,
         ..request
     };

@@ -1,7 +1,7 @@
 //! What streams carry: the numbers.
 
-use feedwave::proto::stream_setpoints_request::Start;
-use feedwave::proto::{ColumnKind, Encoding, GetPlanSummaryRequest, StreamSetpointsRequest};
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::{ColumnKind, Encoding, GetPlanSummaryRequest, StreamSetpointsRequest};
 use feedwave_tests::{Clients, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, Server, Setpoints, stream};
 use tonic::Code;
 

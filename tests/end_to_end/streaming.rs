@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use feedwave::proto::{StreamSetpointsRequest, WatchJobsRequest};
+use feedwave_contract::proto::{StreamSetpointsRequest, WatchJobsRequest};
 use feedwave_tests::{Home, SHAFT_CURED, Server, header_of, long_dwell, patiently, stream, within_a_deadline};
 use tonic::{Code, Request};
 

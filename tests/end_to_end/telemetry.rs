@@ -1,13 +1,13 @@
 //! Telemetry with every kind of fault, through `kill -9` at random moments: the decisions are those of a session that
 //! nothing interrupted, each made once, and none from bad data.
 
-use feedwave::proto::decision_inputs::Evidence;
-use feedwave::proto::ingest_request::Message as Request;
-use feedwave::proto::ingest_response::Message;
-use feedwave::proto::ingest_start::Target;
-use feedwave::proto::runs_client::RunsClient;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::{
+use feedwave_contract::proto::decision_inputs::Evidence;
+use feedwave_contract::proto::ingest_request::Message as Request;
+use feedwave_contract::proto::ingest_response::Message;
+use feedwave_contract::proto::ingest_start::Target;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{
     BatchGap, Decision, DecisionAction, DecisionReason, GetRunRequest, HoldReason, IngestEnd, IngestRequest,
     IngestStart, ListDecisionsRequest, ReplayRunRequest, Run, RunState, SetMonitoringRequest, TelemetryBatch,
 };

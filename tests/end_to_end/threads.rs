@@ -1,10 +1,10 @@
 //! Threads turned with vibration: planned, judged, streamed and followed, all through the built binary.
 
-use feedwave::proto::follow_spindle_request::Message as Follow;
-use feedwave::proto::follow_spindle_response::Message as Followed;
-use feedwave::proto::plan_thread_request::{Advance, On};
-use feedwave::proto::validate_program_request::On as ValidateOn;
-use feedwave::proto::{
+use feedwave_contract::proto::follow_spindle_request::Message as Follow;
+use feedwave_contract::proto::follow_spindle_response::Message as Followed;
+use feedwave_contract::proto::plan_thread_request::{Advance, On};
+use feedwave_contract::proto::validate_program_request::On as ValidateOn;
+use feedwave_contract::proto::{
     ColumnKind, FollowSpindleRequest, FollowSpindleStart, FollowedPass, FollowedPositions, Frame, GetMachineRequest,
     InfeedPattern, JobState, PassMethod, PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles,
     StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport, ValidateProgramRequest,
@@ -62,7 +62,7 @@ async fn a_planned_thread_breaks_its_chip_in_both_models() {
         }
         assert!(report.feasible && report.run_up_travel_mm > 0.0);
         assert!(report.crests.expect("crests").finishing_thickness_mm <= 0.1);
-        assert!(answer.findings.iter().all(|finding| finding.severity() == feedwave::proto::Severity::Info));
+        assert!(answer.findings.iter().all(|finding| finding.severity() == feedwave_contract::proto::Severity::Info));
         assert_eq!(answer.program.lines().filter(|line| line.starts_with("G32 ")).count(), 5);
     }
 }

@@ -1,8 +1,8 @@
 //! Large programs, sent in pieces, over connections that break and servers that die.
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::{
     DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, UploadProgramRequest, UploadProgramResponse,
 };
 use feedwave_tests::{Clients, Server, many_blocks, patiently, sha256_hex, upload, upload_messages};

@@ -3,13 +3,13 @@
 use std::net::SocketAddr;
 
 use bytes::Bytes;
-use feedwave::proto::jobs_client::JobsClient;
-use feedwave::proto::machines_client::MachinesClient;
-use feedwave::proto::setpoints_client::SetpointsClient;
-use feedwave::proto::threads_client::ThreadsClient;
-use feedwave::proto::tools_client::ToolsClient;
-use feedwave::proto::upload_program_request::Message;
-use feedwave::proto::{
+use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::setpoints_client::SetpointsClient;
+use feedwave_contract::proto::threads_client::ThreadsClient;
+use feedwave_contract::proto::tools_client::ToolsClient;
+use feedwave_contract::proto::upload_program_request::Message;
+use feedwave_contract::proto::{
     CreateJobRequest, GetJobRequest, GetReportRequest, Job, JobState, UploadChunk, UploadHeader, UploadProgramRequest,
     ValidationReport, WatchJobsRequest, create_job_request::Source,
 };

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::stream_setpoints_response::Message;
-use feedwave::proto::upload_program_request::Message as Upload;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::stream_setpoints_response::Message;
+use feedwave_contract::proto::upload_program_request::Message as Upload;
+use feedwave_contract::proto::{
     CreateJobRequest, JobState, StreamSetpointsRequest, UploadChunk, UploadHeader, UploadProgramRequest,
 };
 use sha2::{Digest, Sha256};

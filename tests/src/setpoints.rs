@@ -1,7 +1,7 @@
 //! Setpoint streams, read to the end and decoded as a client would: from the contract alone.
 
-use feedwave::proto::stream_setpoints_response::Message;
-use feedwave::proto::{
+use feedwave_contract::proto::stream_setpoints_response::Message;
+use feedwave_contract::proto::{
     ColumnKind, Encoding, SetpointChunk, StreamHeader, StreamSetpointsRequest, StreamSetpointsResponse,
 };
 use tonic::{Status, Streaming};

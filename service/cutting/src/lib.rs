@@ -26,4 +26,4 @@ pub use functions::path_vibration::*;
 pub use functions::thinning::{DroppedRun, ProgramThinning};
 pub use functions::{thinning, thread, tool_oscillation};
 pub use shared::cut::Cut;
-pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock};
+pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock, setpoint_index_at};

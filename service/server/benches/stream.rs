@@ -10,14 +10,14 @@ use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave::config::Config;
-use feedwave::lifecycle::{RunningServer, Server};
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::jobs_client::JobsClient;
-use feedwave::proto::setpoints_client::SetpointsClient;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::setpoints_client::SetpointsClient;
+use feedwave_contract::proto::{
     CreateJobRequest, JobState, StreamSetpointsRequest, StreamSetpointsResponse, UploadChunk, WatchJobsRequest,
 };
+use feedwave_server::config::Config;
+use feedwave_server::lifecycle::{RunningServer, Server};
 use futures_util::future::BoxFuture;
 use futures_util::{Stream, StreamExt as _, stream};
 use prost::Message;

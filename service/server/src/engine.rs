@@ -4,7 +4,6 @@
 
 mod active;
 mod columns;
-mod expand;
 mod live;
 mod session;
 mod source;
@@ -25,7 +24,6 @@ use uuid::Uuid;
 
 pub use active::{ActiveJobs, JobGuard};
 pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
-pub use expand::Expander;
 pub use live::LiveRun;
 pub(crate) use live::{LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 pub(crate) use session::name_decision;
@@ -36,11 +34,12 @@ pub use telemetry::Ingestion;
 pub(crate) use telemetry::Intake;
 
 use crate::config::Limits;
-use crate::convert;
 use crate::error::{Error, Result, Violations};
 use crate::observability::VERSION;
 use crate::observability::metrics::Metrics;
-use crate::{json, proto};
+use crate::stored;
+use feedwave_contract::convert;
+use feedwave_contract::proto;
 
 /// The engine of one server. Cloning is cheap.
 #[derive(Clone, Debug)]
@@ -137,7 +136,7 @@ impl Engine {
 /// # Errors
 /// [`Error::Internal`] when the stored documents cannot be read.
 pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
-    let profile: proto::MachineProfile = json::from_stored(detail.machine_snapshot.get())?;
+    let profile: proto::MachineProfile = stored::from_stored(detail.machine_snapshot.get())?;
     let settings = job_settings(detail)?;
     let config = PipelineConfig::new(stored_profile(&profile)?);
     Ok(PipelineConfig {
@@ -157,7 +156,7 @@ pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
 /// # Errors
 /// [`Error::Internal`] when the stored document cannot be read.
 pub fn job_settings(detail: &JobDetail) -> Result<proto::JobSettings> {
-    json::from_stored(detail.settings.get())
+    stored::from_stored(detail.settings.get())
 }
 
 /// A profile that was checked before it was stored.

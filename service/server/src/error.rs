@@ -3,17 +3,15 @@
 //! Messages are for clients; what only the operator may know stays in the source and goes to the log.
 
 mod status;
-mod text;
-mod violations;
 
 use std::sync::Arc;
 
 use feedwave_store::StoreError;
 use tonic::{Code, Status};
 
+pub use feedwave_contract::violations::{InvalidRequest, MAX_VIOLATIONS, Violation, Violations};
 pub use status::MAX_STATUS_BYTES;
 pub(crate) use status::complete;
-pub use violations::{MAX_VIOLATIONS, Violation, Violations};
 
 /// Domain of every `google.rpc.ErrorInfo` of this service.
 pub const DOMAIN: &str = "feedwave";
@@ -189,6 +187,12 @@ impl Error {
             Code::DeadlineExceeded => http::StatusCode::GATEWAY_TIMEOUT,
             _ => http::StatusCode::INTERNAL_SERVER_ERROR,
         }
+    }
+}
+
+impl From<InvalidRequest> for Error {
+    fn from(InvalidRequest(violations): InvalidRequest) -> Self {
+        Self::Invalid(violations)
     }
 }
 

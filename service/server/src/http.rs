@@ -11,19 +11,20 @@ use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use feedwave_store::{Jobs as _, Runs as _};
-use prost::Name;
-use prost_types::Timestamp;
-
-use crate::api::Api;
-use crate::error::{Error, Result, Violations};
-use crate::observability::{REVISION, VERSION};
-use crate::proto::{
+use feedwave_contract::json;
+use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
     ListRunsRequest, ServerState,
 };
-use crate::{api, json};
+use feedwave_store::{Jobs as _, Runs as _};
+use prost::Name;
+use prost_types::Timestamp;
 use query::Query;
+
+use crate::api;
+use crate::api::Api;
+use crate::error::{Error, Result, Violations};
+use crate::observability::{REVISION, VERSION};
 
 /// What the handlers work with.
 #[derive(Clone, Debug)]

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
+use feedwave_contract::convert::timestamp;
 use feedwave_store::{Store, StoreError, StoreSettings};
 use http::Request;
 use jiff::Timestamp;
@@ -24,7 +25,6 @@ use uuid::Uuid;
 
 use crate::api::Api;
 use crate::config::{Config, TlsConfig};
-use crate::convert::timestamp;
 use crate::engine::Engine;
 use crate::http::{HttpState, router};
 use crate::lingering::Lingering;

@@ -1,19 +1,19 @@
 //! The gRPC services, registered in one place and under one set of rules: the same largest message, gzip taken from
 //! whoever sends it and given to whoever asks for it.
 
+use feedwave_contract::proto::jobs_server::JobsServer;
+use feedwave_contract::proto::machines_server::MachinesServer;
+use feedwave_contract::proto::runs_server::RunsServer;
+use feedwave_contract::proto::setpoints_server::SetpointsServer;
+use feedwave_contract::proto::telemetry_server::TelemetryServer;
+use feedwave_contract::proto::threads_server::ThreadsServer;
+use feedwave_contract::proto::tools_server::ToolsServer;
+use feedwave_contract::proto::{DESCRIPTOR_SET, DESCRIPTORS};
 use tonic::codec::CompressionEncoding;
 use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
 
 use crate::api::Api;
-use crate::proto::jobs_server::JobsServer;
-use crate::proto::machines_server::MachinesServer;
-use crate::proto::runs_server::RunsServer;
-use crate::proto::setpoints_server::SetpointsServer;
-use crate::proto::telemetry_server::TelemetryServer;
-use crate::proto::threads_server::ThreadsServer;
-use crate::proto::tools_server::ToolsServer;
-use crate::proto::{DESCRIPTOR_SET, DESCRIPTORS};
 
 /// Methods whose answers are never compressed, whatever a client asks for (many ask by default): streams of setpoints,
 /// which gzip makes thirty times slower, and streams that live beside a machine, where it only costs time.

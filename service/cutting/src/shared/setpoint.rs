@@ -2,6 +2,14 @@
 
 use feedwave_motion::Machine;
 
+/// Index of the first setpoint at or after `time_s`, with `period_us` from one setpoint to the next. A time that
+/// falls on a setpoint but for rounding means that setpoint.
+#[must_use]
+pub fn setpoint_index_at(time_s: f64, period_us: f64) -> u64 {
+    const ROUNDING_PERIODS: f64 = 1e-6;
+    (time_s * 1e6 / period_us - ROUNDING_PERIODS).ceil().max(0.0) as u64
+}
+
 /// Periods in a full block.
 pub const BLOCK_LENGTH: usize = 1_024;
 

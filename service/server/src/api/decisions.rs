@@ -2,6 +2,10 @@
 
 use std::collections::VecDeque;
 
+use feedwave_contract::names;
+use feedwave_contract::proto::{
+    Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
+};
 use feedwave_store::{DecisionFilter, DecisionRecord, Runs as _, Store};
 use futures_util::{Stream, stream};
 use prost::Message as _;
@@ -10,10 +14,6 @@ use tokio::sync::watch;
 use super::{Api, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
-use crate::names;
-use crate::proto::{
-    Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
-};
 
 /// Decisions read together for a watcher.
 const DECISION_PAGE: u32 = 100;

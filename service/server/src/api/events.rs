@@ -2,6 +2,11 @@
 
 use std::collections::VecDeque;
 
+use feedwave_contract::convert::timestamp;
+use feedwave_contract::proto::{
+    JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse,
+};
+use feedwave_contract::{names, proto};
 use feedwave_store::{JobEvent as EventRecord, JobState, Jobs as _, Store};
 use futures_util::{Stream, stream};
 use tokio::sync::watch;
@@ -9,10 +14,7 @@ use uuid::Uuid;
 
 use super::jobs::state_to_proto;
 use super::{Api, page_request};
-use crate::convert::timestamp;
 use crate::error::{Result, Violations};
-use crate::proto::{JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse};
-use crate::{names, proto};
 
 /// Events read together for a watcher.
 const EVENT_PAGE: u32 = 500;

@@ -2,6 +2,19 @@
 
 use std::pin::Pin;
 
+use feedwave_contract::convert::{
+    self, enumeration, generation_mode_to_proto, timestamp, timestamp_us, vibration_envelope_to_proto,
+};
+use feedwave_contract::proto::jobs_server::Jobs;
+use feedwave_contract::proto::{
+    CancelJobRequest, CancelJobResponse, CreateJobRequest, CreateJobResponse, DeleteJobRequest, DeleteJobResponse,
+    DeleteProgramRequest, DeleteProgramResponse, GetJobRequest, GetJobResponse, GetReportRequest, GetReportResponse,
+    GetUploadRequest, GetUploadResponse, Job, JobSettings, ListJobEventsRequest, ListJobEventsResponse,
+    ListJobsRequest, ListJobsResponse, Tool, UploadProgramRequest, UploadProgramResponse, ValidateProgramRequest,
+    ValidateProgramResponse, ValidationReport, WatchJobsRequest, WatchJobsResponse, create_job_request,
+    validate_program_request,
+};
+use feedwave_contract::{names, proto};
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
 use feedwave_store::{
     Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, Jobs as _, Machines as _, NewJob, ProgramId,
@@ -14,21 +27,9 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::{Api, answer, etag, page_request, tools};
-use crate::convert::{
-    self, enumeration, generation_mode_to_proto, timestamp, timestamp_us, vibration_envelope_to_proto,
-};
 use crate::engine;
 use crate::error::{Error, Result, Violations};
-use crate::proto::jobs_server::Jobs;
-use crate::proto::{
-    CancelJobRequest, CancelJobResponse, CreateJobRequest, CreateJobResponse, DeleteJobRequest, DeleteJobResponse,
-    DeleteProgramRequest, DeleteProgramResponse, GetJobRequest, GetJobResponse, GetReportRequest, GetReportResponse,
-    GetUploadRequest, GetUploadResponse, Job, JobSettings, ListJobEventsRequest, ListJobEventsResponse,
-    ListJobsRequest, ListJobsResponse, Tool, UploadProgramRequest, UploadProgramResponse, ValidateProgramRequest,
-    ValidateProgramResponse, ValidationReport, WatchJobsRequest, WatchJobsResponse, create_job_request,
-    validate_program_request,
-};
-use crate::{json, names, proto};
+use crate::stored;
 
 /// Most tools in the list of a job.
 const MAX_TOOLS: usize = 1_000;
@@ -62,7 +63,7 @@ fn job_to_proto(job: &JobRecord, settings: Option<JobSettings>) -> Result<Job> {
         program: names::program(job.program_id),
         program_bytes: job.program_size_bytes,
         settings,
-        summary: job.summary.as_ref().map(|summary| json::from_stored(summary.get())).transpose()?,
+        summary: job.summary.as_ref().map(|summary| stored::from_stored(summary.get())).transpose()?,
         etag: job.etag(),
         create_time: Some(timestamp(job.created_us)),
         update_time: Some(timestamp(job.updated_us)),
@@ -175,8 +176,8 @@ impl Api {
             display_name: request.display_name.clone(),
             program_id,
             machine_id: machine_id.to_owned(),
-            machine_snapshot: json::to_stored(&document)?,
-            settings: json::to_stored(&settings)?,
+            machine_snapshot: stored::to_stored(&document)?,
+            settings: stored::to_stored(&settings)?,
         };
         let job = self.store.create_job(new).await?;
         tracing::info!(job = %job.id, program = %job.program_id, machine = %job.machine_id, "created");
@@ -206,7 +207,7 @@ impl Api {
     /// A stored machine's profile, and as the contract has it.
     pub(super) async fn machine_profile(&self, id: &str) -> Result<(MachineProfile, proto::MachineProfile)> {
         let record = self.store.machine(id).await?;
-        let machine: proto::Machine = json::from_stored(record.body.get())?;
+        let machine: proto::Machine = stored::from_stored(record.body.get())?;
         let document = machine.profile.unwrap_or_default();
         let mut violations = Violations::default();
         let profile = convert::profile_from_proto(&mut violations, "profile", &document);
@@ -324,7 +325,7 @@ impl Api {
             let message = format!("{subject} is {} and has no report", job.state);
             return Err(Error::Precondition { reason: "JOB_NOT_VALIDATED", subject, message });
         }
-        let report: ValidationReport = json::from_stored(self.store.report(id).await?.report.get())?;
+        let report: ValidationReport = stored::from_stored(self.store.report(id).await?.report.get())?;
         Ok(GetReportResponse { report: Some(report) })
     }
 

@@ -1,17 +1,17 @@
 //! Stability lobes of `feedwave.v1.Tools`, and the spindle tables that monitoring takes from them.
 
-use feedwave_store::Tools as _;
-
-use super::{Api, tools};
-use crate::convert::{pocket_search_from_proto, stability_model_from_proto};
-use crate::error::{Error, Result, Violations};
-use crate::names;
-use crate::proto::spindle_rule::Rule;
-use crate::proto::stability_model::Cut;
-use crate::proto::{
+use feedwave_contract::convert::{pocket_search_from_proto, stability_model_from_proto};
+use feedwave_contract::names;
+use feedwave_contract::proto::spindle_rule::Rule;
+use feedwave_contract::proto::stability_model::Cut;
+use feedwave_contract::proto::{
     ComputeStabilityLobesRequest, ComputeStabilityLobesResponse, MonitoringConfig, SpindleBand, StabilityModel,
     TableFromLobes, Tool,
 };
+use feedwave_store::Tools as _;
+
+use super::{Api, tools};
+use crate::error::{Error, Result, Violations};
 
 impl Api {
     /// Computes the stability lobes of a tool.
@@ -38,7 +38,7 @@ impl Api {
         let computed = self.engine.compute(move || model.stability_lobes(&search, request.chart_speeds)).await?;
         match computed {
             Ok(lobes) => Ok(ComputeStabilityLobesResponse { lobes: Some(lobes) }),
-            Err(violations) => Err(violations.finish().err().unwrap_or_else(undecided)),
+            Err(violations) => Err(violations.finish().err().map_or_else(undecided, Error::from)),
         }
     }
 

@@ -1,23 +1,24 @@
 //! `feedwave.v1.Machines`.
 
+use feedwave_contract::convert::{self, timestamp};
+use feedwave_contract::names;
+use feedwave_contract::proto::machines_server::Machines;
+use feedwave_contract::proto::{
+    CreateMachineRequest, CreateMachineResponse, DeleteMachineRequest, DeleteMachineResponse, GetMachineRequest,
+    GetMachineResponse, ListMachinesRequest, ListMachinesResponse, Machine, UpdateMachineRequest,
+    UpdateMachineResponse,
+};
 use feedwave_cutting::MachineProfile;
 use feedwave_store::{Json, MachineRecord, Machines as _};
 use tonic::{Request, Response, Status, async_trait};
 
 use super::{Api, answer, etag, mask, page_request};
-use crate::convert::{self, timestamp};
 use crate::error::{Error, Result, Violations};
-use crate::proto::machines_server::Machines;
-use crate::proto::{
-    CreateMachineRequest, CreateMachineResponse, DeleteMachineRequest, DeleteMachineResponse, GetMachineRequest,
-    GetMachineResponse, ListMachinesRequest, ListMachinesResponse, Machine, UpdateMachineRequest,
-    UpdateMachineResponse,
-};
-use crate::{json, names};
+use crate::stored;
 
 /// The document that the store keeps of a machine.
 pub(super) fn to_document(display_name: &str, profile: &MachineProfile) -> Result<Json> {
-    json::to_stored(&Machine {
+    stored::to_stored(&Machine {
         display_name: display_name.to_owned(),
         profile: Some(convert::profile_to_proto(profile)),
         ..Default::default()
@@ -30,7 +31,7 @@ fn from_record(record: &MachineRecord) -> Result<Machine> {
         etag: record.etag.clone(),
         create_time: Some(timestamp(record.created_us)),
         update_time: Some(timestamp(record.updated_us)),
-        ..json::from_stored(record.body.get())?
+        ..stored::from_stored(record.body.get())?
     })
 }
 

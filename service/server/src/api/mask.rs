@@ -1,12 +1,12 @@
 //! Partial updates (AIP-134): takes the fields that a mask names, or those that are populated, from one message into
 //! another, at any depth.
 
+use feedwave_contract::json::to_dynamic;
 use prost::Name;
 use prost_reflect::{DynamicMessage, ReflectMessage as _, Value};
 use prost_types::FieldMask;
 
 use crate::error::{Error, Result, Violations};
-use crate::json::to_dynamic;
 
 /// The path of a full replacement.
 const EVERYTHING: &str = "*";
@@ -89,7 +89,7 @@ fn copy(target: &mut DynamicMessage, source: &DynamicMessage, path: &str) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proto::{Machine, MachineProfile, OscillationCondition, VibrationSettings};
+    use feedwave_contract::proto::{Machine, MachineProfile, OscillationCondition, VibrationSettings};
 
     fn machine(frequency: f64, amplitude: f64, name: &str) -> Machine {
         let vibration = VibrationSettings {

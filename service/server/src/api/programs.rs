@@ -1,16 +1,16 @@
 //! Programs: uploaded by content, continued where an upload broke off.
 
+use feedwave_contract::names;
+use feedwave_contract::proto::upload_program_request::Message;
+use feedwave_contract::proto::{
+    DeleteProgramRequest, DeleteProgramResponse, GetUploadRequest, GetUploadResponse, UploadChunk, UploadHeader,
+    UploadProgramRequest, UploadProgramResponse,
+};
 use feedwave_store::{Kind, ProgramId, Programs as _, StoreError, UploadInfo, UploadStart};
 use tonic::Streaming;
 
 use super::Api;
 use crate::error::{Error, Result, Violations};
-use crate::names;
-use crate::proto::upload_program_request::Message;
-use crate::proto::{
-    DeleteProgramRequest, DeleteProgramResponse, GetUploadRequest, GetUploadResponse, UploadChunk, UploadHeader,
-    UploadProgramRequest, UploadProgramResponse,
-};
 
 /// A part of an upload that does not fit what came before it.
 fn wrong_offset(expected: u64, given: u64) -> Error {

@@ -1,5 +1,18 @@
 //! `feedwave.v1.Runs`.
 
+use feedwave_contract::convert::{
+    enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto, overrides_to_proto,
+    state_to_proto as monitor_state_to_proto,
+};
+use feedwave_contract::proto::run_request::Message as RequestMessage;
+use feedwave_contract::proto::run_response::Message;
+use feedwave_contract::proto::run_start::Target;
+use feedwave_contract::proto::runs_server::Runs;
+use feedwave_contract::proto::{
+    ReplayRunRequest, ReplayRunResponse, RunRequest, RunResponse, RunSettings, RunStart, RunStarted, StreamHeader,
+    ValidationReport,
+};
+use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, PipelineConfig};
 use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
 use feedwave_store::{AttachedRun, JobDetail, JobState, Jobs as _, NewRun, RunKind, Runs as _};
@@ -11,21 +24,9 @@ use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::telemetry::{config_from_message, run_settings};
 use super::{Api, answer, unreadable};
-use crate::convert::{
-    enumeration, generation_mode_from_proto, generation_mode_to_proto, monitoring_to_proto, overrides_to_proto,
-    state_to_proto as monitor_state_to_proto,
-};
 use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
-use crate::proto::run_request::Message as RequestMessage;
-use crate::proto::run_response::Message;
-use crate::proto::run_start::Target;
-use crate::proto::runs_server::Runs;
-use crate::proto::{
-    ReplayRunRequest, ReplayRunResponse, RunRequest, RunResponse, RunSettings, RunStart, RunStarted, StreamHeader,
-    ValidationReport,
-};
-use crate::{json, names, proto};
+use crate::stored;
 
 /// Configuration of the pipeline of a run.
 fn pipeline_config(detail: &JobDetail, settings: &RunSettings) -> Result<PipelineConfig> {
@@ -137,7 +138,7 @@ impl Api {
     /// Creates a run whose setpoints can follow its decisions.
     async fn begin_run(&self, detail: &JobDetail, asked: RunSettings) -> Result<AttachedRun> {
         let job = detail.job.id;
-        let monitoring = config_from_message(&json::from_stored(self.store.monitoring(job).await?.get())?)?;
+        let monitoring = config_from_message(&stored::from_stored(self.store.monitoring(job).await?.get())?)?;
         self.check_monitoring(detail, &monitoring).await?;
         let config = pipeline_config(detail, &asked)?;
         let settings = RunSettings {
@@ -149,7 +150,7 @@ impl Api {
         let monitor = Monitor::new(monitoring)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
-        let new = NewRun { job_id: job, kind: RunKind::Live, settings: json::to_stored(&settings)?, monitor };
+        let new = NewRun { job_id: job, kind: RunKind::Live, settings: stored::to_stored(&settings)?, monitor };
         Ok(self.store.create_run(new).await?)
     }
 
@@ -170,7 +171,7 @@ impl Api {
         if upper <= judged && monitoring.rules.spindle == SpindleRule::None {
             return Ok(());
         }
-        let report: ValidationReport = json::from_stored(self.store.report(job).await?.report.get())?;
+        let report: ValidationReport = stored::from_stored(self.store.report(job).await?.report.get())?;
         if upper > judged && !report.sections.is_empty() {
             return unfit(format!(
                 "rules.feed_bounds.upper is {upper}, whether the chip of the program's vibration breaks was judged up to \

@@ -1,5 +1,16 @@
 //! `feedwave.v1.Setpoints`.
 
+use feedwave_contract::convert::{
+    enumeration, generation_mode_from_proto, generation_mode_to_proto, overrides_from_proto,
+};
+use feedwave_contract::proto::setpoints_server::Setpoints;
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::stream_setpoints_response::Message;
+use feedwave_contract::proto::{
+    AxisLimitUse, GetPlanSummaryRequest, GetPlanSummaryResponse, PlanSummary, ProgramSummary, StreamHeader,
+    StreamSetpointsRequest, StreamSetpointsResponse,
+};
+use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, PipelineConfig};
 use feedwave_store::{JobDetail, JobState, Jobs as _};
 use futures_util::{StreamExt as _, stream};
@@ -8,17 +19,9 @@ use tonic::{Request, Response, Status, async_trait};
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::{Api, answer};
-use crate::convert::{enumeration, generation_mode_from_proto, generation_mode_to_proto, overrides_from_proto};
 use crate::engine::{self, ColumnSet, MAX_CHUNK_SIZE, StreamPlan, StreamStart};
 use crate::error::{Error, Result, Violations};
-use crate::proto::setpoints_server::Setpoints;
-use crate::proto::stream_setpoints_request::Start;
-use crate::proto::stream_setpoints_response::Message;
-use crate::proto::{
-    AxisLimitUse, GetPlanSummaryRequest, GetPlanSummaryResponse, PlanSummary, ProgramSummary, StreamHeader,
-    StreamSetpointsRequest, StreamSetpointsResponse,
-};
-use crate::{json, names, proto};
+use crate::stored;
 
 /// What a request asks for, checked against the job.
 struct Checked {
@@ -128,7 +131,7 @@ fn check(request: &StreamSetpointsRequest, detail: &JobDetail) -> Result<Checked
 /// Summary of a validated job.
 fn plan_summary(detail: &JobDetail) -> Result<ProgramSummary> {
     match &detail.job.summary {
-        Some(summary) => json::from_stored(summary.get()),
+        Some(summary) => stored::from_stored(summary.get()),
         None => {
             let subject = names::job(detail.job.id);
             let message = format!("{subject} is {} and has no plan", detail.job.state);

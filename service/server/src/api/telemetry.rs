@@ -1,5 +1,20 @@
 //! `feedwave.v1.Telemetry`.
 
+use feedwave_contract::convert::{
+    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
+};
+use feedwave_contract::proto::ingest_request::Message as RequestMessage;
+use feedwave_contract::proto::ingest_response::Message;
+use feedwave_contract::proto::ingest_start::Target;
+use feedwave_contract::proto::spindle_rule::Rule;
+use feedwave_contract::proto::telemetry_server::Telemetry;
+use feedwave_contract::proto::{
+    AcknowledgeConditionRequest, AcknowledgeConditionResponse, BatchGap, GetMonitoringRequest, GetMonitoringResponse,
+    GetRunRequest, GetRunResponse, IngestRequest, IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest,
+    ListDecisionsResponse, ListRunsRequest, ListRunsResponse, Run, RunCondition, RunSettings, SetMonitoringRequest,
+    SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
+};
+use feedwave_contract::{names, proto};
 use feedwave_monitoring::{Monitor, MonitoringConfig};
 use feedwave_store::{
     AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState, Runs as _,
@@ -11,23 +26,9 @@ use uuid::Uuid;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::{Api, answer, page_request, unreadable};
-use crate::convert::{
-    monitoring_from_proto, monitoring_to_proto, overrides_to_proto, state_to_proto as monitor_state_to_proto, timestamp,
-};
 use crate::engine::Intake;
 use crate::error::{Error, Result, Violations};
-use crate::proto::ingest_request::Message as RequestMessage;
-use crate::proto::ingest_response::Message;
-use crate::proto::ingest_start::Target;
-use crate::proto::spindle_rule::Rule;
-use crate::proto::telemetry_server::Telemetry;
-use crate::proto::{
-    AcknowledgeConditionRequest, AcknowledgeConditionResponse, BatchGap, GetMonitoringRequest, GetMonitoringResponse,
-    GetRunRequest, GetRunResponse, IngestRequest, IngestResponse, IngestStart, IngestStarted, ListDecisionsRequest,
-    ListDecisionsResponse, ListRunsRequest, ListRunsResponse, Run, RunCondition, RunSettings, SetMonitoringRequest,
-    SetMonitoringResponse, WatchDecisionsRequest, WatchDecisionsResponse,
-};
-use crate::{json, names, proto};
+use crate::stored;
 
 /// Longest name of who acknowledges a condition, and longest note.
 const MAX_OPERATOR_CHARACTERS: usize = 200;
@@ -82,7 +83,7 @@ pub(crate) const fn run_state_to_proto(state: RunState) -> proto::RunState {
 
 /// What a stored run was made with.
 pub(super) fn run_settings(run: &RunRecord) -> Result<RunSettings> {
-    json::from_stored(run.settings.get())
+    stored::from_stored(run.settings.get())
 }
 
 /// How telemetry is judged, from a stored message.
@@ -122,7 +123,7 @@ impl Api {
         if let Some(Rule::Milling(rule)) = spindle.and_then(|spindle| spindle.rule.as_mut()) {
             rule.table_from = table_from;
         }
-        self.store.put_monitoring(job, json::to_stored(&config)?).await?;
+        self.store.put_monitoring(job, stored::to_stored(&config)?).await?;
         Ok(SetMonitoringResponse { config: Some(config) })
     }
 
@@ -132,7 +133,7 @@ impl Api {
     /// As the contract says.
     pub async fn get_monitoring(&self, request: GetMonitoringRequest) -> Result<GetMonitoringResponse> {
         let config = self.store.monitoring(job_id("job", &request.job)?).await?;
-        Ok(GetMonitoringResponse { config: Some(json::from_stored(config.get())?) })
+        Ok(GetMonitoringResponse { config: Some(stored::from_stored(config.get())?) })
     }
 
     /// Reads a run.
@@ -240,12 +241,12 @@ impl Api {
             let message = format!("{subject} is {state}, only a ready job can be run");
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
         }
-        let monitoring: proto::MonitoringConfig = json::from_stored(self.store.monitoring(job).await?.get())?;
+        let monitoring: proto::MonitoringConfig = stored::from_stored(self.store.monitoring(job).await?.get())?;
         let monitor = Monitor::new(config_from_message(&monitoring)?)
             .map_err(|violations| Error::internal(format!("a stored configuration is refused: {violations:?}")))?;
         let monitor = monitor.snapshot().map_err(Error::internal)?.into();
         let settings = RunSettings { monitoring: Some(monitoring), ..RunSettings::default() };
-        let settings = json::to_stored(&settings)?;
+        let settings = stored::to_stored(&settings)?;
         Ok(self.store.create_run(NewRun { job_id: job, kind: RunKind::Telemetry, settings, monitor }).await?)
     }
 }

@@ -1,5 +1,15 @@
 //! `feedwave.v1.Threads`.
 
+use feedwave_contract::convert;
+use feedwave_contract::names;
+use feedwave_contract::proto::follow_spindle_request::Message as RequestMessage;
+use feedwave_contract::proto::follow_spindle_response::Message;
+use feedwave_contract::proto::plan_thread_request::On;
+use feedwave_contract::proto::threads_server::Threads;
+use feedwave_contract::proto::{
+    FollowSpindleRequest, FollowSpindleResponse, FollowSpindleStart, FollowedPass, FollowedPositions,
+    PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, ValidationReport,
+};
 use feedwave_cutting::thread::{ThreadFollower, plan_thread};
 use feedwave_store::{JobState, Jobs as _};
 use futures_util::{StreamExt as _, stream};
@@ -8,17 +18,9 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::{Api, answer};
-use crate::convert;
+use crate::engine;
 use crate::error::{Error, Result, Violations};
-use crate::proto::follow_spindle_request::Message as RequestMessage;
-use crate::proto::follow_spindle_response::Message;
-use crate::proto::plan_thread_request::On;
-use crate::proto::threads_server::Threads;
-use crate::proto::{
-    FollowSpindleRequest, FollowSpindleResponse, FollowSpindleStart, FollowedPass, FollowedPositions,
-    PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, ValidationReport,
-};
-use crate::{engine, json, names};
+use crate::stored;
 
 /// Angles of one batch.
 const MAX_ANGLES: usize = 65_536;
@@ -119,7 +121,7 @@ impl Api {
             let message = format!("{subject} is {}, only a ready job can be followed", detail.job.state);
             return Err(Error::Precondition { reason: "JOB_NOT_READY", subject, message });
         }
-        let report: ValidationReport = json::from_stored(self.store.report(id).await?.report.get())?;
+        let report: ValidationReport = stored::from_stored(self.store.report(id).await?.report.get())?;
         let thread = report.threads.get(start.thread as usize).and_then(|section| section.thread.as_ref());
         let thread = thread.ok_or_else(|| beyond("start.thread", start.thread, report.threads.len()))?;
         let thread = convert::thread_from_proto(thread);

@@ -1,18 +1,19 @@
 //! `feedwave.v1.Tools`.
 
-use feedwave_store::{Json, ToolFilter, ToolRecord, Tools as _};
-use tonic::{Request, Response, Status, async_trait};
-
-use super::{Api, answer, etag, mask, page_request};
-use crate::convert::{self, timestamp};
-use crate::error::{Error, Result, Violations};
-use crate::proto::tools_server::Tools;
-use crate::proto::{
+use feedwave_contract::convert::{self, timestamp};
+use feedwave_contract::names;
+use feedwave_contract::proto::tools_server::Tools;
+use feedwave_contract::proto::{
     ComputeStabilityLobesRequest, ComputeStabilityLobesResponse, CreateToolRequest, CreateToolResponse,
     DeleteToolRequest, DeleteToolResponse, GetToolRequest, GetToolResponse, ListToolsRequest, ListToolsResponse, Tool,
     UpdateToolRequest, UpdateToolResponse,
 };
-use crate::{json, names};
+use feedwave_store::{Json, ToolFilter, ToolRecord, Tools as _};
+use tonic::{Request, Response, Status, async_trait};
+
+use super::{Api, answer, etag, mask, page_request};
+use crate::error::{Error, Result, Violations};
+use crate::stored;
 
 pub(super) fn from_record(record: &ToolRecord) -> Result<Tool> {
     Ok(Tool {
@@ -20,7 +21,7 @@ pub(super) fn from_record(record: &ToolRecord) -> Result<Tool> {
         etag: record.etag.clone(),
         create_time: Some(timestamp(record.created_us)),
         update_time: Some(timestamp(record.updated_us)),
-        ..json::from_stored(record.body.get())?
+        ..stored::from_stored(record.body.get())?
     })
 }
 
@@ -30,7 +31,7 @@ fn checked_document(mut violations: Violations, tool: &Tool) -> Result<Json> {
     violations.finish()?;
     let stored =
         Tool { name: String::new(), etag: String::new(), create_time: None, update_time: None, ..tool.clone() };
-    json::to_stored(&stored)
+    stored::to_stored(&stored)
 }
 
 impl Api {

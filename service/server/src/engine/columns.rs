@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
+use feedwave_contract::{delta, proto};
 use feedwave_cutting::SetpointBlock;
 use feedwave_motion::Machine;
+use proto::ColumnKind as Kind;
 
 use crate::error::Violations;
-use crate::{delta, proto};
-use proto::ColumnKind as Kind;
 
 /// Most setpoints that a client can ask for per chunk.
 pub const MAX_CHUNK_SIZE: u32 = 1 << 17;

@@ -6,18 +6,18 @@
 
 use std::time::{Duration, Instant};
 
+use feedwave_contract::convert::{action_name, decision_to_proto, state_to_proto, timestamp};
+use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
     Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, State,
 };
 use feedwave_store::{AttachedRun, NewDecision, RunCommit, Runs as _, Store, TelemetryGap};
 use prost::Message as _;
+use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;
 
-use crate::convert::{action_name, decision_to_proto, state_to_proto, timestamp};
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
-use crate::{names, proto};
-use proto::machine_event::Event as ProtoEvent;
 
 /// Most samples of a batch.
 pub const MAX_BATCH_SAMPLES: usize = 100_000;

@@ -6,6 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 
+use feedwave_contract::names;
+use feedwave_contract::proto;
+use feedwave_cutting::ServoExpander;
+use feedwave_cutting::setpoint_index_at;
 use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
 use feedwave_program::Severity;
 use feedwave_store::{Checkpoints as _, JobDetail};
@@ -16,13 +20,10 @@ use tokio::time::Instant;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
-use super::expand::Expander;
 use super::source::Source;
 use super::{Engine, JobGuard, checkpoint_set, until};
 use crate::error::{Error, Result};
-use crate::names;
 use crate::observability::metrics::GaugeGuard;
-use crate::proto;
 
 /// Chunks that wait between the generator and the connection. With the one being filled this is all that a stream
 /// holds in memory.
@@ -56,11 +57,9 @@ impl StreamStart {
     /// Index of the first setpoint at `period_us` from one to the next.
     #[must_use]
     pub fn index(self, period_us: f64) -> u64 {
-        /// A time that falls on a setpoint but for rounding means that setpoint.
-        const ROUNDING_PERIODS: f64 = 1e-6;
         match self {
             Self::Index(index) => index,
-            Self::Time(time_s) => (time_s * 1e6 / period_us - ROUNDING_PERIODS).ceil().max(0.0) as u64,
+            Self::Time(time_s) => setpoint_index_at(time_s, period_us),
         }
     }
 }
@@ -261,7 +260,7 @@ impl Run {
         let mut block = self.pipeline.new_block();
         let mut writer = ChunkWriter::new(&plan.columns, plan.chunk_size, plan.first_index);
         let machine = &plan.config.profile.machine;
-        let mut expander = plan.expand.map(|substeps| Expander::new(machine, substeps, plan.config.period_s()));
+        let mut expander = plan.expand.map(|substeps| ServoExpander::new(machine, substeps, plan.config.period_s()));
         // Number of setpoints in the stream's own index, known once the last one was generated.
         let mut end = 0;
         // Nobody waits for a whole block before anything comes.

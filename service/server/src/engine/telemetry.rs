@@ -6,8 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
+use feedwave_contract::names;
+use feedwave_contract::proto;
 use feedwave_store::{AttachedRun, RunCommit, RunState};
 use futures_util::Stream;
+use proto::ingest_response::Message;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio_util::sync::{CancellationToken, DropGuard};
@@ -15,10 +18,7 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 use super::session::Session;
 use super::{Engine, JobGuard, until};
 use crate::error::{Error, Result};
-use crate::names;
 use crate::observability::metrics::{GaugeGuard, Metrics};
-use crate::proto;
-use proto::ingest_response::Message;
 
 /// Batches that wait for the thread; a sender that is faster than it waits then.
 const BATCHES_IN_FLIGHT: usize = 8;

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use feedwave_contract::convert::{report_to_proto, summary_to_proto};
 use feedwave_cutting::ValidationReport;
 use feedwave_store::{Checkpoint, Checkpoints as _, FindingCounts, JobState, Jobs as _, NewReport, StoreError};
 use tokio::task::JoinSet;
@@ -14,10 +15,9 @@ use uuid::Uuid;
 use super::source::Source;
 use super::validation::{Outcome, validate};
 use super::{Engine, checkpoint_set, job_config};
-use crate::convert::{report_to_proto, summary_to_proto};
 use crate::error::{Error, Result};
-use crate::json;
 use crate::observability::metrics::GaugeGuard;
+use crate::stored;
 
 /// How long to wait before asking a database again that did not answer.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
@@ -141,9 +141,9 @@ async fn attempt(engine: &Engine, id: Uuid) -> Result<()> {
 async fn conclude(engine: &Engine, id: Uuid, report: &ValidationReport) -> Result<()> {
     let summary = &report.summary;
     let stored = NewReport {
-        report: json::to_stored(&report_to_proto(report))?,
+        report: stored::to_stored(&report_to_proto(report))?,
         findings: FindingCounts { errors: summary.errors, warnings: summary.warnings, infos: summary.infos },
-        summary: Some(json::to_stored(&summary_to_proto(summary))?),
+        summary: Some(stored::to_stored(&summary_to_proto(summary))?),
     };
     let (state, outcome, detail) = if report.is_accepted() {
         (JobState::Ready, "ready", String::new())

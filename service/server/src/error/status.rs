@@ -6,13 +6,13 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use feedwave_contract::text::{percent_encoded, shortened};
+use feedwave_contract::violations::more;
 use http::HeaderMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
-use super::text::{percent_encoded, shortened};
-use super::violations::{Violation, more};
-use super::{DOMAIN, Error, Violations};
+use super::{DOMAIN, Error, Violation, Violations};
 
 /// Most bytes of message and details as they are sent: the message percent-encoded, the details in base64.
 pub const MAX_STATUS_BYTES: usize = 4_096;

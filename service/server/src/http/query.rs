@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
+use feedwave_contract::convert;
+use feedwave_contract::proto::JobState;
 use prost_types::Timestamp;
 
-use crate::convert;
 use crate::error::{Result, Violations};
-use crate::proto::JobState;
 
 /// The parameters not taken yet.
 pub(super) struct Query {
@@ -82,7 +82,7 @@ impl Query {
         for name in std::mem::take(&mut self.parameters).into_keys() {
             self.violations.add(name, "is not a parameter of this path");
         }
-        self.violations.finish()
+        Ok(self.violations.finish()?)
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
+use feedwave_contract::proto::DESCRIPTORS;
 use futures_util::future::BoxFuture;
 use http::{HeaderMap, Request, Response};
 use http_body::{Frame, SizeHint};
@@ -22,7 +23,6 @@ use crate::api::deadline;
 use crate::config::Limits;
 use crate::engine::until;
 use crate::error::{Error, complete};
-use crate::proto::DESCRIPTORS;
 use crate::services;
 
 /// Paths that may appear as a label; everything else is counted as one, so that clients cannot grow the metrics.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use feedwave::proto::{
+use feedwave_contract::proto::{
     AxisLetter, AxisRange, ChainAxis, CreateJobRequest, CreateMachineRequest, CreateToolRequest, GetMachineRequest,
     GetReportRequest, JobState, Kinematics, MachineAxis, ThinningSettings, Tool, Vector,
 };

@@ -1,13 +1,13 @@
 //! Jobs: created, validated, watched, listed, cancelled, deleted.
 
-use feedwave::config::Limits;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::validate_program_request::On;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::validate_program_request::On;
+use feedwave_contract::proto::{
     CancelJobRequest, CreateJobRequest, CreateToolRequest, DeleteJobRequest, GetJobRequest, GetMachineRequest,
     GetReportRequest, JobState, ListJobEventsRequest, ListJobsRequest, Severity, Tool, UpdateMachineRequest,
     ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
 };
+use feedwave_server::config::Limits;
 use tonic::Code;
 
 use crate::support::{TURNING, TestServer, lathe_job, patiently, told};

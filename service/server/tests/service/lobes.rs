@@ -1,9 +1,9 @@
 //! Stability lobes from the tool library, and the spindle tables that monitoring takes from them.
 
-use feedwave::proto::spindle_rule::Rule;
-use feedwave::proto::stability_model::Cut;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::{
+use feedwave_contract::proto::spindle_rule::Rule;
+use feedwave_contract::proto::stability_model::Cut;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{
     ComputeStabilityLobesRequest, CreateToolRequest, GetMonitoringRequest, MillingCut, MillingRule, MonitoringConfig,
     PocketSearch, SetMonitoringRequest, Severity, SpindleBand, SpindleRule, StabilityLobes, StabilityModel,
     TableFromLobes, Tool, ToolDynamics, ToolKind, TurningCut, VibrationMode,

@@ -1,9 +1,9 @@
 //! Running the service: health, reflection, the HTTP port, limits, and its end.
 
-use feedwave::config::Limits;
-use feedwave::proto::{
+use feedwave_contract::proto::{
     CreateMachineRequest, DeleteMachineRequest, GetJobRequest, ListMachinesRequest, Machine, WatchJobsRequest,
 };
+use feedwave_server::config::Limits;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tonic::Code;
@@ -80,7 +80,7 @@ async fn what_has_not_changed_is_not_sent_again() {
     let head = http(&test, "HEAD", &path, "").await;
     assert_eq!((head.status, head.body.as_str(), head.header("etag")), (200, "", tag.as_str()));
 
-    let request = feedwave::proto::CancelJobRequest { name: job.name };
+    let request = feedwave_contract::proto::CancelJobRequest { name: job.name };
     test.jobs().cancel_job(request).await.unwrap();
     let changed = http(&test, "GET", &path, &format!("if-none-match: {tag}\r\n")).await;
     assert_eq!(changed.status, 200);
@@ -125,7 +125,7 @@ async fn metrics_count_calls_by_method_and_code() {
 #[tokio::test(flavor = "multi_thread")]
 async fn health_and_reflection_are_served() {
     let test = TestServer::start().await;
-    let services = feedwave::proto::DESCRIPTORS.services().map(|service| service.full_name().to_owned());
+    let services = feedwave_contract::proto::DESCRIPTORS.services().map(|service| service.full_name().to_owned());
     for service in services.chain([String::new()]) {
         let request = HealthCheckRequest { service: service.clone() };
         let response = HealthClient::new(test.channel.clone()).check(request).await.unwrap().into_inner();
@@ -191,7 +191,7 @@ async fn the_usual_machines_are_there_until_someone_deletes_them() {
 async fn calls_beyond_the_limit_are_turned_away() {
     let test = TestServer::with_limits(Limits { concurrent_requests: 1, ..Limits::default() }).await;
     let watch = test.jobs().watch_jobs(WatchJobsRequest::default()).await.unwrap();
-    let status = test.jobs().list_jobs(feedwave::proto::ListJobsRequest::default()).await.unwrap_err();
+    let status = test.jobs().list_jobs(feedwave_contract::proto::ListJobsRequest::default()).await.unwrap_err();
     assert_eq!((told(&status).0, told(&status).1.as_str()), (Code::ResourceExhausted, "OVERLOADED"));
     // Health has a place of its own.
     HealthClient::new(test.channel.clone()).check(HealthCheckRequest::default()).await.unwrap();

@@ -1,11 +1,11 @@
 //! Tool oscillation through the service: a machine with conditions, a tool with its edges, the worked example as a job.
 
-use feedwave::proto::leading_edge::Rotation;
-use feedwave::proto::oscillation_condition::Period;
-use feedwave::proto::oscillation_roles as report;
-use feedwave::proto::validate_program_request::On;
-use feedwave::proto::waveform::Kind;
-use feedwave::proto::{
+use feedwave_contract::proto::leading_edge::Rotation;
+use feedwave_contract::proto::oscillation_condition::Period;
+use feedwave_contract::proto::oscillation_roles as report;
+use feedwave_contract::proto::validate_program_request::On;
+use feedwave_contract::proto::waveform::Kind;
+use feedwave_contract::proto::{
     CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation, Engagement,
     EngagementWidth, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState, LeadingEdge,
     OscillationCondition, OscillationDirection, OscillationFloorSettings, OscillationRequest, Tool, ToolGeometry,

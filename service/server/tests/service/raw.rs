@@ -1,7 +1,7 @@
 //! Calls of any method with any bytes, as the descriptors of the contract name them.
 
 use bytes::{Buf as _, BufMut as _, Bytes};
-use feedwave::proto::DESCRIPTORS;
+use feedwave_contract::proto::DESCRIPTORS;
 use prost_reflect::MethodDescriptor;
 use tonic::client::Grpc;
 use tonic::codec::{Codec, CompressionEncoding, DecodeBuf, Decoder, EncodeBuf, Encoder};

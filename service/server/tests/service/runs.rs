@@ -1,11 +1,11 @@
 //! Live runs: setpoints by credit, the feed that telemetry decides, and any setpoint again after a break.
 
-use feedwave::proto::feed_override_change::At;
-use feedwave::proto::run_request::Message as Request;
-use feedwave::proto::run_response::Message;
-use feedwave::proto::run_start::Target;
-use feedwave::proto::runs_client::RunsClient;
-use feedwave::proto::{
+use feedwave_contract::proto::feed_override_change::At;
+use feedwave_contract::proto::run_request::Message as Request;
+use feedwave_contract::proto::run_response::Message;
+use feedwave_contract::proto::run_start::Target;
+use feedwave_contract::proto::runs_client::RunsClient;
+use feedwave_contract::proto::{
     DecisionAction, DecisionReason, Escalation, EscalationAction, FeedChangeCause, FeedOverrideChange, FeedRule,
     GetRunRequest, MonitoringConfig, OverrideBounds, ReplayRunRequest, ReplayRunResponse, RunCommand, RunCommandKind,
     RunCommandRefused, RunCredit, RunEnded, RunFeedChange, RunReceipt, RunRequest, RunResponse, RunSettings, RunStart,
@@ -378,7 +378,8 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     // A tool that does not run true stops a run before anything is cut.
     let mut strict = config();
     strict.tool_check = Some(ToolCheck { max_ratio: None, max_run_out: Some(1e-9) });
-    let grouping = feedwave::proto::Grouping { by: Some(feedwave::proto::grouping::By::AngularPoints(4)) };
+    let grouping =
+        feedwave_contract::proto::Grouping { by: Some(feedwave_contract::proto::grouping::By::AngularPoints(4)) };
     strict.grouping = Some(grouping);
     let request = SetMonitoringRequest { job: job.name.clone(), config: Some(strict) };
     monitoring.set_monitoring(request).await.unwrap();
@@ -394,7 +395,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
         }
     };
     assert_eq!((ended.state(), ended.setpoints), (RunState::Stopped, 0), "{ended:?}");
-    let list = feedwave::proto::ListDecisionsRequest { run: run.started.run.clone(), ..Default::default() };
+    let list = feedwave_contract::proto::ListDecisionsRequest { run: run.started.run.clone(), ..Default::default() };
     let decisions = monitoring.list_decisions(list).await.unwrap().into_inner().decisions;
     let outcome = decisions.last().unwrap().outcome.unwrap();
     assert_eq!((outcome.action(), outcome.reason()), (DecisionAction::Stop, DecisionReason::ReplaceTool));

@@ -1,12 +1,12 @@
 //! Setpoint streams: from anywhere, in every encoding, and how they end.
 
-use feedwave::config::Limits;
-use feedwave::delta;
-use feedwave::proto::stream_setpoints_request::Start;
-use feedwave::proto::{
+use feedwave_contract::delta;
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::{
     CancelJobRequest, ColumnKind, CreateJobRequest, Encoding, Frame, GenerationMode, GetPlanSummaryRequest,
     ServoOutput, StreamSetpointsRequest,
 };
+use feedwave_server::config::Limits;
 use tonic::{Code, Request};
 
 use crate::support::{

@@ -3,18 +3,18 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use feedwave::config::{Config, Limits};
-use feedwave::lifecycle::{RunningServer, Server};
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::jobs_client::JobsClient;
-use feedwave::proto::machines_client::MachinesClient;
-use feedwave::proto::setpoints_client::SetpointsClient;
-use feedwave::proto::stream_setpoints_response::Message;
-use feedwave::proto::tools_client::ToolsClient;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::setpoints_client::SetpointsClient;
+use feedwave_contract::proto::stream_setpoints_response::Message;
+use feedwave_contract::proto::tools_client::ToolsClient;
+use feedwave_contract::proto::{
     CreateJobRequest, GetJobRequest, Job, JobState, SetpointChunk, StreamHeader, StreamSetpointsRequest,
     StreamSetpointsResponse, WatchJobsRequest,
 };
+use feedwave_server::config::{Config, Limits};
+use feedwave_server::lifecycle::{RunningServer, Server};
 pub use feedwave_tests::{PATIENCE, patiently, within_a_deadline};
 use tempfile::TempDir;
 use tonic::transport::Channel;

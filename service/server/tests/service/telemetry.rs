@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use feedwave::proto::grouping::By;
-use feedwave::proto::ingest_request::Message as Request;
-use feedwave::proto::ingest_response::Message;
-use feedwave::proto::ingest_start::Target;
-use feedwave::proto::machine_event::Event;
-use feedwave::proto::telemetry_client::TelemetryClient;
-use feedwave::proto::window_length::Length;
-use feedwave::proto::{
+use feedwave_contract::proto::grouping::By;
+use feedwave_contract::proto::ingest_request::Message as Request;
+use feedwave_contract::proto::ingest_response::Message;
+use feedwave_contract::proto::ingest_start::Target;
+use feedwave_contract::proto::machine_event::Event;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::window_length::Length;
+use feedwave_contract::proto::{
     AcknowledgeConditionRequest, ChannelPair, DataQuality, Decision, DecisionAction, DecisionReason, DecisionRules,
     Escalation, FeedRule, GetMonitoringRequest, GetRunRequest, Grouping, HoldReason, IngestEnd, IngestRequest,
     IngestResponse, IngestStart, IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState,
@@ -264,7 +264,7 @@ async fn a_held_feed_needs_an_acknowledgement_and_a_resume_also_after_a_restart(
     assert_eq!(session.decisions[3].inputs.as_ref().unwrap().windows_at_bound, 1);
     drop(session);
 
-    let server = TestServer::in_folder(server.stop().await, feedwave::config::Limits::default()).await;
+    let server = TestServer::in_folder(server.stop().await, feedwave_server::config::Limits::default()).await;
     let mut client = TelemetryClient::new(server.channel.clone());
     let stored = async |client: &mut TelemetryClient<Channel>| -> Run {
         client.get_run(GetRunRequest { name: run.clone() }).await.unwrap().into_inner().run.unwrap()

@@ -1,13 +1,13 @@
 //! What holds for every method alike: compression, the largest message, and statuses that every client can read.
 
 use bytes::Bytes;
-use feedwave::config::Limits;
-use feedwave::error::MAX_STATUS_BYTES;
-use feedwave::proto::{
+use feedwave_contract::proto::{
     CreateJobRequest, FeedOverrideChange, GetMachineRequest, GetPlanSummaryRequest, IngestRequest, IngestStart,
     ListMachinesRequest, Machine, RunRequest, RunStart, StreamSetpointsRequest, UpdateMachineRequest,
     feed_override_change, ingest_request, ingest_start, run_request, run_start,
 };
+use feedwave_server::config::Limits;
+use feedwave_server::error::MAX_STATUS_BYTES;
 use prost::Message as _;
 use prost_reflect::{DynamicMessage, Kind, MessageDescriptor, Value};
 use tonic::{Code, Request, Status};

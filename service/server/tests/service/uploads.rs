@@ -1,12 +1,12 @@
 //! Uploads: in pieces, continued, wrong, too large, deleted.
 
-use feedwave::config::Limits;
-use feedwave::proto::create_job_request::Source;
-use feedwave::proto::upload_program_request::Message;
-use feedwave::proto::{
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::upload_program_request::Message;
+use feedwave_contract::proto::{
     CreateJobRequest, DeleteProgramRequest, GetUploadRequest, UploadChunk, UploadHeader, UploadProgramRequest,
     UploadProgramResponse,
 };
+use feedwave_server::config::Limits;
 use sha2::{Digest as _, Sha256};
 use tonic::{Code, Status};
 

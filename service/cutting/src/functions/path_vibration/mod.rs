@@ -6,6 +6,7 @@ pub(crate) mod chip;
 mod chip_course;
 mod chips;
 mod envelope;
+mod expand;
 mod findings;
 mod following;
 mod loads;
@@ -17,6 +18,7 @@ mod words;
 
 use core::f64::consts::TAU;
 
+pub use expand::ServoExpander;
 use feedwave_motion::PathMotion;
 pub use feedwave_motion::{fill_sin_turns, sin_turns};
 use serde::{Deserialize, Serialize};

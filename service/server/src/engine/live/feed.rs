@@ -3,12 +3,12 @@
 use std::fmt;
 use std::str::FromStr;
 
+use feedwave_contract::proto;
 use feedwave_cutting::OverrideChange;
 use feedwave_store::RunOverride;
+use proto::FeedChangeCause;
 
 use crate::error::{Error, Result};
-use crate::proto;
-use proto::FeedChangeCause;
 
 /// Why the feed changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,18 +1,18 @@
 //! Replay: decisions made again from their inputs, setpoints generated again from the log, both compared.
 
+use feedwave_contract::convert::decision_from_proto;
+use feedwave_contract::proto;
 use feedwave_cutting::PipelineConfig;
 use feedwave_monitoring::decide;
 use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunOverride, Runs as _, Store};
+use proto::ReplayRunResponse;
 
 use super::LivePlan;
 use super::feed::{Cause, Feed};
 use super::setpoints::{Next, Setpoints};
 use crate::api::decision_from_record;
-use crate::convert::decision_from_proto;
 use crate::engine::{ColumnSet, Engine};
 use crate::error::{Error, Result, Violations};
-use crate::proto;
-use proto::ReplayRunResponse;
 
 /// Differences told at most.
 const MAX_DIFFERENCES: usize = 100;

@@ -1,5 +1,6 @@
 //! The setpoints of a run, chunk by chunk, with the digest of all that were handed out.
 
+use feedwave_contract::proto;
 use feedwave_cutting::{BLOCK_LENGTH, OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step};
 use feedwave_program::Severity;
 use sha2::{Digest as _, Sha256};
@@ -7,7 +8,6 @@ use sha2::{Digest as _, Sha256};
 use crate::engine::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
 use crate::engine::source::Source;
 use crate::error::{Error, Result};
-use crate::proto;
 
 /// What came of asking for setpoints.
 #[derive(Debug)]

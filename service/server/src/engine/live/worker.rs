@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use feedwave_contract::proto;
 use feedwave_cutting::OverrideChange;
 use feedwave_monitoring::Action;
 use feedwave_store::{RunCommit, RunOverride, RunSetpoints, RunState};
@@ -17,7 +18,6 @@ use crate::engine::telemetry::RunEnds;
 use crate::engine::until;
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
-use crate::proto;
 
 /// Inputs that become durable together at most.
 const INPUTS_PER_GROUP: usize = 64;

@@ -19,7 +19,7 @@ fn of(violations: impl IntoIterator<Item = (String, String)>) -> Status {
     for (field, description) in violations {
         collected.add(field, description);
     }
-    Status::from(collected.finish().unwrap_err())
+    Status::from(Error::from(collected.finish().unwrap_err()))
 }
 
 #[test]
@@ -27,7 +27,7 @@ fn every_violation_becomes_one_field_violation() {
     let mut violations = Violations::default();
     violations.add("machine", "must be set");
     violations.add("interpolation_period_us", "must be 50 to 20000, is 7");
-    let status = Status::from(violations.finish().unwrap_err());
+    let status = Status::from(Error::from(violations.finish().unwrap_err()));
     assert_eq!(status.code(), Code::InvalidArgument);
     let expected = "invalid request: machine: must be set; interpolation_period_us: must be 50 to 20000, is 7";
     assert_eq!(status.message(), expected);

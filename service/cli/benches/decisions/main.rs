@@ -1,0 +1,199 @@
+//! How long a decision takes: from the sending of the batch that caused it to its receipt, durable by then. Sixteen
+//! machines send two channels, the spindle angle and the contact at 20 kHz each, over a connection of their own, to the
+//! real binary with a database file.
+//!
+//! Beside it, in the same run and with the same pace: a bare tonic service that decodes the same batches and answers those
+//! that would have caused a decision, and bare SQLite transactions of the same bytes with the same pragmas on the same disk.
+//! What the service adds to the sum of both is its own.
+//!
+//! Batches have the samples of 1, 2 or 5 ms: shorter ones cost more messages than samples, longer ones delay the end of a
+//! window by more than the answer takes. Each machine's windows end at another time.
+//!
+//! The bar is 5 ms for 99 of 100 decisions on two cores, clients included; on a larger machine run it under
+//! `taskset -c 0,1`. `cargo bench -p feedwave --bench decisions -- --help` has the settings.
+
+mod commits;
+mod echo;
+mod machine;
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{CreateJobRequest, JobState, SetMonitoringRequest, WatchJobsRequest};
+use tempfile::TempDir;
+use tonic::transport::Channel;
+
+/// What 99 of 100 decisions have to keep to.
+const BAR: Duration = Duration::from_millis(5);
+
+/// Telemetry to decisions, how long it takes.
+#[derive(Clone, Debug, Parser)]
+pub struct Options {
+    /// Machines that send at the same time
+    #[arg(long, default_value_t = 16)]
+    machines: u64,
+    /// Samples per second of each machine
+    #[arg(long, default_value_t = 20_000)]
+    rate_hz: u64,
+    /// Milliseconds that a batch is long
+    #[arg(long, value_delimiter = ',', default_value = "1,2,5")]
+    batch_ms: Vec<u64>,
+    /// Milliseconds that a window is long: one decision each
+    #[arg(long, default_value_t = 250)]
+    window_ms: u64,
+    /// Seconds of each measurement
+    #[arg(long, default_value_t = 20)]
+    seconds: u64,
+    /// Folder for the databases, to choose the disk
+    #[arg(long)]
+    folder: Option<PathBuf>,
+    /// Service to measure in place of the one that was built along
+    #[arg(long, default_value = env!("CARGO_BIN_EXE_feedwave"), hide_default_value = true)]
+    service: PathBuf,
+    /// Passed by Cargo
+    #[arg(long, hide = true)]
+    bench: bool,
+    /// Serve the bare stream
+    #[arg(long, hide = true)]
+    echo: bool,
+}
+
+/// A process that ends with its owner.
+struct Process(Child);
+
+impl Process {
+    /// User and system time so far, s; 0 where the system does not tell.
+    fn cpu_seconds(&self) -> f64 {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap_or_default();
+        let after_name = stat.rsplit(')').next().unwrap_or_default();
+        let ticks = after_name.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok());
+        ticks.sum::<f64>() / 100.0
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Starts a server and waits for the file in which it writes its gRPC address.
+fn serve(mut command: Command, ready_file: &Path) -> (Process, String) {
+    let process = Process(command.stdout(Stdio::null()).spawn().expect("the server starts"));
+    let begun = Instant::now();
+    while !ready_file.exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "the server is not ready after a minute");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let ready: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(ready_file).expect("a ready file")).expect("JSON");
+    (process, format!("http://{}", ready["grpc"].as_str().expect("an address")))
+}
+
+/// Connects to the server that prepares jobs for the machines: each has one and its own connection.
+async fn prepare(url: &str, options: &Options) -> Vec<(TelemetryClient<Channel>, String)> {
+    let mut machines = Vec::new();
+    for _ in 0..options.machines {
+        let channel = Channel::from_shared(url.to_owned()).expect("a URL").connect().await.expect("connects");
+        let mut jobs = JobsClient::new(channel.clone());
+        let request = CreateJobRequest {
+            machine: "machines/lathe".to_owned(),
+            source: Some(Source::InlineProgram(b"G21\nG0 X10.\nM30\n".as_slice().into())),
+            ..Default::default()
+        };
+        let job = jobs.create_job(request).await.expect("a job").into_inner().job.expect("a job").name;
+        let request = WatchJobsRequest { after: Some(0), job: job.clone() };
+        let mut events = jobs.watch_jobs(request).await.expect("events").into_inner();
+        while events.message().await.expect("events").expect("an event").event.expect("an event").state()
+            != JobState::Ready
+        {}
+        let mut telemetry = TelemetryClient::new(channel);
+        let request = SetMonitoringRequest { job: job.clone(), config: Some(machine::config(options)) };
+        telemetry.set_monitoring(request).await.expect("a configuration");
+        machines.push((telemetry, job));
+    }
+    machines
+}
+
+/// Drives all machines; how long each decision took, ascending.
+async fn drive(machines: Vec<(TelemetryClient<Channel>, String)>, batch_ms: u64, options: &Options) -> Vec<Duration> {
+    let mut tasks = tokio::task::JoinSet::new();
+    for (number, (client, job)) in (0..).zip(machines) {
+        tasks.spawn(machine::run(client, job, number, batch_ms, options.clone()));
+    }
+    let mut latencies = tasks.join_all().await.concat();
+    latencies.sort();
+    latencies
+}
+
+fn show(what: &str, latencies: &[Duration], besides: &str) {
+    let at = |share: f64| {
+        let index = ((latencies.len() as f64 * share) as usize).min(latencies.len().saturating_sub(1));
+        latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
+    };
+    println!("{what:<22}{:>8}{:>10.3}{:>10.3}{:>10.3}  {besides}", latencies.len(), at(0.5), at(0.99), at(1.0));
+}
+
+async fn compare(options: &Options) {
+    let folder = options.folder.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = TempDir::new_in(folder).expect("a temporary folder");
+    println!(
+        "{} machines, {} samples/s each, windows of {} ms; times in ms",
+        options.machines, options.rate_hz, options.window_ms
+    );
+    println!("{:<22}{:>8}{:>10}{:>10}{:>10}", "", "number", "median", "99 %", "largest");
+    for (round, &batch_ms) in options.batch_ms.iter().enumerate() {
+        println!("batches of {batch_ms} ms");
+        let commits = commits::measure(&folder.path().join(format!("bare-{round}.db"))).await;
+        let rate = commits.len() as f64 / commits.iter().sum::<Duration>().as_secs_f64();
+        show("  bare transactions", &commits, &format!("{rate:.0}/s one after the other"));
+
+        let ready_file = folder.path().join(format!("echo-{round}.json"));
+        let mut command = Command::new(std::env::current_exe().expect("a path"));
+        command.arg("--echo").arg("--folder").arg(&ready_file);
+        command.args(["--window-ms", &options.window_ms.to_string(), "--batch-ms", &batch_ms.to_string()]);
+        let (process, url) = serve(command, &ready_file);
+        let mut machines = Vec::new();
+        for _ in 0..options.machines {
+            let client = TelemetryClient::connect(url.clone()).await.expect("connects");
+            machines.push((client, "jobs/bare".to_owned()));
+        }
+        let bare = drive(machines, batch_ms, options).await;
+        show("  bare stream", &bare, &cores(&process, options));
+        drop(process);
+
+        let ready_file = folder.path().join(format!("service-{round}.json"));
+        let mut command = Command::new(&options.service);
+        command.args(["serve", "--log-level", "warn", "--grpc-listen", "127.0.0.1:0", "--http-listen", "127.0.0.1:0"]);
+        command.arg("--database").arg(folder.path().join(format!("feedwave-{round}.db")));
+        command.arg("--ready-file").arg(&ready_file);
+        let (process, url) = serve(command, &ready_file);
+        let machines = prepare(&url, options).await;
+        let decisions = drive(machines, batch_ms, options).await;
+        show("  decisions", &decisions, &cores(&process, options));
+        let kept = decisions.iter().filter(|latency| **latency <= BAR).count();
+        println!("  {:.2} % of the decisions within {BAR:?}", 100.0 * kept as f64 / decisions.len() as f64);
+    }
+}
+
+/// What the server's process has used.
+fn cores(process: &Process, options: &Options) -> String {
+    format!("{:.2} cores", process.cpu_seconds() / options.seconds as f64)
+}
+
+fn main() {
+    let options = Options::parse();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
+    let runtime = runtime.expect("a runtime");
+    if options.echo {
+        runtime.block_on(echo::serve(&options));
+    } else {
+        runtime.block_on(compare(&options));
+    }
+}

@@ -1,0 +1,57 @@
+//! The client's side of encryption: whom to trust, whom to be, and errors that say what went wrong.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use tonic::transport::{Certificate, ClientTlsConfig, Identity};
+
+use crate::commands::CliError;
+
+/// Options of a client of an encrypted port.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct ClientTls {
+    /// Certificates that the server must be signed by, PEM
+    #[arg(long, value_name = "FILE", env = "FEEDWAVE_CA")]
+    pub(crate) ca: Option<PathBuf>,
+    /// Client certificate, PEM
+    #[arg(long, value_name = "FILE", requires = "key", env = "FEEDWAVE_CERT")]
+    pub(crate) cert: Option<PathBuf>,
+    /// Key of the client certificate, PEM
+    #[arg(long, value_name = "FILE", requires = "cert", env = "FEEDWAVE_KEY")]
+    pub(crate) key: Option<PathBuf>,
+    /// Name that the server's certificate must have, where it differs from the URL's
+    #[arg(long, value_name = "NAME", env = "FEEDWAVE_DOMAIN")]
+    pub(crate) domain: Option<String>,
+}
+
+impl ClientTls {
+    /// The same for a connection.
+    pub(crate) fn config(&self) -> Result<ClientTlsConfig, CliError> {
+        let read = |path: &Path| std::fs::read(path).map_err(|error| CliError::file(path, &error));
+        let mut tls = ClientTlsConfig::new();
+        if let Some(ca) = &self.ca {
+            tls = tls.ca_certificate(Certificate::from_pem(read(ca)?));
+        }
+        if let (Some(cert), Some(key)) = (&self.cert, &self.key) {
+            tls = tls.identity(Identity::from_pem(read(cert)?, read(key)?));
+        }
+        Ok(match &self.domain {
+            Some(domain) => tls.domain_name(domain),
+            None => tls,
+        })
+    }
+}
+
+/// An error and its causes: "transport error" alone tells nobody anything.
+pub(crate) fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let cause_text = cause.to_string();
+        if !text.ends_with(&cause_text) {
+            text = format!("{text}: {cause_text}");
+        }
+        source = cause.source();
+    }
+    text
+}

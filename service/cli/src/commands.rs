@@ -1,0 +1,188 @@
+//! The subcommands for people at a terminal.
+//!
+//! Invariants: what a program is judged by and turned into comes from the same crates as in the service; memory
+//! does not grow with the program; results go to standard output and everything else to standard error; a reader
+//! that stops reading (`| head`) ends a command quietly.
+
+mod acknowledge;
+mod client;
+mod data_file;
+mod decisions;
+mod demo;
+mod findings;
+pub mod healthcheck;
+mod lobes;
+mod local;
+mod machine;
+mod oscillation;
+mod overrides;
+mod pictures;
+mod plan;
+mod replay;
+mod report;
+mod run;
+pub mod serve;
+mod source;
+mod stream;
+mod submit;
+mod terminal;
+mod thread_plan;
+mod tools;
+mod validate;
+
+use std::io;
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use feedwave_server::config::{ConfigError, EXIT_CONFIG};
+
+/// Exit code of a command that found errors in the program.
+const EXIT_REFUSED: u8 = 1;
+/// Exit code of a command that could not do its work: wrong usage, files, connections.
+const EXIT_TROUBLE: u8 = 2;
+
+/// What people do at a terminal.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Check a program: findings under the source line, chip breaking, times
+    ///
+    /// Shows everything found, each finding under its source line with the suggested cure, then for every section with
+    /// vibration along the path whether the chip breaks and whether the machine can follow, then times and extents.
+    Validate(validate::Args),
+    /// Turn a program into a file of setpoints, and into pictures
+    ///
+    /// Writes one row per interpolation period: index, time, each axis, path position, feed, vibration offset, spindle
+    /// angle, source line; the header says the units. A program with errors is refused, and no file appears.
+    Plan(plan::Args),
+    /// Plan the passes of a thread so that its chip breaks, as a program
+    ///
+    /// Finds depths, amplitudes and phases with which the vibration of X breaks the chip in both models, depth only and
+    /// full section, within the limits of the machine and the tool, and leaves the finishing pass no more than it may find.
+    /// What cannot be cut so is refused with the numbers and what would help.
+    ThreadPlan(thread_plan::Args),
+    /// Find the spindle speeds at which a tool cuts deepest without chatter
+    ///
+    /// Computes stability lobes of milling or turning from the modes of the tool, of the command line or of the tool library
+    /// of a running service, and from them the best speed of every band: the spindle table of the monitoring.
+    Lobes(lobes::Args),
+    /// Send a program to a running service and show what it found
+    ///
+    /// The job is stored durably before the service answers. Small programs travel with the request; larger ones are
+    /// uploaded, and a broken upload continues where it ended. With --wait the validation report is shown as `feedwave
+    /// validate` would.
+    Submit(submit::Args),
+    /// Read the setpoints of a job from a running service
+    ///
+    /// Writes CSV to standard output, or a file. When the connection breaks, the stream is taken up at the next setpoint:
+    /// values do not depend on where a stream starts, so the result is the same to the last bit.
+    Stream(stream::Args),
+    /// Run a job on a simulated machine, whose telemetry changes its feed
+    ///
+    /// The machine follows the setpoints that the service hands out, and what its sensors say goes back on the same stream.
+    /// Decisions are shown as they are made; at last the feed override over time and how the run ended.
+    Run(run::Args),
+    /// Show the decisions of a job or a run
+    ///
+    /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
+    /// spindle overrides before and after, and the reason.
+    Decisions(decisions::Args),
+    /// Acknowledge a condition of a run: somebody has seen it
+    ///
+    /// A decision that holds the feed or stops the machine, because a property stays above its limit at the lower feed bound,
+    /// raises a condition that dashboards show until it is acknowledged. The feed stays held until the machine resumes.
+    Acknowledge(acknowledge::Args),
+    /// Prove that a run can be made again from its log
+    ///
+    /// The service makes every decision again from its stored inputs, and every setpoint from the stored program, profile
+    /// and changes of the feed, and compares them with what was sent, to the last bit.
+    Replay(replay::Args),
+    /// See all of it work: a server, a turning program, the trap and its cure, pictures
+    ///
+    /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
+    /// shows a vibration that never breaks the chip being caught and cured, streams the setpoints, takes a stream up in the
+    /// middle, lets a milling tool oscillate, and draws pictures. Every claim is checked; the exit code is 0 only if all of
+    /// them hold.
+    Demo(demo::Args),
+}
+
+impl Command {
+    /// Does it.
+    ///
+    /// # Errors
+    /// [`CliError`] with what to tell the user and the exit code.
+    pub async fn run(self) -> Result<ExitCode, CliError> {
+        let result = match self {
+            Self::Validate(args) => validate::run(args),
+            Self::Plan(args) => plan::run(args),
+            Self::ThreadPlan(args) => thread_plan::run(args),
+            Self::Lobes(args) => lobes::run(args).await,
+            Self::Submit(args) => submit::run(args).await,
+            Self::Stream(args) => stream::run(args).await,
+            Self::Run(args) => run::run(args).await,
+            Self::Decisions(args) => decisions::run(args).await,
+            Self::Acknowledge(args) => acknowledge::run(args).await,
+            Self::Replay(args) => replay::run(args).await,
+            Self::Demo(args) => demo::run(args).await,
+        };
+        match result {
+            Err(error) if error.exit_code == 0 => Ok(ExitCode::SUCCESS),
+            other => other,
+        }
+    }
+}
+
+/// Why a subcommand did not do what was asked: what the user is told, and the exit code.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct CliError {
+    /// What went wrong, for people.
+    pub message: String,
+    /// Exit code of the process.
+    pub exit_code: u8,
+}
+
+impl CliError {
+    /// An error with exit code 1.
+    pub fn new(message: impl ToString) -> Self {
+        Self { message: message.to_string(), exit_code: 1 }
+    }
+
+    /// Wrong usage, or a file or connection that cannot be used: exit code 2.
+    pub(crate) fn trouble(message: impl ToString) -> Self {
+        Self { message: message.to_string(), exit_code: EXIT_TROUBLE }
+    }
+
+    /// A file that cannot be used.
+    pub(crate) fn file(path: &Path, error: &io::Error) -> Self {
+        Self::written(&path.display().to_string(), error)
+    }
+
+    /// Output that cannot be written. A reader that has gone is no error.
+    pub(crate) fn written(place: &str, error: &io::Error) -> Self {
+        if error.kind() == io::ErrorKind::BrokenPipe {
+            return Self { message: String::new(), exit_code: 0 };
+        }
+        Self::trouble(format!("{place}: {}", reason(error)))
+    }
+
+    /// The exit code as the process returns it.
+    #[must_use]
+    pub fn code(&self) -> ExitCode {
+        ExitCode::from(self.exit_code)
+    }
+}
+
+/// The system's words without its error number, in lower case.
+fn reason(error: &io::Error) -> String {
+    let text = error.to_string();
+    let text = text.split(" (os error").next().unwrap_or_default();
+    let mut letters = text.chars();
+    letters.next().map(|first| first.to_lowercase().chain(letters).collect()).unwrap_or_default()
+}
+
+impl From<ConfigError> for CliError {
+    fn from(error: ConfigError) -> Self {
+        Self { message: error.to_string(), exit_code: EXIT_CONFIG }
+    }
+}

@@ -1,0 +1,314 @@
+//! The client side of the contract: connecting, uploading, waiting for validation, decoding setpoints.
+
+use std::time::Duration;
+
+use feedwave_contract::delta;
+use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::setpoints_client::SetpointsClient;
+use feedwave_contract::proto::upload_program_request::Message;
+use feedwave_contract::proto::{
+    Column, ColumnInfo, ColumnKind, Encoding, GetJobRequest, GetReportRequest, GetUploadRequest, Job, JobState,
+    SetpointChunk, StreamHeader, UploadChunk, UploadHeader, UploadProgramRequest, ValidationReport, WatchJobsRequest,
+};
+use feedwave_cutting::{ServoColumns, SetpointBlock};
+use feedwave_server::engine::MAX_CHUNK_SIZE;
+use sha2::{Digest, Sha256};
+use tonic::Status;
+use tonic::transport::{Channel, Endpoint};
+use tonic_types::StatusExt as _;
+
+use super::CliError;
+use super::source::Source;
+use super::terminal::{Unit, progress};
+use crate::client_tls::{ClientTls, chain};
+use crate::output::{AxisColumn, Layout};
+
+/// How long a connection may take.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+/// Times that a broken upload or stream is continued without any progress before it is given up.
+pub(super) const MAX_RETRIES: u32 = 6;
+
+/// Options that say which service.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct ServerArgs {
+    /// The service's URL, such as http://127.0.0.1:50051
+    #[arg(long, value_name = "URL", env = "FEEDWAVE_SERVER", default_value = "http://127.0.0.1:50051")]
+    server: String,
+    #[command(flatten)]
+    tls: ClientTls,
+}
+
+/// Clients over one connection, which is set up anew by itself when it breaks.
+#[derive(Clone, Debug)]
+pub(super) struct Client {
+    pub(super) url: String,
+    pub(super) jobs: JobsClient<Channel>,
+    pub(super) setpoints: SetpointsClient<Channel>,
+    pub(super) channel: Channel,
+}
+
+impl ServerArgs {
+    /// Connects.
+    pub(super) async fn connect(&self) -> Result<Client, CliError> {
+        let failed = |error: &dyn std::error::Error| CliError::trouble(format!("{}: {}", self.server, chain(error)));
+        let mut endpoint = Endpoint::from_shared(self.server.clone())
+            .map_err(|error| failed(&error))?
+            .connect_timeout(CONNECT_TIMEOUT)
+            .http2_keep_alive_interval(Duration::from_secs(20));
+        if self.server.starts_with("https:") {
+            endpoint = endpoint.tls_config(self.tls.config()?).map_err(|error| failed(&error))?;
+        }
+        let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
+        Ok(Client::new(self.server.clone(), channel))
+    }
+}
+
+impl Client {
+    pub(super) fn new(url: String, channel: Channel) -> Self {
+        // Chunks of the largest size exceed the default of 4 MiB: 8 bytes for each of some dozens of columns.
+        let largest_chunk = MAX_CHUNK_SIZE as usize * 8 * 64;
+        Self {
+            url,
+            jobs: JobsClient::new(channel.clone()).max_decoding_message_size(64 << 20),
+            setpoints: SetpointsClient::new(channel.clone()).max_decoding_message_size(largest_chunk),
+            channel,
+        }
+    }
+
+    /// What the service answered, for people.
+    pub(super) fn failed(&self, status: &Status) -> CliError {
+        CliError::trouble(format!("{}: {}", self.url, status.message()))
+    }
+
+    /// Uploads a program, continuing where an earlier upload of the same bytes ended; its resource name.
+    pub(super) async fn upload(&mut self, source: &mut Source) -> Result<String, CliError> {
+        let sha256 = sha256_hex(source)?;
+        let name = format!("programs/{sha256}");
+        let bar = progress("uploading", Unit::Bytes, source.size);
+        let mut retries = 0;
+        let mut received = 0;
+        loop {
+            let request = GetUploadRequest { program: name.clone() };
+            let upload = match self.jobs.get_upload(request).await {
+                Ok(response) => response.into_inner(),
+                Err(status) if retries < MAX_RETRIES && is_passing(&status) => {
+                    retries += 1;
+                    pause(retries).await;
+                    continue;
+                }
+                Err(status) => return Err(self.failed(&status)),
+            };
+            if upload.complete {
+                bar.finish_and_clear();
+                return Ok(name);
+            }
+            if upload.received_bytes > received {
+                (received, retries) = (upload.received_bytes, 0);
+            }
+            bar.set_position(upload.received_bytes);
+            if let Err(status) = self.upload_from(source, &sha256, upload.received_bytes, &bar).await? {
+                if retries == MAX_RETRIES || !is_passing(&status) {
+                    return Err(self.failed(&status));
+                }
+                retries += 1;
+                pause(retries).await;
+            }
+        }
+    }
+
+    /// One attempt; the outer error is the file's, the inner one the service's.
+    async fn upload_from(
+        &mut self,
+        source: &mut Source,
+        sha256: &str,
+        offset: u64,
+        bar: &indicatif::ProgressBar,
+    ) -> Result<Result<(), Status>, CliError> {
+        let (sender, receiver) = tokio::sync::mpsc::channel(4);
+        let messages = tokio_stream::wrappers::ReceiverStream::new(receiver);
+        let header = UploadHeader { sha256: sha256.to_owned(), size_bytes: source.size, offset };
+        source.seek(offset)?;
+        let sending = send_program(source, header, sender, bar);
+        let (sent, answer) = tokio::join!(sending, self.jobs.upload_program(messages));
+        sent?;
+        Ok(answer.map(drop))
+    }
+
+    /// Waits until the validation of a job has ended; the job.
+    pub(super) async fn validated(&mut self, job: &str) -> Result<Job, CliError> {
+        let mut retries = 0;
+        loop {
+            match self.watch_until_settled(job).await {
+                Ok(()) => break,
+                Err(status) if retries < MAX_RETRIES && is_passing(&status) => {
+                    retries += 1;
+                    pause(retries).await;
+                }
+                Err(status) => return Err(self.failed(&status)),
+            }
+        }
+        let request = GetJobRequest { name: job.to_owned() };
+        let response = self.jobs.get_job(request).await.map_err(|status| self.failed(&status))?;
+        response.into_inner().job.ok_or_else(|| CliError::trouble(format!("{}: answered without a job", self.url)))
+    }
+
+    async fn watch_until_settled(&mut self, job: &str) -> Result<(), Status> {
+        let request = WatchJobsRequest { after: Some(0), job: job.to_owned() };
+        let mut events = self.jobs.watch_jobs(request).await?.into_inner();
+        while let Some(response) = events.message().await? {
+            let state = response.event.map(|event| event.state());
+            if !matches!(state, Some(JobState::Pending | JobState::Validating)) {
+                return Ok(());
+            }
+        }
+        Err(Status::unavailable("the service stopped telling of the job"))
+    }
+
+    /// The report of a validated job.
+    pub(super) async fn report(&mut self, job: &str) -> Result<ValidationReport, CliError> {
+        let request = GetReportRequest { job: job.to_owned() };
+        let response = self.jobs.get_report(request).await.map_err(|status| self.failed(&status))?;
+        Ok(response.into_inner().report.unwrap_or_default())
+    }
+}
+
+/// Sends the rest of a program into a call, until the call has ended: its result says why.
+async fn send_program(
+    source: &mut Source,
+    header: UploadHeader,
+    call: tokio::sync::mpsc::Sender<UploadProgramRequest>,
+    bar: &indicatif::ProgressBar,
+) -> Result<(), CliError> {
+    let message = |message| UploadProgramRequest { message: Some(message) };
+    let mut offset = header.offset;
+    if call.send(message(Message::Header(header))).await.is_err() {
+        return Ok(());
+    }
+    loop {
+        let piece = source.next_piece()?;
+        if piece.is_empty() {
+            return Ok(());
+        }
+        let data = bytes::Bytes::copy_from_slice(piece);
+        let length = data.len() as u64;
+        if call.send(message(Message::Chunk(UploadChunk { offset, data }))).await.is_err() {
+            return Ok(());
+        }
+        offset += length;
+        bar.set_position(offset);
+    }
+}
+
+/// Whether trying again can help.
+pub(super) fn is_passing(status: &Status) -> bool {
+    use tonic::Code;
+    // Of what is exhausted only that comes back which the service says to ask for again: no message becomes smaller.
+    let told_to_retry = || status.get_details_retry_info().is_some();
+    // A connection that breaks in the middle shows as UNKNOWN or INTERNAL with the transport's error as source.
+    status.code() == Code::Unavailable
+        || status.code() == Code::ResourceExhausted && told_to_retry()
+        || matches!(status.code(), Code::Unknown | Code::Internal | Code::Cancelled)
+            && std::error::Error::source(status).is_some()
+}
+
+/// Waits before a retry: 0.1 s, 0.2 s, … 3.2 s.
+pub(super) async fn pause(retry: u32) {
+    tokio::time::sleep(Duration::from_millis(50 << retry.min(MAX_RETRIES))).await;
+}
+
+fn sha256_hex(source: &mut Source) -> Result<String, CliError> {
+    source.rewind()?;
+    let mut hash = Sha256::new();
+    loop {
+        match source.next_piece()? {
+            [] => return Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()),
+            piece => hash.update(piece),
+        }
+    }
+}
+
+/// Turns the chunks of a stream into setpoint blocks.
+#[derive(Debug)]
+pub(super) struct Decoder {
+    columns: Vec<ColumnInfo>,
+    axes: Vec<AxisColumn>,
+    encoding: Encoding,
+    period_us: f64,
+}
+
+impl Decoder {
+    pub(super) fn new(header: &StreamHeader) -> Self {
+        let axes = header.columns.iter().filter(|column| column.kind() == ColumnKind::AxisPosition);
+        let axes = axes.map(|column| AxisColumn { name: column.axis.clone(), rotary: column.unit == "deg" });
+        Self {
+            axes: axes.collect(),
+            columns: header.columns.clone(),
+            encoding: header.encoding(),
+            period_us: header.period_us,
+        }
+    }
+
+    /// The columns of a file for this stream.
+    pub(super) fn layout(&self) -> Layout {
+        let layout = Layout::new(&self.axes, self.period_us);
+        let has_direction = self.columns.iter().any(|column| column.kind() == ColumnKind::ToolDirection);
+        let layout = if has_direction { layout.with_tool_direction() } else { layout };
+        if self.has_servo_conditions() { layout.with_servo_conditions(&self.axes) } else { layout }
+    }
+
+    /// Where the linear axes X and Y are among the axes, where there are both.
+    pub(super) fn xy(&self) -> Option<[usize; 2]> {
+        let of = |name: &str| self.axes.iter().position(|axis| !axis.rotary && axis.name == name);
+        Some([of("X")?, of("Y")?])
+    }
+
+    fn has_servo_conditions(&self) -> bool {
+        self.columns.iter().any(|column| column.kind() == ColumnKind::ServoFrequency)
+    }
+
+    /// A chunk as a block; says what is wrong with a chunk that breaks the contract.
+    pub(super) fn block(&self, chunk: &SetpointChunk) -> Result<SetpointBlock, String> {
+        let count = chunk.count as usize;
+        if chunk.columns.len() != self.columns.len() {
+            return Err(format!("a chunk has {} columns instead of {}", chunk.columns.len(), self.columns.len()));
+        }
+        let mut block = SetpointBlock { first_index: chunk.first_index, ..SetpointBlock::default() };
+        let mut servo = ServoColumns::default();
+        for (info, column) in self.columns.iter().zip(&chunk.columns) {
+            let values = self.values(info, column);
+            if values.len() != count {
+                return Err(format!("column {} has {} values instead of {count}", info.name, values.len()));
+            }
+            match info.kind() {
+                ColumnKind::AxisPosition => block.axes.push(values),
+                ColumnKind::PathPosition => block.path_position_mm = values,
+                ColumnKind::Feed => block.feed_mm_per_min = values,
+                ColumnKind::VibrationOffset => block.vibration_offset_mm = values,
+                ColumnKind::SpindleAngle => block.spindle_angle_deg = values,
+                ColumnKind::ToolDirection => block.tool_direction.push(values),
+                ColumnKind::ServoAmplitude => servo.amplitude_mm.push(values),
+                ColumnKind::ServoFrequency => servo.frequency_hz = values,
+                ColumnKind::ServoPhase => servo.phase_turns = values,
+                ColumnKind::ServoClampLow => servo.clamp_low_mm.push(values),
+                ColumnKind::ServoClampHigh => servo.clamp_high_mm.push(values),
+                // A later version's column.
+                ColumnKind::Unspecified => {}
+            }
+        }
+        block.servo = self.has_servo_conditions().then_some(servo);
+        for run in &chunk.line_runs {
+            block.line.extend(std::iter::repeat_n(run.line, (run.count as usize).min(count)));
+        }
+        if block.line.len() != count {
+            return Err(format!("a chunk tells the lines of {} setpoints instead of {count}", block.line.len()));
+        }
+        Ok(block)
+    }
+
+    fn values(&self, info: &ColumnInfo, column: &Column) -> Vec<f64> {
+        match self.encoding {
+            Encoding::FixedPointDelta => delta::decode(&column.deltas, info.resolution),
+            Encoding::PackedDouble | Encoding::Unspecified => column.values.clone(),
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Changes of the feed override on the command line.
+
+use std::sync::Arc;
+
+use feedwave_contract::convert::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
+use feedwave_contract::proto::FeedOverrideChange;
+use feedwave_contract::proto::feed_override_change::At;
+use feedwave_contract::violations::Violations;
+use feedwave_cutting::PipelineConfig;
+
+use super::CliError;
+use super::plan::time;
+
+/// Options that change the feed override.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct OverrideArgs {
+    /// Change the feed override at a time to a percentage of the programmed feed; repeat it for every change
+    ///
+    /// `2.5:40` runs at 40 % from 2.5 s on. 0 % is feed hold: the path comes to rest as soon as it can, and goes on with
+    /// the next change, so that the last one must be above 0. At most 200 %; changes are given in the order of time, and
+    /// before the first one the feed is as programmed. The path stays the same and every axis within its limits; rapid
+    /// moves are held but not slowed down, dwells and the spindle go on as they are.
+    #[arg(long = "override", value_name = "SECONDS:PERCENT", value_parser = change)]
+    changes: Vec<FeedOverrideChange>,
+}
+
+impl OverrideArgs {
+    /// The changes as a request has them.
+    pub(super) fn into_request(self) -> Vec<FeedOverrideChange> {
+        self.changes
+    }
+
+    /// The configuration with the changes.
+    pub(super) fn apply(&self, mut config: Arc<PipelineConfig>) -> Result<Arc<PipelineConfig>, CliError> {
+        let mut violations = Violations::default();
+        let period_us = config.interpolation_period_us;
+        let overrides = overrides_from_proto(&mut violations, "--override", &self.changes, period_us);
+        if violations.is_empty() {
+            Arc::make_mut(&mut config).overrides = overrides;
+            return Ok(config);
+        }
+        let lines = violations.as_slice().iter().map(|violation| {
+            // Fields are counted from 0; people see what they have typed.
+            let number = violation.field.split(['[', ']']).nth(1).and_then(|number| number.parse::<usize>().ok());
+            match number.and_then(|number| self.changes.get(number)) {
+                Some(change) => format!("--override {}: {}", text(change), violation.description),
+                None => format!("--override: {}", violation.description),
+            }
+        });
+        let more = match violations.not_listed() {
+            0 => None,
+            count => Some(format!("--override: and {count} more")),
+        };
+        Err(CliError::trouble(lines.chain(more).collect::<Vec<_>>().join("\n")))
+    }
+}
+
+/// One change on the command line.
+fn change(text: &str) -> Result<FeedOverrideChange, String> {
+    let (seconds, percent) = text
+        .split_once(':')
+        .ok_or("must be a time and a percentage with a colon between them, such as 2.5:40 for 40 % from 2.5 s on")?;
+    let time_s = time(seconds).map_err(|reason| format!("the time {seconds:?} {reason}"))?;
+    match percent.trim_end_matches('%').parse::<f64>() {
+        Ok(value) if (0.0..=MAX_OVERRIDE_PERCENT).contains(&value) => {
+            Ok(FeedOverrideChange { at: Some(At::TimeS(time_s)), percent: value })
+        }
+        _ => Err(format!("the percentage {percent:?} must be a number from 0 (feed hold) to {MAX_OVERRIDE_PERCENT}")),
+    }
+}
+
+fn text(change: &FeedOverrideChange) -> String {
+    match change.at {
+        Some(At::TimeS(time_s)) => format!("{time_s}:{}", change.percent),
+        Some(At::SetpointIndex(index)) => format!("setpoint {index}:{}", change.percent),
+        None => format!(":{}", change.percent),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use feedwave_cutting::MachineProfile;
+
+    use super::*;
+
+    fn apply(changes: &[&str]) -> Result<Vec<(u64, f64)>, String> {
+        let changes = changes.iter().map(|text| change(text)).collect::<Result<_, _>>()?;
+        let config = Arc::new(PipelineConfig::new(MachineProfile::lathe()));
+        let config = OverrideArgs { changes }.apply(config).map_err(|error| error.message)?;
+        Ok(config.overrides.iter().map(|change| (change.index, change.ratio)).collect())
+    }
+
+    #[test]
+    fn changes_are_times_and_percentages() {
+        assert_eq!(apply(&["2:50", "3.5:0%", "5:100"]), Ok(vec![(2_000, 0.5), (3_500, 0.0), (5_000, 1.0)]));
+        assert_eq!(apply(&[]), Ok(Vec::new()));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_what_was_typed() {
+        for (wrong, reason) in [
+            ("2", "with a colon"),
+            ("x:50", "the time \"x\" must be a number of seconds"),
+            ("-1:50", "the time \"-1\" must be"),
+            ("1:201", "the percentage \"201\" must be a number from 0"),
+            ("1:", "the percentage \"\" must be"),
+            ("1:nan", "the percentage \"nan\" must be"),
+        ] {
+            let error = apply(&[wrong]).unwrap_err();
+            assert!(error.contains(reason), "{wrong}: {error}");
+        }
+        let error = apply(&["2:50", "1:80", "3:0"]).unwrap_err();
+        let lines: Vec<_> = error.lines().collect();
+        assert_eq!(lines.len(), 2, "{error}");
+        assert!(lines[0].starts_with("--override 1:80: must not lie before"), "{error}");
+        assert!(lines[1].starts_with("--override 3:0: must be above 0"), "{error}");
+    }
+}

@@ -1,0 +1,50 @@
+//! `feedwave replay`
+
+use std::process::ExitCode;
+
+use feedwave_contract::proto::ReplayRunRequest;
+use feedwave_contract::proto::runs_client::RunsClient;
+
+use super::client::ServerArgs;
+use super::terminal::{Style, print};
+use super::{CliError, EXIT_REFUSED};
+
+/// Arguments of `feedwave replay`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "Exit codes: 0 identical, 1 something differs, 2 wrong usage or no answer.
+
+Examples:
+  feedwave replay runs/0197b3c2-…
+  feedwave decisions \"$job\" | tail -1
+      Names the run of the last decision.")]
+pub struct Args {
+    /// The run, `runs/{run}` or the part after the slash
+    #[arg(value_name = "RUN")]
+    run: String,
+    #[command(flatten)]
+    server: ServerArgs,
+}
+
+/// Replays it.
+///
+/// # Errors
+/// [`CliError`] when the service does not answer.
+pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
+    let client = args.server.connect().await?;
+    let run = if args.run.contains('/') { args.run } else { format!("runs/{}", args.run) };
+    let request = ReplayRunRequest { run: run.clone() };
+    let replayed = RunsClient::new(client.channel.clone()).replay_run(request).await;
+    let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
+    let style = Style::stdout();
+    let counts = format!("{} decisions and {} setpoints", replayed.decisions, replayed.setpoints);
+    if replayed.identical {
+        let digest = if replayed.digest.is_empty() { String::new() } else { format!(", SHA-256 {}", replayed.digest) };
+        print(&format!("{run}: {}: {counts}{digest}\n", style.good("identical")))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    print(&format!("{run}: {} among {counts}\n", style.bad("differences")))?;
+    for difference in &replayed.differences {
+        print(&format!("  {difference}\n"))?;
+    }
+    Ok(ExitCode::from(EXIT_REFUSED))
+}

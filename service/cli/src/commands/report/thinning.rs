@@ -1,0 +1,67 @@
+//! What thinning did, for people.
+
+use feedwave_contract::proto::ThinningReport;
+
+use super::super::terminal::{Style, count, counted, number};
+use super::Rows;
+
+/// Runs of dropped blocks listed; the JSON has all.
+const LISTED_RUNS: usize = 8;
+
+pub(super) fn text(thinning: &ThinningReport, style: Style) -> String {
+    let mut rows = Rows::new(style);
+    rows.heading("Thinning");
+    let groups = counted(thinning.groups, "group");
+    rows.row(
+        "blocks",
+        format!(
+            "{} read in {groups}, {} dropped, {} kept",
+            count(thinning.blocks_read),
+            count(thinning.blocks_dropped),
+            count(thinning.blocks_kept)
+        ),
+    );
+    for axis in &thinning.rotary_axes {
+        let (before, after) = (count(axis.reversals_before), count(axis.reversals_after));
+        rows.row("reversals", format!("{}: {before} before, {after} after", axis.letter));
+    }
+    if thinning.time_before_s > 0.0 {
+        let share = 1.0 - thinning.time_after_s / thinning.time_before_s;
+        let (before, after) = (number(thinning.time_before_s, 5), number(thinning.time_after_s, 5));
+        // A dropped block's feed that moved on may be a lower one.
+        let than = if share < 0.0 { "more" } else { "less" };
+        rows.row("time", format!("{before} s before, {after} s after: {} % {than}", number(share.abs() * 100.0, 3)));
+    }
+    if thinning.blocks_dropped > 0 {
+        let at = |line: u32| if line == 0 { String::new() } else { format!(" (line {line})") };
+        rows.row(
+            "deviation",
+            format!(
+                "at most {} mm{} and {} degrees{}",
+                number(thinning.position_deviation_mm, 3),
+                at(thinning.position_deviation_line),
+                number(thinning.direction_deviation_deg, 3),
+                at(thinning.direction_deviation_line)
+            ),
+        );
+    }
+    if thinning.feeds_inherited + thinning.feeds_lost > 0 {
+        let (inherited, lost) = (count(thinning.feeds_inherited), count(thinning.feeds_lost));
+        rows.row("feeds", format!("{inherited} moved on to the next kept block, {lost} replaced before it"));
+    }
+    if !thinning.dropped.is_empty() {
+        let head = ["dropped, lines", "blocks", "replaced by"];
+        let mut table = vec![head.map(str::to_owned).to_vec()];
+        table.extend(thinning.dropped.iter().take(LISTED_RUNS).map(|run| {
+            let (first, last) = (run.first_line, run.last_line);
+            let lines = if first == last { format!("{first}") } else { format!("{first}–{last}") };
+            vec![lines, count(run.blocks.into()), format!("{}", run.kept_line)]
+        }));
+        rows.table(&table);
+        let more = thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed;
+        if more > 0 {
+            rows.row("", format!("and {} more", count(more)));
+        }
+    }
+    rows.text
+}

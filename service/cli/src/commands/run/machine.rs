@@ -1,0 +1,119 @@
+//! Which machine is simulated, and how it is judged where the job does not say.
+
+use std::path::PathBuf;
+
+use feedwave_contract::convert::monitoring_to_proto;
+use feedwave_contract::proto;
+use feedwave_monitoring::{Length, MonitoringConfig, Quantity, Sensors, Violation};
+use feedwave_simulator::{Contact, Description, SensorPair, Where};
+
+use crate::commands::CliError;
+use crate::commands::terminal::tell;
+
+/// Options that say what is simulated.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct MachineArgs {
+    /// The machine, tool, work, sensors and faults as JSON [default: a four-edged mill of 10 mm in steel, half immersed, two
+    /// distance sensors at 20 kHz]
+    #[arg(long, value_name = "FILE", requires = "simulate")]
+    description: Option<PathBuf>,
+    /// Seed of noise and outliers, in place of the description's
+    #[arg(long, value_name = "N", requires = "simulate")]
+    seed: Option<u64>,
+    /// Lines in which the tool cuts, and the depth of cut in mm; may be repeated, and goes before the description's contacts
+    /// [default: nothing is cut]
+    #[arg(long, value_name = "FIRST-LAST:DEPTH", requires = "simulate", value_parser = cut)]
+    cut: Vec<Cut>,
+    /// Spindle speed at which the machine idles for the baseline, rev/min
+    #[arg(long, value_name = "RPM", default_value_t = 1000.0, requires = "simulate", value_parser = speed)]
+    pub(super) idle_rpm: f64,
+}
+
+/// Lines in which the tool cuts, and how deep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cut {
+    first: u32,
+    last: u32,
+    depth_mm: f64,
+}
+
+fn cut(text: &str) -> Result<Cut, String> {
+    let wrong = || "must be lines and a depth in mm, such as 3:1.5 or 3-7:0.5".to_owned();
+    let (lines, depth) = text.split_once(':').ok_or_else(wrong)?;
+    let (first, last) = lines.split_once('-').unwrap_or((lines, lines));
+    let number = |text: &str| text.parse::<u32>().map_err(|_| wrong());
+    let cut = Cut { first: number(first)?, last: number(last)?, depth_mm: depth.parse().map_err(|_| wrong())? };
+    if cut.first == 0 || cut.last < cut.first {
+        return Err("lines count from 1, the last is not before the first".to_owned());
+    }
+    Ok(cut)
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let rpm: f64 = text.parse().map_err(|_| "must be a speed in rev/min".to_owned())?;
+    if rpm > 0.0 && rpm <= 1e6 { Ok(rpm) } else { Err(format!("must be above 0 and at most 1000000, is {rpm}")) }
+}
+
+impl MachineArgs {
+    /// What is simulated.
+    pub(super) fn description(&self) -> Result<Description, CliError> {
+        let mut description = match &self.description {
+            None => Description::default(),
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| CliError::file(path, &error))?;
+                let wrong = |error| CliError::trouble(format!("{}: {error}", path.display()));
+                serde_json::from_str(&text).map_err(wrong)?
+            }
+        };
+        description.seed = self.seed.unwrap_or(description.seed);
+        let cuts = self
+            .cut
+            .iter()
+            .map(|cut| Contact { at: Where::Lines { first: cut.first, last: cut.last }, depth_mm: cut.depth_mm });
+        description.contacts.splice(0..0, cuts);
+        let violations = description.violations();
+        if !violations.is_empty() {
+            return Err(refused(&violations));
+        }
+        if description.contacts.is_empty() {
+            tell(
+                "a dry run: the simulated tool cuts nothing, so that nothing bends it; to cut, say in which lines and how \
+                 deep, such as --cut 3-7:0.5, or give contacts in the --description\n",
+            );
+        }
+        Ok(description)
+    }
+}
+
+/// A description that cannot be simulated.
+pub(super) fn refused(violations: &[Violation]) -> CliError {
+    let list: Vec<_> = violations.iter().map(|violation| format!("\n  {violation}")).collect();
+    CliError::trouble(format!("the machine cannot be simulated:{}", list.concat()))
+}
+
+/// Limits of the deflection for a simulated machine: windows as short as simulated programs are.
+pub(in crate::commands) fn usual_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
+    let pairs = [description.tool_sensors, description.work_sensors];
+    if pairs.iter().flatten().any(|pair| pair.quantity != Quantity::Displacement) {
+        return Err(CliError::trouble(
+            "the job has no monitoring, and limits for strain or acceleration sensors cannot be guessed: set it first",
+        ));
+    }
+    // A millimetre around the stand-off: far more than a tool bends.
+    let sensors = |pair: Option<SensorPair>| {
+        pair.map(|pair| Sensors { quantity: pair.quantity, min: pair.stand_off - 1.0, max: pair.stand_off + 1.0 })
+    };
+    let mut config = MonitoringConfig {
+        sample_rate_hz: f64::from(description.sample_rate_hz),
+        tool: sensors(description.tool_sensors),
+        work: sensors(description.work_sensors),
+        settling_s: 0.1,
+        window: Length::Seconds(0.2),
+        baseline: Length::Series(3),
+        ..MonitoringConfig::default()
+    };
+    // A simulated machine stands while its computer is busy: that is no silence, and its telemetry is not stale.
+    config.quality.silence_s = 600.0;
+    config.quality.stale_s = 600.0;
+    Ok(monitoring_to_proto(&config))
+}

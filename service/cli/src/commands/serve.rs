@@ -1,0 +1,78 @@
+//! `feedwave serve`
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use feedwave_server::config::Overrides;
+use feedwave_server::lifecycle::{RunningServer, Server};
+use feedwave_server::observability::{self, REVISION, VERSION};
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::args::GlobalArgs;
+use crate::commands::CliError;
+
+/// Flags of `feedwave serve`; each sets the configuration key that it names.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Address and port of gRPC; port 0 takes a free one [key: grpc.listen]
+    #[arg(long, value_name = "ADDRESS")]
+    grpc_listen: Option<SocketAddr>,
+    /// Address and port of the read-only HTTP port [key: http.listen]
+    #[arg(long, value_name = "ADDRESS")]
+    http_listen: Option<SocketAddr>,
+    /// File of the SQLite database, created where there is none [key: database.path]
+    #[arg(long, value_name = "FILE")]
+    database: Option<PathBuf>,
+    /// Write the addresses as JSON to this file once the service can be used
+    #[arg(long, value_name = "FILE")]
+    ready_file: Option<PathBuf>,
+}
+
+/// Serves until SIGTERM or SIGINT.
+///
+/// # Errors
+/// [`CliError`] when the service cannot be started, or fails.
+pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> {
+    let flags = Overrides::default()
+        .set("grpc.listen", args.grpc_listen.map(|address| address.to_string()))
+        .set("http.listen", args.http_listen.map(|address| address.to_string()))
+        .set("database.path", args.database.map(|path| path.display().to_string()));
+    let config = global.load(flags)?;
+    let log = observability::init(&config).map_err(CliError::new)?;
+    tracing::info!(version = VERSION, revision = REVISION, "feedwave");
+
+    // Taken over before the ports open: as process 1 of a container nothing else handles them.
+    let mut terminate = signal(SignalKind::terminate()).map_err(CliError::new)?;
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(CliError::new)?;
+    let mut server = Server::start(config).await.map_err(CliError::new)?;
+    tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), "ready");
+    if let Some(path) = &args.ready_file {
+        write_ready_file(path, &server)
+            .map_err(|error| CliError::new(format!("--ready-file: {}: {error}", path.display())))?;
+    }
+
+    let failure = tokio::select! {
+        _ = terminate.recv() => None,
+        _ = interrupt.recv() => None,
+        failure = server.failed() => Some(failure),
+    };
+    tracing::info!("shutting down");
+    server.shutdown().await;
+    tracing::info!("ended");
+    // The exporter blocks while it sends the rest.
+    let _ = tokio::task::spawn_blocking(move || log.shutdown()).await;
+    failure.map_or(Ok(ExitCode::SUCCESS), |failure| Err(CliError::new(failure)))
+}
+
+/// Written beside and moved into place, so that whoever waits for the file never reads half of it.
+fn write_ready_file(path: &Path, server: &RunningServer) -> std::io::Result<()> {
+    let addresses = serde_json::json!({
+        "grpc": server.grpc_addr().to_string(),
+        "http": server.http_addr().to_string(),
+    });
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".part");
+    std::fs::write(&beside, format!("{addresses}\n"))?;
+    std::fs::rename(&beside, path)
+}

@@ -1,0 +1,187 @@
+//! Picture of the planned motion over time: feed, acceleration and jerk along the path.
+
+use std::ops::Range;
+
+use feedwave_cutting::SetpointBlock;
+
+use super::AxisShown;
+use super::figure::{Axis, Beside, Figure, Layout, M_PER_S2, M_PER_S3, MM_PER_MIN, Panel, SECONDS, Unit};
+use super::motion::MotionCurves;
+use super::rapids::RapidLines;
+use super::series::Series;
+use super::theme::{self, Ink};
+
+/// Changes of the override marked at most; more of them are a grey wall.
+const MAX_MARKS: usize = 100;
+/// Share of the panel that the label of a change takes.
+const LABEL_ROOM: f64 = 0.055;
+/// Room above the highest value.
+const HEADROOM: f64 = 1.15;
+/// A limit up to this many times as large as what is drawn is drawn, too.
+const NEAR_LIMIT: f64 = 2.5;
+
+/// Collects the motion along the path from its feed, setpoint by setpoint, in bounded memory.
+#[derive(Clone, Debug)]
+pub(super) struct PathDynamics {
+    period_s: f64,
+    feed_mm_per_min: Series,
+    acceleration_m_per_s2: Series,
+    jerk_m_per_s3: Series,
+    /// The last two feeds, older first, m/s.
+    last: [f64; 2],
+    seen: u64,
+    /// Times of the changes of the feed override, s, and the ratios.
+    overrides: Vec<(f64, f64)>,
+}
+
+impl PathDynamics {
+    pub(super) fn new(period_s: f64) -> Self {
+        Self {
+            period_s,
+            feed_mm_per_min: Series::default(),
+            acceleration_m_per_s2: Series::default(),
+            jerk_m_per_s3: Series::default(),
+            last: [0.0; 2],
+            seen: 0,
+            overrides: Vec::new(),
+        }
+    }
+
+    pub(super) fn add_override(&mut self, time_s: f64, ratio: f64) {
+        self.overrides.push((time_s, ratio));
+    }
+
+    /// Takes in a block of setpoints at the interpolation period.
+    pub(super) fn push(&mut self, block: &SetpointBlock, rapids: &RapidLines) {
+        let h = self.period_s;
+        for ((&feed_mm_per_min, &line), index) in block.feed_mm_per_min.iter().zip(&block.line).zip(block.first_index..)
+        {
+            let time_s = index as f64 * h;
+            if rapids.contains(line, feed_mm_per_min) {
+                self.feed_mm_per_min.push(time_s, feed_mm_per_min);
+            } else {
+                self.feed_mm_per_min.push_cut(time_s, feed_mm_per_min);
+            }
+            let speed = feed_mm_per_min / 60.0 / 1e3;
+            let [older, last] = self.last;
+            // A difference belongs to the middle of its setpoints.
+            if self.seen >= 1 {
+                self.acceleration_m_per_s2.push(time_s - 0.5 * h, (speed - last) / h);
+            }
+            if self.seen >= 2 {
+                self.jerk_m_per_s3.push(time_s - h, (speed - 2.0 * last + older) / (h * h));
+            }
+            self.last = [last, speed];
+            self.seen += 1;
+        }
+    }
+
+    /// The changes within the program.
+    fn overrides_within(&self, end_s: f64) -> &[(f64, f64)] {
+        &self.overrides[..self.overrides.partition_point(|&(time_s, _)| time_s <= end_s)]
+    }
+}
+
+/// Feed, acceleration and jerk along the path, one below the other.
+pub(super) struct DynamicsPicture<'a> {
+    pub(super) program: &'a str,
+    pub(super) dynamics: &'a PathDynamics,
+    /// For the stretches that vibrate.
+    pub(super) curves: &'a MotionCurves,
+    pub(super) axes: &'a [AxisShown],
+}
+
+impl DynamicsPicture<'_> {
+    pub(super) fn figure(&self) -> Figure {
+        let dynamics = self.dynamics;
+        let subtitle = format!(
+            "{} \u{b7} along the path, without vibration \u{b7} setpoints every {} ms \u{b7} limits are those of single \
+             linear axes: along several at once the path may have more",
+            self.program,
+            dynamics.period_s * 1e3
+        );
+        let end_s = dynamics.feed_mm_per_min.points().last().map_or(0.0, |point| point.0).max(dynamics.period_s);
+        let limit = Ink::limit("limit of single axes");
+        let feed = &dynamics.feed_mm_per_min;
+        let high = feed.legible_extent().map_or(0.0, |extent| extent.1);
+        let mut panel = self.panel("feed", MM_PER_MIN, 0.0..(high * HEADROOM).max(1e-3), end_s);
+        self.mark_overrides(&mut panel, end_s, true);
+        let ink = Ink::line("feed along the path", theme::INK, 2.0);
+        panel.path_beyond(&ink, feed.points(), "rapid moves");
+        for (value, axes) in limits(self.axes, |axis| 60.0 * axis.max_velocity_per_s) {
+            panel.limit(&limit, value, &format!("limit of {axes}"));
+        }
+        let mut panels = vec![panel];
+        let acceleration = limits(self.axes, |axis| 1e-3 * axis.max_acceleration_per_s2);
+        let jerk = limits(self.axes, |axis| 1e-3 * axis.max_jerk_per_s3);
+        for (name, unit, series, limits, color) in [
+            ("acceleration", M_PER_S2, &dynamics.acceleration_m_per_s2, acceleration, theme::COMMAND),
+            ("jerk", M_PER_S3, &dynamics.jerk_m_per_s3, jerk, theme::PALETTE[3]),
+        ] {
+            let mut panel = self.panel(name, unit, about_zero(series, &limits), end_s);
+            self.mark_overrides(&mut panel, end_s, false);
+            panel.path(&Ink::line(format!("{name} along the path"), color, 2.0), series.points());
+            both_limits(&mut panel, &limit, &limits);
+            panels.push(panel);
+        }
+        panels.iter_mut().rev().skip(1).for_each(|panel| panel.x.labelled = false);
+        Figure::new("motion", "Motion over time", subtitle, Layout::column(panels))
+    }
+
+    fn panel(&self, label: &str, unit: Unit, range: Range<f64>, end_s: f64) -> Panel {
+        let mut panel = Panel::new("", Axis::new("time", SECONDS, 0.0..end_s), Axis::new(label, unit, range));
+        self.curves.shade_vibrating(&mut panel);
+        panel
+    }
+
+    /// Changes of the feed override as upright lines; `labelled` with the percentage where there is room for it.
+    fn mark_overrides(&self, panel: &mut Panel, end_s: f64, labelled: bool) {
+        let ink = Ink::dashed("the feed override changes", theme::GOOD, 1.6);
+        let mut free_from_s = f64::NEG_INFINITY;
+        for &(time_s, ratio) in self.dynamics.overrides_within(end_s).iter().take(MAX_MARKS) {
+            panel.upright(&ink, time_s);
+            if labelled && time_s >= free_from_s {
+                free_from_s = time_s + LABEL_ROOM * end_s;
+                let text = if ratio == 0.0 { "hold".to_owned() } else { format!("{} %", (ratio * 1e4).round() / 1e2) };
+                panel.label((time_s, panel.y.range.end), text, theme::INK, Beside::INSIDE_TOP);
+            }
+        }
+    }
+}
+
+/// Distinct limits of the linear axes with the letters of those that have them.
+fn limits(axes: &[AxisShown], of: impl Fn(&AxisShown) -> f64) -> Vec<(f64, String)> {
+    let mut limits: Vec<(f64, String)> = Vec::new();
+    for axis in axes.iter().filter(|axis| !axis.rotary) {
+        let value = of(axis);
+        match limits.iter_mut().find(|(known, _)| *known == value) {
+            Some((_, names)) => *names = format!("{names}, {}", axis.name),
+            None => limits.push((value, axis.name.clone())),
+        }
+    }
+    limits
+}
+
+/// Draws limits of both signs; named once.
+pub(super) fn both_limits(panel: &mut Panel, ink: &Ink, limits: &[(f64, String)]) {
+    for (value, axes) in limits {
+        let what = format!("limit of {axes}");
+        let y = panel.y.range.clone();
+        match [y.contains(value), y.contains(&-value)] {
+            [false, true] => panel.limit(ink, -value, &what),
+            [_, false] => panel.limit(ink, *value, &what),
+            [true, true] => {
+                panel.limit(ink, *value, &what);
+                panel.endless(ink, vec![(panel.x.range.start, -value), (panel.x.range.end, -value)]);
+            }
+        }
+    }
+}
+
+/// A range with zero in its middle, with the limits that are near.
+fn about_zero(series: &Series, limits: &[(f64, String)]) -> Range<f64> {
+    let largest = series.extent().map_or(0.0, |(low, high)| high.max(-low));
+    let near = limits.iter().map(|limit| limit.0).filter(|limit| *limit <= NEAR_LIMIT * largest);
+    let largest = (near.fold(largest, f64::max) * HEADROOM).max(1e-3);
+    -largest..largest
+}

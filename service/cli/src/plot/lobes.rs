@@ -1,0 +1,138 @@
+//! Stability lobes over the spindle speed: how deep the cut may be, with the speeds of the spindle table, and below at which
+//! frequency it chatters beyond.
+
+use std::path::{Path, PathBuf};
+
+use feedwave_contract::proto::StabilityLobes;
+
+use super::canvas::{self, PlotError};
+use super::figure::{Axis, Beside, Figure, HERTZ, Layout, MM, Panel, Place, REV_PER_MIN, extent, padded};
+use super::theme::{self, Ink};
+
+/// Room above the deepest speed of the table.
+const HEADROOM: f64 = 1.3;
+/// What is drawn at least, as a multiple of the limit below which nothing chatters.
+const LEAST_LIMITS: f64 = 2.5;
+
+/// Lobes to draw.
+#[derive(Clone, Debug)]
+pub struct LobesPicture<'a> {
+    /// What they are of, in one line.
+    pub subtitle: String,
+    /// The lobes with their table.
+    pub lobes: &'a StabilityLobes,
+}
+
+/// Draws `lobes.svg` and `lobes.png` into a directory, which is created where it is missing; their paths.
+///
+/// # Errors
+/// [`PlotError`] when a file cannot be written.
+pub fn write_lobes(picture: &LobesPicture<'_>, directory: &Path) -> Result<[PathBuf; 2], PlotError> {
+    canvas::make(directory)?;
+    canvas::write(&picture.figure(), directory)
+}
+
+/// Speed and stable depth of a row of the table, and where its band ends.
+struct Mark {
+    speed_rpm: f64,
+    up_to_rpm: f64,
+    stable_mm: Option<f64>,
+}
+
+impl LobesPicture<'_> {
+    fn margin(&self) -> f64 {
+        self.lobes.search.and_then(|search| search.margin).unwrap_or_default()
+    }
+
+    fn marks(&self) -> Vec<Mark> {
+        let pockets = self.lobes.pockets.iter();
+        pockets
+            .filter_map(|pocket| {
+                let band = pocket.band?;
+                Some(Mark { speed_rpm: band.speed_rpm, up_to_rpm: band.up_to_rpm, stable_mm: pocket.stable_mm })
+            })
+            .collect()
+    }
+
+    /// Top of the picture, mm: the speeds of the table can be seen, peaks beyond are cut.
+    fn top_mm(&self) -> f64 {
+        let deepest = self.lobes.pockets.iter().filter_map(|pocket| pocket.stable_mm).fold(0.0, f64::max);
+        let least = self.lobes.least_limit_mm.unwrap_or_default();
+        (HEADROOM * deepest / (1.0 - self.margin())).max(LEAST_LIMITS * least).max(1e-6)
+    }
+
+    /// The limit over the speed, times `share`; `unlimited` where nothing chatters.
+    fn curve(&self, share: f64, unlimited: f64) -> Vec<Place> {
+        let chart = self.lobes.chart.iter();
+        chart.map(|point| (point.speed_rpm, point.limit_mm.map_or(unlimited, |limit| share * limit))).collect()
+    }
+
+    fn depths(&self, speeds: Axis) -> Panel {
+        let top_mm = self.top_mm();
+        let depth = if self.lobes.radial_immersion.is_some() { "axial depth" } else { "width of cut" };
+        let range = speeds.range.clone();
+        let y = Axis::new(depth, MM, 0.0..top_mm);
+        let mut panel = Panel::new("limit of stability", speeds.labelled_if(false), y);
+        let stable = self.curve(1.0 - self.margin(), 2.0 * top_mm);
+        let name = format!("stable with the margin of {:.0} %", 100.0 * self.margin());
+        let ends = [(range.end, 0.0), (range.start, 0.0)];
+        panel.area(&Ink::fill(name.clone(), theme::GOOD, 0.15), stable.iter().copied().chain(ends).collect());
+        panel.endless(&Ink::line(name, theme::GOOD, 1.6), stable);
+        let limit = Ink::line("limit: chatter above", theme::BAD, 2.6);
+        panel.path(&limit, self.curve(1.0, f64::NAN));
+        let marks = self.marks();
+        // The last band ends with the picture.
+        for mark in marks.iter().rev().skip(1) {
+            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), mark.up_to_rpm);
+        }
+        let name = "best speed of its band, rev/min, with its depth";
+        for mark in &marks {
+            let depth = mark.stable_mm.unwrap_or(top_mm).min(top_mm);
+            panel.endless(&Ink::line(name, theme::COMMAND, 2.0), vec![(mark.speed_rpm, 0.0), (mark.speed_rpm, depth)]);
+            panel.dots(&Ink::dot(name, theme::COMMAND, 5.5), vec![(mark.speed_rpm, depth)]);
+            // At the foot of its line, where no curve passes.
+            let text = super::figure::short(mark.speed_rpm, 0);
+            panel.label((mark.speed_rpm, 0.0), text, theme::INK, Beside { by: (6.0, -5.0), ..Beside::INSIDE_BOTTOM });
+        }
+        panel
+    }
+
+    fn frequencies(&self, speeds: Axis) -> Panel {
+        let points = self.lobes.chart.iter().filter(|point| point.limit_mm.is_some());
+        let frequencies = extent(points.clone().map(|point| point.chatter_hz));
+        let range = frequencies.map_or(0.0..1.0, |(low, high)| padded(low, high, 0.1));
+        let y = Axis::new("frequency", HERTZ, range);
+        let mut panel = Panel::new("frequency at which it chatters beyond the limit", speeds, y);
+        // Along a branch of a lobe the frequency rises less than the speed; anything else is a jump to another one.
+        let mut lines: Vec<Vec<Place>> = Vec::new();
+        let mut lobe = None;
+        for point in points {
+            let place = (point.speed_rpm, point.chatter_hz);
+            let goes_on = lobe.replace(point.lobe) == Some(point.lobe);
+            match lines.last_mut() {
+                Some(line) if goes_on && line.last().is_some_and(|last| continues(*last, place)) => line.push(place),
+                _ => lines.push(vec![place]),
+            }
+        }
+        let ink = Ink::line("frequency of the chatter, one line for each branch of a lobe", theme::VIBRATION, 2.4);
+        for line in lines.into_iter().filter(|line| line.len() > 1) {
+            panel.path(&ink, line);
+        }
+        panel
+    }
+
+    pub(super) fn figure(&self) -> Figure {
+        let speed =
+            |point: Option<&feedwave_contract::proto::StabilityPoint>| point.map_or(0.0, |point| point.speed_rpm);
+        let range = speed(self.lobes.chart.first())..speed(self.lobes.chart.last());
+        let speeds = || Axis::new("spindle speed", REV_PER_MIN, range.clone());
+        let panels = vec![self.depths(speeds()), self.frequencies(speeds())];
+        Figure::new("lobes", "Stability lobes", &self.subtitle, Layout::column(panels))
+    }
+}
+
+/// Whether two points, speed and frequency, can be neighbours on one branch.
+fn continues((speed, frequency): (f64, f64), (next_speed, next_frequency): (f64, f64)) -> bool {
+    let rise = next_frequency / frequency;
+    (1.0 - 1e-6..1.0 + 2.0 * (next_speed / speed - 1.0)).contains(&rise)
+}

@@ -1,0 +1,145 @@
+//! Between the contract's messages and the types of the pipeline: once on entry, with every violation reported,
+//! and once on exit.
+
+mod decision;
+mod feed_override;
+mod five_axis;
+mod lobes;
+mod monitoring;
+mod oscillation;
+mod oscillation_report;
+mod profile;
+mod report;
+mod thread;
+mod thread_request;
+mod tool;
+
+use feedwave_cutting::{GenerationMode, VibrationEnvelope};
+use prost_types::Timestamp;
+
+pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
+pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
+pub use lobes::{StabilityModel, pocket_search_from_proto, stability_model_from_proto};
+pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
+pub use oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
+pub use profile::{profile_from_proto, profile_to_proto};
+pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
+pub use thread::{rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
+pub use thread_request::thread_request_from_proto;
+pub use tool::{check_tool, tool_for_pipeline, tool_to_proto};
+
+use crate::proto;
+use crate::violations::Violations;
+
+/// Longest name for people, characters.
+pub const MAX_DISPLAY_NAME: usize = 200;
+
+/// An enumeration's value; a violation where this version does not know it.
+pub fn enumeration<E: TryFrom<i32>>(violations: &mut Violations, field: &str, value: i32) -> Option<E> {
+    let converted = E::try_from(value).ok();
+    if converted.is_none() {
+        violations.add(field, format!("{value} is not a value of this enumeration"));
+    }
+    converted
+}
+
+/// Checks a name for people.
+pub fn check_display_name(violations: &mut Violations, field: &str, name: &str) {
+    if name.chars().count() > MAX_DISPLAY_NAME {
+        violations.add(field, format!("must have at most {MAX_DISPLAY_NAME} characters"));
+    }
+    if name.chars().any(char::is_control) {
+        violations.add(field, "must not have control characters");
+    }
+}
+
+/// The mode that a message names; `None` where it leaves it open.
+#[must_use]
+pub const fn generation_mode_from_proto(mode: proto::GenerationMode) -> Option<GenerationMode> {
+    match mode {
+        proto::GenerationMode::Unspecified => None,
+        proto::GenerationMode::AlongPath => Some(GenerationMode::AlongPath),
+        proto::GenerationMode::Tangential => Some(GenerationMode::Tangential),
+        proto::GenerationMode::ServoSide => Some(GenerationMode::ServoSide),
+    }
+}
+
+/// See [`generation_mode_from_proto`].
+#[must_use]
+pub const fn generation_mode_to_proto(mode: GenerationMode) -> proto::GenerationMode {
+    match mode {
+        GenerationMode::AlongPath => proto::GenerationMode::AlongPath,
+        GenerationMode::Tangential => proto::GenerationMode::Tangential,
+        GenerationMode::ServoSide => proto::GenerationMode::ServoSide,
+    }
+}
+
+/// The envelope that a message names; `None` where it leaves it open.
+#[must_use]
+pub const fn vibration_envelope_from_proto(envelope: proto::VibrationEnvelope) -> Option<VibrationEnvelope> {
+    match envelope {
+        proto::VibrationEnvelope::Unspecified => None,
+        proto::VibrationEnvelope::Blended => Some(VibrationEnvelope::Blended),
+        proto::VibrationEnvelope::Published => Some(VibrationEnvelope::Published),
+    }
+}
+
+/// See [`vibration_envelope_from_proto`].
+#[must_use]
+pub const fn vibration_envelope_to_proto(envelope: VibrationEnvelope) -> proto::VibrationEnvelope {
+    match envelope {
+        VibrationEnvelope::Blended => proto::VibrationEnvelope::Blended,
+        VibrationEnvelope::Published => proto::VibrationEnvelope::Published,
+    }
+}
+
+/// Microseconds since the Unix epoch as a timestamp.
+#[must_use]
+pub const fn timestamp(us: i64) -> Timestamp {
+    Timestamp { seconds: us.div_euclid(1_000_000), nanos: (us.rem_euclid(1_000_000) * 1_000) as i32 }
+}
+
+/// A timestamp as microseconds since the Unix epoch, rounded up, so that "before" and "from" select by whole
+/// microseconds.
+///
+/// # Errors
+/// A text for the client where the timestamp is out of range.
+pub fn timestamp_us(timestamp: &Timestamp) -> Result<i64, &'static str> {
+    if !(0..1_000_000_000).contains(&timestamp.nanos) {
+        return Err("nanos must be 0 to 999999999");
+    }
+    let micros = (i64::from(timestamp.nanos) + 999) / 1_000;
+    timestamp
+        .seconds
+        .checked_mul(1_000_000)
+        .and_then(|us| us.checked_add(micros))
+        .ok_or("must be a time that 64-bit microseconds can tell")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timestamps_survive_the_round_trip_before_and_after_the_epoch() {
+        for us in [-1, 0, 1, 1_700_000_000_123_456, -1_700_000_000_123_456] {
+            assert_eq!(timestamp_us(&timestamp(us)), Ok(us));
+        }
+        assert_eq!(timestamp(-1), Timestamp { seconds: -1, nanos: 999_999_000 });
+        assert_eq!(timestamp_us(&Timestamp { seconds: 0, nanos: 1 }), Ok(1));
+    }
+
+    #[test]
+    fn timestamps_out_of_range_are_refused() {
+        assert!(timestamp_us(&Timestamp { seconds: 0, nanos: -1 }).is_err());
+        assert!(timestamp_us(&Timestamp { seconds: i64::MAX, nanos: 0 }).is_err());
+    }
+
+    #[test]
+    fn unknown_enumeration_values_are_violations() {
+        let mut violations = Violations::default();
+        let mode: Option<proto::GenerationMode> = enumeration(&mut violations, "generation_mode", 99);
+        assert_eq!(mode, None);
+        assert_eq!(violations.as_slice()[0].field, "generation_mode");
+    }
+}

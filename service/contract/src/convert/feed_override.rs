@@ -1,0 +1,129 @@
+//! Changes of the feed override: from the contract to the pipeline.
+
+use feedwave_cutting::{MAX_SETPOINTS, OverrideChange, setpoint_index_at};
+
+use crate::proto::FeedOverrideChange;
+use crate::proto::feed_override_change::At;
+use crate::violations::Violations;
+
+/// Changes of the feed override in one request.
+pub const MAX_OVERRIDES: usize = 10_000;
+/// Highest feed override, %.
+pub const MAX_OVERRIDE_PERCENT: f64 = 200.0;
+
+/// The changes as the pipeline needs them at this interpolation period; a violation for each field that is wrong. A
+/// time becomes the first setpoint at or after it.
+pub fn overrides_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    changes: &[FeedOverrideChange],
+    period_us: u32,
+) -> Vec<OverrideChange> {
+    if changes.len() > MAX_OVERRIDES {
+        violations.add(field, format!("must list at most {MAX_OVERRIDES} changes, lists {}", changes.len()));
+        return Vec::new();
+    }
+    let mut converted: Vec<OverrideChange> = Vec::with_capacity(changes.len());
+    for (number, change) in changes.iter().enumerate() {
+        let name = |part: &str| format!("{field}[{number}].{part}");
+        let percent = change.percent;
+        if !(0.0..=MAX_OVERRIDE_PERCENT).contains(&percent) {
+            violations.add(name("percent"), format!("must be 0 to {MAX_OVERRIDE_PERCENT}, is {percent}"));
+        }
+        let index = match change.at {
+            None => Err(("at", "time_s or setpoint_index must be set".to_owned())),
+            Some(At::TimeS(time_s)) if !(time_s.is_finite() && time_s >= 0.0) => {
+                Err(("time_s", format!("must be a finite number, not negative, is {time_s}")))
+            }
+            Some(At::TimeS(time_s)) => Ok(("time_s", setpoint_index_at(time_s, f64::from(period_us)))),
+            Some(At::SetpointIndex(index)) => Ok(("setpoint_index", index)),
+        };
+        let index = index.and_then(|(part, index)| {
+            let before = converted.last().map_or(0, |before| before.index);
+            if index > MAX_SETPOINTS {
+                Err((part, format!("must be at most setpoint {MAX_SETPOINTS}, is setpoint {index}")))
+            } else if index < before {
+                Err((part, format!("must not lie before the change above it, at setpoint {before}")))
+            } else {
+                Ok(index)
+            }
+        });
+        match index {
+            Ok(index) => converted.push(OverrideChange { index, ratio: percent / 100.0 }),
+            Err((part, description)) => violations.add(name(part), description),
+        }
+    }
+    if changes.last().is_some_and(|last| last.percent == 0.0) {
+        let name = format!("{field}[{}].percent", changes.len() - 1);
+        violations.add(name, "must be above 0 in the last change: held for ever, the program would not end");
+    }
+    converted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at_time(time_s: f64, percent: f64) -> FeedOverrideChange {
+        FeedOverrideChange { at: Some(At::TimeS(time_s)), percent }
+    }
+
+    fn at_index(index: u64, percent: f64) -> FeedOverrideChange {
+        FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent }
+    }
+
+    fn convert(changes: &[FeedOverrideChange], period_us: u32) -> Result<Vec<OverrideChange>, Vec<String>> {
+        let mut violations = Violations::default();
+        let converted = overrides_from_proto(&mut violations, "overrides", changes, period_us);
+        let fields = violations.as_slice().iter().map(|violation| violation.field.clone()).collect();
+        if violations.is_empty() { Ok(converted) } else { Err(fields) }
+    }
+
+    #[test]
+    fn times_become_the_first_setpoint_at_or_after_them() {
+        let changes = [at_time(0.0, 50.0), at_time(0.1, 0.0), at_time(0.100_1, 100.0), at_index(401, 200.0)];
+        let converted: Vec<_> = convert(&changes, 250).unwrap().iter().map(|c| (c.index, c.ratio)).collect();
+        assert_eq!(converted, [(0, 0.5), (400, 0.0), (401, 1.0), (401, 2.0)]);
+        let converted: Vec<_> = convert(&changes[..3], 20_000).unwrap().iter().map(|c| c.index).collect();
+        assert_eq!(converted, [0, 5, 6]);
+        assert_eq!(convert(&[], 1_000), Ok(Vec::new()));
+    }
+
+    #[test]
+    fn everything_wrong_is_reported_with_its_field() {
+        let changes = [
+            FeedOverrideChange { at: None, percent: 50.0 },
+            at_time(f64::NAN, 50.0),
+            at_time(f64::INFINITY, f64::NAN),
+            at_time(-1.0, -0.1),
+            at_time(2.0, 200.1),
+            at_time(1.0, 100.0),
+            at_index(1_999, 100.0),
+            at_index(MAX_SETPOINTS + 1, 100.0),
+            at_time(1e300, 100.0),
+            at_index(2_000, 0.0),
+        ];
+        let expected = [
+            "overrides[0].at",
+            "overrides[1].time_s",
+            "overrides[2].percent",
+            "overrides[2].time_s",
+            "overrides[3].percent",
+            "overrides[3].time_s",
+            "overrides[4].percent",
+            "overrides[5].time_s",
+            "overrides[6].setpoint_index",
+            "overrides[7].setpoint_index",
+            "overrides[8].time_s",
+            "overrides[9].percent",
+        ];
+        assert_eq!(convert(&changes, 1_000).unwrap_err(), expected);
+    }
+
+    #[test]
+    fn a_list_without_end_is_refused() {
+        let many: Vec<_> = (0..=MAX_OVERRIDES as u64).map(|index| at_index(index, 100.0)).collect();
+        assert_eq!(convert(&many, 1_000), Err(vec!["overrides".to_owned()]));
+        assert_eq!(convert(&many[1..], 1_000).unwrap().len(), MAX_OVERRIDES);
+    }
+}

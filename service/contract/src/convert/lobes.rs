@@ -1,0 +1,284 @@
+//! Stability lobes: from a tool and a cut to the model, and from the lobes to the contract.
+
+use std::f64::consts::PI;
+
+use feedwave_monitoring::{
+    LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, Lobes, MillingModel, Mode, Pocket, PocketRequest, TableRow,
+    TurningModel, dynamics_problems,
+};
+use feedwave_program::{Finding, SourceSpan};
+
+use super::finding_to_proto;
+use crate::proto;
+use crate::violations::Violations;
+use proto::stability_model::Cut;
+
+/// See the comments of the contract.
+const USUAL_BANDS: u32 = 8;
+const USUAL_SPEED_TOLERANCE: f64 = 0.01;
+const USUAL_CHART_SPEEDS: u32 = 1_000;
+/// Smallest arc in which an edge cuts, degrees.
+const MIN_ARC_DEG: f64 = 0.001;
+
+/// What is cut, with everything that is known of the tool.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StabilityModel {
+    /// The tool rotates.
+    Milling(MillingModel),
+    /// The workpiece rotates.
+    Turning(TurningModel),
+}
+
+/// What is wrong with modal and cutting data to be kept.
+pub(super) fn check_dynamics(violations: &mut Violations, field: &str, dynamics: &proto::ToolDynamics) {
+    let [x, y, normal] = [&dynamics.modes_x, &dynamics.modes_y, &dynamics.modes_normal].map(|modes| modes_of(modes));
+    let lists = [("modes_x", &*x), ("modes_y", &*y), ("modes_normal", &*normal)];
+    let coefficients =
+        [("tangential_n_per_mm2", dynamics.tangential_n_per_mm2), ("specific_n_per_mm2", dynamics.specific_n_per_mm2)];
+    for problem in dynamics_problems(&lists, &coefficients, dynamics.radial_ratio) {
+        add(violations, &format!("{field}."), &problem);
+    }
+}
+
+fn modes_of(modes: &[proto::VibrationMode]) -> Vec<Mode> {
+    let mode = |mode: &proto::VibrationMode| Mode {
+        frequency_hz: mode.frequency_hz,
+        damping_ratio: mode.damping_ratio,
+        stiffness_n_per_mm: mode.stiffness_n_per_mm,
+    };
+    modes.iter().map(mode).collect()
+}
+
+/// Adds a problem; a value's field follows the prefix.
+fn add(violations: &mut Violations, prefix: &str, problem: &LobeError) {
+    match problem {
+        LobeError::Value { field, value, least, most } if field.starts_with("modes") && !field.contains('[') => {
+            violations.add(format!("{prefix}{field}"), format!("must list {least} to {most} modes, lists {value}"));
+        }
+        LobeError::Value { field, value, least, most } => {
+            violations.add(format!("{prefix}{field}"), format!("must be {least} to {most}, is {value}"));
+        }
+        LobeError::TooManyLobes { .. } => violations.add(format!("{prefix}lowest_rpm"), problem.to_string()),
+        LobeError::BandTooNarrow { .. } => violations.add(format!("{prefix}bands"), problem.to_string()),
+        LobeError::TooDeep { .. } => violations.add(format!("{prefix}required_mm"), problem.to_string()),
+    }
+}
+
+/// The model; a violation for each value that is impossible or that neither the request nor the tool states.
+pub fn stability_model_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    model: &proto::StabilityModel,
+    tool: Option<&proto::Tool>,
+) -> Option<StabilityModel> {
+    let mut found = Violations::default();
+    let own = model.dynamics.clone().unwrap_or_default();
+    check_dynamics(&mut found, "dynamics", &own);
+    let tools = tool.and_then(|tool| tool.dynamics.clone()).unwrap_or_default();
+    let modes = |own: &[proto::VibrationMode], tools: &[proto::VibrationMode]| {
+        modes_of(if own.is_empty() { tools } else { own })
+    };
+    let mut needed = |field: &str, value: Option<f64>| {
+        value.unwrap_or_else(|| {
+            found.add(field, missing(model));
+            1.0
+        })
+    };
+    let cut = match &model.cut {
+        Some(Cut::Milling(cut)) => {
+            let tangential = own.tangential_n_per_mm2.or(tools.tangential_n_per_mm2);
+            let tangential_n_per_mm2 = needed("dynamics.tangential_n_per_mm2", tangential);
+            let radial_ratio = needed("dynamics.radial_ratio", own.radial_ratio.or(tools.radial_ratio));
+            let edges = cut.edges.or_else(|| tool.and_then(|tool| tool.edge_count));
+            needed("milling.edges", edges.map(f64::from));
+            Some(StabilityModel::Milling(MillingModel {
+                modes_x: modes(&own.modes_x, &tools.modes_x),
+                modes_y: modes(&own.modes_y, &tools.modes_y),
+                edges: edges.unwrap_or(1),
+                entry_rad: cut.entry_deg.to_radians().min(PI),
+                exit_rad: cut.exit_deg.to_radians().min(PI),
+                tangential_n_per_mm2,
+                radial_ratio,
+            }))
+        }
+        Some(Cut::Turning(proto::TurningCut {})) => {
+            let specific = own.specific_n_per_mm2.or(tools.specific_n_per_mm2);
+            Some(StabilityModel::Turning(TurningModel {
+                specific_n_per_mm2: needed("dynamics.specific_n_per_mm2", specific),
+                modes: modes(&own.modes_normal, &tools.modes_normal),
+            }))
+        }
+        None => {
+            found.add("cut", "milling or turning must be set");
+            None
+        }
+    };
+    if let Some(Cut::Milling(cut)) = &model.cut {
+        check_arc(&mut found, cut);
+    }
+    match &cut {
+        Some(StabilityModel::Milling(model_of)) if model_of.modes_x.is_empty() && model_of.modes_y.is_empty() => {
+            found.add("dynamics.modes_x", missing(model));
+        }
+        Some(StabilityModel::Turning(model_of)) if model_of.modes.is_empty() => {
+            found.add("dynamics.modes_normal", missing(model));
+        }
+        // What the request's own data or the arc has wrong is told already, in their own words and units.
+        Some(StabilityModel::Milling(model_of)) if found.is_empty() => {
+            for problem in model_of.problems() {
+                add(&mut found, "milling.", &problem);
+            }
+        }
+        _ => {}
+    }
+    let sound = found.is_empty();
+    violations.extend(field, found);
+    cut.filter(|_| sound)
+}
+
+fn missing(model: &proto::StabilityModel) -> String {
+    match model.tool.as_str() {
+        "" => "must be set, or a tool that states it".to_owned(),
+        tool => format!("must be set: {tool} does not state it"),
+    }
+}
+
+fn check_arc(found: &mut Violations, cut: &proto::MillingCut) {
+    let (entry, exit) = (cut.entry_deg, cut.exit_deg);
+    if !(0.0..180.0).contains(&entry) {
+        found.add("milling.entry_deg", format!("must be 0 to below 180, is {entry}"));
+    } else if !(exit > entry + MIN_ARC_DEG && exit <= 180.0) {
+        found.add("milling.exit_deg", format!("must be above the entry angle of {entry}, at most 180, is {exit}"));
+    }
+}
+
+/// The search with its defaults; a violation for each impossible value.
+pub fn pocket_search_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    search: Option<&proto::PocketSearch>,
+) -> Option<PocketRequest> {
+    let Some(search) = search else {
+        violations.add(field, "must be set");
+        return None;
+    };
+    let request = PocketRequest {
+        lowest_rpm: search.lowest_rpm,
+        highest_rpm: search.highest_rpm,
+        bands: search.bands.unwrap_or(USUAL_BANDS),
+        margin: search.margin.unwrap_or(LOW_IMMERSION_ERROR),
+        speed_tolerance: search.speed_tolerance.unwrap_or(USUAL_SPEED_TOLERANCE),
+        required_mm: search.required_mm,
+    };
+    let problems = request.problems();
+    for problem in &problems {
+        add(violations, &format!("{field}."), problem);
+    }
+    problems.is_empty().then_some(request)
+}
+
+impl StabilityModel {
+    fn lobes(&self) -> Result<Lobes, LobeError> {
+        match self {
+            Self::Milling(model) => model.lobes(),
+            Self::Turning(model) => model.lobes(),
+        }
+    }
+
+    /// The spindle table of the best speeds.
+    ///
+    /// # Errors
+    /// A violation, below the field of the search, where there is no such table.
+    pub fn table(&self, field: &str, search: &PocketRequest) -> Result<Vec<proto::SpindleBand>, Violations> {
+        let pockets = self.lobes().and_then(|lobes| lobes.pockets(search));
+        let pockets = pockets.map_err(|problem| refused(field, &problem))?;
+        Ok(pockets.iter().map(|pocket| band(&pocket.row)).collect())
+    }
+
+    /// Chart and table.
+    ///
+    /// # Errors
+    /// As [`StabilityModel::table`]; `chart_speeds` has a field of its own.
+    pub fn stability_lobes(
+        &self,
+        search: &PocketRequest,
+        chart_speeds: Option<u32>,
+    ) -> Result<proto::StabilityLobes, Violations> {
+        let lobes = self.lobes().map_err(|problem| refused("model.", &problem))?;
+        let chart = lobes.chart(search.lowest_rpm, search.highest_rpm, chart_speeds.unwrap_or(USUAL_CHART_SPEEDS));
+        let chart = chart.map_err(|problem| match &problem {
+            LobeError::Value { .. } => refused("chart_", &problem),
+            _ => refused("search.", &problem),
+        })?;
+        let pockets = lobes.pockets(search).map_err(|problem| refused("search.", &problem))?;
+        let point = |point: &feedwave_monitoring::ChartPoint| proto::StabilityPoint {
+            speed_rpm: point.speed_rpm,
+            limit_mm: point.limit.map(|limit| limit.limit_mm),
+            chatter_hz: point.limit.map_or(0.0, |limit| limit.frequency_hz),
+            lobe: point.limit.map_or(0, |limit| limit.lobe),
+        };
+        let pocket =
+            |pocket: &Pocket| proto::StabilityPocket { band: Some(band(&pocket.row)), stable_mm: pocket.stable_mm };
+        let immersion = match self {
+            Self::Milling(model) => Some(model.radial_immersion()),
+            Self::Turning(_) => None,
+        };
+        Ok(proto::StabilityLobes {
+            chart: chart.iter().map(point).collect(),
+            least_limit_mm: lobes.least_limit_mm(),
+            radial_immersion: immersion,
+            pockets: pockets.iter().map(pocket).collect(),
+            search: Some(proto::PocketSearch {
+                lowest_rpm: search.lowest_rpm,
+                highest_rpm: search.highest_rpm,
+                bands: Some(search.bands),
+                margin: Some(search.margin),
+                speed_tolerance: Some(search.speed_tolerance),
+                required_mm: search.required_mm,
+            }),
+            findings: immersion
+                .and_then(|immersion| low_immersion(immersion, search.margin))
+                .iter()
+                .map(finding_to_proto)
+                .collect(),
+        })
+    }
+}
+
+fn refused(prefix: &str, problem: &LobeError) -> Violations {
+    let mut violations = Violations::default();
+    add(&mut violations, prefix, problem);
+    violations
+}
+
+const fn band(row: &TableRow) -> proto::SpindleBand {
+    proto::SpindleBand { above_rpm: row.above_rpm, up_to_rpm: row.up_to_rpm, speed_rpm: row.speed_rpm }
+}
+
+/// What there is to say about a cut that is much interrupted (docs/functions/adaptive-feed.md, "Spindle table from
+/// stability lobes": the zeroth order errs on the unsafe side).
+fn low_immersion(immersion: f64, margin: f64) -> Option<Finding> {
+    if immersion >= LOW_IMMERSION {
+        return None;
+    }
+    let error = LOW_IMMERSION_ERROR;
+    let told = format!(
+        "the radial immersion of {:.1} % is low: the true limits may be up to {:.0} % below the computed ones",
+        100.0 * immersion,
+        100.0 * error
+    );
+    let finding = if margin < error {
+        let message = format!("{told}, and the margin is only {:.1} %", 100.0 * margin);
+        let cure = format!("Take a margin of at least {error}.");
+        Finding::warning("LOBES-LOW-IMMERSION", SourceSpan::default(), message)
+            .suggest_value(cure, None, "margin", error, "")
+    } else {
+        let message = format!("{told}, which the margin of {:.1} % covers", 100.0 * margin);
+        Finding::info("LOBES-LOW-IMMERSION", SourceSpan::default(), message)
+    };
+    Some(finding.with_value("radial_immersion", immersion, "").with_value("margin", margin, "").with_value(
+        "largest_error",
+        error,
+        "",
+    ))
+}

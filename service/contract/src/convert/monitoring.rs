@@ -1,0 +1,433 @@
+//! How telemetry is judged: from the contract to the monitor and back, with every default filled in.
+
+use feedwave_monitoring as monitoring;
+use feedwave_monitoring::{
+    Bounds, ContactSource, Escalation, EscalationAction, Fallback, Length, MonitoringConfig, Property, Quality,
+    Quantity, Rules, SpikeFilter, SpindleTable, TableRow, ToolCheck,
+};
+
+use super::enumeration;
+use crate::proto;
+use crate::violations::Violations;
+use proto::grouping::By;
+use proto::spindle_rule::Rule;
+use proto::window_length::Length as ProtoLength;
+
+/// Series of the baseline and of a step of the run-up unless the request says otherwise.
+const USUAL_SERIES: u32 = 3;
+/// See the comments of the contract.
+const USUAL_RULE_STEP: f64 = 0.05;
+const USUAL_CONCENTRATION: f64 = 0.5;
+const USUAL_SPEED_TOLERANCE: f64 = 0.02;
+const USUAL_IDLE_DIFFERENCE: f64 = 0.001;
+const USUAL_CONTACT_SAMPLES: [u32; 2] = [20, 2_000];
+const USUAL_STEP_RUN: u32 = 3;
+const USUAL_ESCALATION_WINDOWS: u32 = 5;
+
+/// The configuration with its defaults; a violation for each field under which no valid decision could be made.
+pub fn monitoring_from_proto(
+    violations: &mut Violations,
+    field: &str,
+    config: &proto::MonitoringConfig,
+) -> Option<MonitoringConfig> {
+    let mut found = Violations::default();
+    let usual = MonitoringConfig::default();
+    let tool = config.tool.as_ref().map(|tool| sensors(&mut found, "tool", tool));
+    let work = config.work.as_ref().map(|work| sensors(&mut found, "work", work));
+    let grouping = match config.grouping.as_ref().map(|grouping| grouping.by) {
+        None => usual.grouping,
+        Some(Some(By::AngularPoints(points))) => monitoring::Grouping::Angle { points },
+        Some(Some(By::SamplesPerPoint(samples_per_point))) => monitoring::Grouping::Time { samples_per_point },
+        Some(None) => {
+            found.add("grouping", "angular_points or samples_per_point must be set");
+            usual.grouping
+        }
+    };
+    let baseline = length(&mut found, "baseline", config.baseline.as_ref(), usual.baseline);
+    let window = length(&mut found, "window", config.window.as_ref(), usual.window);
+    let idle_run_up = config.idle_run_up.as_ref().map(|idle| monitoring::IdleRunUp {
+        speeds_rpm: idle.speeds_rpm.clone(),
+        speed_tolerance: idle.speed_tolerance.unwrap_or(USUAL_SPEED_TOLERANCE),
+        length: length(&mut found, "idle_run_up.length", idle.length.as_ref(), Length::Series(USUAL_SERIES)),
+        max_difference: idle.max_difference.unwrap_or(USUAL_IDLE_DIFFERENCE),
+    });
+    let contact = config.contact.as_ref().map_or(ContactSource::Flag, |contact| ContactSource::Detected {
+        threshold: contact.threshold,
+        on_samples: contact.on_samples.unwrap_or(USUAL_CONTACT_SAMPLES[0]),
+        off_samples: contact.off_samples.unwrap_or(USUAL_CONTACT_SAMPLES[1]),
+    });
+    let spectrum = config.spectrum.map(|spectrum| monitoring::SpectrumConfig {
+        samples: spectrum.samples.unwrap_or(4_096),
+        min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(20.0),
+        noise_floor: spectrum.noise_floor.unwrap_or(0.000_2),
+        harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(3.0),
+        edges: spectrum.edges.unwrap_or(1),
+    });
+    if config.rules.is_none() {
+        found.add("rules", "must be set: without limits nothing can be decided");
+    }
+    let rules = rules_from_proto(&mut found, &config.rules.clone().unwrap_or_default());
+    let converted = MonitoringConfig {
+        sample_rate_hz: config.sample_rate_hz.unwrap_or(usual.sample_rate_hz),
+        tool,
+        work,
+        grouping,
+        baseline,
+        tool_check: config
+            .tool_check
+            .map_or(usual.tool_check, |check| ToolCheck { max_ratio: check.max_ratio, max_run_out: check.max_run_out }),
+        idle_run_up,
+        contact,
+        settling_s: config.settling_s.unwrap_or(usual.settling_s),
+        window,
+        spectrum,
+        quality: quality(&config.quality.unwrap_or_default(), usual.quality),
+        rules,
+    };
+    for violation in converted.violations() {
+        found.add(proto_path(&violation.field, &converted.rules), violation.problem);
+    }
+    let sound = found.is_empty();
+    violations.extend(field, found);
+    sound.then_some(converted)
+}
+
+/// Path of a field of the monitor's configuration in the message.
+fn proto_path(field: &str, rules: &Rules) -> String {
+    let kind = match rules.spindle {
+        monitoring::SpindleRule::Milling { .. } => "milling",
+        monitoring::SpindleRule::None | monitoring::SpindleRule::Turning { .. } => "turning",
+    };
+    field
+        .replace(".quantity.mm_per_strain", ".mm_per_strain")
+        .replace("grouping.points", "grouping.angular_points")
+        .replace("quality.spikes.max_step", "quality.max_step")
+        .replace("quality.spikes.max_run", "quality.max_step_run")
+        .replace("rules.spindle.table.rows", "rules.spindle.table")
+        .replace("rules.spindle.", &format!("rules.spindle.{kind}."))
+}
+
+fn sensors(found: &mut Violations, field: &str, sensors: &proto::Sensors) -> monitoring::Sensors {
+    let name = format!("{field}.quantity");
+    let quantity = match enumeration(found, &name, sensors.quantity) {
+        Some(proto::SensorQuantity::Displacement) => Quantity::Displacement,
+        Some(proto::SensorQuantity::Strain) => Quantity::Strain { mm_per_strain: sensors.mm_per_strain },
+        Some(proto::SensorQuantity::Acceleration) => Quantity::Acceleration,
+        Some(proto::SensorQuantity::Unspecified) => {
+            found.add(name, "must be set");
+            Quantity::Displacement
+        }
+        None => Quantity::Displacement,
+    };
+    monitoring::Sensors { quantity, min: sensors.min, max: sensors.max }
+}
+
+fn length(found: &mut Violations, field: &str, length: Option<&proto::WindowLength>, usual: Length) -> Length {
+    match length.map(|length| length.length) {
+        None => usual,
+        Some(Some(ProtoLength::Seconds(seconds))) => Length::Seconds(seconds),
+        Some(Some(ProtoLength::Series(series))) => Length::Series(series),
+        Some(None) => {
+            found.add(field, "seconds or series must be set");
+            usual
+        }
+    }
+}
+
+fn quality(quality: &proto::DataQuality, usual: Quality) -> Quality {
+    Quality {
+        spikes: quality
+            .max_step
+            .map(|max_step| SpikeFilter { max_step, max_run: quality.max_step_run.unwrap_or(USUAL_STEP_RUN) }),
+        min_valid_samples: quality.min_valid_samples.unwrap_or(usual.min_valid_samples),
+        max_removed: quality.max_removed.unwrap_or(usual.max_removed),
+        stuck_samples: quality.stuck_samples.unwrap_or(usual.stuck_samples),
+        max_gap_s: quality.max_gap_s.unwrap_or(usual.max_gap_s),
+        silence_s: quality.silence_s.unwrap_or(usual.silence_s),
+        stale_s: quality.stale_s.unwrap_or(usual.stale_s),
+        max_window_s: quality.max_window_s.unwrap_or(usual.max_window_s),
+    }
+}
+
+/// Limits and steps; their sense is judged with the whole configuration.
+pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRules) -> Rules {
+    let usual = Rules::default();
+    let property = match enumeration(found, "rules.property", rules.property) {
+        Some(proto::ProcessProperty::VibrationAmplitude) => Property::VibrationAmplitude,
+        Some(proto::ProcessProperty::VibrationFrequency) => Property::VibrationFrequency,
+        Some(proto::ProcessProperty::Unspecified | proto::ProcessProperty::Deviation) | None => Property::Deviation,
+    };
+    let fallback = match enumeration(found, "rules.fallback", rules.fallback) {
+        Some(proto::SilenceFallback::Full) => Fallback::Full,
+        Some(proto::SilenceFallback::Stop) => Fallback::Stop,
+        Some(proto::SilenceFallback::Unspecified | proto::SilenceFallback::Hold) | None => Fallback::Hold,
+    };
+    let feed = match rules.feed {
+        Some(feed) => {
+            monitoring::FeedRule { lower: feed.lower, upper: feed.upper, step: feed.step.unwrap_or(USUAL_RULE_STEP) }
+        }
+        None => {
+            found.add("rules.feed", "must be set");
+            usual.feed
+        }
+    };
+    let spindle = match rules.spindle.as_ref().map(|spindle| &spindle.rule) {
+        None => monitoring::SpindleRule::None,
+        Some(Some(Rule::Turning(rule))) => monitoring::SpindleRule::Turning {
+            lower_rad: rule.lower_rad,
+            upper_rad: rule.upper_rad,
+            step: rule.step.unwrap_or(USUAL_RULE_STEP),
+            min_concentration: rule.min_concentration.unwrap_or(USUAL_CONCENTRATION),
+        },
+        Some(Some(Rule::Milling(rule))) => {
+            let row = |band: &proto::SpindleBand| TableRow {
+                above_rpm: band.above_rpm,
+                up_to_rpm: band.up_to_rpm,
+                speed_rpm: band.speed_rpm,
+            };
+            let table = SpindleTable { rows: rule.table.iter().map(row).collect() };
+            monitoring::SpindleRule::Milling { limit: rule.limit, table }
+        }
+        Some(None) => {
+            found.add("rules.spindle", "turning or milling must be set");
+            monitoring::SpindleRule::None
+        }
+    };
+    let bounds = |bounds: Option<proto::OverrideBounds>, usual: Bounds| {
+        bounds.map_or(usual, |bounds| Bounds { lower: bounds.lower, upper: bounds.upper })
+    };
+    let escalation = escalation(found, rules.escalation.unwrap_or_default());
+    Rules {
+        property,
+        feed,
+        spindle,
+        feed_bounds: bounds(rules.feed_bounds, usual.feed_bounds),
+        spindle_bounds: bounds(rules.spindle_bounds, usual.spindle_bounds),
+        fallback,
+        escalation,
+    }
+}
+
+fn escalation(found: &mut Violations, escalation: proto::Escalation) -> Option<Escalation> {
+    let action = match enumeration(found, "rules.escalation.action", escalation.action) {
+        Some(proto::EscalationAction::Off) => return None,
+        Some(proto::EscalationAction::Stop) => EscalationAction::Stop,
+        Some(proto::EscalationAction::Unspecified | proto::EscalationAction::Hold) | None => EscalationAction::Hold,
+    };
+    Some(Escalation { windows: escalation.windows.unwrap_or(USUAL_ESCALATION_WINDOWS), action })
+}
+
+/// See [`monitoring_from_proto`].
+#[must_use]
+pub fn monitoring_to_proto(config: &MonitoringConfig) -> proto::MonitoringConfig {
+    let by = match config.grouping {
+        monitoring::Grouping::Angle { points } => By::AngularPoints(points),
+        monitoring::Grouping::Time { samples_per_point } => By::SamplesPerPoint(samples_per_point),
+    };
+    let contact = match config.contact {
+        ContactSource::Flag => None,
+        ContactSource::Detected { threshold, on_samples, off_samples } => {
+            Some(proto::ContactDetection { threshold, on_samples: Some(on_samples), off_samples: Some(off_samples) })
+        }
+    };
+    let quality = config.quality;
+    proto::MonitoringConfig {
+        sample_rate_hz: Some(config.sample_rate_hz),
+        tool: config.tool.as_ref().map(sensors_to_proto),
+        work: config.work.as_ref().map(sensors_to_proto),
+        grouping: Some(proto::Grouping { by: Some(by) }),
+        baseline: Some(length_to_proto(config.baseline)),
+        tool_check: Some(proto::ToolCheck {
+            max_ratio: config.tool_check.max_ratio,
+            max_run_out: config.tool_check.max_run_out,
+        }),
+        idle_run_up: config.idle_run_up.as_ref().map(|idle| proto::IdleRunUp {
+            speeds_rpm: idle.speeds_rpm.clone(),
+            speed_tolerance: Some(idle.speed_tolerance),
+            length: Some(length_to_proto(idle.length)),
+            max_difference: Some(idle.max_difference),
+        }),
+        contact,
+        settling_s: Some(config.settling_s),
+        window: Some(length_to_proto(config.window)),
+        spectrum: config.spectrum.map(|spectrum| proto::SpectrumSettings {
+            samples: Some(spectrum.samples),
+            min_frequency_hz: Some(spectrum.min_frequency_hz),
+            noise_floor: Some(spectrum.noise_floor),
+            harmonic_tolerance_hz: Some(spectrum.harmonic_tolerance_hz),
+            edges: Some(spectrum.edges),
+        }),
+        quality: Some(proto::DataQuality {
+            max_step: quality.spikes.map(|spikes| spikes.max_step),
+            max_step_run: quality.spikes.map(|spikes| spikes.max_run),
+            min_valid_samples: Some(quality.min_valid_samples),
+            max_removed: Some(quality.max_removed),
+            stuck_samples: Some(quality.stuck_samples),
+            max_gap_s: Some(quality.max_gap_s),
+            silence_s: Some(quality.silence_s),
+            stale_s: Some(quality.stale_s),
+            max_window_s: Some(quality.max_window_s),
+        }),
+        rules: Some(rules_to_proto(&config.rules)),
+    }
+}
+
+fn sensors_to_proto(sensors: &monitoring::Sensors) -> proto::Sensors {
+    let (quantity, mm_per_strain) = match sensors.quantity {
+        Quantity::Displacement => (proto::SensorQuantity::Displacement, 0.0),
+        Quantity::Strain { mm_per_strain } => (proto::SensorQuantity::Strain, mm_per_strain),
+        Quantity::Acceleration => (proto::SensorQuantity::Acceleration, 0.0),
+    };
+    proto::Sensors { quantity: quantity.into(), mm_per_strain, min: sensors.min, max: sensors.max }
+}
+
+const fn length_to_proto(length: Length) -> proto::WindowLength {
+    let length = match length {
+        Length::Seconds(seconds) => ProtoLength::Seconds(seconds),
+        Length::Series(series) => ProtoLength::Series(series),
+    };
+    proto::WindowLength { length: Some(length) }
+}
+
+pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
+    let rule = match &rules.spindle {
+        monitoring::SpindleRule::None => None,
+        monitoring::SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {
+            Some(Rule::Turning(proto::TurningRule {
+                lower_rad: *lower_rad,
+                upper_rad: *upper_rad,
+                step: Some(*step),
+                min_concentration: Some(*min_concentration),
+            }))
+        }
+        monitoring::SpindleRule::Milling { limit, table } => {
+            let band = |row: &TableRow| proto::SpindleBand {
+                above_rpm: row.above_rpm,
+                up_to_rpm: row.up_to_rpm,
+                speed_rpm: row.speed_rpm,
+            };
+            let table = table.rows.iter().map(band).collect();
+            Some(Rule::Milling(proto::MillingRule { limit: *limit, table, table_from: None }))
+        }
+    };
+    let bounds = |bounds: Bounds| proto::OverrideBounds { lower: bounds.lower, upper: bounds.upper };
+    proto::DecisionRules {
+        property: match rules.property {
+            Property::Deviation => proto::ProcessProperty::Deviation,
+            Property::VibrationAmplitude => proto::ProcessProperty::VibrationAmplitude,
+            Property::VibrationFrequency => proto::ProcessProperty::VibrationFrequency,
+        }
+        .into(),
+        feed: Some(proto::FeedRule { lower: rules.feed.lower, upper: rules.feed.upper, step: Some(rules.feed.step) }),
+        spindle: rule.map(|rule| proto::SpindleRule { rule: Some(rule) }),
+        feed_bounds: Some(bounds(rules.feed_bounds)),
+        spindle_bounds: Some(bounds(rules.spindle_bounds)),
+        fallback: match rules.fallback {
+            Fallback::Hold => proto::SilenceFallback::Hold,
+            Fallback::Full => proto::SilenceFallback::Full,
+            Fallback::Stop => proto::SilenceFallback::Stop,
+        }
+        .into(),
+        // Off is said, too.
+        escalation: Some(match rules.escalation {
+            None => proto::Escalation { windows: None, action: proto::EscalationAction::Off.into() },
+            Some(Escalation { windows, action }) => proto::Escalation {
+                windows: Some(windows),
+                action: match action {
+                    EscalationAction::Hold => proto::EscalationAction::Hold,
+                    EscalationAction::Stop => proto::EscalationAction::Stop,
+                }
+                .into(),
+            },
+        }),
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A configuration with everything in it.
+    pub(in crate::convert) fn full() -> proto::MonitoringConfig {
+        let length = ProtoLength::Seconds(0.5);
+        proto::MonitoringConfig {
+            tool: Some(proto::Sensors { quantity: 1, max: 10.0, ..Default::default() }),
+            work: Some(proto::Sensors { quantity: 2, mm_per_strain: 400.0, min: -1.0, max: 1.0 }),
+            tool_check: Some(proto::ToolCheck { max_ratio: None, max_run_out: Some(0.05) }),
+            idle_run_up: Some(proto::IdleRunUp { speeds_rpm: vec![1_000.0, 2_000.0], ..Default::default() }),
+            contact: Some(proto::ContactDetection { threshold: 0.002, ..Default::default() }),
+            window: Some(proto::WindowLength { length: Some(length) }),
+            spectrum: Some(proto::SpectrumSettings::default()),
+            quality: Some(proto::DataQuality { max_step: Some(0.5), ..Default::default() }),
+            rules: Some(proto::DecisionRules {
+                property: proto::ProcessProperty::VibrationAmplitude.into(),
+                feed: Some(proto::FeedRule { lower: 0.003, upper: 0.01, step: None }),
+                spindle: Some(proto::SpindleRule {
+                    rule: Some(Rule::Milling(proto::MillingRule {
+                        limit: 0.02,
+                        table_from: None,
+                        table: vec![
+                            proto::SpindleBand { above_rpm: 0.0, up_to_rpm: 3_000.0, speed_rpm: 2_800.0 },
+                            proto::SpindleBand { above_rpm: 3_000.0, up_to_rpm: 9_000.0, speed_rpm: 7_000.0 },
+                        ],
+                    })),
+                }),
+                ..Default::default()
+            }),
+            ..Default::default()
+        }
+    }
+
+    fn fields(config: &proto::MonitoringConfig) -> Vec<String> {
+        let mut violations = Violations::default();
+        let converted = monitoring_from_proto(&mut violations, "config", config);
+        assert_eq!(converted.is_some(), violations.is_empty());
+        violations.as_slice().iter().map(|violation| violation.field.clone()).collect()
+    }
+
+    #[test]
+    fn a_configuration_comes_back_with_its_defaults() {
+        let mut violations = Violations::default();
+        let config = monitoring_from_proto(&mut violations, "config", &full());
+        assert!(violations.is_empty(), "{violations:?}");
+        let config = config.unwrap();
+        assert_eq!((config.sample_rate_hz, config.settling_s, config.quality.silence_s), (20_000.0, 10.0, 0.5));
+        assert_eq!(config.rules.feed.step, 0.05);
+        let filled_in = monitoring_to_proto(&config);
+        assert_eq!(filled_in.grouping, Some(proto::Grouping { by: Some(By::AngularPoints(36)) }));
+        assert_eq!(monitoring_from_proto(&mut violations, "config", &filled_in), Some(config));
+    }
+
+    #[test]
+    fn everything_impossible_is_named_by_its_path_in_the_message() {
+        let mut config = full();
+        config.sample_rate_hz = Some(2e5);
+        config.tool = Some(proto::Sensors { quantity: 0, min: 1.0, max: 0.0, ..Default::default() });
+        config.work = Some(proto::Sensors { quantity: 2, min: -1.0, max: 1.0, ..Default::default() });
+        config.grouping = Some(proto::Grouping { by: Some(By::AngularPoints(2)) });
+        config.quality = Some(proto::DataQuality { max_step: Some(-1.0), ..Default::default() });
+        let rules = config.rules.as_mut().unwrap();
+        rules.feed = Some(proto::FeedRule { lower: 0.01, upper: 0.003, step: None });
+        let Some(Rule::Milling(rule)) = rules.spindle.as_mut().and_then(|spindle| spindle.rule.as_mut()) else {
+            panic!("milling")
+        };
+        rule.table[1].above_rpm = 3_500.0;
+        let found = fields(&config);
+        for expected in [
+            "config.sample_rate_hz",
+            "config.tool.quantity",
+            "config.tool.min",
+            "config.work.mm_per_strain",
+            "config.grouping.angular_points",
+            "config.quality.max_step",
+            "config.rules.feed.lower",
+            "config.rules.spindle.milling.table[1].above_rpm",
+        ] {
+            assert!(found.iter().any(|field| field == expected), "{expected} is not in {found:?}");
+        }
+        let nothing = fields(&proto::MonitoringConfig::default());
+        for expected in ["config.tool", "config.rules"] {
+            assert!(nothing.iter().any(|field| field == expected), "{expected} is not in {nothing:?}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! The protobuf JSON mapping of the contract's messages: what the HTTP port shows and what the store keeps.
+
+use prost::{Message, Name};
+use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor, SerializeOptions};
+
+use crate::proto::DESCRIPTORS;
+
+/// The descriptor of a message of the contract.
+#[must_use]
+pub fn descriptor<M: Name>() -> MessageDescriptor {
+    DESCRIPTORS.get_message_by_name(&M::full_name()).expect("every generated message is in the descriptor set")
+}
+
+/// A message as a dynamic one.
+#[must_use]
+pub fn to_dynamic<M: Name>(message: &M) -> DynamicMessage {
+    let mut dynamic = DynamicMessage::new(descriptor::<M>());
+    dynamic.transcode_from(message).expect("the descriptors are those the type was generated from");
+    dynamic
+}
+
+/// A message as JSON. Fields at their default value are written too, so that readers see every name; absent
+/// messages and optional fields are not.
+#[must_use]
+pub fn to_string<M: Name>(message: &M) -> String {
+    dynamic_to_string(&to_dynamic(message))
+}
+
+/// A dynamic message as JSON; see [`to_string`].
+pub fn dynamic_to_string(dynamic: &DynamicMessage) -> String {
+    let mut json = serde_json::Serializer::new(Vec::new());
+    let options = SerializeOptions::new().skip_default_fields(false);
+    dynamic.serialize_with_options(&mut json, &options).expect("writing into memory does not fail");
+    String::from_utf8(json.into_inner()).expect("JSON is UTF-8")
+}
+
+/// A message from its JSON; unknown fields are passed over, since a later version of the contract may have more.
+///
+/// # Errors
+/// Where and why the text is not the JSON of such a message.
+pub fn from_str<M: Name + Default>(text: &str) -> Result<M, serde_json::Error> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let options = DeserializeOptions::new().deny_unknown_fields(false);
+    let dynamic = DynamicMessage::deserialize_with_options(descriptor::<M>(), &mut json, &options)?;
+    Ok(dynamic.transcode_to().expect("the type was generated from these descriptors"))
+}
+
+/// The `google.rpc.Status` of an error as JSON, with its details.
+#[must_use]
+pub fn status_to_string(status: &tonic::Status) -> String {
+    use std::sync::LazyLock;
+
+    use prost_reflect::DescriptorPool;
+
+    static RPC_DESCRIPTORS: LazyLock<DescriptorPool> = LazyLock::new(|| {
+        DescriptorPool::decode(tonic_types::pb::FILE_DESCRIPTOR_SET).expect("the descriptors of google.rpc are valid")
+    });
+
+    let descriptor = RPC_DESCRIPTORS.get_message_by_name("google.rpc.Status").expect("it is in its own set");
+    let bytes = if status.details().is_empty() {
+        let plain = tonic_types::pb::Status {
+            code: status.code() as i32,
+            message: status.message().to_owned(),
+            details: Vec::new(),
+        };
+        plain.encode_to_vec().into()
+    } else {
+        bytes::Bytes::copy_from_slice(status.details())
+    };
+    match DynamicMessage::decode(descriptor, bytes) {
+        Ok(dynamic) => dynamic_to_string(&dynamic),
+        Err(_) => serde_json::json!({ "code": status.code() as i32, "message": status.message() }).to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::proto;
+
+    #[test]
+    fn wide_integers_are_strings_and_enums_are_names() {
+        let summary = proto::ProgramSummary { setpoint_count: u64::MAX, ..Default::default() };
+        let job = proto::Job { state: proto::JobState::Ready.into(), summary: Some(summary), ..Default::default() };
+        let json: serde_json::Value = serde_json::from_str(&to_string(&job)).unwrap();
+        assert_eq!(json["state"], "JOB_STATE_READY");
+        assert_eq!(json["summary"]["setpointCount"], "18446744073709551615");
+        assert_eq!(json["displayName"], "");
+        assert!(json.get("settings").is_none());
+    }
+}
