@@ -23,18 +23,18 @@ impl Source<'_> {
         u64::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
 
-    /// Mostly the usual value, else any of 2⁶⁴.
-    fn number(&mut self, usual: f64) -> f64 {
+    /// Mostly the common value, else any of 2⁶⁴.
+    fn number(&mut self, common: f64) -> f64 {
         match self.byte() {
-            0..=239 => usual,
-            240..=247 => usual * f64::from(self.byte()) / 16.0,
+            0..=239 => common,
+            240..=247 => common * f64::from(self.byte()) / 16.0,
             _ => f64::from_bits(self.bits()),
         }
     }
 
-    fn count(&mut self, usual: u32) -> u32 {
+    fn count(&mut self, common: u32) -> u32 {
         match self.byte() {
-            0..=239 => usual,
+            0..=239 => common,
             // No more than what a refusal is quick about.
             _ => self.bits() as u32 & 0xF_FFFF,
         }
@@ -137,8 +137,8 @@ impl Columns {
             columns.time_ns.push(*clock_ns);
             let small = f64::from(source.byte()) / 256.0;
             for (index, column) in columns.values.iter_mut().enumerate() {
-                let usual = if index == 6 { *clock_ns as f64 * 1e-6 } else { small * (1.0 + index as f64) };
-                column.push(if kind < 32 { source.number(usual) } else { usual });
+                let common = if index == 6 { *clock_ns as f64 * 1e-6 } else { small * (1.0 + index as f64) };
+                column.push(if kind < 32 { source.number(common) } else { common });
             }
             columns.contact.push(kind % 8 > 0);
         }

@@ -42,7 +42,7 @@ impl ClientTls {
     }
 }
 
-/// An error and its causes: "transport error" alone tells nobody anything.
+/// An error and its causes: "transport error" alone explains nothing.
 pub(crate) fn chain(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();

@@ -87,7 +87,7 @@ pub enum Command {
     /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
     /// spindle overrides before and after, and the reason.
     Decisions(decisions::Args),
-    /// Acknowledge a condition of a run: somebody has seen it
+    /// Acknowledge a condition of a run
     ///
     /// A decision that holds the feed or stops the machine, because a property stays above its limit at the lower feed bound,
     /// raises a condition that dashboards show until it is acknowledged. The feed stays held until the machine resumes.
@@ -132,7 +132,7 @@ impl Command {
     }
 }
 
-/// Why a subcommand did not do what was asked: what the user is told, and the exit code.
+/// Why a subcommand failed: message and exit code.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct CliError {

@@ -3,7 +3,7 @@
 //!
 //! Invariants: a finite value comes back within half a step; −∞ and +∞ come back exactly.
 
-/// Steps that stand for −∞ and +∞.
+/// Steps that represent −∞ and +∞.
 const NEGATIVE_INFINITY: i64 = i64::MIN;
 const POSITIVE_INFINITY: i64 = i64::MAX;
 

@@ -93,8 +93,8 @@ pub fn check_id(id: &str) -> Result<&str, NameError> {
         return Err(NameError::Missing);
     }
     let permitted = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-    let sound = id.len() <= 63 && id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(permitted);
-    if sound { Ok(id) } else { Err(NameError::Identifier(quoted(id))) }
+    let valid = id.len() <= 63 && id.as_bytes()[0].is_ascii_lowercase() && id.bytes().all(permitted);
+    if valid { Ok(id) } else { Err(NameError::Identifier(quoted(id))) }
 }
 
 /// `jobs/{uuid}`

@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-/// What stands for the middle that is left out.
+/// Placeholder of the middle that is left out.
 const LEFT_OUT: &str = "…";
 
-/// The text where it costs at most `most`; else its beginning and its end, since the value stands at one of them and
+/// The text where it costs at most `most`; else its beginning and its end, since the value is at one of them and
 /// the reason at the other. `cost` is that of a character, at least 1.
 pub fn shortened(text: &str, most: usize, cost: impl Fn(char) -> usize) -> Cow<'_, str> {
     // Costs stop being added where they are too much, so that a text of megabytes is not read through.

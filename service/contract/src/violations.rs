@@ -35,7 +35,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// Collects what is wrong with a request, so that a client hears of all of it at once: the first
+/// Collects what is wrong with a request, so that a client is told all of it at once: the first
 /// [`MAX_VIOLATIONS`], long texts shortened in their middle, and the number of the others.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Violations {

@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn decisions_are_sound(kind in 0u8..60, stretches in prop::collection::vec(stretch(), 1..12)) {
+    fn decisions_are_valid(kind in 0u8..60, stretches in prop::collection::vec(stretch(), 1..12)) {
         let columns = columns(&stretches);
         let (decisions, bits) = run(kind, &columns, &[], false);
         let config = configuration(kind);

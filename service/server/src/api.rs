@@ -63,8 +63,8 @@ impl Api {
         if !self.store.list_machines(&page).await?.items.is_empty() {
             return Ok(());
         }
-        let usual = [("lathe", "Lathe", MachineProfile::lathe()), ("mill", "Mill", MachineProfile::mill())];
-        for (id, display_name, profile) in usual {
+        let default = [("lathe", "Lathe", MachineProfile::lathe()), ("mill", "Mill", MachineProfile::mill())];
+        for (id, display_name, profile) in default {
             let document = machines::to_document(display_name, &profile)?;
             match self.store.create_machine(Some(id), document).await {
                 Ok(_) | Err(StoreError::AlreadyExists { .. }) => {}
@@ -94,8 +94,8 @@ fn etag(etag: &str) -> Option<&str> {
     Some(etag).filter(|etag| !etag.is_empty())
 }
 
-/// What is wrong with a message of a client's stream; `None` where it is the connection that broke: then there is nobody
-/// to tell, and what was in progress goes on without the client.
+/// What is wrong with a message of a client's stream; `None` where it is the connection that broke: then there is no
+/// receiver to tell, and what was in progress goes on without the client.
 fn unreadable(status: Status) -> Option<Error> {
     std::error::Error::source(&status).is_none().then(|| status.into())
 }

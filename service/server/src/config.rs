@@ -298,7 +298,7 @@ impl Config {
         };
         let message_bytes = limits.message_bytes as u64;
         range("limits.message_bytes", message_bytes, 64 << 10, 256 << 20);
-        // What surrounds an inline program in its message takes room too.
+        // What surrounds an inline program in its message counts too.
         range("limits.inline_program_bytes", limits.inline_program_bytes, 1, message_bytes.saturating_sub(32 << 10));
         range("limits.upload_bytes", limits.upload_bytes, 1, 1 << 40);
         range("limits.concurrent_requests", limits.concurrent_requests as u64, 1, 1_000_000);
@@ -314,8 +314,8 @@ impl Config {
             problems.push(("log.level", error.to_string()));
         }
         if let Some(endpoint) = &self.telemetry.otlp_endpoint {
-            let sound = endpoint.parse::<http::Uri>().is_ok_and(|uri| uri.scheme().is_some() && uri.host().is_some());
-            if !sound {
+            let valid = endpoint.parse::<http::Uri>().is_ok_and(|uri| uri.scheme().is_some() && uri.host().is_some());
+            if !valid {
                 problems.push(("telemetry.otlp_endpoint", format!("must be a URL with a scheme, is {endpoint:?}")));
             }
         }

@@ -96,7 +96,7 @@ async fn list_jobs(State(state): State<HttpState>, RawQuery(raw): RawQuery, head
     Ok(message(&headers, &state.api.list_jobs(request).await?))
 }
 
-/// What a path says where a job's id stands; an answer in our own words where it is not even text.
+/// What a path says in place of a job's id; an answer in our own words where it is not even text.
 type JobId = Result<Path<String>, PathRejection>;
 
 fn job_name(id: JobId) -> Result<String, HttpError> {

@@ -101,7 +101,7 @@ impl std::fmt::Debug for StoreHandle {
 }
 
 impl Server {
-    /// Opens the database and both ports, takes up unfinished work, and serves. Call inside a runtime.
+    /// Opens the database and both ports, resumes unfinished work, and serves. Call inside a runtime.
     ///
     /// # Errors
     /// [`StartError`] with the configuration key that is at fault.

@@ -1,9 +1,9 @@
-//! Connections that say their last word before they close.
+//! Connections that are closed only after the client has read everything.
 //!
 //! A socket that is closed while bytes of the other side lie unread is reset, and what the other side had not read by
 //! then may be lost to it: on a drain that is the status that says why its stream ends, because a reader that catches
 //! up is sending window updates at that very moment. So a connection that has been shut down reads on, into nothing,
-//! until the other side closes too or its patience ends.
+//! until the other side closes too or the time is over.
 
 use std::io;
 use std::pin::Pin;
@@ -60,7 +60,7 @@ impl AsyncWrite for Lingering {
             let mut unread = ReadBuf::new(&mut scratch);
             match Pin::new(&mut *stream).poll_read(cx, &mut unread) {
                 Poll::Ready(Ok(())) if !unread.filled().is_empty() => {}
-                // Closed by the other side, in order or not: nobody is left to lose anything.
+                // Closed by the other side, in order or not: no reader is left.
                 Poll::Ready(_) => return Poll::Ready(Ok(())),
                 Poll::Pending => return until.as_mut().poll(cx).map(Ok),
             }

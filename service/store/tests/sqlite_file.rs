@@ -105,7 +105,7 @@ async fn a_newer_or_altered_schema_is_refused() {
 }
 
 #[tokio::test]
-async fn migrations_leave_a_sound_schema() {
+async fn migrations_leave_a_valid_schema() {
     let (_folder, path) = folder();
     open(&path).await.unwrap().close().await;
     let mut database = raw(&path).await;

@@ -1,4 +1,4 @@
-//! One machine: sends at its pace whatever the service does, and hears decisions.
+//! One machine: sends at its own pace and receives decisions.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -28,7 +28,7 @@ const SPINDLE_HZ: f64 = 100.0;
 /// Windows without contact, for the baseline.
 const IDLE_WINDOWS: u64 = 2;
 
-/// The default grouping and baseline; windows are shorter than usual, so that there are decisions to count.
+/// The default grouping and baseline; windows are shorter than by default, so that there are decisions to count.
 pub fn config(options: &Options) -> MonitoringConfig {
     MonitoringConfig {
         sample_rate_hz: Some(options.rate_hz as f64),

@@ -1,4 +1,4 @@
-//! `feedwave demo`: the whole way once, with a real server and a real client over TCP, checking what it shows.
+//! `feedwave demo`: everything once, with a real server and a real client over TCP, checking what it shows.
 
 mod five_axis;
 mod live;

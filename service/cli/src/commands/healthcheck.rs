@@ -34,7 +34,7 @@ pub struct Args {
 /// Asks.
 ///
 /// # Errors
-/// [`CliError`] with exit code 1 when the service does not answer that it serves.
+/// [`CliError`] with exit code 1 when the service is not serving.
 pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let config = global.load(Overrides::default())?;
     let url = args.server.clone().unwrap_or_else(|| {

@@ -28,7 +28,7 @@ const NAME: &str = "lobes";
 /// Arguments of `feedwave lobes`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_long_help = "Exit codes: 0 computed, 1 no such table (the depth cannot be had), 2 wrong usage or no answer.
+    after_long_help = "Exit codes: 0 computed, 1 no such table (the depth is not stable), 2 wrong usage or no answer.
 
 Examples:
   feedwave lobes --mode-x 600,0.03,10000 --mode-y 660,0.03,10000 --tangential 700 --radial-ratio 0.3 --edges 4 \\

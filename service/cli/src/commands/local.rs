@@ -8,7 +8,7 @@ use super::CliError;
 use super::source::Source;
 use super::terminal::{Unit, progress};
 
-/// Validates a program; `observe` sees every block of setpoints on the way.
+/// Validates a program; `observe` sees every block of setpoints.
 pub(super) fn validate(
     source: &mut Source,
     config: Arc<PipelineConfig>,

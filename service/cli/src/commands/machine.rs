@@ -125,7 +125,7 @@ pub(super) fn profile_of(path: &Path) -> Result<MachineProfile, CliError> {
 
 fn read_profile(path: &Path, kind: Option<Kind>) -> Result<MachineProfile, CliError> {
     let stated = data_file::read(path)?;
-    // A profile that says what kind of machine it is need not be told so again.
+    // A profile that says what kind of machine it is need not be given it again.
     let stated_kind = stated.extract_inner::<String>("machine.kind").ok();
     let kind = kind.unwrap_or(if stated_kind.as_deref() == Some("mill") { Kind::Mill } else { Kind::Lathe });
     let profile: MachineProfile = Figment::from(Serialized::defaults(generic(kind)))

@@ -65,7 +65,7 @@ mod tests {
                 "--cutting-time-before: must be 0 to 1000000000000 s, is -1",
             ]
         );
-        let usual = OscillationArgs::default().checked(&[]).unwrap();
-        assert_eq!(usual, OscillationRequest::default());
+        let default = OscillationArgs::default().checked(&[]).unwrap();
+        assert_eq!(default, OscillationRequest::default());
     }
 }

@@ -135,7 +135,7 @@ fn axes(config: &PipelineConfig) -> Vec<AxisShown> {
 }
 
 /// Follows the program through its operations: the path that is run, in work coordinates, with the curves that `G64` puts
-/// in place of corners; which lines move rapidly; the way of a guided tool.
+/// in place of corners; which lines move rapidly; the path of a guided tool.
 struct Tracer {
     trace: PathTrace,
     rapids: RapidLines,
@@ -266,7 +266,7 @@ impl Tracer {
     }
 }
 
-/// The way along a taper is longer than the travel of the lead axis, at most by this.
+/// The path along a taper is longer than the travel of the lead axis, at most by this.
 const THREAD_ROOM: f64 = 1.5;
 
 /// Highest speed that a spindle state permits; infinite under constant surface speed without a limit.

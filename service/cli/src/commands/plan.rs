@@ -90,7 +90,7 @@ pub struct Args {
 /// Coordinates of the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum FrameArg {
-    /// With work offsets, as the machine's axes stand
+    /// Positions of the machine's axes, work offsets included
     Machine,
     /// As programmed; X is a radius. Of a five-axis machine the tool centre point, and columns of the tool direction
     Work,

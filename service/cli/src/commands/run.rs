@@ -25,7 +25,7 @@ use feedwave_contract::proto::{
     Decision, GetMonitoringRequest, MonitoringConfig, ProcessProperty, RunState, SetMonitoringRequest,
 };
 use machine::MachineArgs;
-pub(super) use machine::usual_monitoring;
+pub(super) use machine::default_monitoring;
 
 /// Arguments of `feedwave run`.
 #[derive(Debug, clap::Args)]
@@ -109,9 +109,9 @@ async fn monitoring(
     let failed = |status| client.failed(&status);
     match telemetry.get_monitoring(GetMonitoringRequest { job: job.to_owned() }).await {
         Ok(response) => Ok(response.into_inner().config.unwrap_or_default()),
-        // A job that does not exist is told by the attempt to set its monitoring.
+        // A job that does not exist is reported by the attempt to set its monitoring.
         Err(status) if status.code() == Code::NotFound => {
-            let config = Some(usual_monitoring(description)?);
+            let config = Some(default_monitoring(description)?);
             let set = telemetry.set_monitoring(SetMonitoringRequest { job: job.to_owned(), config }).await;
             let config = set.map_err(failed)?.into_inner().config.unwrap_or_default();
             if let Some(feed) = config.rules.as_ref().and_then(|rules| rules.feed) {

@@ -74,7 +74,7 @@ pub(super) fn print(text: &str) -> Result<(), CliError> {
         .map_err(|error| CliError::written("standard output", &error))
 }
 
-/// Writes to standard error; nobody can be told where that fails.
+/// Writes to standard error; a failure cannot be reported.
 pub(super) fn tell(text: &str) {
     let _ = io::stderr().lock().write_all(text.as_bytes());
 }

@@ -132,7 +132,7 @@ pub struct Args {
     /// Amplitude over the smallest that breaks the chip
     #[arg(long, value_name = "FACTOR", default_value_t = 1.1, help_heading = "Passes")]
     amplitude_margin: f64,
-    /// Distance of the way back from the work's surface
+    /// Distance of the return path from the work's surface
     #[arg(long, value_name = "MM", default_value_t = 2.0, help_heading = "Program")]
     clearance: f64,
     /// Amplitude ratio of the G165 word; passes that do not follow it state their amplitude
@@ -151,7 +151,7 @@ pub struct Args {
     machine: MachineArgs,
 }
 
-/// Declares an option's values with the value of the contract that each stands for.
+/// Declares an option's values with the value of the contract that each represents.
 macro_rules! option_values {
     ($(#[$outer:meta])* $name:ident: $contract:ident { $($(#[$inner:meta])* $variant:ident => $value:ident,)+ }) => {
         $(#[$outer])*

@@ -21,7 +21,7 @@ pub struct CsvWriter<W: Write> {
     last: Vec<Cell>,
 }
 
-/// A value and its text: columns that rest (an axis that stands, a constant feed) are not formatted again.
+/// A value and its text: columns that rest (an axis at rest, a constant feed) are not formatted again.
 struct Cell {
     bits: u64,
     text: String,

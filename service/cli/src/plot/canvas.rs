@@ -77,7 +77,7 @@ pub(super) fn pixels(figure: &Figure) -> Result<Vec<u8>, PlotError> {
     Ok(average(&pixels, width as usize))
 }
 
-/// Each pixel the mean of the square of pixels that it stands for.
+/// Each pixel the mean of the square of pixels that it represents.
 #[allow(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
 fn average(pixels: &[u8], width: usize) -> Vec<u8> {
     let factor = OVERSAMPLING as usize;

@@ -78,7 +78,7 @@ fn tracks(condition: &CutCondition) -> Panel {
     let title = "tracks of successive revolutions: where they cross, the chip breaks";
     let mut panel = Panel::new(title, x, Axis::new("tool position", MM, range));
     for (revolution, track) in (0_u32..).zip(tracks) {
-        // The newest track stands out, earlier ones fade.
+        // The newest track is highlighted, earlier ones fade.
         let share = f64::from(revolution + 1) / f64::from(REVOLUTIONS);
         let fade = |channel: u8| (255.0 - (0.25 + 0.75 * share) * (255.0 - f64::from(channel))).round() as u8;
         let RGBColor(red, green, blue) = theme::VIBRATION;

@@ -91,7 +91,7 @@ fn draw_panel<DB: DrawingBackend>(area: &Area<DB>, scale: Scale, placed: &Placed
         area.clone().shrink((scale.px(rect.left), scale.px(rect.top)), (scale.px(rect.width), scale.px(rect.height)));
     let bottom = rect.top + rect.height - plot.top - plot.height;
     let right = rect.left + rect.width - plot.left - plot.width;
-    // What of the room on the left stays free, so that the axis label is not cut.
+    // What of the space on the left stays free, so that the axis label is not cut.
     let edge = if panel.proportions == Proportions::Bare { plot.left - rect.left } else { 18.0 };
     let mut chart = ChartBuilder::on(&inner)
         .margin_top(scale.px(plot.top - rect.top))

@@ -134,7 +134,7 @@ impl DynamicsPicture<'_> {
         panel
     }
 
-    /// Changes of the feed override as upright lines; `labelled` with the percentage where there is room for it.
+    /// Changes of the feed override as upright lines; `labelled` with the percentage where there is space for it.
     fn mark_overrides(&self, panel: &mut Panel, end_s: f64, labelled: bool) {
         let ink = Ink::dashed("the feed override changes", theme::GOOD, 1.6);
         let mut free_from_s = f64::NEG_INFINITY;

@@ -44,7 +44,7 @@ impl Figure {
     }
 }
 
-/// How panels share the room; numbers are shares of it.
+/// How panels share the space; numbers are shares of it.
 #[derive(Clone, Debug)]
 pub(super) enum Layout {
     Panel(Box<Panel>),
@@ -143,7 +143,7 @@ impl Axis {
         Self { label: label.into(), unit, range, labelled: true }
     }
 
-    /// The label stands under a panel further down.
+    /// The label is under a panel further down.
     pub(super) fn labelled_if(mut self, labelled: bool) -> Self {
         self.labelled = labelled;
         self
@@ -228,7 +228,7 @@ pub(super) struct Label {
     pub(super) beside: Beside,
 }
 
-/// Where a text stands beside its place.
+/// Side of its place at which a text is.
 #[derive(Clone, Copy)]
 pub(super) struct Beside {
     pub(super) x: HPos,

@@ -16,7 +16,7 @@ const SUBTITLE_HEIGHT: f64 = 24.0;
 const LEGEND_HEIGHT: f64 = 30.0;
 pub(super) const PANEL_TITLE_HEIGHT: f64 = 26.0;
 pub(super) const NOTE_HEIGHT: f64 = 22.0;
-/// A swatch, the room behind it, and the room behind an entry.
+/// A swatch, the space after it, and the space after an entry.
 pub(super) const SWATCH: f64 = 38.0;
 pub(super) const SWATCH_GAP: f64 = 9.0;
 const ENTRY_GAP: f64 = 30.0;
@@ -77,7 +77,7 @@ impl<'a> Page<'a> {
         let (width, height) = (f64::from(figure.size.0), f64::from(figure.size.1));
         let subtitle = theme::wrapped(&figure.subtitle, theme::SUBTITLE_SIZE, width - 2.0 * EDGE);
         let top = TITLE_HEIGHT + SUBTITLE_HEIGHT * subtitle.len() as f64 + 8.0;
-        // What cannot be seen has no entry, but may leave its room.
+        // What cannot be seen has no entry, but may leave its space.
         let mut legend = entries(&figure.body);
         let rows = arrange(&mut legend, top, width);
         let top_of_body = top + LEGEND_HEIGHT * f64::from(rows);
@@ -177,7 +177,7 @@ impl<'a> Placed<'a> {
             title,
             notes: Vec::new(),
         };
-        // What is to be said depends on the room that it leaves, which hardly changes with it.
+        // What is to be said depends on the space that it leaves, which hardly changes with it.
         for _ in 0..3 {
             let lines = PANEL_TITLE_HEIGHT * placed.title.len() as f64 + NOTE_HEIGHT * placed.notes.len() as f64;
             let top = PANEL_TOP + lines;
@@ -258,7 +258,7 @@ impl<'a> Placed<'a> {
         }
         let sentence = |(name, [left, right, low, high]): (&str, [Option<f64>; 4])| {
             let (x, y) = (&self.panel.x, &self.panel.y);
-            // Both ways are named where the panel is a view in space.
+            // Both directions are named where the panel is a view in space.
             let named = |axis: &super::figure::Axis| match self.panel.proportions {
                 Proportions::Free => String::new(),
                 _ => format!("{} ", axis.label),

@@ -155,7 +155,7 @@ impl PositionPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let curves = self.curves;
         let subtitle = format!(
-            "{} \u{b7} path position: way along the programmed path since its start \u{b7} setpoints every {} ms",
+            "{} \u{b7} path position: distance along the programmed path since its start \u{b7} setpoints every {} ms",
             self.program,
             curves.period_s * 1e3
         );

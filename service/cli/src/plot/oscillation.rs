@@ -29,7 +29,7 @@ pub struct OscillationPictures<'a> {
     pub tool: &'a ToolGeometry,
     /// How it oscillates.
     pub oscillation: &'a ToolOscillation,
-    /// How it is used, and what there is to say about it.
+    /// How it is used, and its report.
     pub section: &'a OscillationSectionReport,
 }
 

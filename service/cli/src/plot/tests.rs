@@ -422,7 +422,7 @@ mod oscillation {
         let notes = |figure: &super::Figure| -> String {
             crate::plot::layout::panels(&figure.body).iter().flat_map(|panel| panel.notes.clone()).collect()
         };
-        let wanted = "E4 finishes ahead of the tool, but E3 stands out 3 µm further";
+        let wanted = "E4 finishes ahead of the tool, but E3 protrudes 3 µm further";
         assert!(notes(floors[1]).contains(wanted), "{}", notes(floors[1]));
         assert!(!notes(floors[0]).contains("rougher"));
     }

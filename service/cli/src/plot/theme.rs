@@ -14,7 +14,7 @@ pub(super) const INK: RGBColor = RGBColor(24, 32, 44);
 pub(super) const MUTED: RGBColor = RGBColor(75, 85, 99);
 /// Grid lines.
 pub(super) const GRID: RGBColor = RGBColor(226, 229, 234);
-// Colours that can be told apart without seeing red or green.
+// Colours that can be distinguished without seeing red or green.
 /// What the program commands.
 pub(super) const COMMAND: RGBColor = RGBColor(0, 100, 170);
 /// Rapid moves, and work that stays.
@@ -25,7 +25,7 @@ pub(super) const VIBRATION: RGBColor = RGBColor(205, 85, 0);
 pub(super) const GOOD: RGBColor = RGBColor(0, 148, 108);
 /// Bad news, and limits.
 pub(super) const BAD: RGBColor = RGBColor(130, 0, 70);
-/// Colours of curves that are told apart only by the legend.
+/// Colours of curves that are distinguished only by the legend.
 pub(super) const PALETTE: [RGBColor; 6] =
     [COMMAND, VIBRATION, RGBColor(0, 165, 120), RGBColor(205, 130, 200), RGBColor(240, 190, 50), RGBColor(60, 60, 60)];
 

@@ -33,7 +33,7 @@ pub struct ThreadPictures<'a> {
     pub name: String,
     /// The thread.
     pub job: &'a ThreadJob,
-    /// What there is to say about it.
+    /// Its report.
     pub report: &'a ThreadReport,
 }
 
@@ -159,7 +159,7 @@ impl<'a> Groove<'a> {
     /// no more than fits.
     fn shown_deg(&self) -> f64 {
         let vibrations = self.job.vibrations_per_rev;
-        // Few vibrations can be told apart.
+        // Few vibrations can be distinguished.
         let revolutions: f64 = if (vibrations - vibrations.round()).abs() < 1e-9 { 1.0 } else { 2.0 };
         360.0 * revolutions.min(24.0 / vibrations)
     }

@@ -112,7 +112,7 @@ impl ToolPathPicture<'_> {
         }
     }
 
-    /// What of the path is shown: all that is cut with some room around it. Rapids to a far tool change would
+    /// What of the path is shown: all that is cut with a margin around it. Rapids to a far tool change would
     /// make the part tiny, so they leave the picture at its edge.
     fn part(&self, project: impl Fn(&Point) -> Place) -> (Range<f64>, Range<f64>) {
         let points = |cuts_only: bool| -> Vec<Place> {

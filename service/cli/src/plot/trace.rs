@@ -15,7 +15,7 @@ pub enum Stretch {
     Threading,
     /// A threading pass with vibration of X.
     VibratingThread,
-    /// Where the tool goes with the rotary axes, in a way that only the machine knows.
+    /// Where the tool goes with the rotary axes, and how, only the machine knows.
     Unknown,
 }
 

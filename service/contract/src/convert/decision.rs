@@ -170,7 +170,7 @@ pub const fn action_name(action: Action) -> &'static str {
     }
 }
 
-/// Where a monitor stands, as the contract has it.
+/// State of a monitor as a message of the contract.
 #[must_use]
 pub const fn state_to_proto(state: State) -> proto::MonitorState {
     match state {

@@ -1,4 +1,4 @@
-//! Five axes: kinematics and thinning settings both ways, and the report of thinning.
+//! Five axes: kinematics and thinning settings to and from the contract, and the report of thinning.
 
 use feedwave_cutting::ProgramThinning;
 use feedwave_cutting::thinning::ThinningSettings;
@@ -85,11 +85,11 @@ pub(super) fn kinematics_to_proto(kinematics: &KinematicsDescription) -> proto::
 
 /// Thinning settings, with what the message leaves open filled in.
 pub(super) fn thinning_from_proto(settings: &proto::ThinningSettings) -> ThinningSettings {
-    let usual = ThinningSettings::default();
+    let default = ThinningSettings::default();
     ThinningSettings {
-        angle_tolerance_deg: settings.angle_tolerance_deg.unwrap_or(usual.angle_tolerance_deg),
-        distance_tolerance_mm: settings.distance_tolerance_mm.unwrap_or(usual.distance_tolerance_mm),
-        group_blocks: settings.group_blocks.unwrap_or(usual.group_blocks),
+        angle_tolerance_deg: settings.angle_tolerance_deg.unwrap_or(default.angle_tolerance_deg),
+        distance_tolerance_mm: settings.distance_tolerance_mm.unwrap_or(default.distance_tolerance_mm),
+        group_blocks: settings.group_blocks.unwrap_or(default.group_blocks),
         interpolated_direction_tolerance_deg: settings.interpolated_direction_tolerance_deg,
     }
 }

@@ -123,7 +123,7 @@ pub fn stability_model_from_proto(
         Some(StabilityModel::Turning(model_of)) if model_of.modes.is_empty() => {
             found.add("dynamics.modes_normal", missing(model));
         }
-        // What the request's own data or the arc has wrong is told already, in their own words and units.
+        // What the request's own data or the arc has wrong is reported already, in their own words and units.
         Some(StabilityModel::Milling(model_of)) if found.is_empty() => {
             for problem in model_of.problems() {
                 add(&mut found, "milling.", &problem);
@@ -131,9 +131,9 @@ pub fn stability_model_from_proto(
         }
         _ => {}
     }
-    let sound = found.is_empty();
+    let valid = found.is_empty();
     violations.extend(field, found);
-    cut.filter(|_| sound)
+    cut.filter(|_| valid)
 }
 
 fn missing(model: &proto::StabilityModel) -> String {
@@ -255,7 +255,7 @@ const fn band(row: &TableRow) -> proto::SpindleBand {
     proto::SpindleBand { above_rpm: row.above_rpm, up_to_rpm: row.up_to_rpm, speed_rpm: row.speed_rpm }
 }
 
-/// What there is to say about a cut that is much interrupted (docs/functions/adaptive-feed.md, "Spindle table from
+/// Warning about a cut that is much interrupted (docs/functions/adaptive-feed.md, "Spindle table from
 /// stability lobes": the zeroth order errs on the unsafe side).
 fn low_immersion(immersion: f64, margin: f64) -> Option<Finding> {
     if immersion >= LOW_IMMERSION {

@@ -31,20 +31,20 @@ pub fn monitoring_from_proto(
     config: &proto::MonitoringConfig,
 ) -> Option<MonitoringConfig> {
     let mut found = Violations::default();
-    let usual = MonitoringConfig::default();
+    let default = MonitoringConfig::default();
     let tool = config.tool.as_ref().map(|tool| sensors(&mut found, "tool", tool));
     let work = config.work.as_ref().map(|work| sensors(&mut found, "work", work));
     let grouping = match config.grouping.as_ref().map(|grouping| grouping.by) {
-        None => usual.grouping,
+        None => default.grouping,
         Some(Some(By::AngularPoints(points))) => monitoring::Grouping::Angle { points },
         Some(Some(By::SamplesPerPoint(samples_per_point))) => monitoring::Grouping::Time { samples_per_point },
         Some(None) => {
             found.add("grouping", "angular_points or samples_per_point must be set");
-            usual.grouping
+            default.grouping
         }
     };
-    let baseline = length(&mut found, "baseline", config.baseline.as_ref(), usual.baseline);
-    let window = length(&mut found, "window", config.window.as_ref(), usual.window);
+    let baseline = length(&mut found, "baseline", config.baseline.as_ref(), default.baseline);
+    let window = length(&mut found, "window", config.window.as_ref(), default.window);
     let idle_run_up = config.idle_run_up.as_ref().map(|idle| monitoring::IdleRunUp {
         speeds_rpm: idle.speeds_rpm.clone(),
         speed_tolerance: idle.speed_tolerance.unwrap_or(USUAL_SPEED_TOLERANCE),
@@ -68,28 +68,29 @@ pub fn monitoring_from_proto(
     }
     let rules = rules_from_proto(&mut found, &config.rules.clone().unwrap_or_default());
     let converted = MonitoringConfig {
-        sample_rate_hz: config.sample_rate_hz.unwrap_or(usual.sample_rate_hz),
+        sample_rate_hz: config.sample_rate_hz.unwrap_or(default.sample_rate_hz),
         tool,
         work,
         grouping,
         baseline,
-        tool_check: config
-            .tool_check
-            .map_or(usual.tool_check, |check| ToolCheck { max_ratio: check.max_ratio, max_run_out: check.max_run_out }),
+        tool_check: config.tool_check.map_or(default.tool_check, |check| ToolCheck {
+            max_ratio: check.max_ratio,
+            max_run_out: check.max_run_out,
+        }),
         idle_run_up,
         contact,
-        settling_s: config.settling_s.unwrap_or(usual.settling_s),
+        settling_s: config.settling_s.unwrap_or(default.settling_s),
         window,
         spectrum,
-        quality: quality(&config.quality.unwrap_or_default(), usual.quality),
+        quality: quality(&config.quality.unwrap_or_default(), default.quality),
         rules,
     };
     for violation in converted.violations() {
         found.add(proto_path(&violation.field, &converted.rules), violation.problem);
     }
-    let sound = found.is_empty();
+    let valid = found.is_empty();
     violations.extend(field, found);
-    sound.then_some(converted)
+    valid.then_some(converted)
 }
 
 /// Path of a field of the monitor's configuration in the message.
@@ -122,36 +123,36 @@ fn sensors(found: &mut Violations, field: &str, sensors: &proto::Sensors) -> mon
     monitoring::Sensors { quantity, min: sensors.min, max: sensors.max }
 }
 
-fn length(found: &mut Violations, field: &str, length: Option<&proto::WindowLength>, usual: Length) -> Length {
+fn length(found: &mut Violations, field: &str, length: Option<&proto::WindowLength>, default: Length) -> Length {
     match length.map(|length| length.length) {
-        None => usual,
+        None => default,
         Some(Some(ProtoLength::Seconds(seconds))) => Length::Seconds(seconds),
         Some(Some(ProtoLength::Series(series))) => Length::Series(series),
         Some(None) => {
             found.add(field, "seconds or series must be set");
-            usual
+            default
         }
     }
 }
 
-fn quality(quality: &proto::DataQuality, usual: Quality) -> Quality {
+fn quality(quality: &proto::DataQuality, default: Quality) -> Quality {
     Quality {
         spikes: quality
             .max_step
             .map(|max_step| SpikeFilter { max_step, max_run: quality.max_step_run.unwrap_or(USUAL_STEP_RUN) }),
-        min_valid_samples: quality.min_valid_samples.unwrap_or(usual.min_valid_samples),
-        max_removed: quality.max_removed.unwrap_or(usual.max_removed),
-        stuck_samples: quality.stuck_samples.unwrap_or(usual.stuck_samples),
-        max_gap_s: quality.max_gap_s.unwrap_or(usual.max_gap_s),
-        silence_s: quality.silence_s.unwrap_or(usual.silence_s),
-        stale_s: quality.stale_s.unwrap_or(usual.stale_s),
-        max_window_s: quality.max_window_s.unwrap_or(usual.max_window_s),
+        min_valid_samples: quality.min_valid_samples.unwrap_or(default.min_valid_samples),
+        max_removed: quality.max_removed.unwrap_or(default.max_removed),
+        stuck_samples: quality.stuck_samples.unwrap_or(default.stuck_samples),
+        max_gap_s: quality.max_gap_s.unwrap_or(default.max_gap_s),
+        silence_s: quality.silence_s.unwrap_or(default.silence_s),
+        stale_s: quality.stale_s.unwrap_or(default.stale_s),
+        max_window_s: quality.max_window_s.unwrap_or(default.max_window_s),
     }
 }
 
 /// Limits and steps; their sense is judged with the whole configuration.
 pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRules) -> Rules {
-    let usual = Rules::default();
+    let default = Rules::default();
     let property = match enumeration(found, "rules.property", rules.property) {
         Some(proto::ProcessProperty::VibrationAmplitude) => Property::VibrationAmplitude,
         Some(proto::ProcessProperty::VibrationFrequency) => Property::VibrationFrequency,
@@ -168,7 +169,7 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
         }
         None => {
             found.add("rules.feed", "must be set");
-            usual.feed
+            default.feed
         }
     };
     let spindle = match rules.spindle.as_ref().map(|spindle| &spindle.rule) {
@@ -193,16 +194,16 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
             monitoring::SpindleRule::None
         }
     };
-    let bounds = |bounds: Option<proto::OverrideBounds>, usual: Bounds| {
-        bounds.map_or(usual, |bounds| Bounds { lower: bounds.lower, upper: bounds.upper })
+    let bounds = |bounds: Option<proto::OverrideBounds>, default: Bounds| {
+        bounds.map_or(default, |bounds| Bounds { lower: bounds.lower, upper: bounds.upper })
     };
     let escalation = escalation(found, rules.escalation.unwrap_or_default());
     Rules {
         property,
         feed,
         spindle,
-        feed_bounds: bounds(rules.feed_bounds, usual.feed_bounds),
-        spindle_bounds: bounds(rules.spindle_bounds, usual.spindle_bounds),
+        feed_bounds: bounds(rules.feed_bounds, default.feed_bounds),
+        spindle_bounds: bounds(rules.spindle_bounds, default.spindle_bounds),
         fallback,
         escalation,
     }

@@ -1,4 +1,4 @@
-//! Tool oscillation: named conditions and cutting edges both ways.
+//! Tool oscillation: named conditions and cutting edges, to and from the contract.
 
 use feedwave_cutting::tool_oscillation::{
     ConditionTable, CuttingEdge, DirectionOscillation, Engagement, FloorSettings, Interpolation, LeadingEdge,
@@ -116,15 +116,15 @@ fn engagement_to_proto(engagement: &Engagement) -> Option<proto::Engagement> {
     Some(proto::Engagement { kind: Some(kind) })
 }
 
-/// How the floor is simulated; what is left open is as usual.
+/// How the floor is simulated; unset fields have their defaults.
 pub(super) fn floor_from_proto(settings: &proto::OscillationFloorSettings) -> FloorSettings {
-    let usual = FloorSettings::default();
+    let default = FloorSettings::default();
     FloorSettings {
-        simulate: settings.simulate.unwrap_or(usual.simulate),
-        revolutions: settings.revolutions.unwrap_or(usual.revolutions),
-        resolution_mm: settings.resolution_mm.unwrap_or(usual.resolution_mm),
-        max_cells: settings.max_cells.unwrap_or(usual.max_cells),
-        trailing: settings.trailing.unwrap_or(usual.trailing),
+        simulate: settings.simulate.unwrap_or(default.simulate),
+        revolutions: settings.revolutions.unwrap_or(default.revolutions),
+        resolution_mm: settings.resolution_mm.unwrap_or(default.resolution_mm),
+        max_cells: settings.max_cells.unwrap_or(default.max_cells),
+        trailing: settings.trailing.unwrap_or(default.trailing),
     }
 }
 

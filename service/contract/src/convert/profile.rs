@@ -1,4 +1,4 @@
-//! Machine profiles, both ways.
+//! Machine profiles, to and from the contract.
 
 use feedwave_cutting::thread::ThreadVibrationSettings;
 use feedwave_cutting::{FollowingModel, MachineProfile, VibrationSettings};
@@ -34,9 +34,9 @@ pub fn profile_from_proto(
             inner.add(contract_field(&problem.field), problem.message);
         }
     }
-    let sound = inner.is_empty();
+    let valid = inner.is_empty();
     violations.extend(field, inner);
-    converted.filter(|_| sound)
+    converted.filter(|_| valid)
 }
 
 /// Positions are indexed in the pipeline and have one field per letter in the contract; a condition of tool oscillation
@@ -155,7 +155,7 @@ fn language_from_proto(
             MachineKind::Mill => DialectName::Mill,
         },
     };
-    let usual = match dialect {
+    let default = match dialect {
         DialectName::Lathe => LanguageSettings::default(),
         DialectName::Mill => LanguageSettings::mill(),
         DialectName::LinuxCnc => LanguageSettings::linuxcnc(),
@@ -166,7 +166,7 @@ fn language_from_proto(
     let dwell_unit = enumeration(violations, "language.dwell_p_unit", language.dwell_p_unit);
     let path_control = enumeration(violations, "language.initial_path_control", language.initial_path_control);
     let thread_e_word = enumeration(violations, "language.thread_e_word", language.thread_e_word);
-    let mut work_offsets = usual.work_offsets;
+    let mut work_offsets = default.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
         violations.add("language.work_offsets", format!("must list at most {}, lists {count}", work_offsets.len()));
@@ -174,76 +174,76 @@ fn language_from_proto(
     for (offset, given) in work_offsets.iter_mut().zip(&language.work_offsets) {
         *offset = position_from_proto(given);
     }
-    let position = |given: &Option<proto::AxisPosition>, usual| given.as_ref().map_or(usual, position_from_proto);
+    let position = |given: &Option<proto::AxisPosition>, default| given.as_ref().map_or(default, position_from_proto);
     Some(LanguageSettings {
         dialect,
         decimal_point: match decimal_point? {
-            proto::DecimalPointRule::Unspecified => usual.decimal_point,
+            proto::DecimalPointRule::Unspecified => default.decimal_point,
             proto::DecimalPointRule::Calculator => DecimalPointRule::Calculator,
             proto::DecimalPointRule::LeastIncrement => DecimalPointRule::LeastIncrement,
         },
         x_word: match x_word? {
-            proto::XWord::Unspecified => usual.x_word,
+            proto::XWord::Unspecified => default.x_word,
             proto::XWord::Diameter => XWord::Diameter,
             proto::XWord::Radius => XWord::Radius,
         },
         initial_feed_mode: match feed_mode? {
-            proto::FeedMode::Unspecified => usual.initial_feed_mode,
+            proto::FeedMode::Unspecified => default.initial_feed_mode,
             proto::FeedMode::PerMinute => FeedMode::PerMinute,
             proto::FeedMode::PerRevolution => FeedMode::PerRevolution,
         },
         initial_path_control: match path_control? {
-            proto::PathControl::Unspecified => usual.initial_path_control,
+            proto::PathControl::Unspecified => default.initial_path_control,
             proto::PathControl::ExactPath => PathControlMode::ExactPath,
             proto::PathControl::ExactStop => PathControlMode::ExactStop,
             proto::PathControl::Continuous => PathControlMode::Continuous,
         },
-        default_path_tolerance_mm: language.default_path_tolerance_mm.unwrap_or(usual.default_path_tolerance_mm),
+        default_path_tolerance_mm: language.default_path_tolerance_mm.unwrap_or(default.default_path_tolerance_mm),
         initial_inch: language.initial_inch,
         dwell_p_unit: match dwell_unit? {
-            proto::DwellUnit::Unspecified => usual.dwell_p_unit,
+            proto::DwellUnit::Unspecified => default.dwell_p_unit,
             proto::DwellUnit::Milliseconds => DwellUnit::Milliseconds,
             proto::DwellUnit::Seconds => DwellUnit::Seconds,
         },
         block_delete: language.block_delete,
         path_vibration: language
             .path_vibration
-            .map_or(usual.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
-        thread_vibration: language.thread_vibration.map_or(usual.thread_vibration, |switch| FunctionSwitch {
+            .map_or(default.path_vibration, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        thread_vibration: language.thread_vibration.map_or(default.thread_vibration, |switch| FunctionSwitch {
             code: switch.code,
             on_p: switch.on_p,
             off_p: switch.off_p,
         }),
         thread_e_word: match thread_e_word? {
-            proto::ThreadEWord::Unspecified => usual.thread_e_word,
+            proto::ThreadEWord::Unspecified => default.thread_e_word,
             proto::ThreadEWord::ThreadsPerInch => ThreadEWord::ThreadsPerInch,
             proto::ThreadEWord::PreciseLead => ThreadEWord::PreciseLead,
         },
-        thinning: language.thinning.map_or(usual.thinning, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        thinning: language.thinning.map_or(default.thinning, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         tool_oscillation: language
             .tool_oscillation
-            .map_or(usual.tool_oscillation, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+            .map_or(default.tool_oscillation, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         work_offsets,
-        reference_position: position(&language.reference_position, usual.reference_position),
-        initial_position: position(&language.initial_position, usual.initial_position),
-        arc_radius_tolerance_mm: language.arc_radius_tolerance_mm.unwrap_or(usual.arc_radius_tolerance_mm),
-        max_line_bytes: language.max_line_bytes.unwrap_or(usual.max_line_bytes),
+        reference_position: position(&language.reference_position, default.reference_position),
+        initial_position: position(&language.initial_position, default.initial_position),
+        arc_radius_tolerance_mm: language.arc_radius_tolerance_mm.unwrap_or(default.arc_radius_tolerance_mm),
+        max_line_bytes: language.max_line_bytes.unwrap_or(default.max_line_bytes),
     })
 }
 
 fn vibration_from_proto(violations: &mut Violations, vibration: proto::VibrationSettings) -> Option<VibrationSettings> {
-    let usual = VibrationSettings::default();
+    let default = VibrationSettings::default();
     let mode = enumeration(violations, "vibration.generation_mode", vibration.generation_mode);
     let envelope = enumeration(violations, "vibration.envelope", vibration.envelope);
     let (mode, envelope) = (mode?, envelope?);
     Some(VibrationSettings {
-        generation_mode: generation_mode_from_proto(mode).unwrap_or(usual.generation_mode),
-        envelope: vibration_envelope_from_proto(envelope).unwrap_or(usual.envelope),
+        generation_mode: generation_mode_from_proto(mode).unwrap_or(default.generation_mode),
+        envelope: vibration_envelope_from_proto(envelope).unwrap_or(default.envelope),
         published_limits_bind: vibration.published_limits_bind,
-        max_frequency_hz: vibration.max_frequency_hz.unwrap_or(usual.max_frequency_hz),
-        max_amplitude_mm: vibration.max_amplitude_mm.unwrap_or(usual.max_amplitude_mm),
-        contour_tolerance_mm: vibration.contour_tolerance_mm.unwrap_or(usual.contour_tolerance_mm),
-        servo_substeps: vibration.servo_substeps.unwrap_or(usual.servo_substeps),
+        max_frequency_hz: vibration.max_frequency_hz.unwrap_or(default.max_frequency_hz),
+        max_amplitude_mm: vibration.max_amplitude_mm.unwrap_or(default.max_amplitude_mm),
+        contour_tolerance_mm: vibration.contour_tolerance_mm.unwrap_or(default.contour_tolerance_mm),
+        servo_substeps: vibration.servo_substeps.unwrap_or(default.servo_substeps),
         amplitude_follows_feed_up_to: vibration.amplitude_follows_feed_up_to,
     })
 }
@@ -252,16 +252,16 @@ fn thread_vibration_from_proto(
     violations: &mut Violations,
     settings: proto::ThreadVibrationSettings,
 ) -> Option<ThreadVibrationSettings> {
-    let usual = ThreadVibrationSettings::default();
+    let default = ThreadVibrationSettings::default();
     let start_up = enumeration(violations, "thread_vibration.start_up", settings.start_up)?;
     Some(ThreadVibrationSettings {
-        vibrations_per_rev: settings.vibrations_per_rev.unwrap_or(usual.vibrations_per_rev),
+        vibrations_per_rev: settings.vibrations_per_rev.unwrap_or(default.vibrations_per_rev),
         start_up: start_up_from_proto(start_up),
         combined_preparation: settings.combined_preparation,
-        odd_phase_shift_deg: settings.odd_phase_shift_deg.unwrap_or(usual.odd_phase_shift_deg),
-        even_phase_shift_deg: settings.even_phase_shift_deg.unwrap_or(usual.even_phase_shift_deg),
+        odd_phase_shift_deg: settings.odd_phase_shift_deg.unwrap_or(default.odd_phase_shift_deg),
+        even_phase_shift_deg: settings.even_phase_shift_deg.unwrap_or(default.even_phase_shift_deg),
         reference_angle_deg: settings.reference_angle_deg,
-        included_angle_deg: settings.included_angle_deg.unwrap_or(usual.included_angle_deg),
+        included_angle_deg: settings.included_angle_deg.unwrap_or(default.included_angle_deg),
         approach_mm: settings.approach_mm,
         max_thickness_mm: settings.max_thickness_mm,
         max_finishing_thickness_mm: settings.max_finishing_thickness_mm,

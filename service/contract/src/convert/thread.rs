@@ -1,4 +1,4 @@
-//! Threads and what is said about them, both ways: a stored report gives back the thread that it was made of.
+//! Threads and their reports, to and from the contract: a stored report gives back the thread that it was made of.
 
 use feedwave_cutting::thread::{
     CrestReport, GrooveProfile, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadGeometry, ThreadJob, ThreadPass,
@@ -162,7 +162,7 @@ fn pass_from_proto(pass: &proto::ThreadPass) -> ThreadPass {
     }
 }
 
-/// What there is to say about a thread as the contract has it, without its findings.
+/// The report of a thread as a message of the contract, without its findings.
 #[must_use]
 pub fn thread_report_to_proto(report: &ThreadReport) -> proto::ThreadReport {
     proto::ThreadReport {

@@ -47,8 +47,8 @@ impl Checked<'_> {
     }
 
     /// A value that need not be stated.
-    fn or(&mut self, field: &str, value: Option<f64>, usual: f64, range: RangeInclusive<f64>) -> f64 {
-        value.map_or(usual, |value| self.within(field, value, range))
+    fn or(&mut self, field: &str, value: Option<f64>, default: f64, range: RangeInclusive<f64>) -> f64 {
+        value.map_or(default, |value| self.within(field, value, range))
     }
 }
 
@@ -81,10 +81,10 @@ fn convert(
         ),
         root_flat_mm: checked.within("root_flat_mm", given.root_flat_mm, 0.0..=1e3),
     };
-    let usual = ThreadTextOptions::default();
+    let default = ThreadTextOptions::default();
     let options = ThreadTextOptions {
-        clearance_mm: checked.or("clearance_mm", given.clearance_mm, usual.clearance_mm, 0.0..=1e3),
-        ratio: checked.or("ratio", given.ratio, usual.ratio, ABOVE_ONE),
+        clearance_mm: checked.or("clearance_mm", given.clearance_mm, default.clearance_mm, 0.0..=1e3),
+        ratio: checked.or("ratio", given.ratio, default.ratio, ABOVE_ONE),
     };
     let request = ThreadRequest {
         hand,

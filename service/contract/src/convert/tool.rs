@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_tool_passes() {
+    fn a_valid_tool_passes() {
         let tool =
             proto::Tool { number: 1, max_rev_per_min: Some(4_000.0), length_mm: Some(120.5), ..Default::default() };
         assert!(check_tool(&tool).is_empty());

@@ -51,8 +51,8 @@ fn a_line() -> impl Strategy<Value = String> {
 
 /// A program in one of the modes, with more of what is right than of what is not.
 fn a_program() -> impl Strategy<Value = String> {
-    let sound = (-40.0..40.0_f64, -40.0..40.0_f64, -1.0..1.0_f64, -1.0..1.0_f64);
-    let body = prop::collection::vec((sound, a_line(), 0..8_u32), 1..40);
+    let valid = (-40.0..40.0_f64, -40.0..40.0_f64, -1.0..1.0_f64, -1.0..1.0_f64);
+    let body = prop::collection::vec((valid, a_line(), 0..8_u32), 1..40);
     (any::<bool>(), body).prop_map(|(vectors, body)| {
         let mode = if vectors { "G43.5 H1" } else { "G43.4 H1" };
         let mut text = format!("{mode} G0 X0 Y0 Z60\nM33\nG1 F2000\n");

@@ -173,7 +173,7 @@ fn distances_are_to_the_segment() {
 }
 
 #[test]
-fn unsound_settings_are_refused_by_field() {
+fn invalid_settings_are_refused_by_field() {
     let settings = ThinningSettings {
         angle_tolerance_deg: f64::NAN,
         distance_tolerance_mm: 0.0,

@@ -82,8 +82,8 @@ fn requests_have_their_bounds() {
     let fields: Vec<&str> = problems.iter().map(|problem| problem.field.as_str()).collect();
     assert_eq!(fields, ["condition", "parts_before", "cutting_time_before_s"]);
     assert!(problems[0].message.contains("P1 accuracy, P2 speed"), "{}", problems[0].message);
-    let sound = OscillationRequest { condition: Some("speed".to_owned()), ..Default::default() };
-    assert_eq!(sound.problems(&conditions), []);
+    let valid = OscillationRequest { condition: Some("speed".to_owned()), ..Default::default() };
+    assert_eq!(valid.problems(&conditions), []);
 }
 
 #[test]

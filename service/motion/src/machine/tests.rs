@@ -12,7 +12,7 @@ fn fields_after(change: impl Fn(&mut Machine)) -> Vec<String> {
 }
 
 #[test]
-fn the_built_in_machines_are_sound() {
+fn the_built_in_machines_are_valid() {
     assert!(Machine::lathe().validate().is_empty());
     assert!(Machine::mill().validate().is_empty());
 }

@@ -257,7 +257,7 @@ fn fields(description: &KinematicsDescription) -> Vec<String> {
 }
 
 #[test]
-fn unsound_descriptions_are_refused_field_by_field() {
+fn invalid_descriptions_are_refused_field_by_field() {
     let broken = |change: fn(&mut KinematicsDescription)| {
         let mut description = table_table_bc();
         change(&mut description);

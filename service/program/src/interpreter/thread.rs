@@ -242,7 +242,7 @@ impl Execution<'_> {
 
     /// Whether the axis words are of X and Z only; the others are reported.
     fn are_thread_axes(&mut self, axes: u32) -> bool {
-        let mut sound = true;
+        let mut valid = true;
         for place in set_bits(axes) {
             let (Letter::Axis(axis) | Letter::Increment(axis)) = self.table.dialect.letters[place] else {
                 continue;
@@ -250,14 +250,14 @@ impl Execution<'_> {
             if matches!(axis, Axis::X | Axis::Z) {
                 continue;
             }
-            sound = false;
+            valid = false;
             let span = self.block.word_span(self.block.slot(place));
             self.findings.push_with(Severity::Error, || {
                 let message = format!("a thread moves X and Z, not {}", axis.letter());
                 Finding::error(code::THREAD_AXIS, span, message).suggest("move the other axes in a block before it")
             });
         }
-        sound
+        valid
     }
 
     /// Whether the spindle turns at a constant speed, which a thread needs; reported once while it lasts.

@@ -14,7 +14,7 @@ use tonic::Status;
 
 use crate::error::Error;
 
-/// A cause to end a stream, and what the client is told.
+/// A cause to end a stream, and the status of the client.
 type Cause = (Pin<Box<WaitForCancellationFutureOwned>>, Error);
 
 /// A stream that ends with a status when one of its causes comes true. The inner stream is dropped then.

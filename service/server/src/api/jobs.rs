@@ -79,15 +79,15 @@ pub(super) fn job_id(field: &str, name: &str) -> Result<Uuid> {
     names::parse_job(name).map_err(|error| Error::invalid(field, error.to_string()))
 }
 
-/// An interpolation period: `usual` where the request leaves it open.
-pub(super) fn check_period_us(violations: &mut Violations, period_us: u32, usual: u32) -> u32 {
+/// An interpolation period: `default` where the request has none.
+pub(super) fn check_period_us(violations: &mut Violations, period_us: u32, default: u32) -> u32 {
     match period_us {
-        0 => usual,
+        0 => default,
         MIN_PERIOD_US..=MAX_PERIOD_US => period_us,
         _ => {
             let range = format!("must be {MIN_PERIOD_US} to {MAX_PERIOD_US}, is {period_us}");
             violations.add("interpolation_period_us", range);
-            usual
+            default
         }
     }
 }
@@ -130,8 +130,8 @@ fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
 }
 
 fn check_request_id(violations: &mut Violations, request_id: &str) {
-    let sound = request_id.len() <= MAX_REQUEST_ID && request_id.bytes().all(|byte| byte.is_ascii_graphic());
-    if !sound {
+    let valid = request_id.len() <= MAX_REQUEST_ID && request_id.bytes().all(|byte| byte.is_ascii_graphic());
+    if !valid {
         violations.add("request_id", format!("must be 1 to {MAX_REQUEST_ID} printable ASCII characters"));
     }
 }
@@ -218,9 +218,9 @@ impl Api {
 
     /// Settings with what they leave open filled in and the tools' data copied.
     async fn settings(&self, checked: &CheckedSettings<'_>, profile: &MachineProfile) -> Result<JobSettings> {
-        let usual = generation_mode_to_proto(profile.vibration.generation_mode);
+        let default = generation_mode_to_proto(profile.vibration.generation_mode);
         let generation_mode = match checked.generation_mode {
-            proto::GenerationMode::Unspecified => usual,
+            proto::GenerationMode::Unspecified => default,
             stated => stated,
         };
         let vibration_envelope = match checked.vibration_envelope {

@@ -79,7 +79,7 @@ impl Api {
             Ok(table) => rule.table = table,
             Err(found) => {
                 violations.extend(FIELD, found);
-                // Stands in for the table, so that nothing but its cause is told.
+                // In place of the table, so that only its cause is reported.
                 rule.table = vec![SpindleBand { above_rpm: 0.0, up_to_rpm: 1.0, speed_rpm: 1.0 }];
             }
         }

@@ -57,7 +57,7 @@ fn merge(target: &mut DynamicMessage, source: &DynamicMessage) {
 
 fn copy(target: &mut DynamicMessage, source: &DynamicMessage, path: &str) -> Result<(), String> {
     if path == EVERYTHING {
-        return Err("replaces everything and cannot stand beside other paths or inside of one".to_owned());
+        return Err("replaces everything and cannot be combined with other paths or be part of one".to_owned());
     }
     let (name, rest) = path.split_once('.').map_or((path, None), |(name, rest)| (name, Some(rest)));
     let descriptor = target.descriptor();

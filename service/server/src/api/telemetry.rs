@@ -105,9 +105,9 @@ impl Api {
         let config = match request.config {
             Some(mut config) => {
                 table_from = self.fill_table(&mut violations, &mut config).await?;
-                // A table that could not be filled is told already.
-                let sound = violations.is_empty();
-                monitoring_from_proto(&mut violations, "config", &config).filter(|_| sound)
+                // A table that could not be filled is reported already.
+                let valid = violations.is_empty();
+                monitoring_from_proto(&mut violations, "config", &config).filter(|_| valid)
             }
             None => {
                 violations.add("config", "must be set");

@@ -107,7 +107,7 @@ async fn next_angles(messages: &mut Streaming<FollowSpindleRequest>) -> Result<O
 }
 
 impl Api {
-    /// The pass that a client wants to follow, as it is told of it.
+    /// The pass that a client wants to follow, as it is described to the client.
     async fn follow(&self, start: &FollowSpindleStart, id: uuid::Uuid) -> Result<(Following, FollowedPass)> {
         let mut violations = Violations::default();
         let kind = convert::enumeration(&mut violations, "start.angle_kind", start.angle_kind);
@@ -129,8 +129,8 @@ impl Api {
         let pass = pass.ok_or_else(|| beyond("start.pass", start.pass, thread.passes.len()))?;
         // As it is planned, chamfers and parts included, which the thread of the report does not have.
         let path = self.engine.thread_path(&detail, start.thread, start.pass).await?;
-        let usual_deg = engine::job_config(&detail)?.profile.thread_vibration.reference_angle_deg;
-        let reference_angle_deg = start.reference_angle_deg.unwrap_or(usual_deg);
+        let default_deg = engine::job_config(&detail)?.profile.thread_vibration.reference_angle_deg;
+        let reference_angle_deg = start.reference_angle_deg.unwrap_or(default_deg);
         let followed = FollowedPass {
             line: pass.span.line,
             rotation: convert::rotation_to_proto(thread.geometry.rotation).into(),

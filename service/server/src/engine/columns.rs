@@ -20,7 +20,7 @@ pub(super) const FIRST_CHUNK_SIZE: usize = 64;
 const CHUNK_GROWTH: usize = 4;
 /// Size of a chunk unless the client says otherwise, bytes as packed doubles: where a stream is fastest.
 const USUAL_CHUNK_BYTES: usize = 256 << 10;
-/// Largest chunk, bytes as packed doubles: well below the 4 MiB that clients accept unless told otherwise.
+/// Largest chunk, bytes as packed doubles: well below the 4 MiB that clients accept by default.
 const MAX_CHUNK_BYTES: usize = 2 << 20;
 
 /// Kinds that every stream has, in the order in which they are sent.
@@ -193,7 +193,7 @@ impl<'a> ChunkWriter<'a> {
         writer
     }
 
-    /// Adds these rows of a block; full chunks go to `send`. Stops when `send` says that nobody listens any more.
+    /// Adds these rows of a block; full chunks go to `send`. Stops when `send` reports that the receiver is gone.
     pub(super) fn write(
         &mut self,
         block: &SetpointBlock,

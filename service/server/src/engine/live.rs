@@ -79,12 +79,12 @@ pub(crate) struct LiveIntake {
 }
 
 impl LiveIntake {
-    /// Takes something in, waiting for what came before; `false` when nobody wants it any more.
+    /// Takes something in, waiting for what came before; `false` when the receiver is gone.
     pub(crate) async fn take(&self, input: LiveInput) -> bool {
         self.sender.send(input).await.is_ok()
     }
 
-    /// Waits until nobody reads what the run says.
+    /// Waits until no stream of the run is read.
     pub(crate) async fn left(&self) {
         self.left.cancelled().await;
     }

@@ -1,5 +1,5 @@
 //! The monitor of a run with everything of it that is not durable yet. Whoever drives a session takes batches in, then
-//! commits; what a commit returns may be told to the client.
+//! commits; what a commit returns may be sent to the client.
 //!
 //! Invariant: a decision, the batches it was made from and the monitor's state after them become durable in one
 //! transaction, so that a run that is taken up after a kill makes every decision once.
@@ -45,7 +45,7 @@ impl SensorClock {
     }
 }
 
-/// See the module.
+/// The monitor of a run and what of it is not durable yet.
 pub(super) struct Session {
     store: Store,
     run: Uuid,
@@ -54,7 +54,7 @@ pub(super) struct Session {
     clock: Option<SensorClock>,
     /// When the newest samples came, and the last time stamp among them, ns.
     last_arrival: Option<(Instant, u64)>,
-    /// The silence since then has been told to the monitor.
+    /// The silence since then was reported to the monitor.
     silence_told: bool,
     /// Whether a thread is being cut: by the setpoints handed out, where there are any, and by what the client says.
     pass: Option<bool>,
@@ -78,7 +78,7 @@ struct Fresh {
 /// What became durable.
 #[derive(Debug, Default)]
 pub(super) struct Durable {
-    /// Decisions, in order, as the client hears of them.
+    /// Decisions, in order, as the client receives them.
     pub(super) decisions: Vec<proto::Decision>,
     /// What is acknowledged; `None` where nothing came.
     pub(super) ack: Option<proto::TelemetryAck>,
@@ -200,7 +200,7 @@ impl Session {
         self.note(Event::Threading(pass || self.said_threading))
     }
 
-    /// When silence has to be told to the monitor; `None` while silence is nothing to worry about.
+    /// When silence has to be reported to the monitor; `None` while silence is harmless.
     pub(super) fn silence_at(&self) -> Option<Instant> {
         let watches = self.monitor.in_contact() && matches!(self.monitor.state(), State::Settling | State::Measuring);
         let arrival = self.last_arrival.filter(|_| watches && !self.silence_told);

@@ -141,7 +141,7 @@ struct Outlet {
 }
 
 impl Outlet {
-    /// Hands a chunk over, waiting for the reader; `false` when nobody wants it any more.
+    /// Hands a chunk over, waiting for the reader; `false` when the receiver is gone.
     fn send(&self, chunk: Result<proto::SetpointChunk>) -> bool {
         match self.sender.try_send(chunk) {
             Ok(()) => true,
@@ -254,7 +254,7 @@ enum End {
 }
 
 impl Run {
-    /// Generates to the last setpoint, or until nobody wants more.
+    /// Generates to the last setpoint, or until the receiver is gone.
     fn generate(&mut self) -> Result<End> {
         let plan = &self.plan;
         let mut block = self.pipeline.new_block();

@@ -46,7 +46,7 @@ pub(crate) struct Intake {
 }
 
 impl Intake {
-    /// Takes a batch in, waiting for those before it; `false` when nobody wants it any more.
+    /// Takes a batch in, waiting for those before it; `false` when the receiver is gone.
     pub(crate) async fn batch(&self, batch: proto::TelemetryBatch) -> bool {
         self.sender.send(Input::Batch(Box::new(batch), Instant::now())).await.is_ok()
     }
@@ -62,7 +62,7 @@ impl Intake {
         let _ = self.sender.send(Input::Refused(error)).await;
     }
 
-    /// Waits until nobody reads what the run says.
+    /// Waits until no stream of the run is read.
     pub(crate) async fn left(&self) {
         self.left.cancelled().await;
     }
@@ -251,7 +251,7 @@ impl Worker {
         for message in decisions.chain(durable.ack.map(Message::Ack)) {
             let message = proto::IngestResponse { message: Some(message) };
             match self.outlet.try_send(message) {
-                // A client that has gone hears of it when it takes the run up.
+                // A client that is gone gets it when it resumes the run.
                 Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => {}
                 Err(mpsc::error::TrySendError::Full(_)) => {
                     let message =

@@ -72,8 +72,8 @@ impl super::Engine {
         run.await.map_err(Error::internal)
     }
 
-    /// The way of one pass of a stored job's thread: the program is planned up to it, as for its report. Both numbers count
-    /// from 0, in the order of the report's threads and of their passes. Dropping the future ends the work.
+    /// The path of one pass of a stored job's thread: the program is planned up to it, as for its report. Both numbers
+    /// count from 0, in the order of the report's threads and of their passes. Dropping the future ends the work.
     ///
     /// # Errors
     /// [`Error::Draining`] when the service ends first, those of the store, and [`Error::Internal`] where the program has no

@@ -55,7 +55,7 @@ pub(super) async fn run(engine: Engine) {
 
 /// Gives waiting jobs to free workers; returns how many still wait.
 async fn fill(engine: &Engine, running: &mut JoinSet<Uuid>, in_hand: &mut HashSet<Uuid>) -> Result<i64> {
-    // A job found in state `validating` that nobody has in hand was interrupted: it is validated again.
+    // A job found in state `validating` that no worker holds was interrupted: it is validated again.
     let states = [JobState::PendingValidation, JobState::Validating];
     let ids = engine.inner.store.jobs_in_state(&states, QUEUE_PAGE).await?;
     let mut waiting = 0;
@@ -159,7 +159,7 @@ async fn conclude(engine: &Engine, id: Uuid, report: &ValidationReport) -> Resul
 async fn finish(engine: &Engine, id: Uuid, state: JobState, detail: &str, report: Option<NewReport>) -> Result<()> {
     let from = [JobState::PendingValidation, JobState::Validating];
     match engine.inner.store.transition(id, &from, state, detail, report).await {
-        // Cancelled or deleted in the meantime: that stands.
+        // Cancelled or deleted in the meantime: that is final.
         Ok(_) | Err(StoreError::FailedState { .. } | StoreError::NotFound { .. }) => Ok(()),
         Err(error) => Err(error.into()),
     }

@@ -87,7 +87,7 @@ fn message(error: &Error) -> String {
     }
 }
 
-/// As many violations as there is room for, at least the first.
+/// As many violations as fit, at least the first.
 fn invalid_message(violations: &Violations) -> String {
     let mut message = String::from("invalid request: ");
     let room = MAX_MESSAGE_BYTES - wire_bytes(&message) - wire_bytes("; ") - wire_bytes(&more(usize::MAX));
@@ -151,7 +151,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
     details
 }
 
-/// The first violations, as many as there is room for beside the message.
+/// The first violations, as many as fit next to the message.
 fn listed(violations: &Violations, message: &str) -> Vec<FieldViolation> {
     // Base64 makes four bytes of three, and the details repeat the message.
     let room = (MAX_STATUS_BYTES - wire_bytes(message)) / 4 * 3;

@@ -28,7 +28,7 @@ pub struct Metrics {
     pub telemetry_samples: IntCounter,
     /// Decisions made durable, by action.
     pub decisions: IntCounterVec,
-    /// Conditions of runs that is not acknowledged.
+    /// Unacknowledged conditions of runs.
     pub open_conditions: IntGauge,
     /// Time from the arrival of the batch that causes a decision until the decision is durable and handed to the
     /// connection, s.
@@ -108,8 +108,7 @@ impl Metrics {
             active_runs: registrar.gauge("feedwave_active_runs", "Runs in progress."),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
             decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),
-            open_conditions: registrar
-                .gauge("feedwave_open_conditions", "Conditions of runs that is not acknowledged."),
+            open_conditions: registrar.gauge("feedwave_open_conditions", "Unacknowledged conditions of runs."),
             decision_seconds: registrar
                 .seconds("feedwave_decision_seconds", "Time from a batch to its decision, durable and sent."),
             sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),

@@ -77,7 +77,7 @@ impl<S> tower::Layer<S> for RpcLayer {
     }
 }
 
-/// See the module.
+/// A service whose calls are counted, timed and bounded.
 #[derive(Clone, Debug)]
 pub struct RpcService<S> {
     inner: S,

@@ -169,7 +169,7 @@ async fn health_and_reflection_are_served() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_usual_machines_are_there_until_someone_deletes_them() {
+async fn the_default_machines_exist_until_they_are_deleted() {
     let test = TestServer::start().await;
     let list = async |test: &TestServer| {
         let page = test.machines().list_machines(ListMachinesRequest::default()).await.unwrap().into_inner();

@@ -348,7 +348,7 @@ async fn an_escalation_stops_the_machine_where_that_is_set() {
     let ended = run.finish().await;
     assert_eq!((ended.state(), ended.message.as_str()), (RunState::Stopped, "decision 2 stopped the machine"));
     assert_eq!(run.changes.last().unwrap().cause(), FeedChangeCause::Stop);
-    // What nobody has seen outlives the run.
+    // An unacknowledged condition outlives the run.
     let request = GetRunRequest { name: run.started.run.clone() };
     let stored = monitoring.get_run(request).await.unwrap().into_inner().run.unwrap();
     assert_eq!((stored.open_conditions, stored.conditions[0].action()), (1, DecisionAction::Stop));

@@ -11,7 +11,7 @@ use feedwave_simulator::{Contact, Description, Simulator, Where};
 use super::super::CliError;
 use super::super::client::Client;
 use super::super::decisions::{self, heading, line};
-use super::super::run::{Drive, usual_monitoring};
+use super::super::run::{Drive, default_monitoring};
 use super::super::terminal::{count, number};
 use super::Stage;
 use super::steps::submit;
@@ -43,7 +43,7 @@ pub(super) async fn all(
         ..Description::default()
     };
     let checked = submit(client, machine, NAME, SLOT).await?;
-    let config = usual_monitoring(&description)?;
+    let config = default_monitoring(&description)?;
     let limits_mm = config.rules.as_ref().and_then(|rules| rules.feed).map(|feed| [feed.lower, feed.upper]);
     let mut telemetry = TelemetryClient::new(client.channel.clone());
     let request = SetMonitoringRequest { job: checked.job.name.clone(), config: Some(config) };
@@ -72,7 +72,7 @@ pub(super) async fn all(
     stage.check(
         taken >= BREAK_AT && durable.is_some() && changes > 0,
         &format!(
-            "taken up after a break at setpoint {}: no setpoint is missing, none of {changes} changes told is lost",
+            "resumed after a break at setpoint {}: no setpoint is missing, none of the {changes} reported changes is lost",
             count(taken)
         ),
     )?;

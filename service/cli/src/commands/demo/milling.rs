@@ -87,8 +87,8 @@ fn points(blocks: &[SetpointBlock]) -> Vec<[f64; 3]> {
     blocks.iter().flat_map(|block| (0..block.len()).map(move |row| point(block, row))).collect()
 }
 
-/// Largest distance of a point from the polyline through the others, mm. Both run the same way, so that the nearest
-/// place moves on with the points.
+/// Largest distance of a point from the polyline through the others, mm. Both run in the same direction, so that the
+/// nearest place moves on with the points.
 fn farthest(points: &[[f64; 3]], polyline: &[[f64; 3]]) -> f64 {
     let square = |point: &[f64; 3], segment: &[[f64; 3]]| {
         let along: [f64; 3] = std::array::from_fn(|axis| segment[1][axis] - segment[0][axis]);

@@ -1,4 +1,5 @@
-//! What the pictures of a five-axis program show: the way of the tool centre point, and both plans where it is thinned.
+//! What the pictures of a five-axis program show: the path of the tool centre point, and both plans where it is
+//! thinned.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -14,13 +15,13 @@ use super::super::terminal::{Unit, progress};
 use super::{CHORD_RAD, MAX_CHORDS};
 use crate::plot::{FiveAxisPlots, FiveAxisSetup, PathTrace, Point, Stretch, ThinningShown};
 
-/// Cuts told apart at most; further ones belong to the last one.
+/// Cuts distinguished at most; further ones belong to the last one.
 const MAX_CUTS: usize = 2_000;
 /// Lines of the close view, and how many of a cut lie before it, where the cut is that long.
 const CLOSE_LINES: u32 = 48;
 const LINES_BEFORE: u32 = 15;
 
-/// The way of a guided tool, as the program gives it.
+/// The path of a guided tool, as the program gives it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct GuidedWay {
     /// Where its centre point is, once every coordinate was programmed.
@@ -40,7 +41,7 @@ impl GuidedWay {
 
     /// Draws a move.
     pub(super) fn add(&mut self, guided: &GuidedMove, line: u32, trace: &mut PathTrace) {
-        // The tip moves with the rotary axes in a way that only the machine knows.
+        // The tip moves with the rotary axes and how, only the machine knows.
         if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align(_)) {
             return self.interrupt();
         }

@@ -34,7 +34,7 @@ const ASK_EVERY: std::time::Duration = std::time::Duration::from_millis(500);
 /// Longest time that the machine idles for one state of the monitoring, s.
 const MAX_IDLE_S: f64 = 120.0;
 
-/// What hears of every decision, once and in order.
+/// Receives every decision, once and in order.
 pub(in crate::commands) type OnDecision<'a> = &'a mut dyn FnMut(&Decision) -> Result<(), CliError>;
 
 /// The connection of a run.
@@ -141,7 +141,7 @@ impl Drive {
             }
         };
         if !self.summary.begins(&started.feed_changes) {
-            return Err(broken("a run was taken up without the changes of the feed that it had told"));
+            return Err(broken("a run was resumed without the changes of the feed that it had reported"));
         }
         self.acknowledge(started.durable_batch, started.state());
         self.feed_held = started.feed_held;
@@ -168,7 +168,7 @@ impl Drive {
         CliError::trouble(format!("{}: {}: {}", self.client.url, self.name, status.message()))
     }
 
-    /// Says something. That nobody listens any more is told by the next answer.
+    /// Sends a message. A closed stream is reported by the next answer.
     async fn say(&self, message: Request) {
         let _ = self.open.requests.send(RunRequest { message: Some(message) }).await;
     }
@@ -275,7 +275,7 @@ impl Drive {
         Ok(())
     }
 
-    /// Waits at rest until somebody has acknowledged why the feed is held, then resumes.
+    /// Waits at rest until the held feed is acknowledged, then resumes.
     async fn resume(&mut self, on: OnDecision<'_>) -> Result<(), CliError> {
         tell(&format!("{0}: the feed is held; acknowledge it: feedwave acknowledge {0} --by NAME\n", self.name));
         let mut telemetry = TelemetryClient::new(self.client.channel.clone());

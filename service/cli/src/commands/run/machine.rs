@@ -92,7 +92,7 @@ pub(super) fn refused(violations: &[Violation]) -> CliError {
 }
 
 /// Limits of the deflection for a simulated machine: windows as short as simulated programs are.
-pub(in crate::commands) fn usual_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
+pub(in crate::commands) fn default_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
     let pairs = [description.tool_sensors, description.work_sensors];
     if pairs.iter().flatten().any(|pair| pair.quantity != Quantity::Displacement) {
         return Err(CliError::trouble(
@@ -112,7 +112,7 @@ pub(in crate::commands) fn usual_monitoring(description: &Description) -> Result
         baseline: Length::Series(3),
         ..MonitoringConfig::default()
     };
-    // A simulated machine stands while its computer is busy: that is no silence, and its telemetry is not stale.
+    // A simulated machine rests while its computer is busy: that is no silence, and its telemetry is not stale.
     config.quality.silence_s = 600.0;
     config.quality.stale_s = 600.0;
     Ok(monitoring_to_proto(&config))

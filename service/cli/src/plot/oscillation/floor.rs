@@ -16,7 +16,7 @@ const COLUMNS: f64 = 300.0;
 const ROWS: usize = 160;
 /// Most rows that are simulated: the floor of a wider track is that of its middle.
 const MAX_ROWS: f64 = 20_000.0;
-/// Colours that are told apart.
+/// Colours that can be distinguished.
 const COLORS: u32 = 24;
 /// The least range of colours, µm: below it a floor is flat.
 const LEAST_RANGE_UM: f64 = 0.1;
@@ -129,7 +129,7 @@ impl FloorPicture<'_> {
         let mut panel =
             Panel::new("profile along the middle of the track: both floors are flat", self.along(floors), y);
         panel.note(
-            "every edge stands out alike, and none marks the floor: what measured edges leave is seen where the tool has \
+            "every edge protrudes alike, and none marks the floor: what measured edges leave is seen where the tool has \
              their set-overs",
         );
         self.add_profiles(&mut panel, floors, |floor| 1e3 * floor.roughness.height_mm);
@@ -165,7 +165,7 @@ impl FloorPicture<'_> {
         let start = "the oscillation leaves the rougher floor here";
         Some(match (finisher, farthest) {
             (Some(finisher), Some(farthest)) if stands_out(&farthest) > stands_out(&finisher) => format!(
-                "{start}: E{finisher} finishes ahead of the tool, but E{farthest} stands out {} µm further and cuts deeper at \
+                "{start}: E{finisher} finishes ahead of the tool, but E{farthest} protrudes {} µm further and cuts deeper at \
                  the sides; let E{farthest} finish (word L)",
                 short(1e3 * (stands_out(&farthest) - stands_out(&finisher)), 2)
             ),

@@ -89,7 +89,7 @@ impl LayersPicture<'_> {
             short(report.volume_mm3_per_rev, 2),
             short(report.plain_volume_mm3_per_rev, 2)
         );
-        // On the right there is room for the text of the longest bar.
+        // On the right there is space for the text of the longest bar.
         let x = Axis::new("share of the volume", PERCENT, 0.0..2.1 * most);
         let y = Axis::new("edge", COUNT, -(shown.len() as f64) + 0.4..0.6);
         let mut panel = Panel { y_numbers: false, ..Panel::new(title, x, y) };

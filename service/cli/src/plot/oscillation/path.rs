@@ -8,7 +8,7 @@ use super::{OscillationPictures, sampled};
 const PERIODS: f64 = 3.0;
 /// Points of a period.
 const POINTS: u32 = 800;
-/// Where arrows stand on each period: not at the turning points of the usual waveforms.
+/// Where arrows are on each period: not at the turning points of common waveforms.
 const ARROWS: [f64; 6] = [0.06, 0.19, 0.44, 0.56, 0.81, 0.94];
 
 /// The path of the reference point.

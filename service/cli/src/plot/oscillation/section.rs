@@ -95,7 +95,7 @@ impl<'a> Section<'a> {
         (corners[0].0 < corners[1].0 && corners[0].1 < corners[1].1).then_some(corners)
     }
 
-    /// The work as it stands after `passed` edges of this revolution.
+    /// The work as it is after `passed` edges of this revolution.
     pub(super) fn add_work(&self, panel: &mut Panel, passed: usize) {
         let depth_mm = self.pass.section.cut.depth_mm;
         let below = f64::NEG_INFINITY..self.levels_mm.first().copied().unwrap_or(depth_mm).min(depth_mm);
@@ -120,7 +120,7 @@ impl<'a> Section<'a> {
     }
 
     /// Writes something into the shown layers of an edge, in one line or two as the `room` of the panel permits, design
-    /// units; what finds no room.
+    /// units; returns what does not fit.
     pub(super) fn write(
         &self,
         panel: &mut Panel,

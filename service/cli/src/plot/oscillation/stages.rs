@@ -74,7 +74,7 @@ fn stage(section: &Section<'_>, edge: usize, room: (f64, f64)) -> Panel {
         [format!("{} × ", short(wide, 3)), format!("{} mm", short(high, 3))]
     });
     if !left_out.is_empty() {
-        panel.note(format!("without room for its size: {}", left_out.join(", ")));
+        panel.note(format!("too small to label: {}", left_out.join(", ")));
     }
     panel
 }

@@ -121,7 +121,7 @@ impl WaveformPicture<'_> {
         edges.filter(|(_, turns)| *turns < SHOWN_TURNS).map(|(edge, turns)| (edge, 360.0 * turns)).collect()
     }
 
-    /// Where the protrusion is held; for how long in the first of the stretches that has room.
+    /// Where the protrusion is held; for how long in the first of the stretches that is long enough.
     fn shade_hold(&self, panel: &mut Panel) {
         let (middle, share) = self.pass.oscillation.axial.trough();
         let half = 0.5 * share * self.pass.period_turns();

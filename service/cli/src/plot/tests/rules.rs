@@ -310,7 +310,7 @@ fn every_panel_renders() {
     }
 }
 
-/// Colours in the eye of somebody without receptors for red or green (Viénot, Brettel and Mollon, "Digital video
+/// Colours in the eye of a person without receptors for red or green (Viénot, Brettel and Mollon, "Digital video
 /// colourmaps for checking the legibility of displays by dichromats", 1999), as lightness and two colour differences
 /// (CIELAB).
 fn seen(color: RGBColor, without_red: Option<bool>) -> [f64; 3] {

@@ -44,7 +44,7 @@ impl SectionPicture<'_> {
         self.groove.job.profile.depth_at_mm(tip_mm, z_mm - self.tip_z_mm(index))
     }
 
-    /// What is shown along Z: the widest groove with some room.
+    /// What is shown along Z: the widest groove with a margin.
     fn range_z(&self) -> Range<f64> {
         let edges = self.groove.passes.iter().map(|&index| {
             let half_mm = 0.5 * self.groove.job.profile.width_mm(self.groove.pass(index).depth_mm);
@@ -193,7 +193,7 @@ impl SectionPicture<'_> {
         corners.map(|(z_mm, depth_mm)| self.at(tip_z_mm + z_mm, depth_mm)).to_vec()
     }
 
-    /// The number of each pass in what it removes, where there is room.
+    /// The number of each pass in what it removes, where there is space.
     fn number(&self, panel: &mut Panel, places: &[f64], removed: &[Removed]) {
         let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
         // What lies along a flank is thinner than it is high.

@@ -168,11 +168,11 @@ fn kinematics_are_checked_with_their_fields() {
 }
 
 #[test]
-fn what_is_left_open_is_as_usual_for_the_machine() {
-    for usual in [MachineProfile::lathe(), MachineProfile::mill()] {
-        let machine = profile_to_proto(&usual).machine;
+fn unset_fields_have_the_defaults_of_the_machine() {
+    for default in [MachineProfile::lathe(), MachineProfile::mill()] {
+        let machine = profile_to_proto(&default).machine;
         let sparse = proto::MachineProfile { machine, ..Default::default() };
-        assert_eq!(from_proto(&sparse), Ok(usual));
+        assert_eq!(from_proto(&sparse), Ok(default));
     }
 }
 

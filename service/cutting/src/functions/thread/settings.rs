@@ -62,8 +62,8 @@ impl ThreadVibrationSettings {
     #[must_use]
     pub fn problems(&self) -> Vec<ProfileProblem> {
         let mut problems = Vec::new();
-        let mut require = |field: &str, is_sound: bool, value: f64, permitted: &str| {
-            if !is_sound {
+        let mut require = |field: &str, is_valid: bool, value: f64, permitted: &str| {
+            if !is_valid {
                 let message = format!("must be {permitted}, is {value}");
                 problems.push(ProfileProblem { field: field.to_owned(), message });
             }

@@ -73,7 +73,7 @@ fn findings_are_bounded_and_counted() {
 }
 
 /// A spline keeps what its type promises: finite points from the start to the end of its move, positive weights.
-fn assert_sound(step: &Move, spline: &SplineGeometry) {
+fn assert_valid(step: &Move, spline: &SplineGeometry) {
     let (first, second) = spline.plane.axes();
     let in_plane = |position: &Position| [position[first.index()], position[second.index()]];
     assert_eq!(spline.points.first(), Some(&in_plane(&step.start)));
@@ -116,7 +116,7 @@ fn assert_finite(operations: &[Operation]) {
                 assert!(arc.center.iter().chain([&arc.sweep_rad]).all(|value| value.is_finite()), "{arc:?}");
             }
             if let Some(spline) = step.spline.as_deref() {
-                assert_sound(step, spline);
+                assert_valid(step, spline);
             }
             if let PathControl::Continuous { tolerance_mm, merge_tolerance_mm } = step.path_control {
                 assert!((0.0..=tolerance_mm).contains(&merge_tolerance_mm) && tolerance_mm <= MAX_PATH_TOLERANCE_MM);

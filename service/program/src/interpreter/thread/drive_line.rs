@@ -124,15 +124,15 @@ impl Execution<'_> {
     }
 
     fn is_turning_plane(&mut self) -> bool {
-        let sound = self.state.plane == Plane::Zx;
-        if !sound {
+        let valid = self.state.plane == Plane::Zx;
+        if !valid {
             let span = self.block.span();
             self.findings.push_with(Severity::Error, || {
                 Finding::error(code::THREAD_CYCLE_FORM, span, "this threading cycle needs the plane of Z and X")
                     .suggest("select it before, G18")
             });
         }
-        sound
+        valid
     }
 
     fn radial_depth(&mut self, letter: u8, name: &'static str) -> Option<f64> {

@@ -37,10 +37,10 @@ fn names(set: &ColumnSet) -> Vec<&str> {
 #[test]
 fn without_a_wish_all_columns_are_sent_in_their_order() {
     let set = select(&[], false, proto::Encoding::PackedDouble).unwrap();
-    let usual = ["x_mm", "z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
-    assert_eq!(names(&set), usual);
+    let default = ["x_mm", "z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
+    assert_eq!(names(&set), default);
     let with_conditions = select(&[], true, proto::Encoding::PackedDouble).unwrap();
-    assert_eq!(names(&with_conditions)[..6], usual);
+    assert_eq!(names(&with_conditions)[..6], default);
     assert_eq!(names(&with_conditions).len(), 6 + 2 + 1 + 1 + 2 + 2);
 }
 

@@ -71,7 +71,7 @@ pub(crate) fn feed_change_to_proto(change: &RunOverride) -> Result<proto::RunFee
     Ok(proto::RunFeedChange { setpoint_index, ratio, cause: cause.into(), decision_number })
 }
 
-/// See the module.
+/// The log of feed changes of a run, and what the operator and the decisions request now.
 #[derive(Debug)]
 pub(super) struct Feed {
     log: Vec<RunOverride>,
@@ -100,8 +100,8 @@ impl Feed {
         self.log.iter().map(|change| OverrideChange { index: change.setpoint_index, ratio: change.ratio }).collect()
     }
 
-    /// Says why the feed may have to change.
-    pub(super) fn because(&mut self, cause: Cause) {
+    /// Sets the cause of the next change of the feed.
+    pub(super) fn set_cause(&mut self, cause: Cause) {
         match cause {
             Cause::Hold => self.held = true,
             Cause::Resume => self.held = false,
@@ -147,15 +147,15 @@ mod tests {
     fn a_hold_outlives_decisions_and_a_resume_takes_the_last_one() {
         let mut feed = Feed::new(&[]).unwrap();
         assert_eq!(feed.change(1.0, 5), None, "nothing has happened");
-        feed.because(Cause::Decision(3));
+        feed.set_cause(Cause::Decision(3));
         assert_eq!(feed.change(0.95, 10).map(|change| (change.setpoint_index, change.ratio)), Some((10, 0.95)));
-        feed.because(Cause::Hold);
+        feed.set_cause(Cause::Hold);
         assert_eq!(feed.change(0.95, 20).unwrap().ratio, 0.0);
-        feed.because(Cause::Decision(4));
+        feed.set_cause(Cause::Decision(4));
         assert_eq!(feed.change(0.9, 25), None);
         let again = Feed::new(&feed.log).unwrap();
         assert!(again.held && again.ending.is_none());
-        feed.because(Cause::Resume);
+        feed.set_cause(Cause::Resume);
         let change = feed.change(0.9, 30).unwrap();
         assert_eq!((change.ratio, change.cause.as_str(), change.number), (0.9, "resume", 2));
     }
@@ -163,11 +163,11 @@ mod tests {
     #[test]
     fn a_stop_is_the_last_change_and_known_after_a_restart() {
         let mut feed = Feed::new(&[]).unwrap();
-        feed.because(Cause::Hold);
+        feed.set_cause(Cause::Hold);
         feed.change(1.0, 1);
-        feed.because(Cause::Stop(7));
+        feed.set_cause(Cause::Stop(7));
         assert_eq!(feed.change(1.0, 9).unwrap().cause, "stop 7");
-        feed.because(Cause::Resume);
+        feed.set_cause(Cause::Resume);
         assert_eq!(feed.change(1.0, 11), None);
         assert_eq!(Feed::new(&feed.log).unwrap().ending, Some(Cause::Stop(7)));
     }

@@ -14,7 +14,7 @@ use crate::api::decision_from_record;
 use crate::engine::{ColumnSet, Engine};
 use crate::error::{Error, Result, Violations};
 
-/// Differences told at most.
+/// Differences reported at most.
 const MAX_DIFFERENCES: usize = 100;
 
 /// Collects what differs.

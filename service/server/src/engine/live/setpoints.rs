@@ -20,7 +20,7 @@ pub(super) enum Next {
     End,
 }
 
-/// See the module.
+/// Generates the setpoints of a run and digests them.
 pub(super) struct Setpoints {
     pipeline: Pipeline,
     source: Source,

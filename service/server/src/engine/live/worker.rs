@@ -26,7 +26,7 @@ const INPUTS_PER_GROUP: usize = 64;
 enum Wake {
     /// The client said something; `None`: the connection broke.
     Input(Option<LiveInput>),
-    /// There is room for a chunk.
+    /// Another chunk may be sent.
     Room(OwnedSemaphorePermit),
     Silence,
     Commit,
@@ -106,9 +106,9 @@ impl Worker {
             }
             for decision in self.session.waiting_decisions() {
                 match decision.outcome.action {
-                    Action::Stop => self.feed.because(Cause::Stop(decision.number)),
-                    Action::Change => self.feed.because(Cause::Decision(decision.number)),
-                    Action::HoldFeed => self.feed.because(Cause::Escalation(decision.number)),
+                    Action::Stop => self.feed.set_cause(Cause::Stop(decision.number)),
+                    Action::Change => self.feed.set_cause(Cause::Decision(decision.number)),
+                    Action::HoldFeed => self.feed.set_cause(Cause::Escalation(decision.number)),
                     Action::Keep | Action::Hold => {}
                 }
             }
@@ -220,7 +220,7 @@ impl Worker {
             proto::RunCommandKind::Hold => Cause::Hold,
             proto::RunCommandKind::Resume => match self.runtime.block_on(self.session.resume()) {
                 Ok(()) => Cause::Resume,
-                // What nobody has seen is not resumed; the run itself goes on.
+                // An unacknowledged hold is not resumed; the run itself goes on.
                 Err(Error::Precondition { reason, message, .. }) => {
                     let refused = proto::RunCommandRefused { kind: command.into(), reason: reason.into(), message };
                     return self.tell(Message::CommandRefused(refused), None);
@@ -230,7 +230,7 @@ impl Worker {
             proto::RunCommandKind::Abort => Cause::Abort,
             proto::RunCommandKind::Unspecified => return Err(Error::invalid("command.kind", "must be set")),
         };
-        self.feed.because(cause);
+        self.feed.set_cause(cause);
         Ok(())
     }
 
@@ -305,7 +305,7 @@ impl Worker {
 
     fn tell(&self, message: Message, place: Option<OwnedSemaphorePermit>) -> Result<()> {
         match self.outlet.try_send(Outgoing { message, _place: place }) {
-            // A client that has gone hears of it when it takes the run up.
+            // A client that is gone gets it when it resumes the run.
             Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
             Err(mpsc::error::TrySendError::Full(_)) => {
                 let message = format!("{MESSAGES_IN_FLIGHT} messages were left unread; read decisions as they come");

@@ -105,7 +105,7 @@ impl SurfaceSpeedAnalysis {
     /// Analyses one span; spans come in the order of the path. Spans without length and spindle speed are passed
     /// over.
     pub fn add(&mut self, span: &LinearSpan) {
-        if !span.is_sound() {
+        if !span.is_valid() {
             return;
         }
         self.length_mm += span.length_mm;
@@ -204,7 +204,7 @@ impl SurfaceSpeedAnalysis {
 }
 
 impl LinearSpan {
-    fn is_sound(&self) -> bool {
+    fn is_valid(&self) -> bool {
         self.length_mm > 0.0 && self.surface_speed_m_per_min > 0.0 && self.frequency_hz > 0.0
     }
 
@@ -240,7 +240,7 @@ impl LinearSpan {
     /// Between two whole D the margin |sin πD|/f_r is concave, or with a feed per minute concave over linear: it is least at
     /// one of the ends. At a whole D it is 0.
     pub(crate) fn worst_cut(&self) -> Option<(f64, CutCondition)> {
-        if !self.is_sound() {
+        if !self.is_valid() {
             return None;
         }
         let with_margin = |share: f64| {

@@ -151,12 +151,12 @@ fn absurd_ratios_are_quick_and_stay_in_range() {
 #[test]
 fn senseless_conditions_yield_an_unbroken_report() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let sound = example(125.0 / 3.0);
+        let valid = example(125.0 / 3.0);
         for condition in [
-            CutCondition { feed_per_rev_mm: bad, ..sound },
-            CutCondition { amplitude_mm: bad, ..sound },
-            CutCondition { frequency_hz: bad, ..sound },
-            CutCondition { spindle_rev_per_min: bad, ..sound },
+            CutCondition { feed_per_rev_mm: bad, ..valid },
+            CutCondition { amplitude_mm: bad, ..valid },
+            CutCondition { frequency_hz: bad, ..valid },
+            CutCondition { spindle_rev_per_min: bad, ..valid },
         ] {
             let report = analyse(&condition);
             assert!(!report.broken && !condition.breaks_chip());
