@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::{LazyLock, Mutex};
 
 use bytes::Bytes;
-use feedwave_store::{ProgramId, Programs, Store, StoreError, StoreSettings, UploadStart};
+use feedwave_store::{ProgramId, Programs, Store, StoreError, StoreSettings, StoreUri, UploadStart};
 use libfuzzer_sys::fuzz_target;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
@@ -26,7 +26,8 @@ static PROGRAMS: LazyLock<Vec<(ProgramId, Bytes)>> = LazyLock::new(|| {
 
 async fn open() -> Store {
     let settings = StoreSettings { max_uploads: 2, ..StoreSettings::default() };
-    Store::open(HOME.path().join("feedwave.db"), settings).await.expect("the store opens")
+    let uri = StoreUri::of_file(&HOME.path().join("feedwave.db")).expect("a path");
+    Store::open(&uri, settings).await.expect("the store opens")
 }
 
 /// What has arrived of each unfinished upload, by program.

@@ -23,7 +23,7 @@ def server(tmp_path_factory):
         "PATH": os.environ["PATH"],
         "FEEDWAVE_GRPC__LISTEN": "127.0.0.1:0",
         "FEEDWAVE_HTTP__LISTEN": "127.0.0.1:0",
-        "FEEDWAVE_DATABASE__PATH": str(home / "feedwave.db"),
+        "FEEDWAVE_STORE__URI": f"sqlite://{home}/feedwave.db",
     }
     with open(home / "log.txt", "wb") as log:
         process = subprocess.Popen(

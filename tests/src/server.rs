@@ -30,7 +30,7 @@ impl Home {
     pub fn new(binary: impl Into<PathBuf>, more: &str) -> Self {
         let directory = tempfile::tempdir().expect("a temporary directory");
         let mut config = String::from("[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n");
-        writeln!(config, "[database]\npath = '{}'\n{more}", directory.path().join("feedwave.db").display())
+        writeln!(config, "[store]\nuri = 'sqlite://{}/feedwave.db'\n{more}", directory.path().display())
             .expect("text grows");
         std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
         Self { binary: binary.into(), directory }

@@ -16,7 +16,7 @@ use feedwave_contract::proto::setpoints_client::SetpointsClient;
 use feedwave_contract::proto::{
     CreateJobRequest, JobState, StreamSetpointsRequest, StreamSetpointsResponse, UploadChunk, WatchJobsRequest,
 };
-use feedwave_server::config::Config;
+use feedwave_server::config::{Config, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 use futures_util::future::BoxFuture;
 use futures_util::{Stream, StreamExt as _, stream};
@@ -118,7 +118,7 @@ impl Service {
         let mut config = Config::default();
         config.grpc.listen = "127.0.0.1:0".parse().unwrap();
         config.http.listen = "127.0.0.1:0".parse().unwrap();
-        config.database.path = folder.path().join("feedwave.db");
+        config.store = StoreConfig::of_file(&folder.path().join("feedwave.db")).unwrap();
         let server = Server::start(config).await.unwrap();
         let url = format!("http://{}", server.grpc_addr());
         let channel = Channel::from_shared(url).unwrap().connect().await.unwrap();

@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
 use figment::value::Value;
@@ -20,6 +21,9 @@ pub const EXIT_CONFIG: u8 = 78;
 /// Environment variables of this service start with it.
 pub const ENV_PREFIX: &str = "FEEDWAVE_";
 
+/// The file of the store where none is named, in the working directory.
+const DEFAULT_STORE_FILE: &str = "feedwave.db";
+
 /// Everything that can be set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -28,7 +32,9 @@ pub struct Config {
     pub grpc: GrpcConfig,
     /// The read-only HTTP port.
     pub http: HttpConfig,
-    /// The database.
+    /// The store.
+    pub store: StoreConfig,
+    /// The former place of [`StoreConfig`].
     pub database: DatabaseConfig,
     /// Sizes and counts.
     pub limits: Limits,
@@ -84,18 +90,32 @@ impl Default for HttpConfig {
     }
 }
 
-/// The database.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The store: jobs, programs, reports, machines, tools and runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct DatabaseConfig {
-    /// File of the SQLite database; created where there is none.
-    pub path: PathBuf,
+pub struct StoreConfig {
+    /// Where it is kept; absent: the file `feedwave.db` in the working directory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<StoreUri>,
 }
 
-impl Default for DatabaseConfig {
-    fn default() -> Self {
-        Self { path: PathBuf::from("feedwave.db") }
+impl StoreConfig {
+    /// The store in this file, relative to the working directory where the path is relative.
+    ///
+    /// # Errors
+    /// [`InvalidStoreUri`] if the path is empty.
+    pub fn of_file(path: &Path) -> Result<Self, InvalidStoreUri> {
+        StoreUri::of_file(path).map(|uri| Self { uri: Some(uri) })
     }
+}
+
+/// What named the store before `store.uri` did; still read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DatabaseConfig {
+    /// File of the store.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
 }
 
 /// Sizes and counts that bound what clients can ask for.
@@ -287,6 +307,38 @@ impl Config {
         if problems.is_empty() { Ok(config) } else { Err(ConfigError(problems)) }
     }
 
+    /// Where the store is kept.
+    ///
+    /// # Errors
+    /// The key and what is wrong with it, where `store.uri` and `database.path` name different stores or none.
+    pub fn store_uri(&self) -> Result<StoreUri, (&'static str, String)> {
+        let file = self.database.path.as_deref();
+        match (&self.store.uri, file) {
+            (Some(uri), None) => Ok(uri.clone()),
+            (uri, file) => {
+                let file = StoreUri::of_file(file.unwrap_or(Path::new(DEFAULT_STORE_FILE)))
+                    .map_err(|error| ("database.path", error.to_string()))?;
+                match uri {
+                    Some(uri) if uri.file() != file.file() => {
+                        let reason = format!("names another store than store.uri ({uri}): keep store.uri alone");
+                        Err(("database.path", reason))
+                    }
+                    Some(uri) => Ok(uri.clone()),
+                    None => Ok(file),
+                }
+            }
+        }
+    }
+
+    /// What is still read but should be written otherwise, in words for the log.
+    #[must_use]
+    pub fn deprecations(&self) -> Vec<String> {
+        let uri = self.database.path.as_ref().and_then(|_| self.store_uri().ok());
+        uri.map(|uri| format!("database.path is the former name of store.uri: set store.uri to {uri} in its stead"))
+            .into_iter()
+            .collect()
+    }
+
     /// Values of the right type that still cannot be used, by key.
     fn problems(&self) -> Vec<(&'static str, String)> {
         let limits = &self.limits;
@@ -307,8 +359,8 @@ impl Config {
         range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
         range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
         range("limits.drain_s", limits.drain_s, 0, 3_600);
-        if self.database.path.as_os_str().is_empty() {
-            problems.push(("database.path", "must not be empty".to_owned()));
+        if let Err(problem) = self.store_uri() {
+            problems.push(problem);
         }
         if let Err(error) = tracing_subscriber::EnvFilter::try_new(&self.log.level) {
             problems.push(("log.level", error.to_string()));

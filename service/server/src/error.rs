@@ -112,8 +112,8 @@ pub enum Error {
     /// What the transport says: it could not read a message, or knows no such method.
     #[error("{}", .0.message())]
     Transport(Status),
-    /// The database cannot be used at the moment.
-    #[error("the database is unavailable")]
+    /// The store cannot be used at the moment.
+    #[error("the store is unavailable")]
     StoreUnavailable(#[source] Arc<StoreError>),
     /// A fault of the service; the log has the cause.
     #[error("internal error")]

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use feedwave_contract::convert::timestamp;
-use feedwave_store::{Store, StoreError, StoreSettings};
+use feedwave_store::{Store, StoreError, StoreSettings, StoreUri};
 use http::Request;
 use jiff::Timestamp;
 use tokio::net::TcpListener;
@@ -41,11 +41,11 @@ const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(3
 /// Why a server could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// The database cannot be used.
-    #[error("database.path: {path}: {source}")]
-    Database {
-        /// The file.
-        path: String,
+    /// The store cannot be used.
+    #[error("store.uri: {uri}: {source}")]
+    Store {
+        /// Where it is kept.
+        uri: StoreUri,
         /// Why.
         source: StoreError,
     },
@@ -84,24 +84,15 @@ pub struct RunningServer {
     config: Config,
     engine: Engine,
     metrics: Arc<Metrics>,
-    store: StoreHandle,
+    store: Store,
     health: HealthReporter,
     grpc: JoinHandle<Result<(), tonic::transport::Error>>,
     http: JoinHandle<std::io::Result<()>>,
     http_stop: CancellationToken,
 }
 
-/// The store, without its insides in debug output.
-struct StoreHandle(Store);
-
-impl std::fmt::Debug for StoreHandle {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Store")
-    }
-}
-
 impl Server {
-    /// Opens the database and both ports, resumes unfinished work, and serves. Call inside a runtime.
+    /// Opens the store and both ports, resumes unfinished work, and serves. Call inside a runtime.
     ///
     /// # Errors
     /// [`StartError`] with the configuration key that is at fault.
@@ -163,7 +154,7 @@ impl Server {
             http_addr,
             engine,
             metrics,
-            store: StoreHandle(store),
+            store,
             health,
             grpc: tokio::spawn(grpc),
             http: tokio::spawn(http.into_future()),
@@ -222,19 +213,21 @@ impl RunningServer {
         if !self.http.is_finished() && tokio::time::timeout(drain, &mut self.http).await.is_err() {
             self.http.abort();
         }
-        self.store.0.close().await;
+        self.store.close().await;
     }
 }
 
 async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, StartError> {
-    let path: &Path = &config.database.path;
+    for deprecation in config.deprecations() {
+        tracing::warn!("{deprecation}");
+    }
+    let uri = config.store_uri().map_err(|(key, reason)| StartError::Setup(format!("{key}: {reason}")))?;
     let settings = StoreSettings {
         max_program_bytes: config.limits.upload_bytes.max(config.limits.inline_program_bytes),
         observer: metrics,
         ..StoreSettings::default()
     };
-    let failed = |source| StartError::Database { path: path.display().to_string(), source };
-    Store::open(path, settings).await.map_err(failed)
+    Store::open(&uri, settings).await.map_err(|source| StartError::Store { uri, source })
 }
 
 async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {

@@ -4,7 +4,9 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_store::{CHUNK_BYTES, Fingerprint, Jobs, NewJob, ProgramId, Programs, RawValue, Store, StoreSettings};
+use feedwave_store::{
+    CHUNK_BYTES, Fingerprint, Jobs, NewJob, ProgramId, Programs, RawValue, Store, StoreSettings, StoreUri,
+};
 use tokio::runtime::Runtime;
 
 const JOBS: u64 = 256;
@@ -29,7 +31,8 @@ async fn create(store: Store, program_id: ProgramId, jobs: u64) {
 fn benchmarks(criterion: &mut Criterion) {
     let runtime = Runtime::new().expect("a runtime");
     let folder = tempfile::TempDir::new().expect("a temporary folder");
-    let opened = Store::open(folder.path().join("feedwave.db"), StoreSettings::default());
+    let uri = StoreUri::of_file(&folder.path().join("feedwave.db")).expect("a path");
+    let opened = Store::open(&uri, StoreSettings::default());
     let store = runtime.block_on(opened).expect("opens");
     let source: Vec<u8> =
         (0..CHUNK_BYTES / 16).flat_map(|line| format!("G1 X{:011}\n", line * 977).into_bytes()).collect();

@@ -1,6 +1,7 @@
 //! Checkpoints: snapshots of a job's generator from which its stream continues without generating
 //! what precedes. They are derived data: losing them costs time, never content.
 
+use async_trait::async_trait;
 use bytes::Bytes;
 use uuid::Uuid;
 
@@ -29,40 +30,29 @@ pub struct Checkpoint {
 }
 
 /// Keeps checkpoints.
+#[async_trait]
 pub trait Checkpoints {
     /// Adds checkpoints to a set; one with the same setpoint index is replaced. All or none.
     ///
     /// # Errors
     /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
-    fn put_checkpoints(
-        &self,
-        set: &CheckpointSet,
-        checkpoints: Vec<Checkpoint>,
-    ) -> impl Future<Output = Result<()>> + Send;
+    async fn put_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>) -> Result<()>;
 
     /// Replaces a whole set at once.
     ///
     /// # Errors
     /// As [`Checkpoints::put_checkpoints`].
-    fn replace_checkpoints(
-        &self,
-        set: &CheckpointSet,
-        checkpoints: Vec<Checkpoint>,
-    ) -> impl Future<Output = Result<()>> + Send;
+    async fn replace_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>) -> Result<()>;
 
     /// The last checkpoint of a set at or before a setpoint.
     ///
     /// # Errors
     /// `Corrupt`, `Unavailable`.
-    fn nearest_checkpoint(
-        &self,
-        set: &CheckpointSet,
-        setpoint_index: u64,
-    ) -> impl Future<Output = Result<Option<Checkpoint>>> + Send;
+    async fn nearest_checkpoint(&self, set: &CheckpointSet, setpoint_index: u64) -> Result<Option<Checkpoint>>;
 
     /// Deletes all checkpoints of a job, of every set.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn delete_checkpoints(&self, job_id: Uuid) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_checkpoints(&self, job_id: Uuid) -> Result<()>;
 }

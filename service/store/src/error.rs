@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::fmt;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use uuid::Uuid;
@@ -190,18 +189,16 @@ pub enum StoreError {
         #[source]
         source: Option<Arc<dyn Error + Send + Sync>>,
     },
-    /// The database file cannot be opened or created.
-    #[error("the database {path:?} cannot be opened: {reason}")]
+    /// The database cannot be opened or created.
+    #[error("the database cannot be opened: {reason}")]
     CannotOpen {
-        /// Path of the database.
-        path: PathBuf,
         /// Why, in words for an operator.
         reason: &'static str,
         /// The cause, where there is one.
         #[source]
         source: Option<Arc<dyn Error + Send + Sync>>,
     },
-    /// The database file is not usable by this version: it belongs to a newer version or to another
+    /// The database is not usable by this version: it belongs to a newer version or to another
     /// program.
     #[error("the database cannot be used by this version: {0}")]
     Incompatible(String),

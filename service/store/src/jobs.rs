@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use async_trait::async_trait;
 use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -228,6 +229,7 @@ pub struct JobFilter {
 pub const MAX_EVENTS: u32 = 1000;
 
 /// Keeps jobs.
+#[async_trait]
 pub trait Jobs {
     /// Creates a job in state [`JobState::PendingValidation`], or returns the one that the same
     /// request created before.
@@ -235,82 +237,77 @@ pub trait Jobs {
     /// # Errors
     /// `Conflict` if the request id was used with another fingerprint, `NotFound` if the program
     /// does not exist, `TooLarge`, `Unavailable`.
-    fn create_job(&self, job: NewJob) -> impl Future<Output = Result<Job>> + Send;
+    async fn create_job(&self, job: NewJob) -> Result<Job>;
 
     /// A job as lists show it.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn job(&self, id: Uuid) -> impl Future<Output = Result<Job>> + Send;
+    async fn job(&self, id: Uuid) -> Result<Job>;
 
     /// A job with machine profile and settings.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn job_detail(&self, id: Uuid) -> impl Future<Output = Result<JobDetail>> + Send;
+    async fn job_detail(&self, id: Uuid) -> Result<JobDetail>;
 
     /// The job created with this request id, if there is one.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn job_by_request(&self, request_id: &str) -> impl Future<Output = Result<Option<Job>>> + Send;
+    async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>>;
 
     /// Jobs by creation time, newest first. Jobs created while paging do not shift later pages.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> impl Future<Output = Result<Page<Job>>> + Send;
+    async fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<Job>>;
 
     /// Identifiers of jobs in one of these states, oldest first, at most `limit`: for taking up work
     /// after a restart.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn jobs_in_state(&self, states: &[JobState], limit: u32) -> impl Future<Output = Result<Vec<Uuid>>> + Send;
+    async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>>;
 
     /// How many jobs are in each state; states without jobs are absent.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn count_jobs(&self) -> impl Future<Output = Result<Vec<(JobState, u64)>>> + Send;
+    async fn count_jobs(&self) -> Result<Vec<(JobState, u64)>>;
 
     /// Changes a job's state if it is now one of `from`, stores the report if there is one (in
     /// place of an earlier one), and logs the event, all at once.
     ///
     /// # Errors
     /// `NotFound`, `FailedState` if the job is in another state, `TooLarge`, `Unavailable`.
-    fn transition(
+    async fn transition(
         &self,
         id: Uuid,
         from: &[JobState],
         to: JobState,
         detail: &str,
         report: Option<NewReport>,
-    ) -> impl Future<Output = Result<Job>> + Send;
+    ) -> Result<Job>;
 
     /// The validation report of a job.
     ///
     /// # Errors
     /// `NotFound` if the job does not exist or has no report yet, `Corrupt`, `Unavailable`.
-    fn report(&self, id: Uuid) -> impl Future<Output = Result<StoredReport>> + Send;
+    async fn report(&self, id: Uuid) -> Result<StoredReport>;
 
     /// Deletes a job with its report and checkpoints, and logs the event. The program stays.
     ///
     /// # Errors
     /// `NotFound`, `EtagMismatch` if an etag is given and the job changed, `Unavailable`.
-    fn delete_job(&self, id: Uuid, etag: Option<&str>) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<()>;
 
     /// Events after position `sequence` (0 for all), of one job or of all, oldest first, at most
     /// `limit` and never more than [`MAX_EVENTS`].
     ///
     /// # Errors
     /// `Unavailable`.
-    fn events_after(
-        &self,
-        sequence: i64,
-        job_id: Option<Uuid>,
-        limit: u32,
-    ) -> impl Future<Output = Result<Vec<JobEvent>>> + Send;
+    async fn events_after(&self, sequence: i64, job_id: Option<Uuid>, limit: u32) -> Result<Vec<JobEvent>>;
 
     /// Position of the newest event; 0 if there is none yet.
     fn latest_sequence(&self) -> i64;

@@ -4,8 +4,9 @@
 //! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
 //! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
 //! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
-//! [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) says what a database must do; [`Store`] does it with
-//! SQLite.
+//! [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) and [`Database`] over them say what a database must do; a
+//! [`Store`] is the database that a [`StoreUri`] names. One more database is one more implementation of the traits,
+//! one more scheme of the URI, and the same tests.
 //!
 //! Guarantees that hold for every method:
 //!
@@ -25,7 +26,9 @@ mod programs;
 mod runs;
 mod settings;
 mod sqlite;
+mod store;
 mod tools;
+mod uri;
 
 pub use checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
 pub use error::{Kind, Result, StoreError};
@@ -43,8 +46,9 @@ pub use runs::{
     RunCondition, RunKind, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
-pub use sqlite::Store;
+pub use store::{Database, Store};
 pub use tools::{ToolFilter, ToolRecord, Tools};
+pub use uri::{InvalidStoreUri, StoreUri};
 
 /// A JSON document the store keeps without looking inside. That it is well-formed is checked when
 /// the value is made ([`to_raw_value`], [`RawValue::from_string`]).

@@ -1,5 +1,7 @@
 //! Machine profiles.
 
+use async_trait::async_trait;
+
 use crate::Json;
 use crate::error::Result;
 use crate::page::{Page, PageRequest};
@@ -22,39 +24,35 @@ pub struct MachineRecord {
 
 /// Keeps machine profiles. Jobs carry the profile they were created with, so profiles may be
 /// changed and deleted freely.
+#[async_trait]
 pub trait Machines {
     /// Creates a profile; without an identifier one is made up.
     ///
     /// # Errors
     /// `AlreadyExists`, `TooLarge`, `Unavailable`.
-    fn create_machine(&self, id: Option<&str>, body: Json) -> impl Future<Output = Result<MachineRecord>> + Send;
+    async fn create_machine(&self, id: Option<&str>, body: Json) -> Result<MachineRecord>;
 
     /// A profile.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn machine(&self, id: &str) -> impl Future<Output = Result<MachineRecord>> + Send;
+    async fn machine(&self, id: &str) -> Result<MachineRecord>;
 
     /// Profiles by identifier.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    fn list_machines(&self, page: &PageRequest) -> impl Future<Output = Result<Page<MachineRecord>>> + Send;
+    async fn list_machines(&self, page: &PageRequest) -> Result<Page<MachineRecord>>;
 
     /// Replaces a profile, if it still has this etag where one is given.
     ///
     /// # Errors
     /// `NotFound`, `EtagMismatch`, `TooLarge`, `Unavailable`.
-    fn update_machine(
-        &self,
-        id: &str,
-        etag: Option<&str>,
-        body: Json,
-    ) -> impl Future<Output = Result<MachineRecord>> + Send;
+    async fn update_machine(&self, id: &str, etag: Option<&str>, body: Json) -> Result<MachineRecord>;
 
     /// Deletes a profile, if it still has this etag where one is given.
     ///
     /// # Errors
     /// `NotFound`, `EtagMismatch`, `Unavailable`.
-    fn delete_machine(&self, id: &str, etag: Option<&str>) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_machine(&self, id: &str, etag: Option<&str>) -> Result<()>;
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use async_trait::async_trait;
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
@@ -118,38 +119,39 @@ pub enum UploadStart {
 }
 
 /// Keeps programs.
+#[async_trait]
 pub trait Programs {
     /// Stores a program of at most [`MAX_PUT_BYTES`] that is at hand as a whole. Storing it again
     /// changes nothing.
     ///
     /// # Errors
     /// `TooLarge`, `Unavailable`.
-    fn put_program(&self, source: Bytes) -> impl Future<Output = Result<ProgramInfo>> + Send;
+    async fn put_program(&self, source: Bytes) -> Result<ProgramInfo>;
 
     /// Size and age of a program.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn program_info(&self, id: ProgramId) -> impl Future<Output = Result<ProgramInfo>> + Send;
+    async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo>;
 
     /// One chunk of a program's source: the bytes from `chunk_index * CHUNK_BYTES`.
     ///
     /// # Errors
     /// `NotFound` if the program or the chunk does not exist, `Corrupt`, `Unavailable`.
-    fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> impl Future<Output = Result<Bytes>> + Send;
+    async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes>;
 
     /// Deletes a program that no job references.
     ///
     /// # Errors
     /// `NotFound`, `InUse`, `Unavailable`.
-    fn delete_program(&self, id: ProgramId) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_program(&self, id: ProgramId) -> Result<()>;
 
     /// Begins the upload of a program of `size_bytes` bytes with the SHA-256 `expected`, or finds
     /// the unfinished upload with the same hash and size.
     ///
     /// # Errors
     /// `TooLarge`, `LimitReached` if there are too many unfinished uploads, `Unavailable`.
-    fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> impl Future<Output = Result<UploadStart>> + Send;
+    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart>;
 
     /// Appends bytes at `offset`, which must be the number of bytes received so far, and returns
     /// the number of bytes received thereafter. `data` may be of any size; if a large one fails
@@ -157,30 +159,30 @@ pub trait Programs {
     ///
     /// # Errors
     /// `NotFound`, `WrongOffset`, `TooLarge` if more bytes come than were announced, `Unavailable`.
-    fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> impl Future<Output = Result<u64>> + Send;
+    async fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> Result<u64>;
 
     /// Verifies the hash of an upload whose bytes have all arrived and makes the program visible.
     ///
     /// # Errors
     /// `NotFound`, `Incomplete`, `HashMismatch` (the upload is then discarded), `Unavailable`.
-    fn finish_upload(&self, id: UploadId) -> impl Future<Output = Result<ProgramInfo>> + Send;
+    async fn finish_upload(&self, id: UploadId) -> Result<ProgramInfo>;
 
     /// State of an unfinished upload.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn upload(&self, id: UploadId) -> impl Future<Output = Result<UploadInfo>> + Send;
+    async fn upload(&self, id: UploadId) -> Result<UploadInfo>;
 
     /// All unfinished uploads, oldest first. Their number is limited by
     /// [`crate::StoreSettings::max_uploads`].
     ///
     /// # Errors
     /// `Unavailable`.
-    fn uploads(&self) -> impl Future<Output = Result<Vec<UploadInfo>>> + Send;
+    async fn uploads(&self) -> Result<Vec<UploadInfo>>;
 
     /// Discards an unfinished upload with the bytes received.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn delete_upload(&self, id: UploadId) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_upload(&self, id: UploadId) -> Result<()>;
 }

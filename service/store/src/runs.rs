@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use async_trait::async_trait;
 use bytes::Bytes;
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -241,103 +242,94 @@ pub struct DecisionFilter {
 pub const MAX_DECISIONS: u32 = 500;
 
 /// Keeps runs.
+#[async_trait]
 pub trait Runs {
     /// Keeps how the telemetry of a job is judged, in place of what was kept before.
     ///
     /// # Errors
     /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
-    fn put_monitoring(&self, job_id: Uuid, config: Json) -> impl Future<Output = Result<()>> + Send;
+    async fn put_monitoring(&self, job_id: Uuid, config: Json) -> Result<()>;
 
     /// How the telemetry of a job is judged.
     ///
     /// # Errors
     /// `NotFound` if the job does not exist or nothing was kept, `Unavailable`.
-    fn monitoring(&self, job_id: Uuid) -> impl Future<Output = Result<Json>> + Send;
+    async fn monitoring(&self, job_id: Uuid) -> Result<Json>;
 
     /// Creates a run and takes it up.
     ///
     /// # Errors
     /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
-    fn create_run(&self, run: NewRun) -> impl Future<Output = Result<AttachedRun>> + Send;
+    async fn create_run(&self, run: NewRun) -> Result<AttachedRun>;
 
     /// Takes an open run up; whoever had it before can write no more.
     ///
     /// # Errors
     /// `NotFound`, `RunEnded` if it is not open any more, `Unavailable`.
-    fn attach_run(&self, id: Uuid) -> impl Future<Output = Result<AttachedRun>> + Send;
+    async fn attach_run(&self, id: Uuid) -> Result<AttachedRun>;
 
     /// Makes durable what happened in a run; the stored decisions in order.
     ///
     /// # Errors
     /// `NotFound` if the run was deleted, `Detached` if another connection resumed it, `RunEnded`, `TooLarge`,
     /// `Unavailable`.
-    fn commit_run(
-        &self,
-        id: Uuid,
-        attachment: u64,
-        commit: RunCommit,
-    ) -> impl Future<Output = Result<Vec<DecisionRecord>>> + Send;
+    async fn commit_run(&self, id: Uuid, attachment: u64, commit: RunCommit) -> Result<Vec<DecisionRecord>>;
 
     /// A run.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn run(&self, id: Uuid) -> impl Future<Output = Result<Run>> + Send;
+    async fn run(&self, id: Uuid) -> Result<Run>;
 
     /// Runs by creation time, newest first, of one job or of all.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> impl Future<Output = Result<Page<Run>>> + Send;
+    async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>>;
 
     /// Conditions of a run in the order in which they were raised, at most [`MAX_DECISIONS`].
     ///
     /// # Errors
     /// `Unavailable`.
-    fn run_conditions(&self, id: Uuid) -> impl Future<Output = Result<Vec<RunCondition>>> + Send;
+    async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>>;
 
     /// Stores the acknowledgement of a condition of a run, the newest where no decision is named; the first one is
     /// kept. The job's log of events tells of it.
     ///
     /// # Errors
     /// `NotFound` if the run or the condition does not exist, `TooLarge`, `Unavailable`.
-    fn acknowledge_condition(
+    async fn acknowledge_condition(
         &self,
         id: Uuid,
         decision_number: Option<u64>,
         by: String,
         note: String,
-    ) -> impl Future<Output = Result<RunCondition>> + Send;
+    ) -> Result<RunCondition>;
 
     /// Unacknowledged conditions of all runs.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn count_open_conditions(&self) -> impl Future<Output = Result<u64>> + Send;
+    async fn count_open_conditions(&self) -> Result<u64>;
 
     /// Changes of the feed override of a run, in order.
     ///
     /// # Errors
     /// `Unavailable`.
-    fn run_overrides(&self, id: Uuid) -> impl Future<Output = Result<Vec<RunOverride>>> + Send;
+    async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>>;
 
     /// Missing batches of a run, by number, at most [`MAX_DECISIONS`].
     ///
     /// # Errors
     /// `Unavailable`.
-    fn telemetry_gaps(&self, id: Uuid) -> impl Future<Output = Result<Vec<TelemetryGap>>> + Send;
+    async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>>;
 
     /// Decisions after position `sequence` (0 for all), oldest first, at most `limit` and never more than
     /// [`MAX_DECISIONS`].
     ///
     /// # Errors
     /// `Unavailable`.
-    fn decisions_after(
-        &self,
-        sequence: i64,
-        filter: &DecisionFilter,
-        limit: u32,
-    ) -> impl Future<Output = Result<Vec<DecisionRecord>>> + Send;
+    async fn decisions_after(&self, sequence: i64, filter: &DecisionFilter, limit: u32) -> Result<Vec<DecisionRecord>>;
 
     /// Follows the position of the newest decision: changes once decisions are durable, so that
     /// [`Runs::decisions_after`] finds them.

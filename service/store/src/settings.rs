@@ -1,4 +1,5 @@
-//! Limits of a store, and what it tells about its work.
+//! Limits of a store, whatever its database, and what it tells about its work. What only one database knows is an
+//! option of its URI.
 
 use std::fmt;
 use std::sync::Arc;
@@ -18,8 +19,6 @@ pub struct StoreSettings {
     pub max_report_bytes: u64,
     /// Largest snapshot of a checkpoint in bytes before compression; default 16 MiB.
     pub max_snapshot_bytes: u64,
-    /// Connections that read at the same time; default 4.
-    pub readers: u32,
     /// Writes that may wait for the writer; default 1024. Callers beyond wait for a place.
     pub write_queue: usize,
     /// Bytes of payload that waiting writes may hold in memory together; default 32 MiB. Callers
@@ -27,8 +26,6 @@ pub struct StoreSettings {
     pub write_queue_bytes: u64,
     /// Most writes committed by one transaction; default 256.
     pub max_commit_operations: usize,
-    /// How long to wait for a lock held by another program, or for a free reader; default 5 s.
-    pub busy_timeout: Duration,
     /// Observer of finished operations; none by default.
     pub observer: Arc<dyn Observer>,
 }
@@ -41,11 +38,9 @@ impl Default for StoreSettings {
             max_document_bytes: 4 << 20,
             max_report_bytes: 64 << 20,
             max_snapshot_bytes: 16 << 20,
-            readers: 4,
             write_queue: 1024,
             write_queue_bytes: 32 << 20,
             max_commit_operations: 256,
-            busy_timeout: Duration::from_secs(5),
             observer: Arc::new(NoObserver),
         }
     }
@@ -59,11 +54,9 @@ impl fmt::Debug for StoreSettings {
             .field("max_document_bytes", &self.max_document_bytes)
             .field("max_report_bytes", &self.max_report_bytes)
             .field("max_snapshot_bytes", &self.max_snapshot_bytes)
-            .field("readers", &self.readers)
             .field("write_queue", &self.write_queue)
             .field("write_queue_bytes", &self.write_queue_bytes)
             .field("max_commit_operations", &self.max_commit_operations)
-            .field("busy_timeout", &self.busy_timeout)
             .finish_non_exhaustive()
     }
 }
@@ -101,6 +94,6 @@ pub struct StoreStats {
     pub failed_operations: u64,
     /// Reads finished.
     pub reads: u64,
-    /// Bytes of the database file, its free pages included.
+    /// Bytes that the database takes, free space within it included.
     pub database_bytes: u64,
 }

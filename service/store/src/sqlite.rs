@@ -7,6 +7,7 @@ mod documents;
 mod fault;
 mod jobs;
 mod open;
+mod options;
 mod programs;
 mod runs;
 #[cfg(test)]
@@ -15,27 +16,29 @@ mod uploads;
 mod writer;
 
 use std::ops::{Deref, DerefMut};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use async_trait::async_trait;
 use sqlx::pool::PoolConnection;
 use sqlx::{Sqlite, SqliteConnection, SqlitePool};
 use tokio::sync::watch;
 
+use crate::Database;
 use crate::error::{Result, StoreError};
 use crate::settings::{StoreSettings, StoreStats};
+pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
 use writer::{BoxFuture, Transaction, Writer};
 
-/// The store. Cloning is cheap; clones are the same store.
+/// The store in an SQLite file. Cloning is cheap; clones are the same store.
 #[derive(Clone)]
-pub struct Store {
+pub(crate) struct SqliteStore {
     inner: Arc<Inner>,
 }
 
 struct Inner {
-    path: PathBuf,
+    options: SqliteOptions,
     settings: StoreSettings,
     writer: Writer,
     readers: SqlitePool,
@@ -44,20 +47,42 @@ struct Inner {
     newest_decision: watch::Receiver<i64>,
 }
 
-impl Store {
-    /// Opens the database file at `path`, creates it if it does not exist, and brings its schema up
-    /// to date. The folder must exist. One process at a time should have a database open: others
-    /// would write safely, but not see each other's events arrive.
+#[async_trait]
+impl Database for SqliteStore {
+    async fn close(&self) {
+        self.inner.writer.close().await;
+        self.inner.readers.close().await;
+    }
+
+    async fn ping(&self) -> Result<()> {
+        if !self.inner.writer.is_open() {
+            return Err(StoreError::unavailable("it is closed"));
+        }
+        let mut reader = self.reader().await?;
+        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await?;
+        Ok(())
+    }
+
+    fn stats(&self) -> StoreStats {
+        let mut stats = self.inner.writer.stats();
+        stats.reads = self.inner.reads.load(Ordering::Relaxed);
+        stats.database_bytes = std::fs::metadata(&self.inner.options.path).map_or(0, |file| file.len());
+        stats
+    }
+}
+
+impl SqliteStore {
+    /// Opens the database file, creates it if it does not exist, and brings its schema up to date. The folder must
+    /// exist. One process at a time should have a database open: others would write safely, but not see each
+    /// other's events arrive.
     ///
     /// # Errors
-    /// `CannotOpen` if the path is not usable, `Incompatible` if the file belongs to a newer version
-    /// or to another program, `Corrupt` if it is not an intact database, `Unavailable`.
-    pub async fn open(path: impl AsRef<Path>, settings: StoreSettings) -> Result<Self> {
-        let path = path.as_ref().to_path_buf();
-        let opened = open::open(&path, &settings).await?;
+    /// As [`crate::Store::open`].
+    pub(crate) async fn open(options: SqliteOptions, settings: StoreSettings) -> Result<Self> {
+        let opened = open::open(&options).await?;
         let (writer, announced) = Writer::start(opened.writer, opened.options, opened.newest, &settings);
         let inner = Inner {
-            path,
+            options,
             settings,
             writer,
             readers: opened.readers,
@@ -70,37 +95,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the
-    /// file. Clones are closed with it. Dropping the store without closing it loses nothing that was
-    /// acknowledged.
-    pub async fn close(&self) {
-        self.inner.writer.close().await;
-        self.inner.readers.close().await;
-    }
-
-    /// Verifies that the database answers reads and that writes are taken, for readiness probes.
-    ///
-    /// # Errors
-    /// `Unavailable`, `Corrupt`.
-    pub async fn ping(&self) -> Result<()> {
-        if !self.inner.writer.is_open() {
-            return Err(StoreError::unavailable("it is closed"));
-        }
-        let mut reader = self.reader().await?;
-        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *reader).await?;
-        Ok(())
-    }
-
-    /// Counters since the store was opened.
-    pub fn stats(&self) -> StoreStats {
-        let mut stats = self.inner.writer.stats();
-        stats.reads = self.inner.reads.load(Ordering::Relaxed);
-        stats.database_bytes = std::fs::metadata(&self.inner.path).map_or(0, |file| file.len());
-        stats
-    }
-
-    /// The settings it was opened with.
-    pub fn settings(&self) -> &StoreSettings {
+    fn settings(&self) -> &StoreSettings {
         &self.inner.settings
     }
 

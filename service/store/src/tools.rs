@@ -1,5 +1,7 @@
 //! The tool library.
 
+use async_trait::async_trait;
+
 use crate::Json;
 use crate::error::Result;
 use crate::page::{Page, PageRequest};
@@ -31,45 +33,35 @@ pub struct ToolFilter {
 }
 
 /// Keeps tools.
+#[async_trait]
 pub trait Tools {
     /// Creates a tool; without an identifier one is made up.
     ///
     /// # Errors
     /// `AlreadyExists`, `TooLarge`, `Unavailable`.
-    fn create_tool(&self, id: Option<&str>, number: u32, body: Json)
-    -> impl Future<Output = Result<ToolRecord>> + Send;
+    async fn create_tool(&self, id: Option<&str>, number: u32, body: Json) -> Result<ToolRecord>;
 
     /// A tool.
     ///
     /// # Errors
     /// `NotFound`, `Unavailable`.
-    fn tool(&self, id: &str) -> impl Future<Output = Result<ToolRecord>> + Send;
+    async fn tool(&self, id: &str) -> Result<ToolRecord>;
 
     /// Tools by identifier.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    fn list_tools(
-        &self,
-        filter: &ToolFilter,
-        page: &PageRequest,
-    ) -> impl Future<Output = Result<Page<ToolRecord>>> + Send;
+    async fn list_tools(&self, filter: &ToolFilter, page: &PageRequest) -> Result<Page<ToolRecord>>;
 
     /// Replaces a tool, if it still has this etag where one is given.
     ///
     /// # Errors
     /// `NotFound`, `EtagMismatch`, `TooLarge`, `Unavailable`.
-    fn update_tool(
-        &self,
-        id: &str,
-        etag: Option<&str>,
-        number: u32,
-        body: Json,
-    ) -> impl Future<Output = Result<ToolRecord>> + Send;
+    async fn update_tool(&self, id: &str, etag: Option<&str>, number: u32, body: Json) -> Result<ToolRecord>;
 
     /// Deletes a tool, if it still has this etag where one is given.
     ///
     /// # Errors
     /// `NotFound`, `EtagMismatch`, `Unavailable`.
-    fn delete_tool(&self, id: &str, etag: Option<&str>) -> impl Future<Output = Result<()>> + Send;
+    async fn delete_tool(&self, id: &str, etag: Option<&str>) -> Result<()>;
 }

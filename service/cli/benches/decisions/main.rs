@@ -171,7 +171,7 @@ async fn compare(options: &Options) {
         let ready_file = folder.path().join(format!("service-{round}.json"));
         let mut command = Command::new(&options.service);
         command.args(["serve", "--log-level", "warn", "--grpc-listen", "127.0.0.1:0", "--http-listen", "127.0.0.1:0"]);
-        command.arg("--database").arg(folder.path().join(format!("feedwave-{round}.db")));
+        command.arg("--store").arg(format!("sqlite://{}/feedwave-{round}.db", folder.path().display()));
         command.arg("--ready-file").arg(&ready_file);
         let (process, url) = serve(command, &ready_file);
         let machines = prepare(&url, options).await;

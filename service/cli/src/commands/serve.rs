@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use feedwave_server::config::Overrides;
 use feedwave_server::lifecycle::{RunningServer, Server};
 use feedwave_server::observability::{self, REVISION, VERSION};
+use feedwave_store::StoreUri;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::args::GlobalArgs;
@@ -21,8 +22,11 @@ pub struct Args {
     /// Address and port of the read-only HTTP port [key: http.listen]
     #[arg(long, value_name = "ADDRESS")]
     http_listen: Option<SocketAddr>,
-    /// File of the SQLite database, created where there is none [key: database.path]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "URI", help = format!("Where jobs, programs and reports are kept, such as {}; without it in \
+        the file feedwave.db of the working directory [key: store.uri]", StoreUri::EXAMPLE))]
+    store: Option<String>,
+    /// What named a file before `--store` did [key: database.path]
+    #[arg(long, value_name = "FILE", hide = true)]
     database: Option<PathBuf>,
     /// Write the addresses as JSON to this file once the service can be used
     #[arg(long, value_name = "FILE")]
@@ -37,6 +41,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     let flags = Overrides::default()
         .set("grpc.listen", args.grpc_listen.map(|address| address.to_string()))
         .set("http.listen", args.http_listen.map(|address| address.to_string()))
+        .set("store.uri", args.store)
         .set("database.path", args.database.map(|path| path.display().to_string()));
     let config = global.load(flags)?;
     let log = observability::init(&config).map_err(CliError::new)?;

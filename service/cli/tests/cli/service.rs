@@ -7,7 +7,7 @@ use std::thread;
 
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{GetMonitoringRequest, MonitoringConfig, SetMonitoringRequest};
-use feedwave_server::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
+use feedwave_server::config::{Config, GrpcConfig, HttpConfig, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 use serde_json::Value;
 
@@ -33,7 +33,7 @@ impl Service {
         let config = Config {
             grpc: GrpcConfig { listen: free_port, ..grpc },
             http: HttpConfig { listen: free_port },
-            database: DatabaseConfig { path: directory.path().join("test.db") },
+            store: StoreConfig::of_file(&directory.path().join("test.db")).unwrap(),
             ..Config::default()
         };
         let runtime = tokio::runtime::Runtime::new().unwrap();

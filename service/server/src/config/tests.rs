@@ -29,12 +29,12 @@ fn flags_win_over_environment_over_file_over_defaults() {
         )?;
         jail.set_env("FEEDWAVE_HTTP__LISTEN", "0.0.0.0:20");
         jail.set_env("FEEDWAVE_LIMITS__DRAIN_S", "30");
-        let flags = Overrides::default().set("limits.drain_s", Some(300)).set("database.path", None::<String>);
+        let flags = Overrides::default().set("limits.drain_s", Some(300)).set("store.uri", None::<String>);
         let config = Config::load(Some(Path::new("feedwave.toml")), &flags).unwrap();
         assert_eq!(config.grpc.listen, "0.0.0.0:1".parse().unwrap());
         assert_eq!(config.http.listen, "0.0.0.0:20".parse().unwrap());
         assert_eq!(config.limits.drain_s, 300);
-        assert_eq!(config.database, DatabaseConfig::default());
+        assert_eq!(config.store, StoreConfig::default());
         Ok(())
     });
 }
@@ -98,4 +98,85 @@ fn variables_that_a_cluster_sets_are_no_keys() {
         assert_eq!(Config::load(None, &Overrides::default()), Ok(Config::default()));
         Ok(())
     });
+}
+
+/// Where the store of a configuration with this file, this variable and this flag is kept.
+#[expect(clippy::result_large_err, reason = "the closure's type is figment's")]
+fn store_of(file: &str, variable: (&str, &str), flag: (&'static str, &str)) -> Result<(String, Vec<String>), String> {
+    let mut outcome = Err(String::new());
+    Jail::expect_with(|jail| {
+        jail.create_file("feedwave.toml", file)?;
+        jail.set_env(variable.0, variable.1);
+        let flag = Some(flag.1).filter(|value| !value.is_empty()).map(|value| (flag.0, value));
+        let flags = flag.map_or_else(Overrides::default, |(key, value)| Overrides::default().set(key, Some(value)));
+        let here = jail.directory().display().to_string();
+        outcome = match Config::load(Some(Path::new("feedwave.toml")), &flags) {
+            Ok(config) => {
+                let uri = config.store_uri().expect("was checked").to_string();
+                Ok((uri.replace(&here, "HERE"), config.deprecations()))
+            }
+            Err(error) => Err(error.to_string()),
+        };
+        Ok(())
+    });
+    outcome
+}
+
+#[test]
+fn the_store_is_named_by_file_environment_and_flag() {
+    let none = ("FEEDWAVE_UNUSED", "");
+    let uri = |outcome: Result<(String, Vec<String>), String>| {
+        let (uri, deprecations) = outcome.unwrap();
+        assert!(deprecations.is_empty(), "{deprecations:?}");
+        uri
+    };
+    assert_eq!(uri(store_of("", none, ("store.uri", ""))), "sqlite://HERE/feedwave.db");
+    let file = "[store]\nuri = 'sqlite:///1.db'\n";
+    assert_eq!(uri(store_of(file, none, ("store.uri", ""))), "sqlite:///1.db");
+    let variable = ("FEEDWAVE_STORE__URI", "sqlite:///2.db");
+    assert_eq!(uri(store_of(file, variable, ("store.uri", ""))), "sqlite:///2.db");
+    assert_eq!(uri(store_of(file, variable, ("store.uri", "sqlite:///3.db"))), "sqlite:///3.db");
+}
+
+#[test]
+fn the_former_name_of_the_store_is_read_with_a_warning() {
+    for (file, variable, flag) in [
+        ("[database]\npath = '/data/a b.db'\n", ("FEEDWAVE_UNUSED", ""), ("database.path", "")),
+        ("", ("FEEDWAVE_DATABASE__PATH", "/data/a b.db"), ("database.path", "")),
+        ("", ("FEEDWAVE_UNUSED", ""), ("database.path", "/data/a b.db")),
+        // Both, saying the same.
+        ("[database]\npath = '/data/a b.db'\n", ("FEEDWAVE_STORE__URI", "sqlite:///data/a%20b.db"), ("store.uri", "")),
+    ] {
+        let (uri, deprecations) = store_of(file, variable, flag).unwrap();
+        assert_eq!(uri, "sqlite:///data/a%20b.db");
+        assert_eq!(
+            deprecations,
+            ["database.path is the former name of store.uri: set store.uri to sqlite:///data/a%20b.db in its stead"]
+        );
+    }
+    let (uri, _) = store_of("[database]\npath = 'x.db'\n", ("FEEDWAVE_UNUSED", ""), ("store.uri", "")).unwrap();
+    assert_eq!(uri, "sqlite://HERE/x.db");
+}
+
+#[test]
+fn two_stores_or_none_are_refused() {
+    let none = ("FEEDWAVE_UNUSED", "");
+    let both = store_of("[database]\npath = '/1.db'\n", ("FEEDWAVE_STORE__URI", "sqlite:///2.db"), ("store.uri", ""));
+    let both = both.unwrap_err();
+    assert!(
+        both.contains("feedwave.toml: database.path: names another store than store.uri (sqlite:///2.db)"),
+        "{both}"
+    );
+    let empty = store_of("[database]\npath = ''\n", none, ("store.uri", "")).unwrap_err();
+    assert!(empty.contains("database.path: the path \"\" cannot be used"), "{empty}");
+    for (uri, reason) in [
+        ("", "it is empty"),
+        ("feedwave.db", "it has no scheme"),
+        ("sqlite://feedwave.db", "the path must be absolute"),
+        ("oracle://user:secret@plant/feedwave", "the scheme \"oracle\" is unknown"),
+    ] {
+        let refused = store_of("", ("FEEDWAVE_STORE__URI", uri), ("store.uri", "")).unwrap_err();
+        let begin = "environment variable FEEDWAVE_STORE__URI: store.uri: ";
+        assert!(refused.starts_with(begin) && refused.contains(reason) && !refused.contains("secret"), "{refused}");
+    }
 }

@@ -18,20 +18,11 @@ pub(super) enum Source {
 /// A stored program, read chunk by chunk.
 #[derive(Debug)]
 pub(super) struct StoredSource {
-    store: StoreHandle,
+    store: Store,
     id: ProgramId,
     size_bytes: u64,
     offset: u64,
     runtime: Handle,
-}
-
-/// The store, without its insides in debug output.
-struct StoreHandle(Store);
-
-impl std::fmt::Debug for StoreHandle {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Store")
-    }
 }
 
 impl Source {
@@ -42,7 +33,7 @@ impl Source {
 
     /// A stored program from `offset` on. Call inside a runtime.
     pub(super) fn stored(store: Store, id: ProgramId, size_bytes: u64, offset: u64) -> Self {
-        Self::Stored(StoredSource { store: StoreHandle(store), id, size_bytes, offset, runtime: Handle::current() })
+        Self::Stored(StoredSource { store, id, size_bytes, offset, runtime: Handle::current() })
     }
 
     /// The next bytes; `None` at the end.
@@ -59,7 +50,7 @@ impl StoredSource {
         if self.offset >= self.size_bytes {
             return Ok(None);
         }
-        let chunk = self.runtime.block_on(self.store.0.program_chunk(self.id, self.offset / CHUNK_BYTES))?;
+        let chunk = self.runtime.block_on(self.store.program_chunk(self.id, self.offset / CHUNK_BYTES))?;
         let piece = chunk.slice((self.offset % CHUNK_BYTES) as usize..);
         self.offset += piece.len() as u64;
         Ok(Some(piece))

@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::observability::metrics::GaugeGuard;
 use crate::stored;
 
-/// How long to wait before asking a database again that did not answer.
+/// How long to wait before asking a store again that did not answer.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// Jobs looked at together when the queue is read.
 const QUEUE_PAGE: u32 = 1_000;
@@ -75,12 +75,12 @@ async fn fill(engine: &Engine, running: &mut JoinSet<Uuid>, in_hand: &mut HashSe
     Ok(waiting)
 }
 
-/// Validates one job, again and again while the database does not answer. Returns the job's identifier.
+/// Validates one job, again and again while the store does not answer. Returns the job's identifier.
 async fn work(engine: Engine, id: Uuid) -> Uuid {
     loop {
         match attempt(&engine, id).await {
             Ok(()) => return id,
-            Err(Error::StoreUnavailable(error)) => tracing::warn!(%error, "the database does not answer"),
+            Err(Error::StoreUnavailable(error)) => tracing::warn!(%error, "the store does not answer"),
             Err(error) => {
                 tracing::error!(error = ?error, "validation failed");
                 engine.inner.metrics.validations.with_label_values(&["failed"]).inc();

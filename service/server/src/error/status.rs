@@ -35,7 +35,7 @@ impl From<Error> for Status {
     fn from(error: Error) -> Self {
         match &error {
             Error::Internal(cause) => tracing::error!(%cause, "internal error"),
-            Error::StoreUnavailable(cause) => tracing::error!(error = ?cause, "the database is unavailable"),
+            Error::StoreUnavailable(cause) => tracing::error!(error = ?cause, "the store is unavailable"),
             // Whoever knows the limits completes it: `complete`.
             Error::Transport(status) => return status.clone(),
             _ => {}

@@ -41,7 +41,7 @@ pub struct Metrics {
     pub active_validations: IntGauge,
     /// Validations ended, by what became of the job.
     pub validations: IntCounterVec,
-    /// Time of a read of the database, s.
+    /// Time of a read of the store, s.
     pub store_read_seconds: Histogram,
     /// Time of a transaction that writes, to its durable end, s.
     pub store_commit_seconds: Histogram,
@@ -49,13 +49,13 @@ pub struct Metrics {
     pub store_writes: IntCounter,
     /// Writes waiting for the writer.
     pub store_write_queue: IntGauge,
-    /// Size of the database file, bytes.
+    /// Bytes that the store takes, free space within it included.
     pub store_bytes: IntGauge,
     /// Jobs stored, by state.
     pub jobs: IntGaugeVec,
 }
 
-/// Bounds of the time histograms, s: from what a read of the database takes to what a long stream does.
+/// Bounds of the time histograms, s: from what a read of the store takes to what a long stream does.
 const SECONDS: [f64; 12] = [0.000_1, 0.000_5, 0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1.0, 5.0, 30.0, 300.0];
 
 /// Registers metrics; names and options are constants, so registration cannot fail.
@@ -115,12 +115,13 @@ impl Metrics {
             validation_queue: registrar.gauge("feedwave_validation_queue", "Jobs waiting for validation."),
             active_validations: registrar.gauge("feedwave_active_validations", "Validations running."),
             validations: registrar.counters("feedwave_validations_total", "Validations of jobs ended.", &["outcome"]),
-            store_read_seconds: registrar.seconds("feedwave_store_read_seconds", "Time of a read of the database."),
+            store_read_seconds: registrar.seconds("feedwave_store_read_seconds", "Time of a read of the store."),
             store_commit_seconds: registrar
                 .seconds("feedwave_store_commit_seconds", "Time of a writing transaction to its durable end."),
             store_writes: registrar.counter("feedwave_store_writes_total", "Writes committed."),
             store_write_queue: registrar.gauge("feedwave_store_write_queue", "Writes waiting for the writer."),
-            store_bytes: registrar.gauge("feedwave_store_bytes", "Size of the database file."),
+            store_bytes: registrar
+                .gauge("feedwave_store_bytes", "Bytes that the store takes, free space within it included."),
             jobs: registrar.gauges("feedwave_jobs", "Jobs stored.", &["state"]),
             registry: registrar.0,
         }

@@ -13,7 +13,7 @@ use feedwave_contract::proto::{
     CreateJobRequest, GetJobRequest, Job, JobState, SetpointChunk, StreamHeader, StreamSetpointsRequest,
     StreamSetpointsResponse, WatchJobsRequest,
 };
-use feedwave_server::config::{Config, Limits};
+use feedwave_server::config::{Config, Limits, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 pub use feedwave_tests::{PATIENCE, patiently, within_a_deadline};
 use tempfile::TempDir;
@@ -69,7 +69,7 @@ impl TestServer {
         let mut config = Config { limits, ..Config::default() };
         config.grpc.listen = free;
         config.http.listen = free;
-        config.database.path = folder.path().join("feedwave.db");
+        config.store = StoreConfig::of_file(&folder.path().join("feedwave.db")).unwrap();
         let server = Server::start(config).await.unwrap();
         let url = format!("http://{}", server.grpc_addr());
         let channel = Channel::from_shared(url).unwrap().connect().await.unwrap();

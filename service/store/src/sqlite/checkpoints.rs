@@ -1,9 +1,10 @@
 //! Checkpoints in SQLite.
 
+use async_trait::async_trait;
 use sqlx::{QueryBuilder, Row, Sqlite};
 use uuid::Uuid;
 
-use super::Store;
+use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, signed, unsigned};
 use crate::checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
@@ -34,7 +35,7 @@ fn pack(checkpoints: &[Checkpoint]) -> Result<Vec<Packed>> {
     checkpoints.iter().map(pack).collect()
 }
 
-impl Store {
+impl SqliteStore {
     async fn write_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>, replace: bool) -> Result<()> {
         check_size("generation key size in bytes", set.generation_key.len(), MAX_KEY_BYTES)?;
         for checkpoint in &checkpoints {
@@ -83,7 +84,8 @@ impl Store {
     }
 }
 
-impl Checkpoints for Store {
+#[async_trait]
+impl Checkpoints for SqliteStore {
     async fn put_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>) -> Result<()> {
         self.write_checkpoints(set, checkpoints, false).await
     }

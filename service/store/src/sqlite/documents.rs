@@ -1,10 +1,11 @@
 //! Machine profiles and tools in SQLite: two collections of one kind of document.
 
+use async_trait::async_trait;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
-use super::Store;
+use super::SqliteStore;
 use super::fault::{json, unsigned};
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
@@ -88,7 +89,7 @@ async fn check_etag(connection: &mut SqliteConnection, kind: Kind, id: &str, eta
     }
 }
 
-impl Store {
+impl SqliteStore {
     fn check_body(&self, kind: Kind, body: &Json) -> Result<()> {
         let what = if kind == Kind::Tool { "tool size in bytes" } else { "machine profile size in bytes" };
         check_size(what, body.get().len(), self.settings().max_document_bytes)
@@ -199,7 +200,8 @@ impl Store {
     }
 }
 
-impl Machines for Store {
+#[async_trait]
+impl Machines for SqliteStore {
     async fn create_machine(&self, id: Option<&str>, body: Json) -> Result<MachineRecord> {
         Ok(self.create(Kind::Machine, id, None, body).await?.into())
     }
@@ -221,7 +223,8 @@ impl Machines for Store {
     }
 }
 
-impl Tools for Store {
+#[async_trait]
+impl Tools for SqliteStore {
     async fn create_tool(&self, id: Option<&str>, number: u32, body: Json) -> Result<ToolRecord> {
         self.create(Kind::Tool, id, Some(number), body).await?.try_into()
     }

@@ -1,11 +1,12 @@
 //! Jobs, their reports and events in SQLite.
 
+use async_trait::async_trait;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use super::Store;
+use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, json, json_option, parsed, parsed_option, signed, to_json, unsigned};
 use super::writer::Transaction;
@@ -184,7 +185,8 @@ fn push_states(sql: &mut QueryBuilder<Sqlite>, states: &[JobState]) {
     sql.push(")");
 }
 
-impl Jobs for Store {
+#[async_trait]
+impl Jobs for SqliteStore {
     async fn create_job(&self, new: NewJob) -> Result<Job> {
         for (what, text) in [
             ("request id size in bytes", &new.request_id),

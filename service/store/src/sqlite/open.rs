@@ -7,9 +7,9 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
+use super::SqliteOptions;
 use super::writer::Newest;
 use crate::error::{Result, StoreError};
-use crate::settings::StoreSettings;
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
@@ -31,24 +31,22 @@ pub(super) struct Opened {
     pub(super) newest: Newest,
 }
 
-pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened> {
-    let cannot = |reason| StoreError::CannotOpen { path: path.into(), reason, source: None };
-    if path.as_os_str().is_empty() {
-        return Err(cannot("the path is empty"));
-    }
+pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
+    let path: &Path = &wanted.path;
+    let cannot = |reason| StoreError::CannotOpen { reason, source: None };
     if path.is_dir() {
         return Err(cannot("it is a folder"));
     }
-    if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+    if path.parent().is_some_and(|folder| !folder.is_dir()) {
         return Err(cannot("its folder does not exist"));
     }
 
     let plain = SqliteConnectOptions::new()
         .filename(path)
         .create_if_missing(true)
-        .busy_timeout(settings.busy_timeout)
+        .busy_timeout(wanted.busy_timeout)
         .disable_statement_logging();
-    let fresh = identify(path, &plain).await?;
+    let fresh = identify(&plain).await?;
 
     let options = plain
         .journal_mode(SqliteJournalMode::Wal)
@@ -67,8 +65,8 @@ pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Opened
     };
 
     let readers = SqlitePoolOptions::new()
-        .max_connections(settings.readers.max(1))
-        .acquire_timeout(settings.busy_timeout)
+        .max_connections(wanted.readers)
+        .acquire_timeout(wanted.busy_timeout)
         .idle_timeout(None)
         .max_lifetime(None)
         .test_before_acquire(false)
@@ -84,9 +82,9 @@ async fn newest_row(connection: &mut SqliteConnection, table: &str) -> Result<i6
 }
 
 /// Looks at the file before anything in it is changed. True if it is new.
-async fn identify(path: &Path, plain: &SqliteConnectOptions) -> Result<bool> {
+async fn identify(plain: &SqliteConnectOptions) -> Result<bool> {
     let mut connection = plain.connect().await.map_err(|error| match StoreError::from(error) {
-        StoreError::Unavailable { reason, source } => StoreError::CannotOpen { path: path.into(), reason, source },
+        StoreError::Unavailable { reason, source } => StoreError::CannotOpen { reason, source },
         other => other,
     })?;
     let application: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut connection).await?;

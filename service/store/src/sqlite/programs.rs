@@ -1,10 +1,11 @@
 //! Programs in SQLite.
 
+use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-use super::Store;
+use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, parsed, signed, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
@@ -87,7 +88,7 @@ fn program_info(row: &SqliteRow) -> Result<ProgramInfo> {
     })
 }
 
-impl Store {
+impl SqliteStore {
     /// One chunk of a content, of a program or an upload.
     pub(super) async fn content_chunk(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
         let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
@@ -155,7 +156,8 @@ async fn chunk_source(row: &SqliteRow) -> Result<Bytes> {
     offload(data.len(), move || decompress(&data, size)).await
 }
 
-impl Programs for Store {
+#[async_trait]
+impl Programs for SqliteStore {
     async fn put_program(&self, source: Bytes) -> Result<ProgramInfo> {
         check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
         let hashed = source.clone();

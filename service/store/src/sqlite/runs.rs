@@ -1,12 +1,13 @@
 //! Runs and their decisions in SQLite.
 
+use async_trait::async_trait;
 use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use super::Store;
+use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, json, parsed, signed, to_json, unsigned};
 use super::writer::Transaction;
@@ -205,7 +206,8 @@ async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
     Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
 }
 
-impl Runs for Store {
+#[async_trait]
+impl Runs for SqliteStore {
     async fn put_monitoring(&self, job_id: Uuid, config: Json) -> Result<()> {
         let what = "monitoring configuration size in bytes";
         check_size(what, config.get().len(), self.settings().max_document_bytes)?;

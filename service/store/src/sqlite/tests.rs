@@ -9,16 +9,16 @@ use sqlx::sqlite::SqliteConnectOptions;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 
-use super::{Store, checkpointer};
+use super::{SqliteOptions, SqliteStore, checkpointer};
 use crate::{Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
 
-async fn store(settings: StoreSettings) -> (TempDir, Store) {
+async fn store(settings: StoreSettings) -> (TempDir, SqliteStore) {
     let folder = TempDir::new().unwrap();
-    let store = Store::open(folder.path().join("feedwave.db"), settings).await.unwrap();
+    let store = SqliteStore::open(SqliteOptions::new(folder.path().join("feedwave.db")), settings).await.unwrap();
     (folder, store)
 }
 
-async fn note(store: &Store, text: &'static str) -> Result<(), StoreError> {
+async fn note(store: &SqliteStore, text: &'static str) -> Result<(), StoreError> {
     store
         .write(0, move |tx| {
             Box::pin(async move {
@@ -32,13 +32,13 @@ async fn note(store: &Store, text: &'static str) -> Result<(), StoreError> {
         .await
 }
 
-async fn notes(store: &Store) -> Vec<String> {
+async fn notes(store: &SqliteStore) -> Vec<String> {
     let mut reader = store.reader().await.unwrap();
     let rows = sqlx::query("SELECT text FROM notes ORDER BY rowid").fetch_all(&mut *reader).await.unwrap();
     rows.iter().map(|row| row.get("text")).collect()
 }
 
-async fn create_notes(store: &Store) {
+async fn create_notes(store: &SqliteStore) {
     store
         .write(0, |tx| {
             Box::pin(async {
@@ -83,7 +83,8 @@ async fn the_log_is_moved_into_the_database_beside_the_writer() {
     // Without its log the file has everything, and the writer goes on.
     let copy = TempDir::new().unwrap();
     std::fs::copy(&path, copy.path().join("feedwave.db")).unwrap();
-    let alone = Store::open(copy.path().join("feedwave.db"), StoreSettings::default()).await.unwrap();
+    let alone =
+        SqliteStore::open(SqliteOptions::new(copy.path().join("feedwave.db")), StoreSettings::default()).await.unwrap();
     assert_eq!(notes(&alone).await, ["moved"]);
     note(&store, "later").await.unwrap();
     checkpointer::checkpoint(Some(connection), &options).await.unwrap();

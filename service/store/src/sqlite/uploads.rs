@@ -9,7 +9,7 @@ use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
-use super::Store;
+use super::SqliteStore;
 use super::compress::offload;
 use super::fault::{parsed, signed, unsigned};
 use super::programs::{Chunk, find_program, insert_chunks, insert_content, insert_program};
@@ -35,7 +35,7 @@ fn missing(id: UploadId) -> StoreError {
     StoreError::not_found(Kind::Upload, id)
 }
 
-impl Store {
+impl SqliteStore {
     /// An upload and its content.
     pub(super) async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)> {
         let row = sqlx::query("SELECT * FROM uploads WHERE id = ?")

@@ -3,7 +3,7 @@
 use feedwave_store::{Checkpoint, CheckpointSet, Checkpoints, Jobs, Kind, StoreError, StoreSettings};
 use uuid::Uuid;
 
-use super::{Backend, new_job, with_program};
+use super::{Place, new_job, with_program};
 
 fn checkpoint(setpoint_index: u64) -> Checkpoint {
     Checkpoint {
@@ -13,14 +13,16 @@ fn checkpoint(setpoint_index: u64) -> Checkpoint {
     }
 }
 
-async fn nearest(store: &impl Checkpoints, set: &CheckpointSet, index: u64) -> Option<u64> {
+async fn nearest(store: &Store, set: &CheckpointSet, index: u64) -> Option<u64> {
     let found = store.nearest_checkpoint(set, index).await.unwrap()?;
     assert_eq!(found, checkpoint(found.setpoint_index), "it comes back as it was put");
     Some(found.setpoint_index)
 }
 
-pub(crate) async fn the_nearest_before_is_found(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn the_nearest_before_is_found() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job_id = store.create_job(new_job("r", program)).await.unwrap().id;
     let set = CheckpointSet { job_id, interpolation_period_us: 1000, generation_key: "v1".into() };
     assert_eq!(nearest(&store, &set, 0).await, None);
@@ -46,8 +48,10 @@ pub(crate) async fn the_nearest_before_is_found(backend: impl Backend) {
     }
 }
 
-pub(crate) async fn sets_are_replaced_and_deleted_whole(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn sets_are_replaced_and_deleted_whole() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job_id = store.create_job(new_job("r", program)).await.unwrap().id;
     let set = CheckpointSet { job_id, interpolation_period_us: 1000, generation_key: "v1".into() };
     let other = CheckpointSet { interpolation_period_us: 500, ..set.clone() };
@@ -70,9 +74,11 @@ pub(crate) async fn sets_are_replaced_and_deleted_whole(backend: impl Backend) {
     assert!(matches!(refused, Err(StoreError::NotFound { kind: Kind::Job, .. })), "{refused:?}");
 }
 
-pub(crate) async fn bounds_are_kept(backend: impl Backend) {
-    let (_, program) = with_program(&backend).await;
-    let store = backend.open(StoreSettings { max_snapshot_bytes: 8, ..StoreSettings::default() }).await;
+#[tokio::test]
+async fn bounds_are_kept() {
+    let place = Place::new();
+    let (_, program) = with_program(&place).await;
+    let store = place.open(StoreSettings { max_snapshot_bytes: 8, ..StoreSettings::default() }).await;
     let job_id = store.create_job(new_job("r", program)).await.unwrap().id;
     let set = CheckpointSet { job_id, interpolation_period_us: 1000, generation_key: "v1".into() };
     let large = Checkpoint { snapshot: vec![0; 9].into(), ..checkpoint(2) };

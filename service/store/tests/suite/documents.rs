@@ -2,10 +2,12 @@
 
 use feedwave_store::{Kind, Machines, PageRequest, StoreError, StoreSettings, ToolFilter, Tools};
 
-use super::{Backend, json, open};
+use super::{Place, json, open};
 
-pub(crate) async fn machines_are_created_updated_deleted_by_etag(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn machines_are_created_updated_deleted_by_etag() {
+    let place = Place::new();
+    let store = open(&place).await;
     let first = store.create_machine(Some("lathe-1"), json(r#"{"v":1}"#)).await.unwrap();
     assert_eq!((first.id.as_str(), first.body.get()), ("lathe-1", r#"{"v":1}"#));
     let taken = store.create_machine(Some("lathe-1"), json("{}")).await;
@@ -36,8 +38,10 @@ pub(crate) async fn machines_are_created_updated_deleted_by_etag(backend: impl B
     assert_ne!(anew.etag, first.etag, "an old etag does not fit a new profile");
 }
 
-pub(crate) async fn of_racing_updates_one_wins(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn of_racing_updates_one_wins() {
+    let place = Place::new();
+    let store = open(&place).await;
     let first = store.create_machine(Some("m"), json("0")).await.unwrap();
     let mut updates = tokio::task::JoinSet::new();
     for value in 1..20 {
@@ -50,8 +54,10 @@ pub(crate) async fn of_racing_updates_one_wins(backend: impl Backend) {
     assert_eq!(store.machine("m").await.unwrap().body.get(), won[0].body.get());
 }
 
-pub(crate) async fn tools_are_found_by_number(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn tools_are_found_by_number() {
+    let place = Place::new();
+    let store = open(&place).await;
     for index in 0..12_u32 {
         store.create_tool(Some(&format!("t-{index:02}")), index % 4, json(&format!("[{index}]"))).await.unwrap();
     }
@@ -86,8 +92,10 @@ pub(crate) async fn tools_are_found_by_number(backend: impl Backend) {
     assert!(matches!(store.tool("t-05").await, Err(StoreError::NotFound { kind: Kind::Tool, .. })));
 }
 
-pub(crate) async fn documents_are_bounded(backend: impl Backend) {
-    let store = backend.open(StoreSettings { max_document_bytes: 10, ..StoreSettings::default() }).await;
+#[tokio::test]
+async fn documents_are_bounded() {
+    let place = Place::new();
+    let store = place.open(StoreSettings { max_document_bytes: 10, ..StoreSettings::default() }).await;
     let large = json(r#""0123456789""#);
     assert!(matches!(store.create_machine(None, large.clone()).await, Err(StoreError::TooLarge { .. })));
     assert!(matches!(store.create_tool(None, 1, large.clone()).await, Err(StoreError::TooLarge { .. })));

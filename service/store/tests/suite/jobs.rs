@@ -8,7 +8,7 @@ use feedwave_store::{
 };
 use uuid::Uuid;
 
-use super::{Backend, Full, json, new_job, open, with_program};
+use super::{Full, Place, json, new_job, open, with_program};
 
 fn report(text: &str) -> NewReport {
     NewReport {
@@ -18,11 +18,13 @@ fn report(text: &str) -> NewReport {
     }
 }
 
-pub(crate) async fn a_job_is_kept_as_it_was_created(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn a_job_is_kept_as_it_was_created() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let created = store.create_job(new_job("r-1", program)).await.unwrap();
     drop(store);
-    let store = open(&backend).await;
+    let store = open(&place).await;
     let detail = store.job_detail(created.id).await.unwrap();
     assert_eq!(detail.machine_snapshot.get(), r#"{"axes":["X","Z"]}"#);
     assert_eq!(detail.settings.get(), r#"{"interpolation_period_us":1000}"#);
@@ -35,8 +37,10 @@ pub(crate) async fn a_job_is_kept_as_it_was_created(backend: impl Backend) {
     }
 }
 
-pub(crate) async fn the_same_request_makes_one_job(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn the_same_request_makes_one_job() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let mut creations = tokio::task::JoinSet::new();
     for _ in 0..100 {
         let store = store.clone();
@@ -49,8 +53,10 @@ pub(crate) async fn the_same_request_makes_one_job(backend: impl Backend) {
     assert!(store.job_by_request("never").await.unwrap().is_none());
 }
 
-pub(crate) async fn the_same_request_with_other_content_conflicts(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn the_same_request_with_other_content_conflicts() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let first = store.create_job(new_job("r", program)).await.unwrap();
     let other = Fingerprint::of([&b"other"[..]]);
     let refused = store.create_job(NewJob { fingerprint: other, ..new_job("r", program) }).await;
@@ -61,8 +67,10 @@ pub(crate) async fn the_same_request_with_other_content_conflicts(backend: impl 
     assert_eq!(store.job_detail(first.id).await.unwrap().machine_snapshot.get(), r#"{"axes":["X","Z"]}"#);
 }
 
-pub(crate) async fn a_job_needs_its_program_and_its_bounds(backend: impl Backend) {
-    let store = backend.open(StoreSettings { max_document_bytes: 100, ..StoreSettings::default() }).await;
+#[tokio::test]
+async fn a_job_needs_its_program_and_its_bounds() {
+    let place = Place::new();
+    let store = place.open(StoreSettings { max_document_bytes: 100, ..StoreSettings::default() }).await;
     let absent = ProgramId::of(b"absent");
     let refused = store.create_job(new_job("r", absent)).await;
     assert!(matches!(refused, Err(StoreError::NotFound { kind: Kind::Program, .. })), "{refused:?}");
@@ -79,8 +87,10 @@ pub(crate) async fn a_job_needs_its_program_and_its_bounds(backend: impl Backend
     }
 }
 
-pub(crate) async fn transitions_compare_store_and_log(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn transitions_compare_store_and_log() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     use JobState::{PendingValidation, Ready, Rejected, Validating};
     let validating = store.transition(job.id, &[PendingValidation], Validating, "", None).await.unwrap();
@@ -120,8 +130,10 @@ pub(crate) async fn transitions_compare_store_and_log(backend: impl Backend) {
     assert!(matches!(absent, Err(StoreError::NotFound { kind: Kind::Job, .. })));
 }
 
-pub(crate) async fn of_racing_transitions_one_wins(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn of_racing_transitions_one_wins() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     let mut changes = tokio::task::JoinSet::new();
     for to in [JobState::Ready, JobState::Cancelled, JobState::Failed, JobState::Rejected] {
@@ -134,9 +146,11 @@ pub(crate) async fn of_racing_transitions_one_wins(backend: impl Backend) {
     assert_eq!(store.job(job.id).await.unwrap().state, won[0].state);
 }
 
-pub(crate) async fn large_reports_come_back_whole(backend: impl Backend) {
+#[tokio::test]
+async fn large_reports_come_back_whole() {
+    let place = Place::new();
     let limits = StoreSettings { max_report_bytes: 3_000_000, ..StoreSettings::default() };
-    let store = backend.open(limits).await;
+    let store = place.open(limits).await;
     let program = store.put_program("M30".into()).await.unwrap().id;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     let text = format!("[{}0]", "123456789.125,".repeat(200_000));
@@ -148,8 +162,10 @@ pub(crate) async fn large_reports_come_back_whole(backend: impl Backend) {
     assert_eq!(store.job(job.id).await.unwrap().state, JobState::Ready);
 }
 
-pub(crate) async fn deleting_a_job_leaves_its_log(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn deleting_a_job_leaves_its_log() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     let ready = store
         .transition(job.id, &[JobState::PendingValidation], JobState::Ready, "", Some(report("{}")))
@@ -171,8 +187,10 @@ pub(crate) async fn deleting_a_job_leaves_its_log(backend: impl Backend) {
     assert_ne!(store.create_job(new_job("r", program)).await.unwrap().id, job.id);
 }
 
-pub(crate) async fn events_are_followed_without_gaps(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn events_are_followed_without_gaps() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let mut watch = store.watch_events();
     let follower = tokio::spawn({
         let store = store.clone();
@@ -199,10 +217,10 @@ pub(crate) async fn events_are_followed_without_gaps(backend: impl Backend) {
     assert_eq!(follower.await.unwrap(), (1..=60).collect::<Vec<_>>());
     assert_eq!(store.latest_sequence(), 60);
     drop(store);
-    assert_eq!(open(&backend).await.latest_sequence(), 60, "the position survives");
+    assert_eq!(open(&place).await.latest_sequence(), 60, "the position survives");
 }
 
-async fn all_pages(store: &impl Full, filter: &JobFilter, size: u32) -> Vec<Uuid> {
+async fn all_pages(store: &Store, filter: &JobFilter, size: u32) -> Vec<Uuid> {
     let (mut ids, mut token) = (Vec::new(), String::new());
     loop {
         let page = store.list_jobs(filter, &PageRequest { size, token }).await.unwrap();
@@ -215,8 +233,10 @@ async fn all_pages(store: &impl Full, filter: &JobFilter, size: u32) -> Vec<Uuid
     }
 }
 
-pub(crate) async fn lists_filter_and_page_newest_first(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn lists_filter_and_page_newest_first() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let mut jobs = Vec::new();
     for index in 0..30 {
         let machine_id = format!("lathe-{}", index % 3);
@@ -261,8 +281,10 @@ pub(crate) async fn lists_filter_and_page_newest_first(backend: impl Backend) {
     assert!(store.jobs_in_state(&[], 4).await.unwrap().is_empty());
 }
 
-pub(crate) async fn pages_are_bounded_and_stable_while_inserting(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn pages_are_bounded_and_stable_while_inserting() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let mut old = Vec::new();
     for index in 0..120 {
         old.push(store.create_job(new_job(&index.to_string(), program)).await.unwrap().id);
@@ -288,8 +310,10 @@ pub(crate) async fn pages_are_bounded_and_stable_while_inserting(backend: impl B
     assert_eq!(huge.items.len(), 120 + inserted);
 }
 
-pub(crate) async fn foreign_and_damaged_tokens_are_refused(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn foreign_and_damaged_tokens_are_refused() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     for index in 0..3 {
         store.create_job(new_job(&index.to_string(), program)).await.unwrap();
         store.create_tool(None, index, json("{}")).await.unwrap();

@@ -2,10 +2,12 @@
 
 use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, ProgramId, Programs, StoreError, StoreSettings};
 
-use super::{Backend, Jobs, new_job, open, read_back, source, with_program};
+use super::{Jobs, Place, new_job, open, read_back, source, with_program};
 
-pub(crate) async fn put_is_idempotent_and_addressed_by_content(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn put_is_idempotent_and_addressed_by_content() {
+    let place = Place::new();
+    let store = open(&place).await;
     let first = store.put_program("G0 X1\n".into()).await.unwrap();
     let again = store.put_program("G0 X1\n".into()).await.unwrap();
     assert_eq!(first, again);
@@ -15,8 +17,10 @@ pub(crate) async fn put_is_idempotent_and_addressed_by_content(backend: impl Bac
     assert_eq!(&store.program_chunk(first.id, 0).await.unwrap()[..], b"G0 X1\n");
 }
 
-pub(crate) async fn concurrent_puts_store_one_program(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn concurrent_puts_store_one_program() {
+    let place = Place::new();
+    let store = open(&place).await;
     let mut puts = tokio::task::JoinSet::new();
     for _ in 0..16 {
         let store = store.clone();
@@ -26,8 +30,10 @@ pub(crate) async fn concurrent_puts_store_one_program(backend: impl Backend) {
     assert!(infos.iter().all(|info| *info == infos[0]));
 }
 
-pub(crate) async fn any_chunk_is_read_alone(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn any_chunk_is_read_alone() {
+    let place = Place::new();
+    let store = open(&place).await;
     let chunk = CHUNK_BYTES as usize;
     for size in [0, 1, chunk - 1, chunk, chunk + 1, 3 * chunk + 17] {
         let source = source(size);
@@ -44,18 +50,22 @@ pub(crate) async fn any_chunk_is_read_alone(backend: impl Backend) {
     }
 }
 
-pub(crate) async fn too_large_is_refused(backend: impl Backend) {
-    let store = backend.open(StoreSettings { max_program_bytes: 10, ..StoreSettings::default() }).await;
+#[tokio::test]
+async fn too_large_is_refused() {
+    let place = Place::new();
+    let store = place.open(StoreSettings { max_program_bytes: 10, ..StoreSettings::default() }).await;
     store.put_program("0123456789".into()).await.unwrap();
     let refused = store.put_program("0123456789A".into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { size: 11, limit: 10, .. })), "{refused:?}");
-    let store = open(&backend).await;
+    let store = open(&place).await;
     let refused = store.put_program(vec![b' '; MAX_PUT_BYTES as usize + 1].into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { limit: MAX_PUT_BYTES, .. })), "{refused:?}");
 }
 
-pub(crate) async fn a_referenced_program_stays(backend: impl Backend) {
-    let (store, program) = with_program(&backend).await;
+#[tokio::test]
+async fn a_referenced_program_stays() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     let refused = store.delete_program(program).await;
     assert!(matches!(refused, Err(StoreError::InUse { users: 1, .. })), "{refused:?}");
@@ -67,8 +77,10 @@ pub(crate) async fn a_referenced_program_stays(backend: impl Backend) {
     assert!(matches!(store.delete_program(program).await, Err(StoreError::NotFound { .. })));
 }
 
-pub(crate) async fn a_deleted_program_can_be_put_again(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn a_deleted_program_can_be_put_again() {
+    let place = Place::new();
+    let store = open(&place).await;
     let source = source(5 * CHUNK_BYTES as usize);
     let info = store.put_program(source.clone().into()).await.unwrap();
     store.delete_program(info.id).await.unwrap();

@@ -6,14 +6,14 @@ use feedwave_store::{
 };
 use uuid::Uuid;
 
-use super::{Backend, json, new_job, open, with_program};
+use super::{Place, json, new_job, open, with_program};
 
 fn new_run(job_id: Uuid) -> NewRun {
     NewRun { job_id, kind: RunKind::Live, settings: json(r#"{"tool":7}"#), monitor: vec![1; 9_000].into() }
 }
 
-async fn with_run<B: Backend>(backend: &B) -> (B::Store, AttachedRun) {
-    let (store, program) = with_program(backend).await;
+async fn with_run(place: &Place) -> (Store, AttachedRun) {
+    let (store, program) = with_program(place).await;
     let job_id = store.create_job(new_job("r", program)).await.unwrap().id;
     let run = store.create_run(new_run(job_id)).await.unwrap();
     (store, run)
@@ -27,8 +27,10 @@ fn decisions(numbers: std::ops::Range<u64>) -> RunCommit {
     RunCommit { decisions: numbers.map(decision).collect(), ..RunCommit::default() }
 }
 
-pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Backend) {
-    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+#[tokio::test]
+async fn a_run_goes_on_where_its_last_commit_left_it() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
     assert_eq!((run.state, run.newest_batch, run.setpoints), (RunState::Open, None, RunSetpoints::default()));
     let setpoints = RunSetpoints { received: 900, sent: 1_024, digest: Some([7; 32]) };
     let change = |number, setpoint_index, ratio| RunOverride {
@@ -51,7 +53,7 @@ pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Ba
     store.commit_run(run.id, attachment, decisions(2..3)).await.unwrap();
     drop(store);
 
-    let store = open(&backend).await;
+    let store = open(&place).await;
     let again = store.attach_run(run.id).await.unwrap();
     assert_eq!((again.run.newest_batch, again.run.setpoints), (Some(3), setpoints));
     assert_eq!(again.monitor, vec![2; 50_000]);
@@ -70,8 +72,10 @@ pub(crate) async fn a_run_goes_on_where_its_last_commit_left_it(backend: impl Ba
     assert_eq!(store.decisions_after(0, &filter, 10).await.unwrap().len(), 3);
 }
 
-pub(crate) async fn conditions_stay_until_somebody_has_seen_them<B: Backend>(backend: B) {
-    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+#[tokio::test]
+async fn conditions_stay_until_somebody_has_seen_them() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
     let (id, events) = (run.id, store.latest_sequence());
     let raising = |number| {
         let decision = NewDecision { action: "hold_feed", raises_condition: true, ..decision(number) };
@@ -93,7 +97,7 @@ pub(crate) async fn conditions_stay_until_somebody_has_seen_them<B: Backend>(bac
     store.commit_run(id, attachment, raising(3)).await.unwrap();
     drop(store);
 
-    let store = open(&backend).await;
+    let store = open(&place).await;
     assert_eq!(unseen(&store).await, 2);
     let seen = store.acknowledge_condition(id, Some(2), "Ada".to_owned(), "worn".to_owned()).await.unwrap();
     let first = seen.acknowledged.clone().unwrap();
@@ -116,8 +120,10 @@ pub(crate) async fn conditions_stay_until_somebody_has_seen_them<B: Backend>(bac
     assert_eq!(store.latest_sequence(), told[3].sequence);
 }
 
-pub(crate) async fn only_the_newest_attachment_writes(backend: impl Backend) {
-    let (store, first) = with_run(&backend).await;
+#[tokio::test]
+async fn only_the_newest_attachment_writes() {
+    let place = Place::new();
+    let (store, first) = with_run(&place).await;
     let id = first.run.id;
     let second = store.attach_run(id).await.unwrap();
     let third = store.attach_run(id).await.unwrap();
@@ -129,8 +135,10 @@ pub(crate) async fn only_the_newest_attachment_writes(backend: impl Backend) {
     assert_eq!(store.decisions_after(0, &DecisionFilter::default(), 10).await.unwrap().len(), 1);
 }
 
-pub(crate) async fn an_ended_run_takes_nothing_more(backend: impl Backend) {
-    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+#[tokio::test]
+async fn an_ended_run_takes_nothing_more() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
     let end = RunCommit { end: Some((RunState::Stopped, "replace the tool".into())), ..decisions(0..1) };
     store.commit_run(run.id, attachment, end).await.unwrap();
     let ended = store.run(run.id).await.unwrap();
@@ -141,8 +149,10 @@ pub(crate) async fn an_ended_run_takes_nothing_more(backend: impl Backend) {
     assert!(matches!(refused, Some(StoreError::RunEnded { .. })), "{refused:?}");
 }
 
-pub(crate) async fn decisions_are_followed_without_gaps(backend: impl Backend) {
-    let (store, first) = with_run(&backend).await;
+#[tokio::test]
+async fn decisions_are_followed_without_gaps() {
+    let place = Place::new();
+    let (store, first) = with_run(&place).await;
     let second = store.create_run(new_run(first.run.job_id)).await.unwrap();
     let mut newest = store.watch_decisions();
     let mut seen = Vec::new();
@@ -164,11 +174,13 @@ pub(crate) async fn decisions_are_followed_without_gaps(backend: impl Backend) {
     let of_run = DecisionFilter { run_id: Some(second.run.id), job_id: None };
     assert_eq!(store.decisions_after(0, &of_run, 500).await.unwrap().len(), 14);
     drop(store);
-    assert_eq!(*open(&backend).await.watch_decisions().borrow(), 40, "the position survives");
+    assert_eq!(*open(&place).await.watch_decisions().borrow(), 40, "the position survives");
 }
 
-pub(crate) async fn runs_need_their_job_and_go_with_it(backend: impl Backend) {
-    let (store, AttachedRun { run, attachment, .. }) = with_run(&backend).await;
+#[tokio::test]
+async fn runs_need_their_job_and_go_with_it() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
     let other = Uuid::now_v7();
     let refused = store.create_run(new_run(other)).await.err();
     assert!(matches!(refused, Some(StoreError::NotFound { kind: Kind::Job, .. })), "{refused:?}");
@@ -189,8 +201,10 @@ pub(crate) async fn runs_need_their_job_and_go_with_it(backend: impl Backend) {
     assert!(store.decisions_after(0, &DecisionFilter::default(), 10).await.unwrap().is_empty());
 }
 
-pub(crate) async fn runs_page_newest_first(backend: impl Backend) {
-    let (store, first) = with_run(&backend).await;
+#[tokio::test]
+async fn runs_page_newest_first() {
+    let place = Place::new();
+    let (store, first) = with_run(&place).await;
     let job_id = first.run.job_id;
     let mut created = vec![first.run.id];
     for _ in 0..6 {

@@ -3,19 +3,21 @@
 use bytes::Bytes;
 use feedwave_store::{CHUNK_BYTES, ProgramId, Programs, StoreError, StoreSettings, UploadInfo, UploadStart};
 
-use super::{Backend, open, read_back, source};
+use super::{Place, open, read_back, source};
 
 const CHUNK: usize = CHUNK_BYTES as usize;
 
-async fn begin(store: &impl Programs, expected: ProgramId, size: usize) -> UploadInfo {
+async fn begin(store: &Store, expected: ProgramId, size: usize) -> UploadInfo {
     match store.begin_upload(expected, size as u64).await.unwrap() {
         UploadStart::Unfinished(upload) => upload,
         UploadStart::Complete(program) => panic!("{program:?} is stored already"),
     }
 }
 
-pub(crate) async fn pieces_of_any_size_make_the_program(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn pieces_of_any_size_make_the_program() {
+    let place = Place::new();
+    let store = open(&place).await;
     // Around the chunk's edge, within a chunk, across several, and all at once.
     for (round, pieces) in [
         &[CHUNK - 1, 1, 1, CHUNK, 3][..],
@@ -50,23 +52,27 @@ pub(crate) async fn pieces_of_any_size_make_the_program(backend: impl Backend) {
     assert!(store.uploads().await.unwrap().is_empty());
 }
 
-pub(crate) async fn an_empty_program_needs_no_bytes(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn an_empty_program_needs_no_bytes() {
+    let place = Place::new();
+    let store = open(&place).await;
     let upload = begin(&store, ProgramId::of(b""), 0).await;
     let program = store.finish_upload(upload.id).await.unwrap();
     assert_eq!((program.size_bytes, program.chunk_count), (0, 0));
 }
 
-pub(crate) async fn an_upload_resumes_after_reopening(backend: impl Backend) {
+#[tokio::test]
+async fn an_upload_resumes_after_reopening() {
+    let place = Place::new();
     let source = source(2 * CHUNK + 12_345);
     let id = ProgramId::of(&source);
     let cut = CHUNK + 777;
-    let store = open(&backend).await;
+    let store = open(&place).await;
     let upload = begin(&store, id, source.len()).await;
     store.append_upload(upload.id, 0, Bytes::copy_from_slice(&source[..cut])).await.unwrap();
     drop(store);
 
-    let store = open(&backend).await;
+    let store = open(&place).await;
     let resumed = begin(&store, id, source.len()).await;
     assert_eq!((resumed.id, resumed.received_bytes), (upload.id, cut as u64));
     store.append_upload(resumed.id, cut as u64, Bytes::copy_from_slice(&source[cut..])).await.unwrap();
@@ -79,8 +85,10 @@ pub(crate) async fn an_upload_resumes_after_reopening(backend: impl Backend) {
     }
 }
 
-pub(crate) async fn a_wrong_offset_names_the_right_one(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn a_wrong_offset_names_the_right_one() {
+    let place = Place::new();
+    let store = open(&place).await;
     let upload = begin(&store, ProgramId::of(b"abcdef"), 6).await;
     store.append_upload(upload.id, 0, "abc".into()).await.unwrap();
     for given in [0, 2, 4, u64::MAX] {
@@ -98,8 +106,10 @@ pub(crate) async fn a_wrong_offset_names_the_right_one(backend: impl Backend) {
     store.finish_upload(upload.id).await.unwrap();
 }
 
-pub(crate) async fn of_racing_appends_one_wins(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn of_racing_appends_one_wins() {
+    let place = Place::new();
+    let store = open(&place).await;
     let source = Bytes::from(source(3 * CHUNK));
     let upload = begin(&store, ProgramId::of(&source), source.len()).await;
     let mut appends = tokio::task::JoinSet::new();
@@ -117,8 +127,10 @@ pub(crate) async fn of_racing_appends_one_wins(backend: impl Backend) {
     assert_eq!(read_back(&store, program.id).await, source);
 }
 
-pub(crate) async fn a_wrong_hash_discards_the_upload(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn a_wrong_hash_discards_the_upload() {
+    let place = Place::new();
+    let store = open(&place).await;
     let expected = ProgramId::of(b"right");
     let upload = begin(&store, expected, 5).await;
     store.append_upload(upload.id, 0, "wrong".into()).await.unwrap();
@@ -135,9 +147,11 @@ pub(crate) async fn a_wrong_hash_discards_the_upload(backend: impl Backend) {
     assert_eq!(begin(&store, expected, 5).await.received_bytes, 0, "a new attempt starts anew");
 }
 
-pub(crate) async fn uploads_are_limited_listed_and_deleted(backend: impl Backend) {
+#[tokio::test]
+async fn uploads_are_limited_listed_and_deleted() {
+    let place = Place::new();
     let limits = StoreSettings { max_uploads: 2, max_program_bytes: 100, ..StoreSettings::default() };
-    let store = backend.open(limits).await;
+    let store = place.open(limits).await;
     let first = begin(&store, ProgramId::of(b"1"), 1).await;
     let second = begin(&store, ProgramId::of(b"2"), 1).await;
     let refused = store.begin_upload(ProgramId::of(b"3"), 1).await;
@@ -155,8 +169,10 @@ pub(crate) async fn uploads_are_limited_listed_and_deleted(backend: impl Backend
     assert!(matches!(refused, Err(StoreError::TooLarge { size: 101, limit: 100, .. })), "{refused:?}");
 }
 
-pub(crate) async fn a_program_that_came_another_way_wins(backend: impl Backend) {
-    let store = open(&backend).await;
+#[tokio::test]
+async fn a_program_that_came_another_way_wins() {
+    let place = Place::new();
+    let store = open(&place).await;
     let upload = begin(&store, ProgramId::of(b"same"), 4).await;
     store.append_upload(upload.id, 0, "same".into()).await.unwrap();
     let put = store.put_program("same".into()).await.unwrap();

@@ -13,7 +13,7 @@ use feedwave_contract::proto::{
     StreamSetpointsRequest, ValidationReport,
 };
 use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
-use feedwave_server::config::{Config, DatabaseConfig, GrpcConfig, HttpConfig};
+use feedwave_server::config::{Config, GrpcConfig, HttpConfig, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 
 use super::super::CliError;
@@ -71,12 +71,12 @@ async fn start(stage: &mut Stage, directory: &Path) -> Result<RunningServer, Cli
     let config = Config {
         grpc: GrpcConfig { listen: free_port, ..GrpcConfig::default() },
         http: HttpConfig { listen: free_port },
-        database: DatabaseConfig { path: directory.join("demo.db") },
+        store: StoreConfig::of_file(&directory.join("demo.db")).map_err(CliError::trouble)?,
         ..Config::default()
     };
     let server = Server::start(config).await.map_err(CliError::trouble)?;
     stage.say(&format!(
-        "gRPC on {}, dashboards on http://{}, a temporary SQLite database",
+        "gRPC on {}, dashboards on http://{}, a temporary store",
         server.grpc_addr(),
         server.http_addr()
     ))?;
@@ -367,7 +367,7 @@ fn compare_local(
 }
 
 async fn list(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
-    stage.step("The database remembers")?;
+    stage.step("The store remembers")?;
     let response = client.jobs.list_jobs(ListJobsRequest::default()).await.map_err(|status| client.failed(&status))?;
     let jobs = response.into_inner().jobs;
     stage.say(&format!("{:<22} {:<9} {:>9} {:>10}  job", "program", "state", "warnings", "setpoints"))?;

@@ -1,0 +1,77 @@
+//! The store: whichever database its URI names.
+
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+
+use async_trait::async_trait;
+
+use crate::checkpoints::Checkpoints;
+use crate::error::Result;
+use crate::jobs::Jobs;
+use crate::machines::Machines;
+use crate::programs::Programs;
+use crate::runs::Runs;
+use crate::settings::{StoreSettings, StoreStats};
+use crate::sqlite::SqliteStore;
+use crate::tools::Tools;
+use crate::uri::{Place, StoreUri};
+
+/// A database that keeps everything.
+#[async_trait]
+pub trait Database: Programs + Jobs + Checkpoints + Runs + Machines + Tools + Send + Sync {
+    /// Ends the store in order: waits for the writes under way, refuses new ones, and lets go of the database. Dropping
+    /// the store without closing it loses nothing that was acknowledged.
+    async fn close(&self);
+
+    /// Verifies that the database answers reads and that writes are taken, for readiness probes.
+    ///
+    /// # Errors
+    /// `Unavailable`, `Corrupt`.
+    async fn ping(&self) -> Result<()>;
+
+    /// Counters since the store was opened.
+    fn stats(&self) -> StoreStats;
+}
+
+/// The store. Cloning is cheap; clones are the same store, and are closed with it.
+#[derive(Clone)]
+pub struct Store {
+    uri: StoreUri,
+    database: Arc<dyn Database>,
+}
+
+impl Store {
+    /// Opens the database at `uri`, creates it where its kind allows that and it does not exist, and brings its schema
+    /// up to date. Errors do not repeat the URI.
+    ///
+    /// # Errors
+    /// `CannotOpen` if there is none and none can be made, `Incompatible` if it belongs to a newer version or to another
+    /// program, `Corrupt` if it is not intact, `Unavailable`.
+    pub async fn open(uri: &StoreUri, settings: StoreSettings) -> Result<Self> {
+        let database: Arc<dyn Database> = match uri.place() {
+            Place::Sqlite(options) => Arc::new(SqliteStore::open(options.clone(), settings).await?),
+        };
+        Ok(Self { uri: uri.clone(), database })
+    }
+
+    /// Where it is kept.
+    #[must_use]
+    pub const fn uri(&self) -> &StoreUri {
+        &self.uri
+    }
+}
+
+impl Deref for Store {
+    type Target = dyn Database;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.database
+    }
+}
+
+impl fmt::Debug for Store {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Store").field(&self.uri).finish()
+    }
+}
