@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::{LazyLock, Mutex};
 
 use bytes::Bytes;
-use feedwave_store::{ProgramId, Programs, Store, StoreError, StoreSettings, StoreUri, UploadStart};
+use feedwave_store::{ProgramId, Store, StoreError, StoreSettings, StoreUri, UploadStart};
 use libfuzzer_sys::fuzz_target;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;

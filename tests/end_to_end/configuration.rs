@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 
-use feedwave_server::config::{Config, HealthcheckConfig, Overrides, TlsConfig};
+use feedwave_server::config::{Config, HealthcheckConfig, Overrides, StoreConfig, TlsConfig};
 use tokio::process::Command;
 
 use crate::FEEDWAVE;
@@ -30,6 +30,8 @@ async fn a_bad_value_is_refused_with_its_file_its_key_and_the_reason() {
         ("[limits]\nmessage_bytes = 1\n", "limits.message_bytes", "must be 65536 to"),
         ("[grpc]\nlisten = 'everywhere'\n", "grpc.listen", "invalid socket address"),
         ("[grpc]\nlisten = \n", "", "shop.toml"),
+        ("[store]\nuri = 'feedwave.db'\n", "store.uri", "it has no scheme"),
+        ("[store]\nuri = 'sqlite:///1.db'\n[database]\npath = '/2.db'\n", "database.path", "keep store.uri alone"),
     ];
     for (config, key, reason) in cases {
         let output = refused(config, &[]).await;
@@ -49,6 +51,20 @@ async fn a_bad_variable_is_refused_with_its_key() {
     assert!(message.contains("limits.concurrent_streams") && message.contains("environment"), "{message}");
 }
 
+#[tokio::test]
+async fn a_store_that_cannot_be_opened_is_named() {
+    let output = refused("[store]\nuri = 'sqlite:///absent/feedwave.db'\n", &[]).await;
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "{message}");
+    let expected = "store.uri: sqlite:///absent/feedwave.db: the database cannot be opened: its folder does not exist";
+    assert!(message.contains(expected), "{message}");
+    // The former name is warned of before anything fails.
+    let output = refused("[database]\npath = '/absent/feedwave.db'\n", &[]).await;
+    let message = String::from_utf8_lossy(&output.stderr);
+    let warning = "set store.uri to sqlite:///absent/feedwave.db in its stead";
+    assert!(message.contains(warning) && message.contains(expected), "{message}");
+}
+
 #[test]
 fn the_example_states_every_key_with_its_default() {
     let loaded = Config::load(Some(example()), &Overrides::default()).expect("the example is accepted");
@@ -66,6 +82,7 @@ fn the_example_states_every_key_with_its_default() {
         key: Some("key".into()),
         domain: Some("name".to_owned()),
     };
+    full.store = StoreConfig::of_file(Path::new("feedwave.db")).expect("a path");
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");
     let mut keys = BTreeSet::new();

@@ -17,7 +17,7 @@ mod tools;
 
 use std::sync::Arc;
 
-use feedwave_store::{Machines as _, PageRequest, Store, StoreError};
+use feedwave_store::{PageRequest, Store, StoreError};
 use tonic::{Request, Response, Status};
 
 pub(crate) use decisions::decision_from_record;

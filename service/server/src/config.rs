@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use feedwave_store::{InvalidStoreUri, StoreUri};
+pub use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
 use figment::value::Value;

@@ -16,7 +16,6 @@ use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
     ListRunsRequest, ServerState,
 };
-use feedwave_store::{Jobs as _, Runs as _};
 use prost::Name;
 use prost_types::Timestamp;
 use query::Query;

@@ -4,9 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_store::{
-    CHUNK_BYTES, Fingerprint, Jobs, NewJob, ProgramId, Programs, RawValue, Store, StoreSettings, StoreUri,
-};
+use feedwave_store::{CHUNK_BYTES, Fingerprint, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri};
 use tokio::runtime::Runtime;
 
 const JOBS: u64 = 256;

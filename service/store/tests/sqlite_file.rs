@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use feedwave_store::{
-    CHUNK_BYTES, Fingerprint, JobState, Jobs, Kind, Machines, NewJob, ProgramId, Programs, RawValue, Store, StoreError,
-    StoreSettings, StoreUri, UploadStart,
+    CHUNK_BYTES, Fingerprint, JobState, Kind, NewJob, ProgramId, RawValue, Store, StoreError, StoreSettings, StoreUri,
+    UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};

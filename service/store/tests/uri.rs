@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use feedwave_store::{Machines, RawValue, Store, StoreSettings, StoreUri};
+use feedwave_store::{RawValue, Store, StoreSettings, StoreUri};
 use proptest::prelude::*;
 
 fn refusal(text: &str) -> String {

@@ -4,10 +4,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use feedwave_server::config::Overrides;
+use feedwave_server::config::{Overrides, StoreUri};
 use feedwave_server::lifecycle::{RunningServer, Server};
 use feedwave_server::observability::{self, REVISION, VERSION};
-use feedwave_store::StoreUri;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::args::GlobalArgs;

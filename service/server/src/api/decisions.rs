@@ -6,7 +6,7 @@ use feedwave_contract::names;
 use feedwave_contract::proto::{
     Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
-use feedwave_store::{DecisionFilter, DecisionRecord, Runs as _, Store};
+use feedwave_store::{DecisionFilter, DecisionRecord, Store};
 use futures_util::{Stream, stream};
 use prost::Message as _;
 use tokio::sync::watch;

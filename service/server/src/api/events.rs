@@ -7,7 +7,7 @@ use feedwave_contract::proto::{
     JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse,
 };
 use feedwave_contract::{names, proto};
-use feedwave_store::{JobEvent as EventRecord, JobState, Jobs as _, Store};
+use feedwave_store::{JobEvent as EventRecord, JobState, Store};
 use futures_util::{Stream, stream};
 use tokio::sync::watch;
 use uuid::Uuid;

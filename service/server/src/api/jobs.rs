@@ -16,10 +16,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
-use feedwave_store::{
-    Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, Jobs as _, Machines as _, NewJob, ProgramId,
-    Programs as _, Tools as _,
-};
+use feedwave_store::{Fingerprint, Job as JobRecord, JobDetail, JobFilter, JobState, NewJob, ProgramId};
 use futures_util::Stream;
 use prost::Message as _;
 use tonic::{Request, Response, Status, Streaming, async_trait};

@@ -8,7 +8,6 @@ use feedwave_contract::proto::{
     ComputeStabilityLobesRequest, ComputeStabilityLobesResponse, MonitoringConfig, SpindleBand, StabilityModel,
     TableFromLobes, Tool,
 };
-use feedwave_store::Tools as _;
 
 use super::{Api, tools};
 use crate::error::{Error, Result, Violations};

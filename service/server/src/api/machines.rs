@@ -9,7 +9,7 @@ use feedwave_contract::proto::{
     UpdateMachineResponse,
 };
 use feedwave_cutting::MachineProfile;
-use feedwave_store::{Json, MachineRecord, Machines as _};
+use feedwave_store::{Json, MachineRecord};
 use tonic::{Request, Response, Status, async_trait};
 
 use super::{Api, answer, etag, mask, page_request};

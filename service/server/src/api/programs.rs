@@ -6,7 +6,7 @@ use feedwave_contract::proto::{
     DeleteProgramRequest, DeleteProgramResponse, GetUploadRequest, GetUploadResponse, UploadChunk, UploadHeader,
     UploadProgramRequest, UploadProgramResponse,
 };
-use feedwave_store::{Kind, ProgramId, Programs as _, StoreError, UploadInfo, UploadStart};
+use feedwave_store::{Kind, ProgramId, StoreError, UploadInfo, UploadStart};
 use tonic::Streaming;
 
 use super::Api;

@@ -15,7 +15,7 @@ use feedwave_contract::proto::{
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, MAX_OVERRIDE_RATIO, PipelineConfig};
 use feedwave_monitoring::{Monitor, MonitoringConfig, SpindleRule};
-use feedwave_store::{AttachedRun, JobDetail, JobState, Jobs as _, NewRun, RunKind, Runs as _};
+use feedwave_store::{AttachedRun, JobDetail, JobState, NewRun, RunKind};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;

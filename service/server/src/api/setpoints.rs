@@ -12,7 +12,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{Frame, GenerationMode, PipelineConfig};
-use feedwave_store::{JobDetail, JobState, Jobs as _};
+use feedwave_store::{JobDetail, JobState};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, async_trait};
 

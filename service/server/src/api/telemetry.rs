@@ -16,9 +16,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{names, proto};
 use feedwave_monitoring::{Monitor, MonitoringConfig};
-use feedwave_store::{
-    AttachedRun, Jobs as _, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState, Runs as _,
-};
+use feedwave_store::{AttachedRun, NewRun, Run as RunRecord, RunCondition as ConditionRecord, RunKind, RunState};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
     PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, ValidationReport,
 };
 use feedwave_cutting::thread::{ThreadFollower, plan_thread};
-use feedwave_store::{JobState, Jobs as _};
+use feedwave_store::JobState;
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 

@@ -8,7 +8,7 @@ use feedwave_contract::proto::{
     DeleteToolRequest, DeleteToolResponse, GetToolRequest, GetToolResponse, ListToolsRequest, ListToolsResponse, Tool,
     UpdateToolRequest, UpdateToolResponse,
 };
-use feedwave_store::{Json, ToolFilter, ToolRecord, Tools as _};
+use feedwave_store::{Json, ToolFilter, ToolRecord};
 use tonic::{Request, Response, Status, async_trait};
 
 use super::{Api, answer, etag, mask, page_request};

@@ -11,7 +11,7 @@ use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
     Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, State,
 };
-use feedwave_store::{AttachedRun, NewDecision, RunCommit, Runs as _, Store, TelemetryGap};
+use feedwave_store::{AttachedRun, NewDecision, RunCommit, Store, TelemetryGap};
 use prost::Message as _;
 use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;

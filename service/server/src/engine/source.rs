@@ -1,7 +1,7 @@
 //! Where a pipeline's program bytes come from.
 
 use bytes::Bytes;
-use feedwave_store::{CHUNK_BYTES, ProgramId, Programs as _, Store};
+use feedwave_store::{CHUNK_BYTES, ProgramId, Store};
 use tokio::runtime::Handle;
 
 use crate::error::Result;

@@ -12,7 +12,7 @@ use feedwave_cutting::ServoExpander;
 use feedwave_cutting::setpoint_index_at;
 use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
 use feedwave_program::Severity;
-use feedwave_store::{Checkpoints as _, JobDetail};
+use feedwave_store::JobDetail;
 use futures_util::Stream;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;

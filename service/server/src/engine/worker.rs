@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use feedwave_contract::convert::{report_to_proto, summary_to_proto};
 use feedwave_cutting::ValidationReport;
-use feedwave_store::{Checkpoint, Checkpoints as _, FindingCounts, JobState, Jobs as _, NewReport, StoreError};
+use feedwave_store::{Checkpoint, FindingCounts, JobState, NewReport, StoreError};
 use tokio::task::JoinSet;
 use tracing::Instrument as _;
 use uuid::Uuid;

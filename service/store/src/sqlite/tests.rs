@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use tokio::sync::oneshot;
 
 use super::{SqliteOptions, SqliteStore, checkpointer};
-use crate::{Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
+use crate::{Database, Kind, Machines, Observer, RawValue, StoreError, StoreSettings};
 
 async fn store(settings: StoreSettings) -> (TempDir, SqliteStore) {
     let folder = TempDir::new().unwrap();

@@ -1,6 +1,6 @@
 //! Checkpoints.
 
-use feedwave_store::{Checkpoint, CheckpointSet, Checkpoints, Jobs, Kind, StoreError, StoreSettings};
+use feedwave_store::{Checkpoint, CheckpointSet, Kind, Store, StoreError, StoreSettings};
 use uuid::Uuid;
 
 use super::{Place, new_job, with_program};

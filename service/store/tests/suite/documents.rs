@@ -1,6 +1,6 @@
 //! Machine profiles and tools.
 
-use feedwave_store::{Kind, Machines, PageRequest, StoreError, StoreSettings, ToolFilter, Tools};
+use feedwave_store::{Kind, PageRequest, StoreError, StoreSettings, ToolFilter};
 
 use super::{Place, json, open};
 

@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 
 use feedwave_store::{
-    FindingCounts, Fingerprint, JobFilter, JobState, Jobs, Kind, Machines, NewJob, NewReport, PageRequest, ProgramId,
-    Programs, StoreError, StoreSettings, Tools,
+    FindingCounts, Fingerprint, JobFilter, JobState, Kind, NewJob, NewReport, PageRequest, ProgramId, Store,
+    StoreError, StoreSettings,
 };
 use uuid::Uuid;
 
-use super::{Full, Place, json, new_job, open, with_program};
+use super::{Place, json, new_job, open, with_program};
 
 fn report(text: &str) -> NewReport {
     NewReport {

@@ -9,7 +9,7 @@ mod programs;
 mod runs;
 mod uploads;
 
-use feedwave_store::{Fingerprint, Jobs, Json, NewJob, ProgramId, Programs, RawValue, Store, StoreSettings, StoreUri};
+use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri};
 use tempfile::TempDir;
 use uuid::Uuid;
 

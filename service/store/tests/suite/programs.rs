@@ -1,8 +1,8 @@
 //! Programs put as a whole.
 
-use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, ProgramId, Programs, StoreError, StoreSettings};
+use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, ProgramId, StoreError, StoreSettings};
 
-use super::{Jobs, Place, new_job, open, read_back, source, with_program};
+use super::{Place, new_job, open, read_back, source, with_program};
 
 #[tokio::test]
 async fn put_is_idempotent_and_addressed_by_content() {

@@ -1,8 +1,8 @@
 //! Runs and their decisions.
 
 use feedwave_store::{
-    AttachedRun, DecisionFilter, Jobs, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride,
-    RunSetpoints, RunState, Runs, StoreError, TelemetryGap,
+    AttachedRun, DecisionFilter, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride, RunSetpoints,
+    RunState, Store, StoreError, TelemetryGap,
 };
 use uuid::Uuid;
 
@@ -81,7 +81,7 @@ async fn conditions_stay_until_somebody_has_seen_them() {
         let decision = NewDecision { action: "hold_feed", raises_condition: true, ..decision(number) };
         RunCommit { decisions: vec![decision], ..RunCommit::default() }
     };
-    let unseen = async |store: &B::Store| {
+    let unseen = async |store: &Store| {
         let (of_run, of_all) =
             (store.run(id).await.unwrap().open_conditions, store.count_open_conditions().await.unwrap());
         assert_eq!(of_run, of_all);

@@ -1,7 +1,7 @@
 //! Programs uploaded piece by piece.
 
 use bytes::Bytes;
-use feedwave_store::{CHUNK_BYTES, ProgramId, Programs, StoreError, StoreSettings, UploadInfo, UploadStart};
+use feedwave_store::{CHUNK_BYTES, ProgramId, Store, StoreError, StoreSettings, UploadInfo, UploadStart};
 
 use super::{Place, open, read_back, source};
 

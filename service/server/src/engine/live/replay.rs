@@ -4,7 +4,7 @@ use feedwave_contract::convert::decision_from_proto;
 use feedwave_contract::proto;
 use feedwave_cutting::PipelineConfig;
 use feedwave_monitoring::decide;
-use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunOverride, Runs as _, Store};
+use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunOverride, Store};
 use proto::ReplayRunResponse;
 
 use super::LivePlan;
