@@ -25,7 +25,7 @@ impl Home {
     /// and adds `more`.
     ///
     /// # Panics
-    /// When there is no room for temporary files.
+    /// When no temporary file can be made.
     #[must_use]
     pub fn new(binary: impl Into<PathBuf>, more: &str) -> Self {
         let directory = tempfile::tempdir().expect("a temporary directory");

@@ -111,7 +111,7 @@ fn stamps_too_dense_to_be_true_end_the_window() {
 }
 
 #[test]
-fn samples_dropped_on_the_way_are_counted() {
+fn samples_dropped_in_transit_are_counted() {
     let mut columns = cutting([0.05, 0.0], 2);
     // Every second sample is lost for 400 ms: time goes on, samples do not come.
     for (index, time) in columns.time_ns.iter_mut().enumerate().skip(INSIDE) {

@@ -115,7 +115,7 @@ const MAX_TRAVEL: f64 = 1e6;
 const SPINDLE_RANGE: (f64, f64) = (1e-3, 1e6);
 
 /// Linear axes of a modern lathe or mill with linear or stiff screw drives: 500 mm/s (30 m/min), 10 m/s² (1 g) and
-/// a jerk that leaves room for the typical chip-breaking vibration (50 Hz, 0.1 mm has 3 100 m/s³).
+/// a jerk that permits the typical chip-breaking vibration (50 Hz, 0.1 mm has 3 100 m/s³).
 const LINEAR_AXIS: (f64, f64, f64) = (500.0, 10_000.0, 5_000_000.0);
 
 impl Machine {

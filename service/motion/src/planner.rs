@@ -194,7 +194,7 @@ impl<B> Planner<B> {
         self.entry_speed = speed;
         self.overspeed = speed;
         self.runs_before.clear();
-        // What is known is looked at as a whole.
+        // What is known is planned as a whole.
         self.next_plan = usize::MAX;
         for item in path {
             match item {
@@ -216,7 +216,7 @@ impl<B> Planner<B> {
         if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
     }
 
-    /// Whether a restart is in progress, which looks at what is known as a whole.
+    /// Whether a restart is in progress, which plans what is known as a whole.
     const fn is_restarting(&self) -> bool {
         self.next_plan == usize::MAX
     }

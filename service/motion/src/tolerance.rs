@@ -106,7 +106,7 @@ pub(crate) const LIMIT_SLOWDOWN: f64 = 0.1;
 pub(crate) const LIMIT_HALVINGS: u32 = 5;
 /// Most pieces with limits of their own of one element.
 pub(crate) const MAX_LIMIT_PIECES: usize = 256;
-/// Places looked at on each polynomial piece of a spline to find where X turns: pieces are short enough to be nearly
+/// Places examined on each polynomial piece of a spline to find where X turns: pieces are short enough to be nearly
 /// circular.
 pub(crate) const PLACES_PER_SPLINE_PIECE: usize = 8;
 
@@ -144,8 +144,8 @@ pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 pub(crate) const MAX_CORNER_TRIES: usize = 12;
 
 /// Elements after which a path is planned for the first time, so that its first setpoints do not wait for the whole
-/// window: they come within milliseconds. In the first half of these, which is released, a path from rest has room to
-/// stop in the second half from whatever speed it has reached.
+/// window: they come within milliseconds. In the first half of these, which is released, a path from rest has the
+/// length to stop in the second half from whatever speed it has reached.
 pub(crate) const FIRST_PLAN: usize = 1_000;
 
 /// Directions closer to the first rotary axis than this are taken along it, rad: no tool shows 0.02″, and the first axis need

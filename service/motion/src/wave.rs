@@ -137,7 +137,7 @@ mod tests {
         let count = 200_000;
         for i in 0..=count {
             let turns = f64::from(i) / f64::from(count) * 0.5;
-            // Reference on the half turn folded the same way, so that 2π·turns is rounded where sin is steep only.
+            // Reference on the half turn folded likewise, so that 2π·turns is rounded where sin is steep only.
             let folded = turns.min(0.5 - turns);
             let reference = libm::sin(folded * TAU);
             let ulp = f64::EPSILON * reference.max(f64::MIN_POSITIVE);

@@ -267,7 +267,7 @@ fn what_does_not_follow_the_override_is_run_as_programmed_and_held_only_after_it
     };
     assert_eq!(top_speeds(0.5), (vec![25.0, 50.0, 25.0], false));
     assert_eq!(top_speeds(0.0), (vec![], true));
-    // Under way in what does not follow it, the path rests only where that ends.
+    // While in what does not follow it, the path rests only where that ends.
     let mut planner = planner(100);
     planner.restart(50.0, 0.0, all[1..].iter().cloned().map(PathItem::Motion).collect()).expect("there is room");
     let planned = take(&mut planner);

@@ -45,7 +45,7 @@ fn machines() -> impl Strategy<Value = Machine> {
     [axis(), axis(), axis()].prop_map(machine)
 }
 
-/// Where pieces are looked at.
+/// Where pieces are examined.
 const PLACES: [f64; 6] = [0.01, 0.2, 0.4, 0.6, 0.8, 0.99];
 
 /// Calls `check` with three derivatives by arc length, from differences of the tangent, at places inside each piece.

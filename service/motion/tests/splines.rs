@@ -191,10 +191,10 @@ proptest! {
         let planar = (element.length * element.length - rise * rise).sqrt();
         prop_assert!((planar - length).abs() <= 1e-9, "{planar} for {length}");
         let u = share * reference.spans() as f64;
-        let way = reference.length(0.0, u, 1e-12) / length;
-        let found = element.position(way * element.length);
+        let travel = reference.length(0.0, u, 1e-12) / length;
+        let found = element.position(travel * element.length);
         prop_assert!(distance(&found, reference.at(u)) <= 1e-9, "{} mm off", distance(&found, reference.at(u)));
-        prop_assert!((found[2] - rise * way).abs() <= 1e-9);
+        prop_assert!((found[2] - rise * travel).abs() <= 1e-9);
     }
 
     #[test]
@@ -271,7 +271,7 @@ proptest! {
     }
 
     #[test]
-    fn smooth_parts_are_the_same_way(curve in curves(), shares in prop::collection::vec(0.0..1.0_f64, 20), rise in -20.0..20.0_f64) {
+    fn smooth_parts_are_the_same_path(curve in curves(), shares in prop::collection::vec(0.0..1.0_f64, 20), rise in -20.0..20.0_f64) {
         let Some(whole) = element(&curve, rise) else { return Ok(()) };
         let parts = whole.clone().smooth_parts();
         let single = usize::from(curve.order) == curve.points.len();

@@ -168,7 +168,7 @@ fn travel_is_checked_over_the_whole_curve_in_machine_coordinates() {
     assert!((exceeded.value - 10.0).abs() < 1e-12);
     half.work_offset[1] = -1.5;
     assert_eq!(travel_exceeded(&half, &machine), None);
-    // An axis that carries the workpiece goes the other way: −(10 − 1.5).
+    // An axis that carries the workpiece moves in the opposite direction: −(10 − 1.5).
     machine.axes[1].carried_by = CarriedBy::Workpiece;
     machine.axes[1].travel_min = Some(-8.0);
     assert!((travel_exceeded(&half, &machine).expect("below").value + 8.5).abs() < 1e-12);

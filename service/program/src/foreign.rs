@@ -1,8 +1,8 @@
 //! Files that are no program of the language at all: recognised as a whole, so that they are one finding that says what they
 //! are instead of one for every line.
 //!
-//! A line is looked at when it is the first with anything in it, or cannot be read. So a file that can be read is never taken
-//! for something else, and the marks need only be such that no program holds them where a line cannot be read.
+//! A line is examined when it is the first with anything in it, or cannot be read. So a file that can be read is never
+//! taken for something else, and the marks need only be such that no program holds them where a line cannot be read.
 
 /// What a file is, and what to do with it instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

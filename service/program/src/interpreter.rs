@@ -367,7 +367,7 @@ impl Interpreter {
         }
     }
 
-    /// After an error in a block: no curve comes of the NURBS it stands in.
+    /// After an error in a block: the NURBS that it belongs to makes no curve.
     fn break_nurbs(&mut self) {
         if let Some(nurbs) = &mut self.state.nurbs {
             nurbs.broken = true;

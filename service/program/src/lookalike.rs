@@ -106,7 +106,7 @@ fn decimal_comma(line: &[u8], at: usize, before: Option<u8>) -> Option<(usize, O
     (follows && digits > 0).then_some((1, Some('.'), digits != 3, true))
 }
 
-/// The stretches of a line outside comments that hold such characters, with the letter before where one stands alone.
+/// The stretches of a line outside comments that hold such characters, with the letter before where one is alone.
 pub(crate) fn find(line: &[u8]) -> Vec<Stretch> {
     let mut stretches = Vec::new();
     let mut at = 0;

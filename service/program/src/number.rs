@@ -151,7 +151,7 @@ fn digit_at(line: &[u8], at: usize) -> Option<u64> {
     (digit < 10).then_some(u64::from(digit))
 }
 
-/// Whether the number goes on after `at` in an irregular way: a second point or sign, or digits after spaces.
+/// Whether the number goes on irregularly after `at`: a second point or sign, or digits after spaces.
 #[inline]
 fn continues(line: &[u8], at: usize) -> bool {
     match line.get(at) {

@@ -190,7 +190,7 @@ pub enum Feed {
 /// Spindle state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spindle {
-    /// Which way it turns.
+    /// Direction of rotation.
     pub direction: SpindleDirection,
     /// Commanded speed.
     pub speed: SpindleSpeed,
@@ -318,7 +318,7 @@ pub struct FunctionWord {
     pub letter: char,
     /// Value; lengths in mm.
     pub value: f64,
-    /// Where it stands.
+    /// Its place.
     pub span: SourceSpan,
 }
 

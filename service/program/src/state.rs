@@ -20,7 +20,7 @@ pub struct InterpreterState {
     pub(crate) after_return: bool,
     /// Bytes of the last line without its end.
     pub(crate) last_line_bytes: u32,
-    /// A line with something in it was looked at.
+    /// A line with content was examined.
     pub(crate) content_seen: bool,
     /// A line could be read.
     pub(crate) readable_seen: bool,
@@ -194,7 +194,7 @@ pub(crate) struct Nurbs {
     /// Feed of the block that opened it; `None` after a finding about it.
     pub(crate) feed: Option<Feed>,
     pub(crate) path_control: PathControl,
-    /// One of its blocks had an error, so that no curve comes of it.
+    /// One of its blocks had an error, so that it makes no curve.
     pub(crate) broken: bool,
 }
 

@@ -169,7 +169,7 @@ pub enum StoreError {
     RunEnded {
         /// The run.
         run_id: Uuid,
-        /// Where it stands.
+        /// Its state.
         state: RunState,
     },
     /// Somebody else took the run up.

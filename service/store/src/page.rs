@@ -39,7 +39,7 @@ pub struct Page<T> {
     pub next_token: Option<String>,
 }
 
-/// Longest token that is looked at; those the store makes are shorter.
+/// Longest token that is accepted; those the store makes are shorter.
 const MAX_TOKEN_BYTES: usize = 1024;
 /// Bytes of the scope's digest in a token: enough that no two lists share one by chance.
 const SCOPE_BYTES: usize = 16;

@@ -121,7 +121,7 @@ pub enum UploadStart {
 /// Keeps programs.
 #[async_trait]
 pub trait Programs {
-    /// Stores a program of at most [`MAX_PUT_BYTES`] that is at hand as a whole. Storing it again
+    /// Stores a program of at most [`MAX_PUT_BYTES`] that is in memory as a whole. Storing it again
     /// changes nothing.
     ///
     /// # Errors

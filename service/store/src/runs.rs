@@ -94,7 +94,7 @@ pub struct Run {
     pub job_id: Uuid,
     /// What it is.
     pub kind: RunKind,
-    /// Where it stands.
+    /// Its state.
     pub state: RunState,
     /// Why; may be empty.
     pub state_detail: String,

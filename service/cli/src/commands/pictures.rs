@@ -212,7 +212,7 @@ impl Tracer {
             }
             OperationKind::Thread(pass) => {
                 self.flush();
-                self.rapids.cut(span.line, THREAD_ROOM * pass.lead_mm * most_rev_per_min(&pass.spindle));
+                self.rapids.cut(span.line, THREAD_MARGIN * pass.lead_mm * most_rev_per_min(&pass.spindle));
                 self.thread(pass);
             }
             OperationKind::Function(command) => {
@@ -267,7 +267,7 @@ impl Tracer {
 }
 
 /// The path along a taper is longer than the travel of the lead axis, at most by this.
-const THREAD_ROOM: f64 = 1.5;
+const THREAD_MARGIN: f64 = 1.5;
 
 /// Highest speed that a spindle state permits; infinite under constant surface speed without a limit.
 const fn most_rev_per_min(spindle: &Spindle) -> f64 {

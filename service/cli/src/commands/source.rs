@@ -133,8 +133,8 @@ fn read_line(reader: &mut impl io::BufRead, mut line: Option<&mut Vec<u8>>) -> i
         let end = piece.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
         let length = end.unwrap_or(piece.len());
         if let Some(line) = line.as_deref_mut() {
-            let room = LONGEST_LINE_BYTES.saturating_sub(line.len());
-            line.extend_from_slice(&piece[..length.min(room)]);
+            let space = LONGEST_LINE_BYTES.saturating_sub(line.len());
+            line.extend_from_slice(&piece[..length.min(space)]);
         }
         let is_last = piece.is_empty();
         let is_return = end.is_some_and(|end| piece[end] == b'\r');

@@ -14,7 +14,7 @@ pub(super) struct Style {
 }
 
 impl Style {
-    /// For standard output: coloured on a terminal, unless `NO_COLOR` is set or the terminal is dumb.
+    /// For standard output: coloured on a terminal, unless `NO_COLOR` is set or `TERM` is `dumb`.
     pub(super) fn stdout() -> Self {
         Self::of(&io::stdout())
     }

@@ -108,7 +108,7 @@ pub struct Args {
     /// Spindle speed
     #[arg(long, value_name = "REV/MIN", help_heading = "Passes")]
     spindle: f64,
-    /// Direction of the spindle [default: what the wanted hand needs, or forward]
+    /// Direction of the spindle [default: what the requested hand needs, or forward]
     #[arg(long, value_enum, value_name = "ROTATION", help_heading = "Passes")]
     rotation: Option<Rotation>,
     /// Vibrations per revolution of the spindle, D [default: what the profile says, or 2]

@@ -23,15 +23,15 @@ fn segment(from: Point, to: Point, x: &Range<f64>, y: &Range<f64>) -> Option<(Po
     let (dx, dy) = (to.0 - from.0, to.1 - from.1);
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     let edges = [(-dx, from.0 - x.start), (dx, x.end - from.0), (-dy, from.1 - y.start), (dy, y.end - from.1)];
-    for (speed, room) in edges {
+    for (speed, margin) in edges {
         if speed == 0.0 {
-            if room < 0.0 {
+            if margin < 0.0 {
                 return None;
             }
         } else if speed < 0.0 {
-            enter = enter.max(room / speed);
+            enter = enter.max(margin / speed);
         } else {
-            leave = leave.min(room / speed);
+            leave = leave.min(margin / speed);
         }
     }
     if enter > leave {
@@ -55,11 +55,11 @@ pub(super) fn polygon(outline: &[Point], x: &Range<f64>, y: &Range<f64>) -> Vec<
     let mut kept: Vec<Point> = finite.map(|point| (far(point.0, x), far(point.1, y))).collect();
     let sides: [&dyn Fn(Point) -> f64; 4] =
         [&|point| point.0 - x.start, &|point| x.end - point.0, &|point| point.1 - y.start, &|point| y.end - point.1];
-    for room in sides {
+    for margin in sides {
         let mut inside = Vec::with_capacity(kept.len() + 4);
         for (index, &to) in kept.iter().enumerate() {
             let from = kept[(index + kept.len() - 1) % kept.len()];
-            let (before, after) = (room(from), room(to));
+            let (before, after) = (margin(from), margin(to));
             if (before < 0.0) != (after < 0.0) {
                 let share = before / (before - after);
                 inside.push((from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1)));

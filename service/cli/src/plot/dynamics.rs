@@ -14,8 +14,8 @@ use super::theme::{self, Ink};
 /// Changes of the override marked at most; more of them are a grey wall.
 const MAX_MARKS: usize = 100;
 /// Share of the panel that the label of a change takes.
-const LABEL_ROOM: f64 = 0.055;
-/// Room above the highest value.
+const LABEL_SPACE: f64 = 0.055;
+/// Space above the highest value.
 const HEADROOM: f64 = 1.15;
 /// A limit up to this many times as large as what is drawn is drawn, too.
 const NEAR_LIMIT: f64 = 2.5;
@@ -141,7 +141,7 @@ impl DynamicsPicture<'_> {
         for &(time_s, ratio) in self.dynamics.overrides_within(end_s).iter().take(MAX_MARKS) {
             panel.upright(&ink, time_s);
             if labelled && time_s >= free_from_s {
-                free_from_s = time_s + LABEL_ROOM * end_s;
+                free_from_s = time_s + LABEL_SPACE * end_s;
                 let text = if ratio == 0.0 { "hold".to_owned() } else { format!("{} %", (ratio * 1e4).round() / 1e2) };
                 panel.label((time_s, panel.y.range.end), text, theme::INK, Beside::INSIDE_TOP);
             }

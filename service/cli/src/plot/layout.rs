@@ -8,7 +8,7 @@ use super::clip;
 use super::figure::{Beyond, ColorScale, Figure, Layer, Layout, Panel, Place, Proportions, Shape};
 use super::theme::{self, Ink};
 
-/// Room at the left of headline and legend.
+/// Space at the left of headline and legend.
 pub(super) const EDGE: f64 = 24.0;
 /// Height of the title, of a line under it, of a row of the legend, of a line over a panel.
 const TITLE_HEIGHT: f64 = 52.0;
@@ -20,7 +20,7 @@ pub(super) const NOTE_HEIGHT: f64 = 22.0;
 pub(super) const SWATCH: f64 = 38.0;
 pub(super) const SWATCH_GAP: f64 = 9.0;
 const ENTRY_GAP: f64 = 30.0;
-/// Room around a panel's plotting area.
+/// Space around a panel's plotting area.
 const PANEL_LEFT: f64 = 104.0;
 const PANEL_RIGHT: f64 = 30.0;
 const PANEL_TOP: f64 = 8.0;
@@ -147,12 +147,12 @@ fn entries(body: &Layout) -> Vec<Entry> {
 fn arrange(entries: &mut [Entry], top: f64, width: f64) -> u32 {
     let (mut left, mut rows) = (EDGE, 0);
     for entry in entries {
-        let room = SWATCH + SWATCH_GAP + theme::text_width(&entry.name, theme::LEGEND_SIZE);
-        if rows == 0 || left + room > width - EDGE {
+        let space = SWATCH + SWATCH_GAP + theme::text_width(&entry.name, theme::LEGEND_SIZE);
+        if rows == 0 || left + space > width - EDGE {
             (left, rows) = (EDGE, rows + 1);
         }
         entry.at = (left, top + LEGEND_HEIGHT * (f64::from(rows) - 0.5));
-        left += room + ENTRY_GAP;
+        left += space + ENTRY_GAP;
     }
     rows
 }

@@ -9,7 +9,7 @@ use super::canvas::{self, PlotError};
 use super::figure::{Axis, Beside, Figure, HERTZ, Layout, MM, Panel, Place, REV_PER_MIN, extent, padded};
 use super::theme::{self, Ink};
 
-/// Room above the deepest speed of the table.
+/// Space above the deepest speed of the table.
 const HEADROOM: f64 = 1.3;
 /// What is drawn at least, as a multiple of the limit below which nothing chatters.
 const LEAST_LIMITS: f64 = 2.5;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 /// Lines with rapid moves that are kept; what is not known to be rapid counts as a cut, which hides nothing.
 const MAX_LINES: usize = 200_000;
 /// A cut's feed may be this much above the programmed one before it counts as a rapid move of the same line.
-const ROOM: f64 = 1.02;
+const MARGIN: f64 = 1.02;
 
 /// What one line of the program moves.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,7 +59,7 @@ impl RapidLines {
     pub fn contains(&self, line: u32, feed_mm_per_min: f64) -> bool {
         self.lines.get(&line).is_some_and(|moves| match moves.cut_mm_per_min {
             None => true,
-            Some(largest) => feed_mm_per_min > largest * ROOM,
+            Some(largest) => feed_mm_per_min > largest * MARGIN,
         })
     }
 }

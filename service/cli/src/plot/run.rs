@@ -7,7 +7,7 @@ use super::figure::{Axis, Figure, Layout, MM, PERCENT, Panel, Place, SECONDS};
 use super::series::Series;
 use super::theme::{self, Ink};
 
-/// Room above the highest value.
+/// Space above the highest value.
 const HEADROOM: f64 = 1.2;
 
 /// Collects what the picture of a run shows. Times are those of the sensors' clock, s, and ascend in each curve: what is

@@ -29,8 +29,8 @@ const TURNING: View = View { title: "", right: (2, "Z"), up: (0, "X (radius)") }
 const FROM_ABOVE: View = View { title: "from above", right: (0, "X"), up: (1, "Y") };
 const FROM_FRONT: View = View { title: "from the front", right: (0, "X"), up: (2, "Z") };
 
-/// Room around what is cut, in which rapids are shown, as a share of its larger side.
-const ROOM_SHARE: f64 = 0.25;
+/// Space around what is cut, in which rapids are shown, as a share of its larger side.
+const MARGIN_SHARE: f64 = 0.25;
 
 /// What a stretch is drawn with.
 fn ink(stretch: Stretch) -> Ink {
@@ -130,9 +130,9 @@ impl ToolPathPicture<'_> {
             // The spindle's axis belongs to the picture of a turned part.
             y.start = y.start.min(0.0);
         }
-        let room = if cut.is_empty() { 0.0 } else { ROOM_SHARE * (x.end - x.start).max(y.end - y.start) };
+        let margin = if cut.is_empty() { 0.0 } else { MARGIN_SHARE * (x.end - x.start).max(y.end - y.start) };
         let grown = |part: Range<f64>, whole: Range<f64>| {
-            (part.start - room).max(whole.start.min(part.start))..(part.end + room).min(whole.end.max(part.end))
+            (part.start - margin).max(whole.start.min(part.start))..(part.end + margin).min(whole.end.max(part.end))
         };
         (grown(x, range(&all, |place| place.0)), grown(y, range(&all, |place| place.1)))
     }

@@ -159,7 +159,7 @@ fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: O
     Some(ThreadGeometry { rotation: rotation_for(&forward, rotation?, hand), ..forward })
 }
 
-/// The stated rotation, or the one that makes the wanted hand in this direction of cut.
+/// The stated rotation, or the one that makes the requested hand in this direction of cut.
 fn rotation_for(forward: &ThreadGeometry, stated: proto::SpindleRotation, hand: Option<Hand>) -> SpindleRotation {
     match stated {
         proto::SpindleRotation::Reverse => SpindleRotation::Reverse,

@@ -33,7 +33,7 @@ pub struct MachineProfile {
     /// What lies between setpoints and tool.
     #[serde(default)]
     pub following: FollowingModel,
-    /// How its five axes lie to each other; without it, tool centre point control is refused.
+    /// The arrangement of its five axes; without it, tool centre point control is refused.
     #[serde(default)]
     pub kinematics: Option<KinematicsDescription>,
     /// Angle to the line of the first rotary axis within which the tool direction may be bent to lead through it, degrees,

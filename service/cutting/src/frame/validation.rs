@@ -123,7 +123,7 @@ impl Validation {
             }
             Step::NeedInput => Step::NeedInput,
             Step::Finished => {
-                // What follows the end of the program is still looked at.
+                // What follows the end of the program is still examined.
                 self.stopped = true;
                 self.read_on()
             }

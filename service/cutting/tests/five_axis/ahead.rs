@@ -1,4 +1,4 @@
-//! The inverse solution that a cut starts with: looked at ahead to its end, so that it never flips inside.
+//! The inverse solution that a cut starts with: chosen by looking ahead to its end, so that it never flips inside.
 
 use std::fmt::Write;
 

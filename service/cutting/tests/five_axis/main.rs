@@ -1,5 +1,5 @@
-//! Five-axis programs from text to setpoints: thinning, tool centre points on their segments, the way in and out
-//! of tool centre point control, refusals, streams from the middle, and a freeform program whose flicker goes.
+//! Five-axis programs from text to setpoints: thinning, tool centre points on their segments, the approach and the
+//! retreat of tool centre point control, refusals, streams from the middle, and a freeform program whose flicker goes.
 
 mod ahead;
 #[path = "../common/mod.rs"]

@@ -8,7 +8,7 @@ use feedwave_cutting::tool_oscillation::{
 
 use super::{assert_near, condition};
 
-/// Room for the end of a pass at the very middle of a cell.
+/// Tolerance for the end of a pass at the very middle of a cell.
 const ROUNDING_MM: f64 = 1e-9;
 
 /// A small tool, so that small steps suffice: uneven edges, set-overs, relief, a third direction.

@@ -226,7 +226,7 @@ fn the_report_of_a_program_has_its_floor() {
     let mut without = held.clone();
     without.profile.oscillation_floor = FloorSettings { simulate: false, ..FloorSettings::default() };
     assert_eq!(judged(&program("P1", LINE), &without).0[0].report.floor, None);
-    // A pass that is nearly still has no floor that could be looked at, which forbids nothing.
+    // A pass that is nearly still has no floor that could be examined, which forbids nothing.
     let (sections, findings) = judged(&program("P1", "G1 X0.001 F0.1"), &held);
     assert_eq!(sections[0].report.floor, None);
     assert!(findings.iter().all(|finding| finding.code != "OSC-FLOOR" || !finding.message.is_empty()));

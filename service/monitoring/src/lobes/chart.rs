@@ -63,8 +63,8 @@ impl Lobes {
     /// depth and chatter frequency over speed. Lines from one speed to the next lie on the exact limit or up to 0.1 %
     /// below.
     ///
-    /// Where the limit is hollow the lines are tangents, whose crossings lie below it; where it is bulging, they are chords.
-    /// With 40 000 speeds the chart is full: where more would be needed it is drawn flat, at its least.
+    /// Where the limit is convex the lines are tangents, whose crossings lie below it; where it is concave, they are
+    /// chords. With 40 000 speeds the chart is full: where more would be needed it is drawn flat, at its least.
     ///
     /// # Errors
     /// [`LobeError`] for an impossible range or number of speeds (2 to 20 000).
@@ -150,7 +150,7 @@ impl<'a> Chart<'a> {
                 return Between::Corner(ChartPoint { speed_rpm: at_rpm, limit: Some(limit) });
             }
         }
-        // Between two of the places that are looked at it may lie twice as far below.
+        // Between two of the places that are examined it may lie twice as far below.
         let line = |speed_rpm: f64| start_mm + chord * (speed_rpm - from.speed_rpm);
         if self.holds(from, to, 0.5 * BELOW, line) { Between::Line } else { Between::More }
     }

@@ -56,7 +56,7 @@ impl Waves {
 }
 
 impl Lobes {
-    /// The highest lobe that is looked at: beyond it even five times the highest mode lies below the lowest speed.
+    /// The highest lobe that is examined: beyond it even five times the highest mode lies below the lowest speed.
     ///
     /// # Errors
     /// [`LobeError::TooManyLobes`].

@@ -5,7 +5,7 @@ use crate::rules::{SpindleTable, TableRow};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Speeds looked at in each band.
+/// Speeds examined in each band.
 const SPEEDS_PER_BAND: usize = 400;
 /// Most bands.
 const MAX_BANDS: u32 = 256;

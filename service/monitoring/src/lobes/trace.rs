@@ -26,7 +26,7 @@ const END_HALVINGS: u32 = 40;
 const BOUNDLESS_MM: f64 = 1e5;
 /// A point lies lower than its neighbours when it does so by this fraction: less is rounding.
 const LOWER: f64 = 1e-12;
-/// Points that are looked at together.
+/// Points that are examined together.
 const BLOCK: usize = 32;
 
 /// One continuous stretch of the limit, by rising frequency.
@@ -36,7 +36,7 @@ pub(super) struct Branch {
     pub(super) blocks: Vec<Block>,
 }
 
-/// What neighbouring points span, so that most of them need not be looked at.
+/// What neighbouring points span, so that most of them need not be examined.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Block {
     /// The points `first..=last`.
@@ -115,7 +115,7 @@ impl Model {
     }
 
     /// Halves the distance between two points until the limit is smooth.
-    fn refine(&self, points: &[LobePoint], room: &mut usize) -> Vec<LobePoint> {
+    fn refine(&self, points: &[LobePoint], budget: &mut usize) -> Vec<LobePoint> {
         let mut fine = Vec::with_capacity(points.len());
         let mut open: Vec<(LobePoint, LobePoint, u32)> = Vec::new();
         for pair in points.windows(2) {
@@ -128,8 +128,8 @@ impl Model {
                     limit + (middle.phase_rad - 0.5 * (low.phase_rad + high.phase_rad)).abs() > SMOOTH
                 });
                 match middle {
-                    Some(middle) if halvings < MAX_HALVINGS && *room > 0 => {
-                        *room -= 1;
+                    Some(middle) if halvings < MAX_HALVINGS && *budget > 0 => {
+                        *budget -= 1;
                         open.push((middle, high, halvings + 1));
                         open.push((low, middle, halvings + 1));
                     }
@@ -229,10 +229,10 @@ impl Lobes {
         }
         traced.extend(open);
         traced.retain(|branch| branch.len() > 1);
-        let mut room = MAX_POINTS;
+        let mut budget = MAX_POINTS;
         let mut lows = Vec::new();
         let branches = traced.iter().map(|points| {
-            let fine = model.refine(points, &mut room);
+            let fine = model.refine(points, &mut budget);
             let mut points = Vec::with_capacity(fine.len());
             lows.extend(fine.first());
             for (index, &point) in fine.iter().enumerate() {

@@ -85,7 +85,7 @@ proptest! {
 
 #[test]
 fn a_dip_between_equal_radii_is_seen() {
-    // Starts and turns round at nearly the same |X|, with X0 passed in between: only the way there tells.
+    // Starts and turns round at nearly the same |X|, with X0 passed in between: only the path in between differs.
     let passing = element(MoveKind::Cutting, [-20.0, 0.0, 0.0], [20.0, 0.0, 0.0], None);
     assert!(check(&passing, &surface(100.0, f64::INFINITY), 50).expect("holds") > 100);
     // A circle that comes within 0.5 mm of the axis and leaves again.

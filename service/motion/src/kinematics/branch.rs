@@ -1,4 +1,4 @@
-//! The choice of the inverse solution for a whole cut: looked at ahead, so that it never flips inside.
+//! The choice of the inverse solution for a whole cut, by looking ahead, so that it never flips inside.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::chain::{Kinematics, KinematicsError, Setup, ToolPose};
 use super::description::BranchPreference;
 use super::direction::GreatCircle;
-use super::inverse::way;
+use super::inverse::travel;
 use super::range::nearest_turn;
 use super::vector::Vec3;
 
@@ -163,7 +163,7 @@ impl CutSearch {
                     return false;
                 }
             };
-            let step = way(next, start.end_rad);
+            let step = travel(next, start.end_rad);
             if step > start.largest_step_rad {
                 (start.largest_step_rad, start.largest_step_at) = (step, at);
             }
@@ -205,7 +205,7 @@ impl CutSearch {
                 if let Some(second) = self.pole_second {
                     // Begin in the pole, with the first axis ready for what follows.
                     start.start_rad[1] = nearest_turn(second, end_rad[1]);
-                    (start.largest_step_rad, start.largest_step_at) = (way(end_rad, start.start_rad), at);
+                    (start.largest_step_rad, start.largest_step_at) = (travel(end_rad, start.start_rad), at);
                 }
                 let excess = kinematics.excess_of(end_rad).or_else(|| kinematics.excess_of(start.start_rad));
                 let Some(reason) = excess else {
@@ -235,7 +235,7 @@ impl CutSearch {
         }
         let better = |best: CutStart, start: CutStart| {
             let (a, b) = (start.start_rad, best.start_rad);
-            let nearer = way(a, self.reference_rad) < way(b, self.reference_rad);
+            let nearer = travel(a, self.reference_rad) < travel(b, self.reference_rad);
             if preferred.prefers(a, b) || (nearer && !preferred.prefers(b, a)) { start } else { best }
         };
         if let Some(start) = self.alive.iter().map(|trial| trial.start).reduce(better) {

@@ -180,7 +180,7 @@ impl FiveAxisSegment {
 }
 
 impl Kinematics {
-    /// The rotary axes, where both of them turn the work and none the tool, which stands along Z over X, Y and Z: there
+    /// The rotary axes, where both of them turn the work and none the tool, which is along Z over X, Y and Z: there
     /// the linear axes move the tool in its own directions, however the work is turned.
     #[must_use]
     pub fn under_fixed_spindle(&self) -> Option<RotaryDirections> {

@@ -138,7 +138,7 @@ impl Kinematics {
     fn nearest_of(&self, solution: &DirectionSolution, reference_rad: [f64; 2]) -> Result<[f64; 2], KinematicsError> {
         match solution.branches_rad.map(|branch| self.in_range(branch, solution.singular, reference_rad)) {
             [Ok(larger), Ok(smaller)] => {
-                Ok(if way(smaller, reference_rad) < way(larger, reference_rad) { smaller } else { larger })
+                Ok(if travel(smaller, reference_rad) < travel(larger, reference_rad) { smaller } else { larger })
             }
             [Ok(only), Err(_)] | [Err(_), Ok(only)] => Ok(only),
             [Err(larger), Err(smaller)] => Err(less_excess(larger, smaller)),
@@ -151,7 +151,7 @@ impl Kinematics {
             let first = if solution.singular { reference_rad[0] } else { nearest_turn(branch[0], reference_rad[0]) };
             [first, nearest_turn(branch[1], reference_rad[1])]
         });
-        if way(smaller, reference_rad) < way(larger, reference_rad) { smaller } else { larger }
+        if travel(smaller, reference_rad) < travel(larger, reference_rad) { smaller } else { larger }
     }
 
     /// The axis values of a pose in work coordinates, with the rotary values nearest to `reference_rad`.
@@ -221,7 +221,7 @@ impl BranchPreference {
 }
 
 /// Travel of the axis that has further to go, rad.
-pub(super) fn way(values: [f64; 2], reference: [f64; 2]) -> f64 {
+pub(super) fn travel(values: [f64; 2], reference: [f64; 2]) -> f64 {
     (values[0] - reference[0]).abs().max((values[1] - reference[1]).abs())
 }
 

@@ -12,8 +12,8 @@ const RANGE_SLACK: f64 = 1e-9;
 /// direction.
 #[must_use]
 pub(super) fn nearest_turn(angle: f64, reference: f64) -> f64 {
-    let way = angle - reference;
-    angle - TAU * libm::ceil((way - PI) / TAU)
+    let travel = angle - reference;
+    angle - TAU * libm::ceil((travel - PI) / TAU)
 }
 
 impl Joint {

@@ -81,7 +81,7 @@ impl TipPath {
     }
 
     /// Whether it is straight, and leads somewhere.
-    pub(crate) fn is_way(&self) -> bool {
+    pub(crate) fn is_line(&self) -> bool {
         matches!(self, Self::Line([start, end]) if start != end)
     }
 

@@ -148,7 +148,7 @@ impl Run {
         if slower_travel_s + slower_change_s.min(traverse_s) > ramp_s {
             return None;
         }
-        // With room to cruise, a lower speed is reached at the price of a small change of speed.
+        // Where it cruises, a lower speed is reached at the price of a small change of speed.
         let cruising_mm = velocity * (velocity / acceleration + ramp_s);
         let step = self.target_velocity.max(node.target_velocity) - velocity;
         let divides = self.length.max(node.length) >= cruising_mm
@@ -169,7 +169,7 @@ impl Run {
             debug_assert!(profile.is_some(), "the passes leave room for every change of speed");
             return profile.unwrap_or_else(|| Profile::with_cruise(length, entry, entry.max(exit), exit, &limits));
         }
-        // Faster than commanded: down to the command at once, where there is room for it.
+        // Faster than commanded: down to the command at once, where the length permits it.
         let command = limits.velocity.max(exit);
         let needed = change_length(entry, command, &limits) + change_length(command, exit, &limits);
         let cruise = if needed <= length {

@@ -30,7 +30,7 @@ fn rest_to_rest_with_every_phase() {
     let (s, v, a, j) = profile.state(0.5);
     assert_close(s, 12.5 + 100.0 * 0.25);
     assert_eq!((v, a, j), (100.0, 0.0, 0.0));
-    // The way down mirrors the way up.
+    // The descent mirrors the ascent.
     let (s, v, a, _) = profile.state(profile.duration() - 0.05);
     assert_close(100.0 - s, 10_000.0 * 0.05 * 0.05 * 0.05 / 6.0);
     assert_close(v, 12.5);
@@ -63,7 +63,7 @@ fn between_two_speeds() {
     let profile = Profile::solve(20.0, 20.0, 60.0, limits(60.0, 100.0, 1_000.0)).expect("fits to the bit or nearly");
     assert_close(profile.duration(), 0.5);
     assert_close(profile.state(0.25).1, 40.0);
-    // The other way round it takes the same.
+    // In the other direction it takes the same.
     let profile = Profile::solve(20.0, 60.0, 20.0, limits(60.0, 100.0, 1_000.0)).expect("fits to the bit or nearly");
     assert_close(profile.duration(), 0.5);
     assert!(Profile::solve(19.99, 60.0, 20.0, limits(60.0, 100.0, 1_000.0)).is_none());
@@ -136,7 +136,7 @@ proptest! {
     ) {
         const COUNT: usize = 64;
         let Some(profile) = Profile::solve(length, start, end, limits) else { return Ok(()) };
-        // Long profiles are looked at in a window, short ones whole.
+        // Long profiles are examined in a window, short ones whole.
         let period_s = (profile.duration() / 40.0).max(50e-6);
         let offset_s = lead * period_s;
         let first = (far * profile.duration() / period_s) as u64 / 2;

@@ -183,7 +183,7 @@ impl<T: Carried> Entry<T> {
         let mut other_axes = Axis::ALL.into_iter().filter(|axis| !matches!(axis, Axis::X | Axis::Y | Axis::Z));
         !self.element.rapid
             && match &self.element.curve {
-                Curve::FiveAxis(five_axis) => five_axis.tip().is_way(),
+                Curve::FiveAxis(five_axis) => five_axis.tip().is_line(),
                 _ => other_axes.all(|axis| !self.element.moves(axis)),
             }
     }

@@ -34,13 +34,13 @@ fn check(
 ) {
     assert_eq!(element.position(0.0), start.position);
     assert_eq!(element.position(element.length), end.position);
-    let way = sub(end.tip_mm, start.tip_mm);
+    let travel = sub(end.tip_mm, start.tip_mm);
     let samples: Vec<f64> = (0..=97).map(|k| element.length * f64::from(k) / 97.0).collect();
     for &s in samples.iter().chain(samples.iter().rev()) {
         let joints = machine.from_position(&element.position(s));
         let pose = machine.forward(&joints, setup);
         let share = s / element.length;
-        let error = norm(sub(pose.tip_mm, add_scaled(start.tip_mm, way, share)));
+        let error = norm(sub(pose.tip_mm, add_scaled(start.tip_mm, travel, share)));
         assert!(error < 1e-9, "tip {error:e} at {share}");
         let error = angle(pose.direction, direction(share));
         assert!(error < direction_tolerance, "direction {error:e} at {share}");
@@ -68,13 +68,13 @@ proptest! {
         machine in a_machine(),
         setup in a_setup(),
         tip_mm in a_point(300.0),
-        way_mm in a_point(40.0),
+        travel_mm in a_point(40.0),
         from in prop::array::uniform2(-100.0..100.0_f64),
         turn in prop::array::uniform2(-60.0..60.0_f64),
     ) {
         let Some(start) = point(&machine, &setup, tip_mm, from) else { return Ok(()) };
         let to = [from[0] + turn[0], from[1] + turn[1]];
-        match machine.elements(&setup, &start, &block(add(tip_mm, way_mm), Toward::Angles(to))) {
+        match machine.elements(&setup, &start, &block(add(tip_mm, travel_mm), Toward::Angles(to))) {
             Ok(motion) => {
                 let directions = |share: f64| {
                     let rotary = [0, 1].map(|axis| (from[axis] + turn[axis] * share).to_radians());
@@ -105,7 +105,7 @@ proptest! {
         machine in a_machine(),
         setup in a_setup(),
         tip_mm in a_point(300.0),
-        way_mm in a_point(40.0),
+        travel_mm in a_point(40.0),
         from in prop::array::uniform2(-100.0..100.0_f64),
         turn in prop::array::uniform2(-60.0..60.0_f64),
     ) {
@@ -114,7 +114,7 @@ proptest! {
         let Some(target) = point(&machine, &setup, tip_mm, to) else { return Ok(()) };
         let target = target.direction;
         let Ok(circle) = GreatCircle::new(start.direction, target) else { return Ok(()) };
-        match machine.elements(&setup, &start, &block(add(tip_mm, way_mm), Toward::Vector(target))) {
+        match machine.elements(&setup, &start, &block(add(tip_mm, travel_mm), Toward::Vector(target))) {
             Ok(motion) => {
                 let tolerance = motion.deviation_rad + 1e-9;
                 check(&machine, &setup, [&start, &motion.end], only(&motion), |share| circle.at(share), tolerance);

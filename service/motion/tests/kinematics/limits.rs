@@ -15,7 +15,7 @@ use crate::machines::{a_point, compiled, head_head, head_table, nutating_head, t
 /// A block of the path, in `parts` of equal length.
 #[derive(Clone, Copy, Debug)]
 struct Step {
-    way_mm: Vec3,
+    travel_mm: Vec3,
     toward: Turn,
     parts: u32,
 }
@@ -38,8 +38,8 @@ fn a_step() -> impl Strategy<Value = Step> {
             .prop_map(|(exponent, tilt_rad)| Turn::Across { beside_rad: 10.0_f64.powf(exponent), tilt_rad }),
     ];
     // Now and then the tip rests.
-    let way_mm = prop_oneof![5 => a_point(20.0), 1 => Just([0.0; 3]), 2 => a_point(0.2)];
-    (way_mm, turn, 1_u32..4).prop_map(|(way_mm, toward, parts)| Step { way_mm, toward, parts })
+    let travel_mm = prop_oneof![5 => a_point(20.0), 1 => Just([0.0; 3]), 2 => a_point(0.2)];
+    (travel_mm, turn, 1_u32..4).prop_map(|(travel_mm, toward, parts)| Step { travel_mm, toward, parts })
 }
 
 /// The elements of a path, without what a machine refuses.
@@ -53,8 +53,8 @@ fn elements(machine: &Kinematics, setup: &Setup, steps: &[Step], pole_tolerance_
             let share = f64::from(part) / f64::from(step.parts);
             let toward = match step.toward {
                 Turn::Angles(turn) => Toward::Angles([0, 1].map(|axis| rotary[axis] + turn[axis] * share)),
-                Turn::Vector(way) => {
-                    let to = unit(add(from.direction, way)).expect("not zero");
+                Turn::Vector(travel) => {
+                    let to = unit(add(from.direction, travel)).expect("not zero");
                     Toward::Vector(GreatCircle::new(from.direction, to).expect("not opposite").at(share))
                 }
                 Turn::Across { beside_rad, tilt_rad } => {
@@ -68,7 +68,7 @@ fn elements(machine: &Kinematics, setup: &Setup, steps: &[Step], pole_tolerance_
                     Toward::Vector(circle.at(share))
                 }
             };
-            let end_mm = add(from.tip_mm, scale(step.way_mm, share));
+            let end_mm = add(from.tip_mm, scale(step.travel_mm, share));
             let wanted = FiveAxisBlock { pole_tolerance_rad, ..block(end_mm, toward) };
             let Ok(motion) = machine.elements(setup, &at, &wanted) else { break };
             elements.extend(motion.elements);
@@ -189,7 +189,7 @@ fn a_divided_block_is_run_as_one() {
     let limits = axes(&machine, 100.0);
     for toward in [Turn::Angles([50.0, 20.0]), Turn::Vector([0.3, 0.4, 0.1])] {
         let times = [1, 20].map(|parts| {
-            let elements = elements(&machine, &setup, &[Step { way_mm: [60.0, 30.0, 0.0], toward, parts }], 0.0);
+            let elements = elements(&machine, &setup, &[Step { travel_mm: [60.0, 30.0, 0.0], toward, parts }], 0.0);
             let motions = plan(&elements, &limits, 3_000.0, 1e-3);
             motions.iter().flat_map(|motion| &motion.stretches).map(|stretch| stretch.profile.duration()).sum::<f64>()
         });

@@ -139,7 +139,7 @@ fn turns_stay_in_range_and_near() {
     let c_to =
         |c: f64| machine.nearest_rotary(at(c), [400.0_f64.to_radians(), 0.5]).expect("in range").map(f64::to_degrees);
     assert_near(&[c_to(30.0)[0]], &[390.0], 1e-9);
-    // The other branch, C 230° with B negative, is nearer than the way back to 50°.
+    // The other branch, C 230° with B negative, is nearer than returning to 50°.
     assert_near(&c_to(50.0), &[230.0, -0.5_f64.to_degrees()], 1e-9);
 }
 
@@ -154,7 +154,7 @@ fn ranges_that_exclude_both_branches_say_by_how_much() {
 }
 
 #[test]
-fn rollover_goes_the_short_way_and_counting_does_as_told() {
+fn rollover_takes_the_short_path_and_counting_the_programmed_one() {
     let mut description = table_table_bc();
     description.chain[0].wrap = Wrap::Rollover;
     let machine = compiled(&description);
@@ -194,7 +194,7 @@ fn the_branch_is_chosen_for_the_whole_cut() {
     let start = machine.choose_start(from_pole, &Setup::new([0.0; 3], 0.0), [1.0, 0.0]).expect("possible");
     assert_near(&start.start_rad, &[0.0, 0.0], 1e-9);
     assert_near(&[start.largest_step_rad.to_degrees()], &[1.0], 1e-9);
-    // Beyond −120° there is no way, and the place is named.
+    // Beyond −120° there is no solution, and the place is named.
     let failure = machine
         .choose_start(sweep((1..=130).map(f64::from), 90.0), &Setup::new([0.0; 3], 0.0), [0.0; 2])
         .expect_err("out of range");

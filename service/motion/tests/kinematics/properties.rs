@@ -31,9 +31,9 @@ fn a_case() -> impl Strategy<Value = (Kinematics, Setup, ToolPose, [f64; 2])> {
 
 /// Distance of a point from a segment.
 fn from_segment(point: Vec3, start: Vec3, end: Vec3) -> f64 {
-    let (way, to) = (sub(end, start), sub(point, start));
-    let share = if dot(way, way) > 0.0 { (dot(to, way) / dot(way, way)).clamp(0.0, 1.0) } else { 0.0 };
-    norm(sub(point, add_scaled(start, way, share)))
+    let (travel, to) = (sub(end, start), sub(point, start));
+    let share = if dot(travel, travel) > 0.0 { (dot(to, travel) / dot(travel, travel)).clamp(0.0, 1.0) } else { 0.0 };
+    norm(sub(point, add_scaled(start, travel, share)))
 }
 
 proptest! {
@@ -81,7 +81,7 @@ proptest! {
     #[test]
     fn the_tip_stays_on_its_segment(
         (machine, setup, pose, rotary) in a_case(),
-        way in a_point(50.0),
+        travel in a_point(50.0),
         turn in prop::array::uniform2(-1.0..1.0_f64),
         by_angle in any::<bool>(),
         shares in prop::collection::vec(0.0..=1.0_f64, 8),
@@ -96,7 +96,7 @@ proptest! {
             DirectionPath::GreatCircle(circle)
         };
         let segment =
-            FiveAxisSegment { start_mm: pose.tip_mm, end_mm: add_scaled(pose.tip_mm, way, 1.0), direction };
+            FiveAxisSegment { start_mm: pose.tip_mm, end_mm: add_scaled(pose.tip_mm, travel, 1.0), direction };
         let mut reference = rotary;
         for share in shares {
             match segment.joints(&machine, &setup, share, reference) {
@@ -117,7 +117,7 @@ proptest! {
     #[test]
     fn the_jacobian_is_the_slope_of_the_inverse(
         (machine, setup, pose, rotary) in a_case(),
-        tip_way in a_direction(),
+        tip_travel in a_direction(),
         turn in a_direction(),
     ) {
         let solution = machine.solve_direction(setup.to_chain(&pose).direction).expect("reachable");
@@ -140,11 +140,11 @@ proptest! {
         let at = |sign: f64| {
             let direction = add_scaled(pose.direction, along, sign * step);
             let direction = feedwave_motion::kinematics::vector::unit(direction).expect("a direction");
-            let pose = ToolPose { tip_mm: add_scaled(pose.tip_mm, tip_way, sign * step), direction };
+            let pose = ToolPose { tip_mm: add_scaled(pose.tip_mm, tip_travel, sign * step), direction };
             machine.inverse(&pose, &setup, rotary)
         };
         let (Ok(before), Ok(after)) = (at(-1.0), at(1.0)) else { return Ok(()) };
-        let rates = jacobian.joint_rates(tip_way, along);
+        let rates = jacobian.joint_rates(tip_travel, along);
         let slope = |after: f64, before: f64| (after - before) / (2.0 * step);
         for axis in 0..3 {
             let slope = slope(after.joints.linear_mm[axis], before.joints.linear_mm[axis]);

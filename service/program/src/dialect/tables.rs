@@ -30,7 +30,7 @@ static FACING_CYCLE: OtherReading = OtherReading {
     stays: true,
 };
 
-/// `G20` of G-code system C. Alone in a block it is nobody's cycle, and systems A and B agree on it.
+/// `G20` of G-code system C. Alone in a block it is no cycle, and systems A and B agree on it.
 static TURNING_CYCLE_C: OtherReading = OtherReading {
     here: "inches",
     elsewhere: "the turning cycle (G-code system C)",

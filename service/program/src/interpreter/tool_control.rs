@@ -299,7 +299,7 @@ impl Execution<'_> {
             ToolMode::Vectors => axes & ROTARY_LETTERS,
         };
         if foreign != 0 {
-            // The direction that stands beside is no further mistake.
+            // The direction next to it is no further mistake.
             self.used |= foreign | vector;
             let place = foreign.trailing_zeros() as usize;
             let span = self.block.word_span(self.block.slot(place));

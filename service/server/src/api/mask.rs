@@ -82,7 +82,7 @@ fn copy(target: &mut DynamicMessage, source: &DynamicMessage, path: &str) -> Res
         };
         return copy(target, source_inside, rest);
     }
-    // Neither has the message: the path is checked, and no empty message comes of it.
+    // Neither has the message: the path is checked, and no empty message is made.
     copy(&mut source_inside.clone(), source_inside, rest)
 }
 

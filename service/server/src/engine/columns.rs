@@ -201,8 +201,8 @@ impl<'a> ChunkWriter<'a> {
         mut send: impl FnMut(proto::SetpointChunk) -> bool,
     ) -> bool {
         while !rows.is_empty() {
-            let room = self.wanted - self.chunk.count as usize;
-            let taken = rows.start..rows.end.min(rows.start + room);
+            let free = self.wanted - self.chunk.count as usize;
+            let taken = rows.start..rows.end.min(rows.start + free);
             rows.start = taken.end;
             self.append(block, taken);
             if self.chunk.count as usize == self.wanted && !send(self.take()) {

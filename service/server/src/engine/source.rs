@@ -9,7 +9,7 @@ use crate::error::Result;
 /// Program bytes in order. Reads block: use it on a blocking thread.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// A program at hand.
+    /// A program in memory.
     Memory(Option<Bytes>),
     /// A stored program.
     Stored(StoredSource),
@@ -26,7 +26,7 @@ pub(super) struct StoredSource {
 }
 
 impl Source {
-    /// A program at hand, in pieces that a pipeline digests well.
+    /// A program in memory, in pieces of a size that suits a pipeline.
     pub(super) const fn memory(program: Bytes) -> Self {
         Self::Memory(Some(program))
     }

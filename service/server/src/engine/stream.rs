@@ -239,7 +239,7 @@ struct Run {
     pipeline: Pipeline,
     source: Source,
     plan: StreamPlan,
-    /// Setpoints of the interpolation before this one are not looked at.
+    /// Setpoints of the interpolation before this one are skipped.
     first_block_index: u64,
     outlet: Outlet,
 }

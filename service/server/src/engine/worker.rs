@@ -21,7 +21,7 @@ use crate::stored;
 
 /// How long to wait before asking a store again that did not answer.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
-/// Jobs looked at together when the queue is read.
+/// Jobs read together when the queue is read.
 const QUEUE_PAGE: u32 = 1_000;
 
 /// Keeps the workers busy until the service ends.

@@ -20,7 +20,7 @@ pub const MAX_STATUS_BYTES: usize = 4_096;
 const MAX_MESSAGE_BYTES: usize = 960;
 /// Longest text in the details but those of violations, bytes.
 const MAX_TEXT_BYTES: usize = 256;
-/// Room for what the details have besides the message and the violations: type URLs, reason, domain, counts, lengths.
+/// Space for what the details have besides the message and the violations: type URLs, reason, domain, counts, lengths.
 const FRAME_BYTES: usize = 320;
 /// What a violation takes besides its texts: three tags, three lengths of two bytes.
 const VIOLATION_BYTES: usize = 9;
@@ -90,8 +90,8 @@ fn message(error: &Error) -> String {
 /// As many violations as fit, at least the first.
 fn invalid_message(violations: &Violations) -> String {
     let mut message = String::from("invalid request: ");
-    let room = MAX_MESSAGE_BYTES - wire_bytes(&message) - wire_bytes("; ") - wire_bytes(&more(usize::MAX));
-    let mut left = room;
+    let space = MAX_MESSAGE_BYTES - wire_bytes(&message) - wire_bytes("; ") - wire_bytes(&more(usize::MAX));
+    let mut left = space;
     for (index, violation) in violations.as_slice().iter().enumerate() {
         let text = violation.to_string();
         let separator = if index == 0 { "" } else { "; " };
@@ -101,7 +101,7 @@ fn invalid_message(violations: &Violations) -> String {
             None => return format!("{message}; {}", more(violations.count() - index)),
         }
         message.push_str(separator);
-        message.push_str(&shortened(&text, room, percent_encoded));
+        message.push_str(&shortened(&text, space, percent_encoded));
     }
     if violations.not_listed() > 0 {
         message = format!("{message}; {}", more(violations.not_listed()));
@@ -154,8 +154,8 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
 /// The first violations, as many as fit next to the message.
 fn listed(violations: &Violations, message: &str) -> Vec<FieldViolation> {
     // Base64 makes four bytes of three, and the details repeat the message.
-    let room = (MAX_STATUS_BYTES - wire_bytes(message)) / 4 * 3;
-    let mut left = room.saturating_sub(message.len() + FRAME_BYTES);
+    let space = (MAX_STATUS_BYTES - wire_bytes(message)) / 4 * 3;
+    let mut left = space.saturating_sub(message.len() + FRAME_BYTES);
     let fits = |violation: &&Violation| {
         let rest = left.checked_sub(violation.field.len() + violation.description.len() + VIOLATION_BYTES);
         left = rest.unwrap_or(left);

@@ -39,7 +39,7 @@ pub struct Metrics {
     pub validation_queue: IntGauge,
     /// Validations running.
     pub active_validations: IntGauge,
-    /// Validations ended, by what became of the job.
+    /// Validations ended, by the outcome of the job.
     pub validations: IntCounterVec,
     /// Time of a read of the store, s.
     pub store_read_seconds: Histogram,
@@ -154,7 +154,7 @@ impl Observer for Metrics {
     }
 }
 
-/// Adds one to a gauge for as long as it lives.
+/// Adds one to a gauge until it is dropped.
 #[derive(Debug)]
 pub struct GaugeGuard(IntGauge);
 

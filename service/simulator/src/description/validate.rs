@@ -4,7 +4,7 @@ use super::{Description, Process, SensorPair, Where};
 use feedwave_monitoring::{MAX_BATCH_SAMPLES, Mode, Quantity, Violation};
 use std::f64::consts::PI;
 
-/// Most stretches of one kind: each is looked at for every sample.
+/// Most stretches of one kind: each is examined for every sample.
 const MAX_STRETCHES: usize = 256;
 /// Largest value of anything that is not bounded more closely.
 const LARGE: f64 = 1e9;

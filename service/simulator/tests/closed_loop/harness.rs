@@ -57,7 +57,7 @@ enum Entry {
     Event(Event),
 }
 
-/// A run and all that came of it.
+/// A run and its results.
 pub struct Live {
     program: &'static str,
     config: PipelineConfig,

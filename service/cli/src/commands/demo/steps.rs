@@ -106,7 +106,7 @@ async fn with_server(stage: &mut Stage, out: &Path, address: SocketAddr) -> Resu
     draw(stage, &cured_program, &profile, others, out)
 }
 
-/// A lathe whose tool changes well away from the work, and whose threading tool bears no thick finishing chips.
+/// A lathe whose tool changes well away from the work, and whose threading tool withstands no thick finishing chips.
 fn profile() -> MachineProfile {
     let mut profile = MachineProfile::lathe();
     profile.thread_vibration.max_finishing_thickness_mm = Some(threading::FINISHING_MM);

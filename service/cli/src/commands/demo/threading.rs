@@ -29,7 +29,7 @@ use super::steps::{Checked, read_request, submit};
 const THREAD: &str = include_str!("../../../../../tests/fixtures/thread-a.nc");
 const NAME: &str = "thread-a.nc";
 const PLANNED: &str = "thread-planned.nc";
-/// The tool bears no thicker chip in a finishing pass, mm on the radius.
+/// The tool withstands no thicker chip in a finishing pass, mm on the radius.
 pub(super) const FINISHING_MM: f64 = 0.1;
 /// Pass that is followed, from 0: the second one, which vibrates opposite to the first.
 const FOLLOWED_PASS: u32 = 1;

@@ -4,7 +4,7 @@ use super::super::figure::{Axis, COUNT, DEGREES, Figure, Layout, Panel, Place, U
 use super::super::theme::{self, Ink};
 use super::ThinningShown;
 
-/// Room above the highest value.
+/// Space above the highest value.
 const HEADROOM: f64 = 1.18;
 
 pub(super) struct DeviationPicture<'a> {

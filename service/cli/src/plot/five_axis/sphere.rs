@@ -14,7 +14,7 @@ const GRID_DEG: u32 = 15;
 /// Chords of a circle on the globe.
 const CHORDS: u32 = 120;
 /// Half of the globe's panel, in radii.
-const GLOBE_ROOM: f64 = 1.12;
+const GLOBE_SCALE: f64 = 1.12;
 /// Curves over less than this hide each other on the globe.
 const WIDE_DEG: f64 = 40.0;
 /// How far the globe is turned from the directions: away from the nearer pole, and to the side.
@@ -128,7 +128,7 @@ impl SpherePicture<'_> {
 
     /// The globe with the part that the maps show; with the curves themselves where it is `wide`.
     fn globe(&self, (center, pole): (Vec3, Vec3), frame_of_maps: &[Vec3], wide: bool) -> Panel {
-        let mut panel = Panel::bare("", GLOBE_ROOM);
+        let mut panel = Panel::bare("", GLOBE_SCALE);
         let circle: Vec<Place> = (0..=CHORDS)
             .map(|step| TAU * f64::from(step) / f64::from(CHORDS))
             .map(|turn| (turn.cos(), turn.sin()))

@@ -119,13 +119,13 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Writes something into the shown layers of an edge, in one line or two as the `room` of the panel permits, design
-    /// units; returns what does not fit.
+    /// Writes something into the shown layers of an edge, in one line or two as the `space` of the panel permits,
+    /// design units; returns what does not fit.
     pub(super) fn write(
         &self,
         panel: &mut Panel,
         edge: usize,
-        room: (f64, f64),
+        space: (f64, f64),
         text: impl Fn(&feedwave_cutting::tool_oscillation::RemovedLayer) -> [String; 2],
     ) -> Vec<String> {
         let mut left_out = Vec::new();
@@ -137,8 +137,8 @@ impl<'a> Section<'a> {
                 left_out.push(line);
                 continue;
             };
-            let width = room.0 * (to.0 - from.0) / (self.along_mm.end - self.along_mm.start);
-            let height = room.1 * (to.1 - from.1) / (self.height_mm.end - self.height_mm.start);
+            let width = space.0 * (to.0 - from.0) / (self.along_mm.end - self.along_mm.start);
+            let height = space.1 * (to.1 - from.1) / (self.height_mm.end - self.height_mm.start);
             let fits = |text: &str| theme::text_width(text, theme::LABEL_SIZE) + 8.0 <= width;
             let middle = (0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1));
             if fits(&line) && height >= LINE {

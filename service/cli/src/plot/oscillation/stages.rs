@@ -26,10 +26,10 @@ impl StagesPicture<'_> {
         let columns = if shown > 4 { 3 } else { shown.clamp(1, 2) };
         let rows = shown.div_ceil(columns).max(1);
         let height = SIZE.1 + 60 * u32::try_from(rows).unwrap_or(1);
-        let room =
+        let space =
             (f64::from(SIZE.0) / columns as f64 - MARGINS.0, (f64::from(height) - AROUND) / rows as f64 - MARGINS.1);
         let stage = |edge: usize| {
-            let mut panel = stage(&section, edge, room);
+            let mut panel = stage(&section, edge, space);
             panel.x.labelled = edge + columns >= shown;
             (1.0, panel.into())
         };
@@ -50,7 +50,7 @@ impl StagesPicture<'_> {
     }
 }
 
-fn stage(section: &Section<'_>, edge: usize, room: (f64, f64)) -> Panel {
+fn stage(section: &Section<'_>, edge: usize, space: (f64, f64)) -> Panel {
     let one = &section.passes[edge];
     let place = |value: f64, above: &str, below: &str| match short(value.abs(), 4) {
         zero if zero == "0" => format!("0 mm {above}"),
@@ -69,7 +69,7 @@ fn stage(section: &Section<'_>, edge: usize, room: (f64, f64)) -> Panel {
     section.add_removed(&mut panel, edge);
     section.add_profile(&mut panel, &Ink::line("surface after the pass", theme::INK, 1.8), edge + 1);
     section.add_edge(&mut panel, edge);
-    let left_out = section.write(&mut panel, edge, room, |layer| {
+    let left_out = section.write(&mut panel, edge, space, |layer| {
         let (wide, high) = (layer.to_mm - layer.from_mm, layer.high_mm - layer.low_mm);
         [format!("{} × ", short(wide, 3)), format!("{} mm", short(high, 3))]
     });

@@ -1,4 +1,4 @@
-//! What holds for every picture, looked at as data.
+//! Rules for every picture, checked on its data.
 
 use feedwave_contract::proto::{PocketSearch, SpindleBand, StabilityLobes, StabilityPocket, StabilityPoint};
 use feedwave_cutting::SetpointBlock;
@@ -165,8 +165,8 @@ fn what_is_cut_off_is_said() {
                 let (Shape::Path(places) | Shape::Dots(places)) = &layer.shape else { continue };
                 let outside = |place: &(f64, f64)| {
                     let beyond = |value: f64, range: &std::ops::Range<f64>| {
-                        let room = 1e-4 * (range.end - range.start);
-                        value < range.start - room || value > range.end + room
+                        let margin = 1e-4 * (range.end - range.start);
+                        value < range.start - margin || value > range.end + margin
                     };
                     beyond(place.0, &placed.x) || beyond(place.1, &placed.y)
                 };

@@ -11,7 +11,7 @@ use super::{Groove, stretches};
 
 /// Places across the groove.
 const PLACES: u32 = 1_200;
-/// Phases looked at to find the worst one.
+/// Phases examined to find the worst one.
 const PHASES: u32 = 720;
 
 /// Section of the groove.

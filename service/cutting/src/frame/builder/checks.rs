@@ -1,4 +1,4 @@
-//! What is looked at in every move: tool, spindle speed, feed, travel and time.
+//! Checks of every move: tool, spindle speed, feed, travel and time.
 
 use feedwave_motion::{Curve, Element, Machine, Stretches, travel_exceeded};
 use feedwave_program::{Axis, Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};

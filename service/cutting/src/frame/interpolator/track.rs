@@ -62,7 +62,7 @@ pub(crate) struct SectionPart {
     pub(crate) ramp_mm: Option<f64>,
 }
 
-/// Room for the rounding of summed path lengths, relative and mm.
+/// Tolerance for the rounding of summed path lengths, relative and mm.
 const LENGTH_MARGIN: f64 = 1e-9;
 
 /// Planned items from one amplitude behind the tool to one amplitude ahead.

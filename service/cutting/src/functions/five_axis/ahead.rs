@@ -1,9 +1,10 @@
 //! Looking ahead over a cut, for the inverse solution that it starts with.
 //!
-//! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis may
-//! turn at rest. What has to be known there are the directions up to the next such rapid. The program is read on for them
-//! from where the pipeline is, by an interpreter and a thinning stage of its own, and nothing of it is kept: what was
-//! looked at is read again when its turn comes. So the choice is a function of the program's bytes, and no part of the state.
+//! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis
+//! may turn at rest. What has to be known there are the directions up to the next such rapid. The program is read on
+//! for them from where the pipeline is, by an interpreter and a thinning stage of its own, and nothing of it is kept:
+//! what was examined is read again when its turn comes. So the choice is a function of the program's bytes, and no part
+//! of the state.
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::functions::thinning::ThinningStage;
 
-/// Most directions that are looked at.
+/// Most directions that are examined ahead.
 pub(crate) const MAX_DIRECTIONS: u64 = 10_000;
 /// Most program text that is read for them, bytes.
 const MAX_BYTES: usize = 1 << 20;
@@ -24,7 +25,7 @@ const MAX_BYTES: usize = 1 << 20;
 /// Directions that make no difference to the rotary axes, rad.
 pub(crate) const SAME_DIRECTION_RAD: f64 = 1e-7;
 
-/// A cut that is looked at.
+/// A cut that is examined ahead.
 #[derive(Clone, Debug)]
 pub(crate) struct Ahead {
     pub(crate) kinematics: Arc<Kinematics>,
@@ -140,7 +141,7 @@ pub(crate) struct Scout {
 }
 
 impl Scout {
-    /// A scout that sets out from where the pipeline is, with operations that wait there.
+    /// A look-ahead that starts where the pipeline is, with operations that wait there.
     pub(crate) fn new<'a>(
         ahead: Ahead,
         interpreter: &Interpreter,

@@ -20,7 +20,7 @@ use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
 use crate::PipelineConfig;
 
-/// Blocks that pass a pole within this angle are looked at, degrees.
+/// Blocks that pass a pole within this angle are examined, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
 /// Directions closer to the line of the first rotary axis than this are taken along it, rad, as the elements take them.
 const POLE_RAD: f64 = 1e-7;
@@ -40,7 +40,7 @@ pub(crate) struct GuideState {
     tool: Option<Tool>,
     /// The move before was a cut.
     cutting: bool,
-    /// The cut in hand, where it was looked ahead over.
+    /// The present cut, where look-ahead has covered it.
     cut: Option<CutNote>,
     /// A rotary axis has left its range, which was reported: what follows in the cut says nothing new.
     ran_out: bool,

@@ -1,4 +1,4 @@
-//! Moves under tool centre point control: the way of guided moves into the planner.
+//! Moves under tool centre point control: guided moves into the planner.
 
 mod ahead;
 mod guide;

@@ -130,7 +130,7 @@ impl VibrationDemand {
     /// feed override.
     ///
     /// # Errors
-    /// [`LimitExceeded`] where the vibration leaves nothing for the feed even at the lowest of the speeds looked at.
+    /// [`LimitExceeded`] where the vibration leaves nothing for the feed even at the lowest of the speeds examined.
     pub(crate) fn limit_pieces(
         &self,
         element: &Element,

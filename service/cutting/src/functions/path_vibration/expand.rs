@@ -67,7 +67,7 @@ impl ServoExpander {
     fn expand_row(&mut self, conditions: &SetpointBlock, row: usize) {
         let current = Row::of(conditions, row);
         let wave = wave_of(conditions, row);
-        // Before the first setpoint there is no period: it stands alone, as its end.
+        // Before the first setpoint there is no period: it is a condition of its own, at its end.
         let substeps = if self.previous.is_some() { self.substeps } else { 1 };
         let period_s = if self.previous.is_some() { self.period_s } else { 0.0 };
         let previous = self.previous.as_ref().unwrap_or(&current);

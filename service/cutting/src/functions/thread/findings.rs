@@ -424,13 +424,13 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
     }
 }
 
-/// What the tool bears; and passes that cut nothing.
+/// Load of the tool; and passes that cut nothing.
 fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
     let (pass, number) = (&job.passes[index], number(index));
     let thickness_mm = report.section.largest_thickness_mm;
     if thickness_mm > limits.thickness_mm + SAME_LENGTH_MM {
         let message = format!(
-            "pass {number} takes up to {} mm on the radius, more than the tool bears ({} mm)",
+            "pass {number} takes up to {} mm on the radius, more than the tool withstands ({} mm)",
             decimal(thickness_mm, 3),
             decimal(limits.thickness_mm, 3)
         );

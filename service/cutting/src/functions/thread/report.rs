@@ -34,7 +34,7 @@ pub struct ThreadLimits {
     pub approach_mm: f64,
     /// Interpolation period, s; 0 where setpoints follow the spindle angle.
     pub period_s: f64,
-    /// Largest thickness on the radius that the tool bears, mm.
+    /// Largest thickness on the radius that the tool withstands, mm.
     pub thickness_mm: f64,
     /// Largest thickness on the radius that the finishing pass may find, mm; `None` compares the crests with the
     /// finishing infeed.

@@ -28,7 +28,7 @@ pub struct ThreadVibrationSettings {
     /// Distance from the start position of a thread to the work that programs keep, mm; the distance that the lead axis
     /// needs to come into step is compared with it where it is stated.
     pub approach_mm: Option<f64>,
-    /// Largest chip thickness that the tool bears, mm on the radius.
+    /// Largest chip thickness that the tool withstands, mm on the radius.
     pub max_thickness_mm: Option<f64>,
     /// Largest chip thickness that a finishing pass may find, mm on the radius; twice its infeed where not stated.
     pub max_finishing_thickness_mm: Option<f64>,

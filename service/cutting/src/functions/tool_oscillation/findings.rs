@@ -16,7 +16,7 @@ const PERIOD_TOLERANCE: f64 = 1e-5;
 const MAX_PERIODS_PER_REV: f64 = 1_000.0;
 /// Phase error from which on it is worth a warning, degrees.
 const PHASE_TOLERANCE_DEG: f64 = 1.0;
-/// Room for the rounding of computed limits, which are often met exactly.
+/// Tolerance for the rounding of computed limits, which are often met exactly.
 const ROUNDING: f64 = 1e-9;
 /// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.
 const MAX_LONG_HOLD: f64 = 0.9;

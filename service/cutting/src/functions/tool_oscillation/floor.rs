@@ -19,7 +19,7 @@ const MAX_PASSES_PER_ROW: f64 = 20_000.0;
 const KNOT_RAD: f64 = 0.01;
 /// Most of those places.
 const MAX_KNOTS: usize = 64;
-/// Room for the rounding of computed lengths.
+/// Tolerance for the rounding of computed lengths.
 const ROUNDING: f64 = 1e-9;
 /// Height of a cell that no edge has swept.
 const UNTOUCHED: f32 = f32::INFINITY;
@@ -211,7 +211,7 @@ impl<'a> Sweep<'a> {
             }
             crossing.measure();
         }
-        // A crossing longer than the feed closes the row by itself: what lies wholly above it need not be looked at.
+        // A crossing longer than the feed closes the row by itself: what lies wholly above it need not be examined.
         let closes = |crossing: &&Crossing| {
             crossing.along_mm[1] - crossing.along_mm[0] >= self.per_rev_mm + 2.0 * self.resolution_mm
         };

@@ -18,7 +18,7 @@ const RUNS_PER_CROSSING: f64 = 4.0;
 pub struct FloorSettings {
     /// Whether it is; true unless stated.
     pub simulate: bool,
-    /// Feed of how many revolutions is looked at, 1 to [`MAX_FLOOR_REVOLUTIONS`]; 2 unless stated. All of them are alike.
+    /// Revolutions whose feed is simulated, 1 to [`MAX_FLOOR_REVOLUTIONS`]; 2 unless stated. All of them are alike.
     pub revolutions: u32,
     /// Largest size of a cell, mm, 0.001 to 1; 0.02 unless stated. Where the feed per edge is small the cells are smaller,
     /// so that every mark has at least eight.
@@ -30,7 +30,7 @@ pub struct FloorSettings {
     pub trailing: bool,
 }
 
-/// Most revolutions whose feed is looked at.
+/// Most revolutions whose feed is simulated.
 pub const MAX_FLOOR_REVOLUTIONS: u32 = 100;
 
 impl Default for FloorSettings {

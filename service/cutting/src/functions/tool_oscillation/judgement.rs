@@ -16,7 +16,7 @@ use crate::shared::cut::Cut;
 
 /// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
 const LEAST_IN_PLANE: f64 = 0.1;
-/// Stretches of an element in which the turning of the feed direction is looked at.
+/// Stretches of an element in which the turning of the feed direction is examined.
 const TURNING_PLACES: usize = 16;
 /// What it is taken larger between them: along a corner's quintics it changes by a tenth from one place to the next.
 const TURNING_MARGIN: f64 = 1.2;

@@ -222,7 +222,7 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
         match (simulate(&oscillation), simulate(&plain(&oscillation))) {
             (Ok(oscillating), Ok(plain)) => report.floor = Some(FloorReport { area: *area, oscillating, plain }),
             (Err(error), _) | (_, Err(error)) => {
-                // What cannot be looked at forbids nothing.
+                // What cannot be examined forbids nothing.
                 found.push(Finding::info("OSC-FLOOR", job.span, format!("its roughness is not known: {error}")));
             }
         }

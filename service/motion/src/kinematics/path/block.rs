@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use thiserror::Error;
 
-use super::fit::{Way, fit};
+use super::fit::{RotaryPath, fit};
 use super::turning::Turning;
 use crate::kinematics::chain::{Kinematics, KinematicsError, Setup, ToolPose};
 use crate::kinematics::description::Wrap;
 use crate::kinematics::direction::{GreatCircle, OppositeDirections};
-use crate::kinematics::inverse::way;
+use crate::kinematics::inverse::travel;
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::tip::{TipCircle, TipPath};
 use crate::kinematics::vector::{Vec3, unit};
@@ -34,7 +34,7 @@ pub struct FiveAxisPoint {
 #[serde(rename_all = "snake_case")]
 pub enum Toward {
     /// By the two rotary axes (first the one next to the work), degrees: each turns evenly, an axis that rolls over the
-    /// shortest way.
+    /// shortest path.
     Angles([f64; 2]),
     /// By a vector in work coordinates, of any length: along the great circle.
     Vector(Vec3),
@@ -246,7 +246,7 @@ impl Kinematics {
         let end_distance = self.pole_distance_rad(to.map(f64::to_radians));
         let start_distance = self.pole_distance_rad(from.map(f64::to_radians));
         let turn_deg = libm::hypot(to[0] - from[0], to[1] - from[1]);
-        let path = Way::Angles { start_rad: from.map(f64::to_radians), end_rad: to.map(f64::to_radians) };
+        let path = RotaryPath::Angles { start_rad: from.map(f64::to_radians), end_rad: to.map(f64::to_radians) };
         let element = self.element(setup, start, &end, block, &path, turn_deg)?;
         Ok(FiveAxisMotion {
             elements: element.into_iter().collect(),
@@ -275,7 +275,7 @@ impl Kinematics {
             // The direction stays, and so do the rotary axes.
             let end = self.point_with(block.end_mm, from_deg, &start.position, setup);
             let end = FiveAxisPoint { direction: target, ..end.map_err(FiveAxisRefusal::at(1.0))? };
-            let path = Way::Angles { start_rad: from_rad, end_rad: from_rad };
+            let path = RotaryPath::Angles { start_rad: from_rad, end_rad: from_rad };
             let elements = self.element(setup, start, &end, block, &path, 0.0)?.into_iter().collect();
             let least_pole_distance_rad = self.pole_distance_rad(from_rad);
             let (deviation_rad, turn_in_pole_rad) = (0.0, 0.0);
@@ -283,14 +283,14 @@ impl Kinematics {
         };
         let needed_rad = turning.at(0.0).map_err(FiveAxisRefusal::at(0.0))?;
         let needed_rad = [0, 1].map(|axis| nearest_turn(needed_rad[axis], from_rad[axis]));
-        if way(needed_rad, from_rad) > SAME_START_RAD {
+        if travel(needed_rad, from_rad) > SAME_START_RAD {
             return self.after_turn(setup, start, block, &turning, needed_rad);
         }
         let end_rad = turning.reached(from_rad, 1.0).map_err(FiveAxisRefusal::at(1.0))?;
         let end = self.point_with(block.end_mm, end_rad.map(f64::to_degrees), &start.position, setup);
         let end = FiveAxisPoint { direction: target, ..end.map_err(FiveAxisRefusal::at(1.0))? };
         let turn_deg = turning.angle_rad.to_degrees();
-        let path = Way::GreatCircle(&turning);
+        let path = RotaryPath::GreatCircle(&turning);
         let element = self.element(setup, start, &end, block, &path, turn_deg)?;
         Ok(FiveAxisMotion {
             elements: element.into_iter().collect(),
@@ -335,7 +335,7 @@ impl Kinematics {
         start: &FiveAxisPoint,
         end: &FiveAxisPoint,
         block: &FiveAxisBlock,
-        path: &Way<'_>,
+        path: &RotaryPath<'_>,
         turn_deg: f64,
     ) -> Result<Option<Element>, FiveAxisRefusal> {
         let tip = match &block.circle {

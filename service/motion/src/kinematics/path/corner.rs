@@ -8,7 +8,7 @@
 
 use feedwave_program::Position;
 
-use super::fit::{Way, fit};
+use super::fit::{RotaryPath, fit};
 use crate::kinematics::chain::Kinematics;
 use crate::kinematics::tip::TipPath;
 use crate::kinematics::vector::angle;
@@ -58,14 +58,14 @@ impl FiveAxisCorners<'_> {
         core::array::from_fn(|axis| {
             let [[p, v, a], [q, w, b]] =
                 ends.map(|[value, slope, bend]| [value[axis], slope[axis] * length_mm, bend[axis] * square]);
-            let way = q - p;
+            let travel = q - p;
             [
                 p,
                 v,
                 0.5 * a,
-                10.0 * way - 6.0 * v - 4.0 * w - 1.5 * a + 0.5 * b,
-                -15.0 * way + 8.0 * v + 7.0 * w + 1.5 * a - b,
-                6.0 * way - 3.0 * (v + w) - 0.5 * a + 0.5 * b,
+                10.0 * travel - 6.0 * v - 4.0 * w - 1.5 * a + 0.5 * b,
+                -15.0 * travel + 8.0 * v + 7.0 * w + 1.5 * a - b,
+                6.0 * travel - 3.0 * (v + w) - 0.5 * a + 0.5 * b,
             ]
         })
     }
@@ -95,7 +95,7 @@ impl FiveAxisCorners<'_> {
         let Curve::FiveAxis(own) = &before.curve else { return None };
         let length = tip.length_mm();
         let tip = TipPath::corner(tip);
-        let curve = fit(self.kinematics, own.setup(), &before.end, &Way::Quintics(turns), tip, length).ok()?;
+        let curve = fit(self.kinematics, own.setup(), &before.end, &RotaryPath::Quintics(turns), tip, length).ok()?;
         curve.check_start(&before.end).ok()?;
         for (axis, range) in self.kinematics.ranges() {
             curve.check_range(axis, range).ok()?;

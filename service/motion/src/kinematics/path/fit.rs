@@ -26,7 +26,7 @@ const SHORT: usize = 6;
 const PLACE_ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// How the rotary axes turn along a block.
-pub(in crate::kinematics) enum Way<'a> {
+pub(in crate::kinematics) enum RotaryPath<'a> {
     /// Evenly, rad.
     Angles { start_rad: [f64; 2], end_rad: [f64; 2] },
     /// Along a great circle.
@@ -35,12 +35,12 @@ pub(in crate::kinematics) enum Way<'a> {
     Quintics([[f64; 6]; 2]),
 }
 
-impl Way<'_> {
+impl RotaryPath<'_> {
     fn series<const N: usize>(&self, share: f64, half: f64) -> Result<[Series<N>; 2], KinematicsError> {
         match self {
             Self::Angles { start_rad, end_rad } => Ok([0, 1].map(|axis| {
-                let way = end_rad[axis] - start_rad[axis];
-                Series::linear(start_rad[axis] + way * share, way * half)
+                let travel = end_rad[axis] - start_rad[axis];
+                Series::linear(start_rad[axis] + travel * share, travel * half)
             })),
             Self::GreatCircle(turning) => turning.series(share, half),
             Self::Quintics(polynomials) => Ok(polynomials.map(|polynomial| {
@@ -59,7 +59,7 @@ impl Way<'_> {
 struct Fit<'a> {
     kinematics: &'a Kinematics,
     setup: &'a Setup,
-    way: &'a Way<'a>,
+    rotary_path: &'a RotaryPath<'a>,
     tip: &'a TipPath,
     length: f64,
     pieces: Vec<FiveAxisPiece>,
@@ -72,17 +72,19 @@ pub(in crate::kinematics) fn fit(
     kinematics: &Kinematics,
     setup: &Setup,
     start: &Position,
-    way: &Way<'_>,
+    rotary_path: &RotaryPath<'_>,
     tip: TipPath,
     length: f64,
 ) -> Result<FiveAxis, FiveAxisRefusal> {
     let (linear, rotary) = kinematics.letters();
     let reference_rad = rotary.map(|axis| start[axis.index()].to_radians());
-    let mut fit = Fit { kinematics, setup, way, tip: &tip, length, pieces: Vec::new(), reference_rad };
+    let mut fit = Fit { kinematics, setup, rotary_path, tip: &tip, length, pieces: Vec::new(), reference_rad };
     let mut from = 0.0;
-    let mut bends: SmallVec<[f64; 4]> = match way {
-        Way::GreatCircle(turning) => turning.bends().into_iter().filter(|bend| (0.0..1.0).contains(bend)).collect(),
-        Way::Angles { .. } | Way::Quintics(_) => SmallVec::new(),
+    let mut bends: SmallVec<[f64; 4]> = match rotary_path {
+        RotaryPath::GreatCircle(turning) => {
+            turning.bends().into_iter().filter(|bend| (0.0..1.0).contains(bend)).collect()
+        }
+        RotaryPath::Angles { .. } | RotaryPath::Quintics(_) => SmallVec::new(),
     };
     if let TipPath::Corner(corner) = &tip {
         bends.extend(corner.spline().meetings().map(|s| s / length));
@@ -121,12 +123,13 @@ impl Fit<'_> {
     /// The tool centre point about a share, chain coordinates.
     fn tip_series<const N: usize>(&self, share: f64, half: f64) -> SeriesVec<N> {
         let to_chain = |tip_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm, direction: [0.0; 3] }).tip_mm;
-        let turn_in = |way_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm: [0.0; 3], direction: way_mm }).direction;
+        let turn_in =
+            |travel_mm: Vec3| self.setup.to_chain(&ToolPose { tip_mm: [0.0; 3], direction: travel_mm }).direction;
         match self.tip {
             TipPath::Line([start, end]) => {
-                let way_mm = sub(*end, *start);
-                let middle_mm = add_scaled(*start, way_mm, share);
-                let (middle, end) = (to_chain(middle_mm), to_chain(add_scaled(middle_mm, way_mm, half)));
+                let travel_mm = sub(*end, *start);
+                let middle_mm = add_scaled(*start, travel_mm, share);
+                let (middle, end) = (to_chain(middle_mm), to_chain(add_scaled(middle_mm, travel_mm, half)));
                 core::array::from_fn(|k| Series::linear(middle[k], end[k] - middle[k]))
             }
             TipPath::Arc(arc) => {
@@ -164,7 +167,7 @@ impl Fit<'_> {
         half: f64,
     ) -> Result<Option<(FiveAxisPiece, [f64; 2])>, FiveAxisRefusal> {
         let refused = |reason| FiveAxisRefusal::Pose { share, reason };
-        let mut rotary = self.way.series::<N>(share, half).map_err(refused)?;
+        let mut rotary = self.rotary_path.series::<N>(share, half).map_err(refused)?;
         for (series, reference) in rotary.iter_mut().zip(self.reference_rad) {
             let start = series.at(-1.0);
             *series = series.plus(nearest_turn(start, reference) - start);
@@ -173,7 +176,8 @@ impl Fit<'_> {
         let linear = self.kinematics.linear_series(rotary, tip, self.setup.tool_length_mm).map_err(refused)?;
         for t in [-1.0, 1.0] {
             let (exact, at) = (share + half * t, rotary.map(|series| series.at(t)));
-            let exact_rad = self.way.at(exact).map_err(|reason| FiveAxisRefusal::Pose { share: exact, reason })?;
+            let exact_rad =
+                self.rotary_path.at(exact).map_err(|reason| FiveAxisRefusal::Pose { share: exact, reason })?;
             let turned = |axis: usize| (nearest_turn(exact_rad[axis], at[axis]) - at[axis]).abs();
             // Close to a pole a rounded place on the great circle is another angle of the first axis.
             let rounding = |axis: usize| PLACE_ROUNDING * (rotary[axis].0[1] / half).abs();

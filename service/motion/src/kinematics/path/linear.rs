@@ -40,16 +40,16 @@ impl Kinematics {
                 columns[place] = vector(joint.direction);
             }
         }
-        let way: SeriesVec<N> = core::array::from_fn(|k| tip[k] - origin[k]);
-        if is_mixed { solve_series(&columns, &way) } else { solve_constant(constant, &way) }
+        let travel: SeriesVec<N> = core::array::from_fn(|k| tip[k] - origin[k]);
+        if is_mixed { solve_series(&columns, &travel) } else { solve_constant(constant, &travel) }
     }
 }
 
 /// [`solve`] for the coefficients of each power.
-fn solve_constant<const N: usize>(columns: [Vec3; 3], way: &SeriesVec<N>) -> Result<SeriesVec<N>, KinematicsError> {
+fn solve_constant<const N: usize>(columns: [Vec3; 3], travel: &SeriesVec<N>) -> Result<SeriesVec<N>, KinematicsError> {
     let mut solved = [Series::ZERO; 3];
     for k in 0..N {
-        let power = solve(columns, [way[0].0[k], way[1].0[k], way[2].0[k]])?;
+        let power = solve(columns, [travel[0].0[k], travel[1].0[k], travel[2].0[k]])?;
         for (solved, value) in solved.iter_mut().zip(power) {
             solved.0[k] = value;
         }
@@ -60,7 +60,7 @@ fn solve_constant<const N: usize>(columns: [Vec3; 3], way: &SeriesVec<N>) -> Res
 /// [`solve`] with directions that change.
 fn solve_series<const N: usize>(
     [a, b, c]: &[SeriesVec<N>; 3],
-    way: &SeriesVec<N>,
+    travel: &SeriesVec<N>,
 ) -> Result<SeriesVec<N>, KinematicsError> {
     let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
     let volume = dot(a, &bc);
@@ -68,5 +68,5 @@ fn solve_series<const N: usize>(
         return Err(KinematicsError::Degenerate);
     }
     let per_volume = Series::constant(1.0).divided_by(volume);
-    Ok([bc, ca, ab].map(|row| dot(&row, way) * per_volume))
+    Ok([bc, ca, ab].map(|row| dot(&row, travel) * per_volume))
 }

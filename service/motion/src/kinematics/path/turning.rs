@@ -15,7 +15,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::series::{Series, SeriesVec, dot_constant};
 use crate::kinematics::chain::{Kinematics, KinematicsError};
-use crate::kinematics::inverse::way;
+use crate::kinematics::inverse::travel;
 use crate::kinematics::range::nearest_turn;
 use crate::kinematics::vector::{Vec3, add_scaled, cross, dot, norm, scale, unit};
 use crate::tolerance::{POLE_RAD, REACHED_POLE, SAME_DIRECTION_RAD};
@@ -158,9 +158,9 @@ impl Turning {
             let candidate = Self { branch, ..turning };
             let values = candidate.at(0.0)?;
             let values = [0, 1].map(|axis| nearest_turn(values[axis], reference_rad[axis]));
-            let way = way(values, reference_rad);
-            if way < best {
-                (best, chosen) = (way, candidate);
+            let travel = travel(values, reference_rad);
+            if travel < best {
+                (best, chosen) = (travel, candidate);
             }
         }
         Ok(Some(chosen))
@@ -195,7 +195,7 @@ impl Turning {
     }
 
     /// Values at a share of the angle, followed from `start_rad`, rad. Nothing that the first axis' angle is made of passes
-    /// ±π on the way; the second one's may, slowly.
+    /// ±π in between; the second one's may, slowly.
     pub(super) fn reached(&self, start_rad: [f64; 2], share: f64) -> Result<[f64; 2], KinematicsError> {
         let steps = 1 + (self.angle_rad * share * STEPS_PER_RAD) as u32;
         let [first, mut second] = start_rad;

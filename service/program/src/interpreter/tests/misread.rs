@@ -41,7 +41,7 @@ fn one_finding_for_a_word() {
     check(&mill(), "G0 X1 Y\u{2212}5.\u{ff15} E1 Z2", "! 1:17+2 PRG-WORD-UNKNOWN\n! 1:7+9 PRG-LOOKALIKE");
     assert_eq!(render(b"G0 X\x965\nM30", &mill()), "end\n! 1:4+3 PRG-LOOKALIKE");
     check(&mill(), "G0 X1 (\u{2212})\nX2 ; \u{2212}", "rapid 0 -> X1\nrapid X1 -> X2");
-    // What can be read in two ways is not replaced.
+    // What can be read differently is not replaced.
     for written in ["X1,000", "X\u{ad}5", "X1\u{41e}"] {
         let (_, findings) = interpret(format!("G0 {written}").as_bytes(), mill());
         let finding = &findings.findings()[0];

@@ -9,7 +9,7 @@ use crate::engine::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
 use crate::engine::source::Source;
 use crate::error::{Error, Result};
 
-/// What came of asking for setpoints.
+/// Answer to a request for setpoints.
 #[derive(Debug)]
 pub(super) enum Next {
     /// Setpoints from the start index on.

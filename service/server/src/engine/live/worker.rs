@@ -27,7 +27,7 @@ enum Wake {
     /// The client said something; `None`: the connection broke.
     Input(Option<LiveInput>),
     /// Another chunk may be sent.
-    Room(OwnedSemaphorePermit),
+    Slot(OwnedSemaphorePermit),
     Silence,
     Commit,
     Ended(Error),
@@ -42,7 +42,7 @@ pub(super) struct Worker {
     /// Whether the client may say more.
     open: bool,
     outlet: mpsc::Sender<Outgoing>,
-    room: Arc<Semaphore>,
+    slots: Arc<Semaphore>,
     ends: RunEnds,
     runtime: Handle,
     metrics: Arc<Metrics>,
@@ -69,7 +69,7 @@ impl Worker {
         runtime: Handle,
         metrics: Arc<Metrics>,
     ) -> Self {
-        let room = Arc::new(Semaphore::new(CHUNKS_IN_FLIGHT));
+        let slots = Arc::new(Semaphore::new(CHUNKS_IN_FLIGHT));
         let durable = RunSetpoints { received, ..RunSetpoints::default() };
         Self {
             session,
@@ -78,7 +78,7 @@ impl Worker {
             input,
             open: true,
             outlet,
-            room,
+            slots,
             ends,
             runtime,
             metrics,
@@ -96,7 +96,7 @@ impl Worker {
             match self.wait() {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
                 Wake::Input(None) => self.open = false,
-                Wake::Room(place) => self.hand_out(place)?,
+                Wake::Slot(place) => self.hand_out(place)?,
                 Wake::Silence => {
                     self.session.cut_thread(self.setpoints.cuts_thread(self.received))?;
                     self.session.fall_silent()?;
@@ -166,7 +166,7 @@ impl Worker {
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
-        let (input, ends, room) = (&mut self.input, &self.ends, self.room.clone());
+        let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
         self.runtime.block_on(async {
             tokio::select! {
                 biased;
@@ -174,7 +174,7 @@ impl Worker {
                 input = input.recv(), if open => Wake::Input(input),
                 () = silence => Wake::Silence,
                 () = commit => Wake::Commit,
-                Ok(place) = room.acquire_owned(), if generates => Wake::Room(place),
+                Ok(place) = slots.acquire_owned(), if generates => Wake::Slot(place),
             }
         })
     }
