@@ -128,8 +128,8 @@ impl Server {
             .on_response(DefaultOnResponse::new().level(Level::DEBUG))
             .on_failure(DefaultOnFailure::new().level(Level::WARN));
         // A client that still reads when its connection is closed has the time that open calls have.
-        let patience = config.limits.drain();
-        let linger = move |stream| Lingering::new(stream, patience);
+        let timeout = config.limits.drain();
+        let linger = move |stream| Lingering::new(stream, timeout);
         let grpc = server
             .layer(tonic_web::GrpcWebLayer::new())
             .layer(MapRequestLayer::new(bound_request_id))

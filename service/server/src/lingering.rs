@@ -18,15 +18,15 @@ use tonic::transport::server::{Connected, TcpConnectInfo};
 /// A TCP connection that waits for the other side's close after its own shutdown.
 pub(crate) struct Lingering {
     stream: TcpStream,
-    patience: Duration,
+    timeout: Duration,
     /// Set once the sending side is shut down.
     until: Option<Pin<Box<Sleep>>>,
 }
 
 impl Lingering {
-    /// A connection whose other side may take as long as `patience` to close once everything has been sent.
-    pub(crate) const fn new(stream: TcpStream, patience: Duration) -> Self {
-        Self { stream, patience, until: None }
+    /// A connection whose other side may take as long as `timeout` to close once everything has been sent.
+    pub(crate) const fn new(stream: TcpStream, timeout: Duration) -> Self {
+        Self { stream, timeout, until: None }
     }
 }
 
@@ -46,12 +46,12 @@ impl AsyncWrite for Lingering {
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let Self { stream, patience, until } = &mut *self;
+        let Self { stream, timeout, until } = &mut *self;
         let until = match until {
             Some(until) => until,
             None => {
                 ready!(Pin::new(&mut *stream).poll_shutdown(cx))?;
-                until.insert(Box::pin(sleep(*patience)))
+                until.insert(Box::pin(sleep(*timeout)))
             }
         };
         // A sender that never stops is not waited for either.
@@ -96,12 +96,12 @@ mod tests {
 
     use super::*;
 
-    const PATIENCE: Duration = Duration::from_secs(600);
+    const TIMEOUT: Duration = Duration::from_secs(600);
 
     async fn pair() -> (Lingering, TcpStream) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
-        (Lingering::new(listener.accept().await.unwrap().0, PATIENCE), client)
+        (Lingering::new(listener.accept().await.unwrap().0, TIMEOUT), client)
     }
 
     #[tokio::test]
@@ -127,6 +127,6 @@ mod tests {
         let (mut server, _client) = pair().await;
         let start = Instant::now();
         server.shutdown().await.unwrap();
-        assert!(start.elapsed() >= PATIENCE, "{:?}", start.elapsed());
+        assert!(start.elapsed() >= TIMEOUT, "{:?}", start.elapsed());
     }
 }

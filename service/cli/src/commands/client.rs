@@ -161,7 +161,7 @@ impl Client {
                 return Ok(());
             }
         }
-        Err(Status::unavailable("the service stopped telling of the job"))
+        Err(Status::unavailable("the service ended the watch of the job"))
     }
 
     /// The report of a validated job.
@@ -300,7 +300,7 @@ impl Decoder {
             block.line.extend(std::iter::repeat_n(run.line, (run.count as usize).min(count)));
         }
         if block.line.len() != count {
-            return Err(format!("a chunk tells the lines of {} setpoints instead of {count}", block.line.len()));
+            return Err(format!("a chunk states the lines of {} setpoints instead of {count}", block.line.len()));
         }
         Ok(block)
     }

@@ -136,7 +136,7 @@ pub(super) enum Event<'a> {
     Block(&'a feedwave_cutting::SetpointBlock, std::ops::Range<usize>),
 }
 
-/// Reads up to `wanted` setpoints, taking the stream up again where it broke; how many there were.
+/// Reads up to `wanted` setpoints, resuming the stream where it broke; how many there were.
 pub(super) async fn read(
     client: &mut Client,
     mut request: StreamSetpointsRequest,
@@ -158,7 +158,7 @@ pub(super) async fn read(
                 if retries > MAX_RETRIES {
                     return Err(client.failed(&status));
                 }
-                tell(&format!("{}: {}; taking the stream up again\n", client.url, status.message()));
+                tell(&format!("{}: {}; resuming the stream\n", client.url, status.message()));
                 pause(retries).await;
                 if let Some(next_index) = position.next_index {
                     request.start = Some(Start::StartIndex(next_index));

@@ -150,7 +150,7 @@ fn a_stream_is_taken_up_where_its_connection_broke() {
     let proxy = breaking_proxy(service.address, 1 << 20);
     let output = run_against(proxy, &["stream", job]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert!(stderr(&output).contains("taking the stream up again"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("resuming the stream"), "{}", stderr(&output));
     assert!(stdout(&output) == whole, "the same setpoints, none twice, none missing");
 }
 

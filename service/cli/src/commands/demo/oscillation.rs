@@ -119,7 +119,7 @@ async fn judge(stage: &mut Stage, client: &mut Client) -> Result<Checked, CliErr
     stage.check(
         checked.job.state() == JobState::Ready && section.feasible,
         &format!(
-            "the machine can run it: the protrusion is held for {} of the period, {} would do",
+            "the machine can run it: the protrusion is held for {} of the period, {} is enough",
             number(*hold_share, 3),
             number(*required_hold_share, 3)
         ),

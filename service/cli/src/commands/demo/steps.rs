@@ -347,7 +347,7 @@ async fn resume(
     let (resumed, _) = read(client, &cured.job, middle, Vec::new()).await?;
     stage.check(
         !resumed.is_empty() && bits(&resumed, middle).eq(bits(setpoints, middle)),
-        &format!("a stream taken up at setpoint {} equals the first one, bit for bit", count(middle)),
+        &format!("a stream resumed at setpoint {} equals the first one, bit for bit", count(middle)),
     )
 }
 
