@@ -5,7 +5,7 @@ use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, lette
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
-use crate::{Finding, FindingLog, Severity, SourceSpan};
+use crate::{Finding, FindingCode, FindingLog, SourceSpan};
 
 /// Numbers beyond this are mistakes: a thousand kilometres. It keeps all later arithmetic finite.
 const LARGEST_NUMBER: f64 = 1e9;
@@ -274,7 +274,7 @@ impl Block {
     #[cold]
     fn defect(
         &mut self,
-        code: &'static str,
+        code: FindingCode,
         token: Token,
         findings: &mut FindingLog,
         fill: impl FnOnce(Finding) -> Finding,
@@ -284,15 +284,15 @@ impl Block {
             self.unread |= letter_bit(token.letter);
         }
         let span = self.span_of(token.start, token.end);
-        findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
+        findings.push_with(code, |code| fill(Finding::new(code, span, "")));
     }
 
     #[cold]
     fn report_spaces(&self, token: Token, findings: &mut FindingLog) {
         let span = self.span_of(token.start, token.end);
-        findings.push_with(Severity::Warning, || {
+        findings.push_with(code::NUMBER_SPACED, |code| {
             let text = format!("{}{}", char::from(token.letter), token.number.value());
-            Finding::warning(code::NUMBER_SPACED, span, format!("the number has spaces inside and is read as {text}"))
+            Finding::new(code, span, format!("the number has spaces inside and is read as {text}"))
                 .suggest_replacement("write it without spaces", text)
         });
     }
@@ -325,11 +325,11 @@ impl Block {
         self.unread |= letters_in(text.as_bytes());
         self.extent = (self.extent.0.min(*start as u32), self.extent.1.max(*end as u32));
         let span = self.span_of(*start as u32, *end as u32);
-        findings.push_with(Severity::Error, || {
+        findings.push_with(code::LOOKALIKE, |code| {
             let written = quote(&line[*start..*end]);
             let message =
                 format!("{written} holds characters that only look like those of a program; it looks like {text}");
-            let finding = Finding::error(code::LOOKALIKE, span, message);
+            let finding = Finding::new(code, span, message);
             if *is_certain {
                 return finding.suggest_replacement(format!("write {text}"), text.clone());
             }
@@ -414,8 +414,8 @@ impl Block {
             if invalid > 0 {
                 let from = start + column as u32;
                 let span = self.span_of(from, from + invalid as u32);
-                findings.push_with(Severity::Warning, || {
-                    Finding::warning(code::NOT_UTF8, span, "the comment holds bytes that are not UTF-8 text")
+                findings.push_with(code::NOT_UTF8_IN_COMMENT, |code| {
+                    Finding::new(code, span, "the comment holds bytes that are not UTF-8 text")
                 });
                 break;
             }
@@ -424,8 +424,8 @@ impl Block {
             let length = comment[place..].iter().take_while(|&&byte| byte == 0).count();
             let from = start + place as u32;
             let span = self.span_of(from, from + length as u32);
-            findings.push_with(Severity::Warning, || {
-                Finding::warning(code::NUL, span, format!("the comment holds {length} NUL bytes"))
+            findings.push_with(code::NUL_IN_COMMENT, |code| {
+                Finding::new(code, span, format!("the comment holds {length} NUL bytes"))
             });
         }
     }

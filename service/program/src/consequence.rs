@@ -1,6 +1,7 @@
 //! Findings that only follow from something that could not be read: a feed that is missing because its word is a variable is
 //! no mistake of its own.
 
+use crate::FindingCode;
 use crate::code;
 use crate::dialect::letter_bit;
 
@@ -23,7 +24,7 @@ pub(crate) const JUDGED_BY: u32 = letters(b"FSMT");
 
 /// Findings about what is missing or does not fit, and the letters that would explain each: words of any block before that
 /// are still in force, or of its own block only.
-const EXPLAINED_BY: &[(&str, Scope, u32)] = &[
+const EXPLAINED_BY: &[(FindingCode, Scope, u32)] = &[
     (code::FEED_MISSING, Scope::Modal, letters(b"FG")),
     (code::SPINDLE_STOPPED, Scope::Modal, letters(b"SMG")),
     (code::SPEED_MISSING, Scope::Modal, letters(b"S")),
@@ -58,7 +59,7 @@ enum Scope {
 
 /// Whether a finding with this code only follows from words that could not be read: those of its own block, or those that were
 /// in force in it.
-pub(crate) fn follows_from(code: &str, in_block: u32, in_force: u32) -> bool {
+pub(crate) fn follows_from(code: FindingCode, in_block: u32, in_force: u32) -> bool {
     EXPLAINED_BY.iter().any(|&(explained, scope, by)| {
         let unread = if scope == Scope::Block { in_block } else { in_force };
         explained == code && by & unread != 0

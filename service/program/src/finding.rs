@@ -1,11 +1,13 @@
 //! Findings: the one type for everything the product has to say about a program, from lexer to client.
 
+mod code;
 mod log;
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::code::{CodeEntry, CodeTable, Example, FindingCode};
 pub use self::log::FindingLog;
 
 /// How bad a finding is. A program with an [`Severity::Error`] is rejected before anything moves.
@@ -64,10 +66,10 @@ pub struct Occurrence {
 
 /// One thing found in a program. What is found again at the same place and for the same cause is one finding: a
 /// [`FindingLog`] counts its occurrences and keeps the worst.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Stable code such as `VIB-CHIP-UNBROKEN`.
-    pub code: Cow<'static, str>,
+    pub code: FindingCode,
     /// How bad it is.
     pub severity: Severity,
     /// Where it is.
@@ -98,12 +100,12 @@ struct Rank {
 }
 
 impl Finding {
-    /// A finding without values and suggestions yet.
+    /// A finding of this code and its severity, without values and suggestions yet.
     #[must_use]
-    pub fn new(code: &'static str, severity: Severity, span: SourceSpan, message: impl Into<String>) -> Self {
+    pub fn new(code: FindingCode, span: SourceSpan, message: impl Into<String>) -> Self {
         Self {
-            code: Cow::Borrowed(code),
-            severity,
+            code,
+            severity: code.severity(),
             span,
             message: message.into(),
             values: Vec::new(),
@@ -113,24 +115,6 @@ impl Finding {
             worst: None,
             rank: None,
         }
-    }
-
-    /// An error; see [`Finding::new`].
-    #[must_use]
-    pub fn error(code: &'static str, span: SourceSpan, message: impl Into<String>) -> Self {
-        Self::new(code, Severity::Error, span, message)
-    }
-
-    /// A warning; see [`Finding::new`].
-    #[must_use]
-    pub fn warning(code: &'static str, span: SourceSpan, message: impl Into<String>) -> Self {
-        Self::new(code, Severity::Warning, span, message)
-    }
-
-    /// An information; see [`Finding::new`].
-    #[must_use]
-    pub fn info(code: &'static str, span: SourceSpan, message: impl Into<String>) -> Self {
-        Self::new(code, Severity::Info, span, message)
     }
 
     /// Says that the finding may come again with other numbers: in a [`FindingLog`] findings of one code, severity and place

@@ -19,7 +19,7 @@ use crate::consequence;
 use crate::dialect::{CodeTable, Group, letter_bit};
 use crate::foreign::{self, Foreign};
 use crate::state::Phase;
-use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Severity, SourceSpan};
+use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, SourceSpan};
 
 use execute::Execution;
 
@@ -290,7 +290,7 @@ impl Interpreter {
     #[cold]
     fn note_unread(&mut self, from: usize, unread: u32, findings: &mut FindingLog) {
         let in_block = self.block.unread;
-        findings.withdraw(from, |finding| consequence::follows_from(&finding.code, in_block, unread));
+        findings.withdraw(from, |finding| consequence::follows_from(finding.code, in_block, unread));
         let mut read = self.block.letters & !self.table.axis_letters;
         for (group, letter) in [(Group::Motion, b'G'), (Group::Spindle, b'M')] {
             if self.block.code(group).is_some() {
@@ -342,11 +342,11 @@ impl Interpreter {
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
     ) {
-        findings.withdraw(0, |finding| code::FINDING_CODES.iter().any(|(code, _)| *code == finding.code));
+        findings.withdraw(0, |finding| code::is_of_language(finding.code));
         let span = SourceSpan { line, column: 1, length: length as u32 };
-        findings.push_with(Severity::Error, || {
+        findings.push_with(code::NOT_A_PROGRAM, |code| {
             let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
-            Finding::error(code::NOT_A_PROGRAM, span, message).suggest(cure)
+            Finding::new(code, span, message).suggest(cure)
         });
         self.state.nurbs = None;
         self.state.reported.trailing = true;
@@ -376,8 +376,8 @@ impl Interpreter {
 
     fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         if let Some(nurbs) = self.state.nurbs.take() {
-            findings.push_with(Severity::Error, || {
-                Finding::error(code::NURBS_UNFINISHED, nurbs.span, "the program ends before this NURBS is closed")
+            findings.push_with(code::NURBS_UNFINISHED, |code| {
+                Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
                     .suggest("close it with G5.3")
             });
         }
@@ -394,8 +394,8 @@ impl Interpreter {
         self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
         let column = self.state.last_line_bytes.saturating_add(1);
         let span = SourceSpan { line: self.state.lines.max(1), column, length: 0 };
-        findings.push_with(Severity::Warning, || {
-            Finding::warning(code::NO_END, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
+        findings.push_with(code::NO_END, |code| {
+            Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
         });
         self.state.skipping_line = false;
         self.end(span, operations, findings);
@@ -413,8 +413,8 @@ impl Interpreter {
         }
         self.break_nurbs();
         let span = SourceSpan { line, column: 1, length: longest };
-        findings.push_with(Severity::Error, || {
-            Finding::error(code::LINE_TOO_LONG, span, format!("the line is longer than {longest} bytes and is skipped"))
+        findings.push_with(code::LINE_TOO_LONG, |code| {
+            Finding::new(code, span, format!("the line is longer than {longest} bytes and is skipped"))
                 .with_value("max_line_length", f64::from(longest), "bytes")
                 .suggest("break it into blocks")
         });
@@ -432,8 +432,8 @@ impl Interpreter {
 
     fn push_trailing(&mut self, span: SourceSpan, findings: &mut FindingLog) {
         self.state.reported.trailing = true;
-        findings.push_with(Severity::Warning, || {
-            Finding::warning(code::TRAILING, span, "text after the end of the program is not read")
+        findings.push_with(code::TRAILING, |code| {
+            Finding::new(code, span, "text after the end of the program is not read")
         });
     }
 }

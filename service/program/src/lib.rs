@@ -7,7 +7,7 @@
 
 mod axis;
 mod block;
-mod code;
+pub mod code;
 mod consequence;
 mod dialect;
 mod finding;
@@ -22,8 +22,10 @@ mod settings;
 mod state;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
-pub use code::FINDING_CODES;
-pub use finding::{Finding, FindingLog, NamedValue, Occurrence, Severity, SourceSpan, Suggestion};
+pub use finding::{
+    CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, Severity, SourceSpan,
+    Suggestion,
+};
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, ToolLength, interpret};
 pub use number::Number;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Finding, Severity};
+use super::{Finding, FindingCode, Severity};
 
 /// Findings that are known as having been met, for each one that is kept in full.
 const KNOWN_PER_KEPT: usize = 16;
@@ -86,12 +86,13 @@ impl FindingLog {
         }
     }
 
-    /// Adds a finding of this severity, built only while it can be distinguished from others, so that a program of
+    /// Adds a finding of this code, built only while it can be distinguished from others, so that a program of
     /// nothing but mistakes costs no formatting either.
-    pub fn push_with(&mut self, severity: Severity, build: impl FnOnce() -> Finding) {
+    pub fn push_with(&mut self, code: FindingCode, build: impl FnOnce(FindingCode) -> Finding) {
+        let severity = code.severity();
         if self.findings.len() < self.limit || self.knows_more() {
-            let finding = build();
-            debug_assert_eq!(finding.severity, severity);
+            let finding = build(code);
+            debug_assert_eq!((finding.code, finding.severity), (code, severity));
             self.push(finding);
         } else {
             self.error_occurrences += u64::from(severity == Severity::Error);
@@ -218,7 +219,7 @@ fn identity(finding: &Finding) -> u64 {
             hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);
         }
     };
-    add(finding.code.as_bytes());
+    add(finding.code.name().as_bytes());
     let span = finding.span;
     for number in [span.line, span.column, span.length] {
         add(&number.to_le_bytes());
@@ -237,12 +238,36 @@ mod tests {
     use super::*;
     use crate::SourceSpan;
 
+    crate::finding_codes! {
+        /// Codes of these tests.
+        pub TEST_CODES: "Tests";
+
+        "SHORT" [SHORT: Error] {
+            meaning: "one",
+            cause: "A test.",
+            cure: "None.",
+            example: Words("none"),
+        }
+
+        "A" [A: Error, MILD_A: Warning] {
+            meaning: "another",
+            cause: "A test.",
+            cure: "None.",
+            example: Words("none"),
+        }
+
+        "B" [B: Error] {
+            meaning: "a third",
+            cause: "A test.",
+            cure: "None.",
+            example: Words("none"),
+        }
+    }
+
     const G76: SourceSpan = SourceSpan { line: 7, column: 1, length: 20 };
 
     fn short(pass: u64, excess: f64) -> Finding {
-        Finding::error("THREAD-LENGTH-SHORT", G76, format!("pass {pass} is {excess} mm too short"))
-            .at("pass", pass)
-            .ranked("", excess)
+        Finding::new(SHORT, G76, format!("pass {pass} is {excess} mm too short")).at("pass", pass).ranked("", excess)
     }
 
     fn occurrence(number: u64) -> Option<super::super::Occurrence> {
@@ -254,7 +279,7 @@ mod tests {
         let mut log = FindingLog::default();
         for pass in 1..=35 {
             log.push(short(pass, 10.0 - (pass as f64 - 12.0).abs()));
-            log.push(Finding::warning("OTHER", G76, "the same each time"));
+            log.push(Finding::new(MILD_A, G76, "the same each time"));
         }
         assert_eq!((log.count(Severity::Error), log.count(Severity::Warning)), (1, 1));
         let [short, other] = log.findings() else { panic!("{:?}", log.findings()) };
@@ -269,12 +294,12 @@ mod tests {
         let at = |column| SourceSpan { column, ..G76 };
         let mut log = FindingLog::default();
         let findings = [
-            Finding::error("A", G76, "").ranked("X", 1.0),
-            Finding::error("A", G76, "").ranked("Y", 1.0),
-            Finding::warning("A", G76, "").ranked("X", 1.0),
-            Finding::error("A", at(2), "").ranked("X", 1.0),
-            Finding::error("B", G76, "one"),
-            Finding::error("B", G76, "two"),
+            Finding::new(A, G76, "").ranked("X", 1.0),
+            Finding::new(A, G76, "").ranked("Y", 1.0),
+            Finding::new(MILD_A, G76, "").ranked("X", 1.0),
+            Finding::new(A, at(2), "").ranked("X", 1.0),
+            Finding::new(B, G76, "one"),
+            Finding::new(B, G76, "two"),
         ];
         for finding in &findings {
             log.push(finding.clone());
@@ -299,13 +324,13 @@ mod tests {
         let span = |line| SourceSpan { line, ..G76 };
         for _ in 0..100 {
             for line in 0..40 {
-                log.push_with(Severity::Warning, || Finding::warning("A", span(line), "same"));
+                log.push_with(MILD_A, |code| Finding::new(code, span(line), "same"));
             }
         }
         assert_eq!((log.findings().len(), log.dropped(), log.count(Severity::Warning)), (4, 36, 40));
         assert!(log.findings().iter().all(|finding| finding.occurrences == 100));
         for line in 0..1_000_000 {
-            log.push_with(Severity::Error, || Finding::error("A", span(line), "same"));
+            log.push_with(A, |code| Finding::new(code, span(line), "same"));
         }
         assert_eq!((log.known.len(), log.count(Severity::Error), log.dropped()), (64, 1_000_000, 1_000_036));
     }
@@ -313,7 +338,7 @@ mod tests {
     #[test]
     fn what_is_taken_back_may_come_again() {
         let mut log = FindingLog::with_limit(2);
-        let finding = |line| Finding::error("A", SourceSpan { line, ..G76 }, "same");
+        let finding = |line| Finding::new(A, SourceSpan { line, ..G76 }, "same");
         log.push(finding(1));
         let mark = log.mark();
         for _ in 0..2 {
@@ -343,7 +368,7 @@ mod tests {
             for (number, &(line, excess, about_x)) in (1..).zip(&pushed) {
                 let span = SourceSpan { line, ..G76 };
                 let about = if about_x { "X" } else { "Z" };
-                let finding = Finding::error("A", span, format!("{number}")).at("pass", number);
+                let finding = Finding::new(A, span, format!("{number}")).at("pass", number);
                 let finding = finding.ranked(about, f64::from(excess));
                 log.push(finding.clone());
                 match distinct.iter().position(|key| *key == (line, about_x)) {

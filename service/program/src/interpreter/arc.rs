@@ -4,7 +4,7 @@ use super::execute::{Execution, MM_PER_INCH};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::letter_bit;
-use crate::{ArcGeometry, Axis, Finding, Position, Severity, SourceSpan};
+use crate::{ArcGeometry, Axis, Finding, FindingCode, Position, SourceSpan};
 
 /// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
 const SHORTEST_CHORD_MM: f64 = 1e-7;
@@ -141,12 +141,12 @@ impl Execution<'_> {
     #[cold]
     fn arc_error<T>(
         &mut self,
-        code: &'static str,
+        code: FindingCode,
         span: SourceSpan,
         fill: impl FnOnce(Finding) -> Finding,
     ) -> Option<T> {
         self.used |= letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
-        self.findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
+        self.findings.push_with(code, |code| fill(Finding::new(code, span, "")));
         None
     }
 }

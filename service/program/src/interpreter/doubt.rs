@@ -6,7 +6,7 @@ use super::motion::Frame;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Meaning, OtherReading, letter_bit};
 use crate::state::Motion;
-use crate::{Finding, Severity, SourceSpan};
+use crate::{Finding, SourceSpan};
 
 /// A code of the present block that may be something else.
 #[derive(Clone, Copy)]
@@ -73,10 +73,10 @@ impl Execution<'_> {
             return true;
         }
         let name = format!("G{}", f64::from(tenths) / 10.0);
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             let OtherReading { here, elsewhere, is_motion, .. } = reading;
             let message = format!("{name} with axis words is {here} on some controls and {elsewhere} on others");
-            let finding = Finding::error(code::CODE_AMBIGUOUS, span, message);
+            let finding = Finding::new(code, span, message);
             if !is_motion {
                 return finding
                     .suggest(format!("write {name} in a block of its own, and the motion code with the axis words"));
@@ -94,12 +94,12 @@ impl Execution<'_> {
     pub(super) fn doubtful_before(&mut self, tenths: u16, line: u32) {
         self.state.motion = Motion::Unclear;
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             let name = format!("G{}", f64::from(tenths) / 10.0);
             let message = format!(
                 "axis words without a motion code after the {name} of line {line}, which is a cycle in G-code system A"
             );
-            Finding::error(code::CODE_AMBIGUOUS, span, message)
+            Finding::new(code, span, message)
                 .with_value("line", f64::from(line), "")
                 .suggest("for a move, write its motion code, such as G0 or G1, in this block")
                 .suggest("for a cycle, write its passes with G0 and G1")
@@ -114,10 +114,10 @@ impl Execution<'_> {
         }
         self.used = u32::MAX;
         self.state.motion = Motion::Unclear;
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             let message =
                 "G92 with axis words is a threading cycle in G-code system A, and sets the coordinates in B and C";
-            Finding::error(code::CODE_AMBIGUOUS, span, message)
+            Finding::new(code, span, message)
                 .suggest("for a thread, write its lead F in this block, such as F1.5")
                 .suggest("for other coordinates, use a work offset, G54 to G59")
         });

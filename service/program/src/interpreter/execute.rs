@@ -8,7 +8,7 @@ use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
     FunctionWord, LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode,
-    Severity, SourceSpan, ToolLength, XWord,
+    SourceSpan, ToolLength, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -138,9 +138,9 @@ impl Execution<'_> {
         if self.state.phase == Phase::Blocks {
             if let Some(word) = self.block.word(b'O') {
                 let span = self.block.word_span(word);
-                self.findings.push_with(Severity::Error, || {
-                    Finding::error(
-                        code::UNSUPPORTED_CODE,
+                self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
+                    Finding::new(
+                        code,
                         span,
                         "a second program number inside a program: subprograms are not supported yet",
                     )
@@ -169,11 +169,10 @@ impl Execution<'_> {
             true => (new, old, "LinuxCNC"),
             false => (old, new, "other controls"),
         };
-        self.findings.push_with(Severity::Warning, || {
+        self.findings.push_with(code::UNIT_WITH_FEED, |code| {
             let message =
                 format!("the feed in the block that changes the unit is read in {here}, by {others} in {elsewhere}");
-            Finding::warning(code::UNIT_WITH_FEED, span, message)
-                .suggest("change the unit in a block of its own before it")
+            Finding::new(code, span, message).suggest("change the unit in a block of its own before it")
         });
     }
 
@@ -208,14 +207,10 @@ impl Execution<'_> {
         } else {
             let span = self.block.word_span(&word);
             self.state.reported.feed = true;
-            self.findings.push_with(Severity::Error, || {
-                Finding::error(
-                    code::FEED_NOT_POSITIVE,
-                    span,
-                    format!("the feed is {value}, but must be at least {LEAST_RATE}"),
-                )
-                .with_value("feed", value, "")
-                .with_value("least", LEAST_RATE, "")
+            self.findings.push_with(code::FEED_NOT_POSITIVE, |code| {
+                Finding::new(code, span, format!("the feed is {value}, but must be at least {LEAST_RATE}"))
+                    .with_value("feed", value, "")
+                    .with_value("least", LEAST_RATE, "")
             });
         }
     }
@@ -241,9 +236,9 @@ impl Execution<'_> {
                 };
                 words.push(FunctionWord { letter: char::from(letter), value, span: self.block.word_span(&word) });
             } else if required {
-                self.findings.push_with(Severity::Error, || {
+                self.findings.push_with(code::FUNCTION_WORD_MISSING, |code| {
                     let letter = char::from(letter);
-                    Finding::error(code::FUNCTION_WORD_MISSING, span, format!("the machining function needs {letter}"))
+                    Finding::new(code, span, format!("the machining function needs {letter}"))
                         .suggest(format!("add {letter} to the block"))
                 });
             }
@@ -255,10 +250,10 @@ impl Execution<'_> {
             foreign &= foreign - 1;
             self.used |= 1 << place;
             let word_span = self.block.word_span(self.block.slot(place));
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::FUNCTION_WORD, |code| {
                 let letter = char::from(b'A' + place as u8);
                 let message = format!("{letter} is not a word of this machining function");
-                Finding::error(code::FUNCTION_WORD, word_span, message).suggest("write it in a block of its own")
+                Finding::new(code, word_span, message).suggest("write it in a block of its own")
             });
         }
         Some((span, FunctionCommand { function, on, inch: self.state.inch, words }))
@@ -291,8 +286,8 @@ impl Execution<'_> {
         self.state.functions_refused.set(Function::ThreadVibration, true);
         self.used |= self.block.letters & !(letter_bit(b'S') | letter_bit(b'T'));
         let span = word.map_or(span, |word| self.block.word_span(&word));
-        self.findings.push_with(Severity::Error, || {
-            let mut finding = Finding::error(code::FUNCTION_SWITCH, span, "no P says whether on or off");
+        self.findings.push_with(code::FUNCTION_SWITCH, |code| {
+            let mut finding = Finding::new(code, span, "no P says whether on or off");
             if let Some(value) = value {
                 finding.message = format!("P{value} says neither on nor off");
                 finding = finding.with_value("p", value, "");
@@ -323,8 +318,8 @@ impl Execution<'_> {
                     self.state.tool = number;
                     self.emit(span, OperationKind::Tool { number, offset: 0 });
                 }
-                None => self.findings.push_with(Severity::Error, || {
-                    Finding::error(code::TOOL_MISSING, span, "a tool change, but no T word says to which tool")
+                None => self.findings.push_with(code::TOOL_MISSING, |code| {
+                    Finding::new(code, span, "a tool change, but no T word says to which tool")
                         .suggest("write the tool number in this block or before it")
                 }),
             }
@@ -339,9 +334,8 @@ impl Execution<'_> {
             return Some(whole);
         }
         let span = self.block.word_span(word);
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::NUMBER_NOT_WHOLE, span, format!("{value} is not a whole number from 0 on"))
-                .with_value("number", value, "")
+        self.findings.push_with(code::NUMBER_NOT_WHOLE, |code| {
+            Finding::new(code, span, format!("{value} is not a whole number from 0 on")).with_value("number", value, "")
         });
         None
     }
@@ -389,12 +383,12 @@ impl Execution<'_> {
         });
         match seconds {
             Some(seconds) if seconds >= 0.0 => self.emit(span, OperationKind::Dwell(DwellTime::Seconds(seconds))),
-            Some(seconds) => self.findings.push_with(Severity::Error, || {
-                Finding::error(code::DWELL_TIME, span, format!("the dwell lasts {seconds} s, but must not be negative"))
+            Some(seconds) => self.findings.push_with(code::DWELL_TIME, |code| {
+                Finding::new(code, span, format!("the dwell lasts {seconds} s, but must not be negative"))
                     .with_value("time", seconds, "s")
             }),
-            None => self.findings.push_with(Severity::Error, || {
-                Finding::error(code::DWELL_TIME, span, "the dwell has no time").suggest("add P or X")
+            None => self.findings.push_with(code::DWELL_TIME, |code| {
+                Finding::new(code, span, "the dwell has no time").suggest("add P or X")
             }),
         }
     }
@@ -430,14 +424,14 @@ impl Execution<'_> {
         if let Some((Meaning::XWord(x_word), span)) = self.code(Group::Diameter)
             && x_word != self.settings.x_word
         {
-            self.findings.push_with(Severity::Error, || {
-                let (code, name) = match x_word {
+            self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
+                let (mode, name) = match x_word {
                     XWord::Diameter => ("G7", "diameters"),
                     XWord::Radius => ("G8", "radii"),
                 };
-                let message = format!("{code} makes X words {name}, but the machine profile says otherwise");
-                Finding::error(code::UNSUPPORTED_CODE, span, message)
-                    .suggest(format!("let x_word of the profile's language say {name}, and use {code} throughout"))
+                let message = format!("{mode} makes X words {name}, but the machine profile says otherwise");
+                Finding::new(code, span, message)
+                    .suggest(format!("let x_word of the profile's language say {name}, and use {mode} throughout"))
             });
         }
     }
@@ -499,7 +493,7 @@ impl Execution<'_> {
     #[cold]
     fn tolerance_error(&mut self, word: &Word, fill: impl FnOnce(Finding) -> Finding) {
         let span = self.block.word_span(word);
-        self.findings.push_with(Severity::Error, || fill(Finding::error(code::PATH_TOLERANCE, span, "")));
+        self.findings.push_with(code::PATH_TOLERANCE, |code| fill(Finding::new(code, span, "")));
     }
 
     /// How the path runs through the end point of this block.
@@ -521,7 +515,7 @@ impl Execution<'_> {
 
     pub(super) fn word_conflict(&mut self, word: &Word, message: &'static str) {
         let span = self.block.word_span(word);
-        self.findings.push_with(Severity::Error, || Finding::error(code::WORD_CONFLICT, span, message));
+        self.findings.push_with(code::WORD_CONFLICT, |code| Finding::new(code, span, message));
     }
 
     /// Reports every word that no step has used, unless the block is not understood as a whole.
@@ -537,10 +531,10 @@ impl Execution<'_> {
             let word = self.block.slot(place);
             let span = self.block.word_span(word);
             let value = word.number.value();
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::WORD_UNUSED, |code| {
                 let letter = char::from(b'A' + place as u8);
                 let message = format!("{letter}{value} has no meaning in this block: no code of it takes {letter}");
-                Finding::error(code::WORD_UNUSED, span, message)
+                Finding::new(code, span, message)
                     .with_value("value", value, "")
                     .suggest("remove it, or add the code it belongs to")
             });

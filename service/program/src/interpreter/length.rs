@@ -9,7 +9,7 @@ use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, AxisSet, Finding, Position, Severity, SourceSpan};
+use crate::{Axis, AxisSet, Finding, Position, SourceSpan};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
@@ -38,8 +38,8 @@ impl Execution<'_> {
             None => self.state.length.number,
         };
         if number == 0 {
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::LENGTH_NUMBER, span, "the number H of the tool length is missing or 0")
+            return self.findings.push_with(code::LENGTH_NUMBER, |code| {
+                Finding::new(code, span, "the number H of the tool length is missing or 0")
                     .suggest("add H with the number of the tool, such as H1")
                     .suggest("switch the compensation off with G49")
             });
@@ -50,9 +50,9 @@ impl Execution<'_> {
             && tool != number
         {
             let span = self.block.word_span(&word);
-            self.findings.push_with(Severity::Warning, || {
+            self.findings.push_with(code::LENGTH_OTHER_TOOL, |code| {
                 let message = format!("H{number} is the length of another tool than T{tool}, which is in the spindle");
-                Finding::warning(code::LENGTH_OTHER_TOOL, span, message)
+                Finding::new(code, span, message)
                     .with_value("length_offset", f64::from(number), "")
                     .with_value("tool", f64::from(tool), "")
                     .suggest_replacement("use the length of the tool", format!("H{tool}"))
@@ -60,9 +60,9 @@ impl Execution<'_> {
         }
         let length_mm = self.tool_lengths.iter().find(|length| length.number == number).map(|length| length.length_mm);
         if length_mm.is_none() {
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::TOOL_LENGTH, |code| {
                 let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
-                Finding::error(code::TOOL_LENGTH, span, message)
+                Finding::new(code, span, message)
                     .with_value("length_offset", f64::from(number), "")
                     .suggest("give the tool its length, and the job the tool")
             });
@@ -105,28 +105,26 @@ impl Execution<'_> {
             Some(_) => Motion::Unclear,
             None => self.state.motion,
         };
-        let severity = match motion {
+        let code = match motion {
             Motion::None | Motion::Rapid => return,
-            Motion::Linear => Severity::Warning,
-            _ => Severity::Error,
+            Motion::Linear => code::LENGTH_WHILE_CUTTING_STRAIGHT,
+            _ => code::LENGTH_WHILE_CUTTING,
         };
         if self.block.letters & self.table.axis_letters == 0 {
             return;
         }
-        self.findings.push_with(severity, || {
+        self.findings.push_with(code, |code| {
             let message = format!("the tool length changes by {change_mm} mm in a cutting block");
-            let finding = match severity {
-                Severity::Error => Finding::error(code::LENGTH_WHILE_CUTTING, span, message),
-                _ => Finding::warning(code::LENGTH_WHILE_CUTTING, span, message),
-            };
-            finding.with_value("change", change_mm, "mm").suggest("change it in a block of its own, or with G0")
+            Finding::new(code, span, message)
+                .with_value("change", change_mm, "mm")
+                .suggest("change it in a block of its own, or with G0")
         });
     }
 
     #[cold]
     pub(super) fn length_nested(&mut self, span: SourceSpan, what: &'static str, on_line: u32) {
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::TOOL_CONTROL_NESTED, span, format!("{what} is on, since line {on_line}"))
+        self.findings.push_with(code::TOOL_CONTROL_NESTED, |code| {
+            Finding::new(code, span, format!("{what} is on, since line {on_line}"))
                 .with_value("on_line", f64::from(on_line), "")
                 .suggest("switch it off with G49 first")
         });

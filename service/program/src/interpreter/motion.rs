@@ -6,7 +6,7 @@ use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
 use crate::state::{Motion, ToolMode};
-use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position, Severity};
+use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
 
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
@@ -130,9 +130,8 @@ impl Execution<'_> {
             Motion::None => {
                 self.state.motion = Motion::Unclear;
                 let span = self.block.span();
-                self.findings.push_with(Severity::Error, || {
-                    Finding::error(code::MOTION_MISSING, span, "axis words, but no motion code says how to move")
-                        .suggest("add G0 or G1")
+                self.findings.push_with(code::MOTION_MISSING, |code| {
+                    Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
                 });
             }
             Motion::Doubtful { tenths, line } => {
@@ -151,8 +150,8 @@ impl Execution<'_> {
         };
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         if axes == 0 {
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::REFERENCE_AXIS, span, "the return to the reference position names no axis")
+            return self.findings.push_with(code::REFERENCE_AXIS, |code| {
+                Finding::new(code, span, "the return to the reference position names no axis")
                     .suggest("name the axes with their intermediate point, such as U0 W0")
             });
         }
@@ -208,7 +207,7 @@ impl Execution<'_> {
             | Motion::ThreadCycle => "machine coordinates go with G0 or G1 only",
             _ => return false,
         };
-        self.findings.push_with(Severity::Error, || Finding::error(code::MACHINE_MOTION, span, message));
+        self.findings.push_with(code::MACHINE_MOTION, |code| Finding::new(code, span, message));
         true
     }
 
@@ -286,9 +285,8 @@ impl Execution<'_> {
     #[cold]
     fn feed_missing(&mut self, message: &'static str) {
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::FEED_MISSING, span, message).suggest("add F to the block")
-        });
+        self.findings
+            .push_with(code::FEED_MISSING, |code| Finding::new(code, span, message).suggest("add F to the block"));
     }
 
     #[cold]
@@ -298,9 +296,9 @@ impl Execution<'_> {
         }
         self.state.reported.spindle = true;
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::SPINDLE_STOPPED, |code| {
             let message = format!("{feed_mm} mm per revolution with a spindle that does not turn never advances");
-            Finding::error(code::SPINDLE_STOPPED, span, message)
+            Finding::new(code, span, message)
                 .with_value("feed", feed_mm, "mm/rev")
                 .suggest("start the spindle first, such as M3 S1000")
                 .suggest("use feed per minute, G94")

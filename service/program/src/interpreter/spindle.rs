@@ -3,7 +3,7 @@
 use super::execute::{Execution, LEAST_RATE};
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::{Finding, OperationKind, Severity, SourceSpan, Spindle, SpindleDirection};
+use crate::{Finding, OperationKind, SourceSpan, Spindle, SpindleDirection};
 
 impl Execution<'_> {
     /// Carries out `S`, `G96`, `G97`, the clamp and `M3`, `M4`; emits the spindle if it changed.
@@ -55,8 +55,8 @@ impl Execution<'_> {
         let axes = self.block.letters & self.table.axis_letters;
         if axes != 0 {
             self.used |= axes;
-            self.findings.push_with(Severity::Error, || {
-                Finding::error(code::UNSUPPORTED_CODE, span, "setting the coordinate system is not supported yet")
+            self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
+                Finding::new(code, span, "setting the coordinate system is not supported yet")
                     .suggest("use a work offset, G54 to G59")
             });
         }
@@ -82,9 +82,9 @@ impl Execution<'_> {
             self.state.surface_speed = true;
             if self.state.max_rev_per_min.is_none() && !self.state.reported.speed_clamp {
                 self.state.reported.speed_clamp = true;
-                self.findings.push_with(Severity::Warning, || {
-                    Finding::warning(
-                        code::SPEED_CLAMP_MISSING,
+                self.findings.push_with(code::SPEED_CLAMP_MISSING, |code| {
+                    Finding::new(
+                        code,
                         span,
                         "constant surface speed without a clamp: the speed grows without limit towards X0",
                     )
@@ -108,9 +108,9 @@ impl Execution<'_> {
             return self.speed_missing(span, "constant speed has no S word, and the present speed is unlimited at X0");
         }
         self.state.rev_per_min = rev_per_min;
-        self.findings.push_with(Severity::Warning, || {
+        self.findings.push_with(code::SPEED_IN_FORCE, |code| {
             let message = format!("constant speed has no S word: the present {rev_per_min:.1} rev/min stays");
-            Finding::warning(code::SPEED_MISSING, span, message).with_value("speed", rev_per_min, "rev/min")
+            Finding::new(code, span, message).with_value("speed", rev_per_min, "rev/min")
         });
     }
 
@@ -132,15 +132,13 @@ impl Execution<'_> {
     }
 
     fn speed_invalid(&mut self, span: SourceSpan, speed: f64) {
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::SPEED_INVALID, span, format!("{speed} is no spindle speed"))
-                .with_value("speed", speed, "")
+        self.findings.push_with(code::SPEED_INVALID, |code| {
+            Finding::new(code, span, format!("{speed} is no spindle speed")).with_value("speed", speed, "")
         });
     }
 
     fn speed_missing(&mut self, span: SourceSpan, message: &'static str) {
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::SPEED_MISSING, span, message).suggest("add S to the block")
-        });
+        self.findings
+            .push_with(code::SPEED_MISSING, |code| Finding::new(code, span, message).suggest("add S to the block"));
     }
 }

@@ -12,7 +12,7 @@ use crate::block::Word;
 use crate::code;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::{Motion, Nurbs};
-use crate::{Axis, Finding, MoveKind, OperationKind, Plane, Position, Severity, SourceSpan, SplineGeometry};
+use crate::{Axis, Finding, FindingCode, MoveKind, OperationKind, Plane, Position, SourceSpan, SplineGeometry};
 
 /// Most control points of a NURBS.
 const MAX_CONTROL_POINTS: usize = 10_000;
@@ -96,8 +96,8 @@ impl Execution<'_> {
         }
         self.used |= letter_bit(b'P') | letter_bit(b'Q');
         self.state.motion = before;
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::UNSUPPORTED_CODE, span, "high-precision contour control is not supported yet")
+        self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
+            Finding::new(code, span, "high-precision contour control is not supported yet")
                 .suggest("remove it; G64 P says how far the path may leave the programmed one")
         });
         true
@@ -144,8 +144,8 @@ impl Execution<'_> {
         }
         let span = self.block.word_span(word);
         let (least, most) = (*ORDERS.start(), *ORDERS.end());
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::NURBS_ORDER, span, format!("the order is {order}, but must be {least} to {most}"))
+        self.findings.push_with(code::NURBS_ORDER, |code| {
+            Finding::new(code, span, format!("the order is {order}, but must be {least} to {most}"))
                 .with_value("order", f64::from(order), "")
                 .with_value("min_order", f64::from(least), "")
                 .with_value("max_order", f64::from(most), "")
@@ -216,8 +216,8 @@ impl Execution<'_> {
         let span = self.code(Group::Motion).map_or(self.block.span(), |(_, span)| span);
         let Some(nurbs) = self.state.nurbs.take() else {
             if before != Motion::Unclear {
-                self.findings.push_with(Severity::Error, || {
-                    Finding::error(code::NURBS_NOT_OPEN, span, "G5.3 closes a NURBS, but none is open")
+                self.findings.push_with(code::NURBS_NOT_OPEN, |code| {
+                    Finding::new(code, span, "G5.3 closes a NURBS, but none is open")
                         .suggest("open one with G5.2, or remove G5.3")
                 });
             }
@@ -230,10 +230,10 @@ impl Execution<'_> {
         let Nurbs { order, points, weights, feed, path_control, .. } = *nurbs;
         if points.len() < usize::from(order) {
             let count = points.len();
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::NURBS_ORDER, |code| {
                 let message =
                     format!("a NURBS of order {order} takes at least {order} control points, this has {count}");
-                Finding::error(code::NURBS_ORDER, span, format!("{message}, its start among them"))
+                Finding::new(code, span, format!("{message}, its start among them"))
                     .with_value("order", f64::from(order), "")
                     .with_value("control_points", count as f64, "")
                     .suggest("add control points or lower the order, L")
@@ -268,9 +268,9 @@ impl Execution<'_> {
         self.state.motion = Motion::Unclear;
         let span = self.block.span();
         let opened = nurbs.span.line;
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::NURBS_UNFINISHED, |code| {
             let message = format!("only control points are permitted in the NURBS opened in line {opened}");
-            Finding::error(code::NURBS_UNFINISHED, span, message)
+            Finding::new(code, span, message)
                 .with_value("opened_in_line", f64::from(opened), "")
                 .suggest("close it with G5.3 first")
         });
@@ -310,11 +310,11 @@ impl Execution<'_> {
     #[cold]
     fn spline_error<T>(
         &mut self,
-        code: &'static str,
+        code: FindingCode,
         span: SourceSpan,
         fill: impl FnOnce(Finding) -> Finding,
     ) -> Option<T> {
-        self.findings.push_with(Severity::Error, || fill(Finding::error(code, span, "")));
+        self.findings.push_with(code, |code| fill(Finding::new(code, span, "")));
         None
     }
 }

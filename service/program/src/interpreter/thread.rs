@@ -18,9 +18,7 @@ use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
-use crate::{
-    Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, Severity, ThreadEWord, ThreadMove,
-};
+use crate::{Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadMove};
 
 /// Leads of threads, mm: what common controls take.
 const LEADS_MM: RangeInclusive<f64> = 1e-4..=500.0;
@@ -150,9 +148,9 @@ impl Execution<'_> {
             let span = self.block.span();
             let feed = self.state.feed_as_written;
             let has_feed = self.state.feed > 0.0;
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::THREAD_LEAD_MISSING, |code| {
                 let message = "the thread has no lead";
-                let finding = Finding::error(code::THREAD_LEAD_MISSING, span, message);
+                let finding = Finding::new(code, span, message);
                 let finding = finding.suggest("add F with the travel per revolution, such as F1.5");
                 if !has_feed {
                     return finding;
@@ -172,10 +170,10 @@ impl Execution<'_> {
         }
         let span = self.block.word_span(word);
         let written = word.number.value();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::THREAD_LEAD, |code| {
             let (least, most) = (*LEADS_MM.start(), *LEADS_MM.end());
             let message = format!("{written} makes no lead: it must be {least} to {most} mm per revolution");
-            Finding::error(code::THREAD_LEAD, span, message)
+            Finding::new(code, span, message)
                 .with_value("written", written, "")
                 .with_value("min_lead", least, "mm")
                 .with_value("max_lead", most, "mm")
@@ -204,10 +202,10 @@ impl Execution<'_> {
             as_thousandths.then_some(("if thousandths are meant, write", thousandths)),
             Some(("the same angle is", angle_deg.rem_euclid(360.0))),
         ];
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::THREAD_ANGLE, |code| {
             let letter = char::from(letter);
             let message = format!("the {name} {letter} is {angle_deg}°, but must be 0° to 360°");
-            let mut finding = Finding::error(code::THREAD_ANGLE, span, message).with_value("angle", angle_deg, "deg");
+            let mut finding = Finding::new(code, span, message).with_value("angle", angle_deg, "deg");
             for (cure, value) in cures.into_iter().flatten() {
                 let value = (value * 1_000.0).round() / 1_000.0;
                 // With a decimal point, which every rule reads in the same way.
@@ -230,9 +228,9 @@ impl Execution<'_> {
         }
         let span = self.block.word_span(&word);
         let written = -word.number.value();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::THREAD_AMPLITUDE, |code| {
             let message = format!("the amplitude is {amplitude_mm} mm on the radius, but must not be negative");
-            Finding::error(code::THREAD_AMPLITUDE, span, message)
+            Finding::new(code, span, message)
                 .with_value("amplitude", amplitude_mm, "mm")
                 .suggest_replacement("write the peak-to-peak travel without a sign", format!("A{written}"))
                 .suggest_replacement("write A0 for a pass without vibration", "A0")
@@ -252,9 +250,9 @@ impl Execution<'_> {
             }
             valid = false;
             let span = self.block.word_span(self.block.slot(place));
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::THREAD_AXIS, |code| {
                 let message = format!("a thread moves X and Z, not {}", axis.letter());
-                Finding::error(code::THREAD_AXIS, span, message).suggest("move the other axes in a block before it")
+                Finding::new(code, span, message).suggest("move the other axes in a block before it")
             });
         }
         valid
@@ -267,9 +265,9 @@ impl Execution<'_> {
             if !self.state.reported.thread_surface_speed {
                 self.state.reported.thread_surface_speed = true;
                 let present = self.state.spindle().rev_per_s(self.state.position[Axis::X.index()]) * 60.0;
-                self.findings.push_with(Severity::Error, || {
+                self.findings.push_with(code::THREAD_SURFACE_SPEED, |code| {
                     let message = "constant surface speed changes the spindle speed with X, which spoils a thread";
-                    let finding = Finding::error(code::THREAD_SURFACE_SPEED, span, message);
+                    let finding = Finding::new(code, span, message);
                     if !(present.is_finite() && present >= 1.0) {
                         return finding.suggest("switch to a constant speed before it, such as G97 S500");
                     }
@@ -293,8 +291,8 @@ impl Execution<'_> {
         }
         if !self.state.reported.spindle {
             self.state.reported.spindle = true;
-            self.findings.push_with(Severity::Error, || {
-                Finding::error(code::SPINDLE_STOPPED, span, "a thread follows the spindle, which does not turn")
+            self.findings.push_with(code::SPINDLE_STOPPED, |code| {
+                Finding::new(code, span, "a thread follows the spindle, which does not turn")
                     .suggest("start the spindle first, such as M3 S500")
             });
         }
@@ -304,8 +302,8 @@ impl Execution<'_> {
     #[cold]
     fn thread_travel(&mut self, message: &'static str) {
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::THREAD_TRAVEL, span, message).suggest("check the end point and the position before it")
+        self.findings.push_with(code::THREAD_TRAVEL, |code| {
+            Finding::new(code, span, message).suggest("check the end point and the position before it")
         });
     }
 

@@ -6,7 +6,7 @@ use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{ToolControl, ToolMode};
 use crate::{
-    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, Severity, SourceSpan, TiltedPlane,
+    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, TiltedPlane,
     ToolAxisSolution, ToolGuide,
 };
 
@@ -51,9 +51,9 @@ impl Execution<'_> {
             ToolMode::Off => {}
             ToolMode::Plane => {
                 let on_line = control.on_line;
-                return self.findings.push_with(Severity::Error, || {
+                return self.findings.push_with(code::PLANE_NESTED, |code| {
                     let message = format!("a tilted plane is on already, since line {on_line}");
-                    Finding::error(code::PLANE_NESTED, span, message)
+                    Finding::new(code, span, message)
                         .with_value("on_line", f64::from(on_line), "")
                         .suggest("cancel it with G69 first")
                 });
@@ -112,8 +112,8 @@ impl Execution<'_> {
     fn align_tool(&mut self, span: SourceSpan) {
         let word = self.take(b'P');
         if self.state.tool_control.mode != ToolMode::Plane {
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::PLANE_OFF, span, "the tool axis is to be turned onto a plane, but none is tilted")
+            return self.findings.push_with(code::PLANE_OFF, |code| {
+                Finding::new(code, span, "the tool axis is to be turned onto a plane, but none is tilted")
                     .suggest("tilt the plane first, such as G68.2 X0 Y0 Z0 I0 J30 K0")
             });
         }
@@ -158,6 +158,6 @@ impl Execution<'_> {
 
     #[cold]
     fn plane_error(&mut self, span: SourceSpan, message: &'static str, fill: impl FnOnce(Finding) -> Finding) {
-        self.findings.push_with(Severity::Error, || fill(Finding::error(code::PLANE_BLOCK, span, message)));
+        self.findings.push_with(code::PLANE_BLOCK, |code| fill(Finding::new(code, span, message)));
     }
 }

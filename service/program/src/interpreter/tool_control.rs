@@ -9,7 +9,7 @@ use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
     ArcGeometry, Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
-    Position, Severity, SourceSpan, ToolGuide,
+    Position, SourceSpan, ToolGuide,
 };
 
 /// The letters of a direction vector.
@@ -39,9 +39,9 @@ impl Execution<'_> {
         let is_on = self.state.tool_control.mode != ToolMode::Off;
         if is_on && (length.is_some() || thinning.is_none()) {
             let on_line = self.state.tool_control.on_line;
-            return self.findings.push_with(Severity::Error, || {
+            return self.findings.push_with(code::TOOL_CONTROL_NESTED, |code| {
                 let message = format!("tool centre point control is on already, since line {on_line}");
-                Finding::error(code::TOOL_CONTROL_NESTED, span, message)
+                Finding::new(code, span, message)
                     .with_value("on_line", f64::from(on_line), "")
                     .suggest("switch it off with G49 before it is switched on with another form or length")
             });
@@ -70,10 +70,9 @@ impl Execution<'_> {
         };
         let number = number.filter(|&number| number > 0);
         if number.is_none() {
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::TOOL_CONTROL_LENGTH, |code| {
                 let message = "the tool centre point is not known without a tool length";
-                Finding::error(code::TOOL_CONTROL_LENGTH, span, message)
-                    .suggest("add H with the number of the tool, such as H1")
+                Finding::new(code, span, message).suggest("add H with the number of the tool, such as H1")
             });
         }
         number
@@ -84,8 +83,8 @@ impl Execution<'_> {
         let value = word.number.value();
         if value != 0.0 && value != 1.0 {
             let span = self.block.word_span(word);
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::WORD_CONFLICT, span, "P here switches thinning: P1 on, P0 off")
+            return self.findings.push_with(code::WORD_CONFLICT, |code| {
+                Finding::new(code, span, "P here switches thinning: P1 on, P0 off")
                     .with_value("word", value, "")
                     .suggest_replacement("switch thinning on", "P1")
                     .suggest_replacement("switch thinning off", "P0")
@@ -104,9 +103,9 @@ impl Execution<'_> {
     pub(super) fn switch_thinning(&mut self, on: bool, span: SourceSpan) -> bool {
         let control = &mut self.state.tool_control;
         if on && matches!(control.mode, ToolMode::Off | ToolMode::Plane) {
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::TOOL_CONTROL_OFF, |code| {
                 let message = "five-axis blocks are thinned under tool centre point control, which is off";
-                Finding::error(code::TOOL_CONTROL_OFF, span, message)
+                Finding::new(code, span, message)
                     .suggest("switch it on first: G43.4 H with the angles of the rotary axes, G43.5 H with vectors")
             });
             return false;
@@ -156,12 +155,12 @@ impl Execution<'_> {
     #[cold]
     pub(super) fn not_permitted(&mut self, span: SourceSpan, what: &'static str) {
         let ToolControl { on_line, mode, .. } = self.state.tool_control;
-        self.findings.push_with(Severity::Error, || {
-            let (code, place, cure) = match mode {
-                ToolMode::Plane => (code::PLANE_BLOCK, "in a tilted plane", "cancel the plane with G69 first"),
-                _ => (code::TOOL_CONTROL_BLOCK, "under tool centre point control", "switch it off with G49 first"),
-            };
-            Finding::error(code, span, format!("{what} {place}, which is on since line {on_line}"))
+        let (code, place, cure) = match mode {
+            ToolMode::Plane => (code::PLANE_BLOCK, "in a tilted plane", "cancel the plane with G69 first"),
+            _ => (code::TOOL_CONTROL_BLOCK, "under tool centre point control", "switch it off with G49 first"),
+        };
+        self.findings.push_with(code, |code| {
+            Finding::new(code, span, format!("{what} {place}, which is on since line {on_line}"))
                 .with_value("on_line", f64::from(on_line), "")
                 .suggest(cure)
         });
@@ -209,9 +208,8 @@ impl Execution<'_> {
             Motion::None => {
                 self.state.motion = Motion::Unclear;
                 let span = self.block.span();
-                self.findings.push_with(Severity::Error, || {
-                    Finding::error(code::MOTION_MISSING, span, "axis words, but no motion code says how to move")
-                        .suggest("add G0 or G1")
+                self.findings.push_with(code::MOTION_MISSING, |code| {
+                    Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
                 });
                 return self.state.position = end;
             }
@@ -308,8 +306,8 @@ impl Execution<'_> {
                 ToolMode::Vectors => "an angle of a rotary axis, while G43.5 takes the direction as a vector I J K",
                 _ => "a component of a vector, while G43.4 takes the angles of the rotary axes",
             };
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::TOOL_DIRECTION, span, message)
+            return self.findings.push_with(code::TOOL_DIRECTION, |code| {
+                Finding::new(code, span, message)
                     .with_value("word", value, "")
                     .suggest("write one form throughout: G43.4 with A B C, or G43.5 with I J K")
             });
@@ -322,8 +320,8 @@ impl Execution<'_> {
         let components = [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| word.number.value()));
         match normalised(components) {
             Some(direction) => self.state.tool_control.direction = Some(direction),
-            None => self.findings.push_with(Severity::Error, || {
-                Finding::error(code::TOOL_DIRECTION, span, "the tool direction is a zero vector")
+            None => self.findings.push_with(code::TOOL_DIRECTION, |code| {
+                Finding::new(code, span, "the tool direction is a zero vector")
                     .with_value("i", components[0], "")
                     .with_value("j", components[1], "")
                     .with_value("k", components[2], "")
@@ -342,13 +340,13 @@ impl Execution<'_> {
         if !increment {
             *held = held.without(axis);
         } else if value != 0.0 {
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
                 let letter = axis.letter();
                 let message = format!(
                     "{letter} by {value} from a place that the program does not know: the coordinates have changed \
                      with the tool centre point control or a tilted plane"
                 );
-                Finding::error(code::TOOL_CONTROL_HELD, span, message)
+                Finding::new(code, span, message)
                     .with_value("increment", value, if axis.is_rotary() { "deg" } else { "mm" })
                     .suggest(format!("place {letter} with an absolute word first"))
             });
@@ -356,10 +354,10 @@ impl Execution<'_> {
     }
 
     fn held_start(&mut self, span: SourceSpan) {
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
             let message = "an arc, a spline or a thread from a place that the program does not know: the coordinates \
                            have changed with the tool centre point control or a tilted plane";
-            Finding::error(code::TOOL_CONTROL_HELD, span, message).suggest("place every axis with G0 or G1 first")
+            Finding::new(code, span, message).suggest("place every axis with G0 or G1 first")
         });
     }
 }

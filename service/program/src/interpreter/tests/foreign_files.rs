@@ -17,7 +17,7 @@ fn only_finding(program: &[u8]) -> Finding {
 #[track_caller]
 fn check_file(program: impl AsRef<[u8]>, what: &str, line: u32) {
     let finding = only_finding(program.as_ref());
-    assert_eq!((finding.code.as_ref(), finding.severity), ("PRG-NOT-A-PROGRAM", Severity::Error));
+    assert_eq!((finding.code.name(), finding.severity), ("PRG-NOT-A-PROGRAM", Severity::Error));
     assert!(finding.message.contains(what), "{}", finding.message);
     assert_eq!((finding.span.line, finding.span.column), (line, 1));
     assert_eq!(finding.suggestions.len(), 1);

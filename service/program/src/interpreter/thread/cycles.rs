@@ -19,7 +19,7 @@ use super::words::AMOUNTS_MM;
 use crate::code;
 use crate::dialect::{Group, letter_bit};
 use crate::state::{CycleModes, Motion};
-use crate::{Axis, Finding, PullOut, Severity};
+use crate::{Axis, Finding, PullOut};
 
 /// Tapers, mm on the radius.
 const TAPERS_MM: RangeInclusive<f64> = -1_000.0..=1_000.0;
@@ -93,8 +93,8 @@ impl Execution<'_> {
             return;
         }
         if let Some((_, span)) = self.code(Group::Motion) {
-            self.findings.push_with(Severity::Error, || {
-                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle is a motion code itself")
+            self.findings.push_with(code::GROUP_CONFLICT, |code| {
+                Finding::new(code, span, "a threading cycle is a motion code itself")
                     .suggest("keep one of them, or write them in two blocks")
             });
         }
@@ -160,8 +160,8 @@ impl Execution<'_> {
         }
         if let Some((_, span)) = self.code(Group::NonModal) {
             self.used |= letters;
-            return self.findings.push_with(Severity::Error, || {
-                Finding::error(code::GROUP_CONFLICT, span, "a threading cycle needs a block of its own")
+            return self.findings.push_with(code::GROUP_CONFLICT, |code| {
+                Finding::new(code, span, "a threading cycle needs a block of its own")
                     .suggest("write them in two blocks")
             });
         }
@@ -174,9 +174,9 @@ impl Execution<'_> {
             None => {
                 self.used |= letters;
                 let span = self.block.span();
-                self.findings.push_with(Severity::Error, || {
+                self.findings.push_with(code::THREAD_CYCLE_FORM, |code| {
                     let message = "the words of this threading cycle belong to none or several of its forms";
-                    Finding::error(code::THREAD_CYCLE_FORM, span, message)
+                    Finding::new(code, span, message)
                         .suggest("in two lines: G76 P(passes)(chamfer)(angle) Q R, then G76 X Z R P Q F")
                         .suggest("in one line: G76 X Z I K D F A P")
                         .suggest("as in LinuxCNC: G76 P Z I J K, with R Q H E L as needed")
@@ -325,11 +325,11 @@ impl Execution<'_> {
             return;
         }
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::THREAD_CYCLE_VALUE, |code| {
             let (allowance, height) = (modes.allowance_mm, cycle.height_mm);
             let message =
                 format!("the finishing allowance of {allowance} mm is all of the thread's height of {height} mm");
-            Finding::error(code::THREAD_CYCLE_VALUE, span, message)
+            Finding::new(code, span, message)
                 .with_value("finishing_allowance", allowance, "mm")
                 .with_value("thread_height", height, "mm")
                 .suggest("write a smaller R in the first line of the cycle, such as R0.05")
@@ -394,14 +394,14 @@ impl Execution<'_> {
         let passes = infeed.passes();
         if passes.is_none() {
             let span = self.block.span();
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::THREAD_CYCLE_PASSES, |code| {
                 let first_mm = infeed.first_mm;
                 let better_mm = infeed.sufficient_first_mm();
                 let message = format!(
                     "with a first depth of {first_mm} mm the cycle has more than {MAX_PASSES} passes to {} mm",
                     infeed.full_mm
                 );
-                Finding::error(code::THREAD_CYCLE_PASSES, span, message)
+                Finding::new(code, span, message)
                     .with_value("first_depth", first_mm, "mm")
                     .with_value("thread_height", infeed.full_mm, "mm")
                     .with_value("max_passes", f64::from(MAX_PASSES), "")
@@ -419,12 +419,12 @@ impl Execution<'_> {
 
     fn starts_within(&mut self, clear_mm: f64, needed_mm: f64) {
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
+        self.findings.push_with(code::THREAD_CYCLE_START, |code| {
             let message = format!(
                 "the cycle starts {clear_mm:.4} mm from the thread's root on the radius, within the crest at {needed_mm:.4} mm: \
                  its rapids would cut the work"
             );
-            Finding::error(code::THREAD_CYCLE_START, span, message)
+            Finding::new(code, span, message)
                 .with_value("distance", clear_mm, "mm")
                 .with_value("needed", needed_mm, "mm")
                 .suggest("move X clear of the work before the cycle")

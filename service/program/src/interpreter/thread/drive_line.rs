@@ -16,7 +16,7 @@ use super::infeed::{Infeed, Pass};
 use super::words::DEPTHS_MM;
 use crate::code;
 use crate::dialect::letter_bit;
-use crate::{Axis, Finding, Plane, PullOut, Severity};
+use crate::{Axis, Finding, Plane, PullOut};
 
 /// Degressions: with larger ones the passes hardly get deeper.
 const DEGRESSIONS: RangeInclusive<f64> = 1.0..=100.0;
@@ -81,11 +81,11 @@ impl Execution<'_> {
         let tapered_mm = taper_mm * f64::from(u32::from(entry) + u32::from(exit));
         if taper_mm > drive_line_mm * 0.5 || length_mm <= tapered_mm {
             let span = self.block.span();
-            return self.findings.push_with(Severity::Error, || {
+            return self.findings.push_with(code::THREAD_CYCLE_VALUE, |code| {
                 let message = format!(
                     "tapers of {taper_mm} mm do not fit the drive line of {drive_line_mm} mm, of which passes take {length_mm:.4} mm"
                 );
-                Finding::error(code::THREAD_CYCLE_VALUE, span, message)
+                Finding::new(code, span, message)
                     .with_value("taper_length", taper_mm, "mm")
                     .with_value("drive_line", drive_line_mm, "mm")
                     .with_value("pass_length", length_mm, "mm")
@@ -127,8 +127,8 @@ impl Execution<'_> {
         let valid = self.state.plane == Plane::Zx;
         if !valid {
             let span = self.block.span();
-            self.findings.push_with(Severity::Error, || {
-                Finding::error(code::THREAD_CYCLE_FORM, span, "this threading cycle needs the plane of Z and X")
+            self.findings.push_with(code::THREAD_CYCLE_FORM, |code| {
+                Finding::new(code, span, "this threading cycle needs the plane of Z and X")
                     .suggest("select it before, G18")
             });
         }

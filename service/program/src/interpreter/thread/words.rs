@@ -3,9 +3,9 @@
 use core::ops::RangeInclusive;
 
 use super::super::execute::{Execution, MM_PER_INCH};
+use crate::Finding;
 use crate::block::Word;
 use crate::code;
-use crate::{Finding, Severity};
 
 /// Depths, heights and leads of cycles, mm: far beyond any thread, so that larger numbers are mistakes.
 pub(super) const DEPTHS_MM: RangeInclusive<f64> = 1e-4..=100.0;
@@ -36,10 +36,10 @@ impl Execution<'_> {
         let word = self.take(letter);
         if word.is_none() {
             let span = self.block.span();
-            self.findings.push_with(Severity::Error, || {
+            self.findings.push_with(code::THREAD_CYCLE_WORD, |code| {
                 let (letter, name) = (char::from(letter), name.replace('_', " "));
                 let message = format!("the threading cycle needs {letter}, its {name}");
-                Finding::error(code::THREAD_CYCLE_WORD, span, message).suggest(format!("add {letter} to the block"))
+                Finding::new(code, span, message).suggest(format!("add {letter} to the block"))
             });
         }
         word
@@ -99,14 +99,14 @@ impl Execution<'_> {
     #[cold]
     pub(super) fn cycle_value(&mut self, word: &Word, fill: impl FnOnce(Finding) -> Finding) {
         let span = self.block.word_span(word);
-        self.findings.push_with(Severity::Error, || fill(Finding::error(code::THREAD_CYCLE_VALUE, span, "")));
+        self.findings.push_with(code::THREAD_CYCLE_VALUE, |code| fill(Finding::new(code, span, "")));
     }
 
     #[cold]
     pub(super) fn cycle_word_missing(&mut self, message: &'static str) {
         let span = self.block.span();
-        self.findings.push_with(Severity::Error, || {
-            Finding::error(code::THREAD_CYCLE_WORD, span, message).suggest("add the missing words")
+        self.findings.push_with(code::THREAD_CYCLE_WORD, |code| {
+            Finding::new(code, span, message).suggest("add the missing words")
         });
     }
 }
