@@ -42,14 +42,14 @@ mod tests {
     fn examples_give_their_findings() {
         let (mut in_words, mut wrong) = (Vec::new(), Vec::new());
         for entry in entries() {
-            let (settings, program) = match entry.example {
-                Example::Lathe(program) => (LanguageSettings::default(), program),
-                Example::Mill(program) => (LanguageSettings::mill(), program),
-                Example::LinuxCnc(program) => (LanguageSettings::linuxcnc(), program),
-                Example::With(..) | Example::Words(_) => {
-                    in_words.push(entry.name);
-                    continue;
-                }
+            let Example::Program { machine, text: program } = entry.example else {
+                in_words.push(entry.name);
+                continue;
+            };
+            let settings = match machine {
+                "lathe" => LanguageSettings::default(),
+                "mill" => LanguageSettings::mill(),
+                _ => panic!("{}: {machine}", entry.name),
             };
             let tools = vec![ToolLength { number: 1, length_mm: 100.0 }];
             let (_, findings) = Interpreter::new(settings).with_tool_lengths(tools).read_all(program.as_bytes());

@@ -8,118 +8,118 @@ crate::finding_codes! {
         meaning: "the file is no program of this language; nothing else of it is reported",
         cause: "A picture, an archive, a model, text in UTF-16 or a program for another control (SINUMERIK, HEIDENHAIN) was sent.",
         cure: "Let the CAM post write the program for the dialect of the machine profile, and send it as plain text in UTF-8 or ASCII.",
-        example: Lathe("{\"program\": \"O1\"}"),
+        example: lathe("{\"program\": \"O1\"}"),
     }
 
     "PRG-LINE-TOO-LONG" [LINE_TOO_LONG: Error] {
         meaning: "a line is longer than the profile allows and was skipped",
         cause: "Line ends were lost on the way, or the file is no program. What stood in the line is unknown from here on.",
         cure: "Break the line into blocks, or raise `max_line_bytes` of the profile's language.",
-        example: Words("a line of 5000 characters where the profile allows 4096"),
+        example: words("a line of 5000 characters where the profile allows 4096"),
     }
 
     "PRG-NUL" [NUL: Error, NUL_IN_COMMENT: Warning] {
         meaning: "a run of NUL bytes: an error between words, a warning in a comment",
         cause: "A punched-tape leader in the middle of a line, a file written only in part, or text in UTF-16.",
         cure: "Transfer the program again; where the bytes stand inside a word, write the word again and check its number.",
-        example: Lathe("G0 X10 \0 Z5"),
+        example: lathe("G0 X10 \0 Z5"),
     }
 
     "PRG-NOT-UTF8" [NOT_UTF8: Error, NOT_UTF8_IN_COMMENT: Warning] {
         meaning: "bytes that are not UTF-8 text: an error between words, a warning in a comment",
         cause: "The program was saved in another encoding (Windows-1252, Shift JIS), or was damaged on the way.",
         cure: "Save it in UTF-8 or ASCII; where the bytes stand inside a word, write the word again and check its number.",
-        example: Words("the byte FC, an ü of Windows-1252, in a comment"),
+        example: words("the byte FC, an ü of Windows-1252, in a comment"),
     }
 
     "PRG-CHARACTER" [CHARACTER: Error] {
         meaning: "a character that has no meaning in a program, or not at this place",
         cause: "A typing error, or an operator of a macro language outside an expression.",
         cure: "Remove it; where it stands inside a word, write the word again and check its number.",
-        example: Lathe("G0 X10 ! Z5"),
+        example: lathe("G0 X10 ! Z5"),
     }
 
     "PRG-LOOKALIKE" [LOOKALIKE: Error] {
         meaning: "characters that only look like those of a program, such as a minus sign of typesetting",
         cause: "The program was pasted from a document or typed with another keyboard: `−` for `-`, a Cyrillic `Х` for `X`, a decimal comma.",
         cure: "Replace the word by the suggested one. Removing the character alone would change the number.",
-        example: Lathe("G0 X−5"),
+        example: lathe("G0 X−5"),
     }
 
     "PRG-COMMENT-UNCLOSED" [COMMENT_UNCLOSED: Error] {
         meaning: "a comment is opened with ( and not closed on its line",
         cause: "The closing parenthesis is missing, or the comment was meant to run over several lines.",
         cure: "Close every comment on its own line.",
-        example: Lathe("G0 X10 (rough the face"),
+        example: lathe("G0 X10 (rough the face"),
     }
 
     "PRG-TEXT" [TEXT: Error] {
         meaning: "letters without numbers outside a comment",
         cause: "A comment without parentheses, or a letter O where a zero is meant, as in `GO`.",
         cure: "Write comments in ( ), and check the code for a letter in place of a digit.",
-        example: Lathe("ROUGHING"),
+        example: lathe("ROUGHING"),
     }
 
     "PRG-EXPRESSION" [EXPRESSION: Error] {
         meaning: "variables, expressions and control flow are known, but not supported yet",
         cause: "The program uses the control's macro language: `#100`, `[...]`, `IF`, `WHILE`, `GOTO`.",
         cure: "Let the CAM post write plain numbers.",
-        example: Lathe("G0 X#101"),
+        example: lathe("G0 X#101"),
     }
 
     "PRG-NUMBER-MISSING" [NUMBER_MISSING: Error] {
         meaning: "an address letter without a number",
         cause: "The number was forgotten, or stands in front of its letter.",
         cure: "Write the number behind its letter.",
-        example: Lathe("G0 X Z5"),
+        example: lathe("G0 X Z5"),
     }
 
     "PRG-NUMBER-STRAY" [NUMBER_STRAY: Error] {
         meaning: "a number without an address letter",
         cause: "The letter was forgotten, or a separator stands between letter and number.",
         cure: "Write the letter in front of the number, or remove the number.",
-        example: Lathe("25.5 G0 X10"),
+        example: lathe("25.5 G0 X10"),
     }
 
     "PRG-NUMBER-INVALID" [NUMBER_INVALID: Error] {
         meaning: "a number that cannot be read",
         cause: "Two decimal points, two signs or a sign behind the digits.",
         cure: "Write an optional sign, digits and at most one decimal point.",
-        example: Lathe("G0 X1.2.3"),
+        example: lathe("G0 X1.2.3"),
     }
 
     "PRG-NUMBER-RANGE" [NUMBER_RANGE: Error] {
         meaning: "a number that is too large to mean anything",
         cause: "A value beyond ±1e9, or a line or program number beyond 99999999: a decimal point or a blank is missing.",
         cure: "Check the number. A line or program number can also be removed; it moves nothing.",
-        example: Lathe("G0 X10000000000"),
+        example: lathe("G0 X10000000000"),
     }
 
     "PRG-NUMBER-NOT-WHOLE" [NUMBER_NOT_WHOLE: Error] {
         meaning: "a number that has to be whole and not negative",
         cause: "A tool, an offset, a line, a program or a count with decimals or a sign.",
         cure: "Write a whole number from 0 on.",
-        example: Lathe("T1.5"),
+        example: lathe("T1.5"),
     }
 
     "PRG-NUMBER-SPACED" [NUMBER_SPACED: Warning] {
         meaning: "a number written with spaces inside, read as one number",
         cause: "Some controls ignore blanks, so `X1 0` is X10 there; a reader may take it for two numbers.",
         cure: "Write the number without spaces.",
-        example: Lathe("G0 X1 0"),
+        example: lathe("G0 X1 0"),
     }
 
     "PRG-NO-END" [NO_END: Warning] {
         meaning: "the program just stops, without M2, M30 or a closing %",
         cause: "The end was forgotten, or the transfer broke off and blocks are missing.",
         cure: "Check that the program is complete, and end it with M30 (or M2) and %.",
-        example: Lathe("G0 X10"),
+        example: lathe("G0 X10"),
     }
 
     "PRG-TRAILING" [TRAILING: Warning] {
         meaning: "text after the end of the program, which is not read",
         cause: "Two programs in one file, subprograms behind the main program, or notes of the post.",
         cure: "Remove what follows M2, M30 or the closing %, or send it as a program of its own.",
-        example: Lathe("G0 X10\nM30\n%\nG0 X20"),
+        example: lathe("G0 X10\nM30\n%\nG0 X20"),
     }
 }

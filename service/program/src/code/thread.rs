@@ -8,83 +8,83 @@ crate::finding_codes! {
         meaning: "a lead of a thread, or a number of threads per inch, that is out of range",
         cause: "F, E or K gives a lead outside 0.0001 to 500 mm, or is not positive; E is threads per inch or a lead as the profile says.",
         cure: "Write the travel per revolution as F, such as F1.5.",
-        example: Lathe("M3 S500\nG32 Z-20 F0"),
+        example: lathe("M3 S500\nG32 Z-20 F0"),
     }
 
     "PRG-THREAD-LEAD-MISSING" [THREAD_LEAD_MISSING: Error] {
         meaning: "a thread without a lead",
         cause: "No F or E stands in the thread or in one before it; the feed of a cut is not taken for a lead.",
         cure: "Add F with the travel per revolution.",
-        example: Lathe("M3 S500\nG32 Z-20"),
+        example: lathe("M3 S500\nG32 Z-20"),
     }
 
     "PRG-THREAD-TRAVEL" [THREAD_TRAVEL: Error] {
         meaning: "a thread that goes nowhere",
         cause: "It ends where it starts, or infeed along the flank and chamfer take all of its length.",
         cure: "Check the end point and the position before it, or use a shorter chamfer.",
-        example: Lathe("M3 S500\nG0 X20 Z5\nG32 X20 Z5 F1.5"),
+        example: lathe("M3 S500\nG0 X20 Z5\nG32 X20 Z5 F1.5"),
     }
 
     "PRG-THREAD-AXIS" [THREAD_AXIS: Error] {
         meaning: "a thread with a word of an axis other than X and Z",
         cause: "The block moves a third axis, which would not follow the spindle.",
         cure: "Move the other axes in a block before it.",
-        example: Lathe("M3 S500\nG32 Z-20 Y1 F1.5"),
+        example: lathe("M3 S500\nG32 Z-20 Y1 F1.5"),
     }
 
     "PRG-THREAD-ANGLE" [THREAD_ANGLE: Error] {
         meaning: "a start angle or a phase shift of a thread outside 0 to 360 degrees",
         cause: "A negative angle, or thousandths of a degree as some controls count them.",
         cure: "Write the angle that the finding suggests.",
-        example: Lathe("M3 S500\nG32 Z-20 F1.5 Q180000"),
+        example: lathe("M3 S500\nG32 Z-20 F1.5 Q180000"),
     }
 
     "PRG-THREAD-AMPLITUDE" [THREAD_AMPLITUDE: Error] {
         meaning: "a negative vibration amplitude of a thread",
         cause: "A has a sign: the amplitude is a peak-to-peak travel and has none.",
         cure: "Write it without a sign, or A0 for a pass without vibration.",
-        example: Lathe("M3 S500\nG32 Z-20 F1.5 A-0.2"),
+        example: lathe("M3 S500\nG32 Z-20 F1.5 A-0.2"),
     }
 
     "PRG-THREAD-SURFACE-SPEED" [THREAD_SURFACE_SPEED: Error] {
         meaning: "a thread under constant surface speed",
         cause: "`G96` is in force: the speed would change with X, and passes would not meet in one groove.",
         cure: "Switch to a constant speed before it, such as `G97 S500`.",
-        example: Lathe("G50 S2000\nG96 S150 M3\nG0 X30 Z5\nG32 Z-20 F1.5"),
+        example: lathe("G50 S2000\nG96 S150 M3\nG0 X30 Z5\nG32 Z-20 F1.5"),
     }
 
     "PRG-THREAD-CYCLE-FORM" [THREAD_CYCLE_FORM: Error] {
         meaning: "a threading cycle whose words belong to none or several of its forms, or in another plane than that of Z and X",
         cause: "`G76` is written in two lines, in one line or as in LinuxCNC (J); the block mixes their words.",
         cure: "Write one form: `G76 P Q R` and `G76 X Z R P Q F`; or `G76 X Z I K D F A P`; or `G76 P Z I J K`. The last needs G18.",
-        example: Lathe("M3 S500\nG0 X30 Z5\nG76 X27 Z-20 D300 R0.1 F1.5"),
+        example: lathe("M3 S500\nG0 X30 Z5\nG76 X27 Z-20 D300 R0.1 F1.5"),
     }
 
     "PRG-THREAD-CYCLE-WORD" [THREAD_CYCLE_WORD: Error] {
         meaning: "a threading cycle without a word it needs",
         cause: "End point, height, first depth or the whole first line of `G76` is missing.",
         cure: "Add the missing words.",
-        example: Lathe("M3 S500\nG0 X30 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 F1.5"),
+        example: lathe("M3 S500\nG0 X30 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 F1.5"),
     }
 
     "PRG-THREAD-CYCLE-VALUE" [THREAD_CYCLE_VALUE: Error] {
         meaning: "a word of a threading cycle that is out of range",
         cause: "A depth, an angle or a count makes no thread; P and Q of `G76` are often thousandths of a millimetre without a decimal point.",
         cure: "Write a value in the range that the finding names, and check for a missing or an extra decimal point.",
-        example: Lathe("M3 S500\nG76 P021061 Q50 R0.05"),
+        example: lathe("M3 S500\nG76 P021061 Q50 R0.05"),
     }
 
     "PRG-THREAD-CYCLE-START" [THREAD_CYCLE_START: Error] {
         meaning: "a threading cycle that starts within the thread",
         cause: "X stands at or inside the crest where the cycle begins: its rapids would cut the work.",
         cure: "Move X clear of the work before the cycle.",
-        example: Lathe("M3 S500\nG0 X27 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 Q300 F1.5"),
+        example: lathe("M3 S500\nG0 X27 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 Q300 F1.5"),
     }
 
     "PRG-THREAD-CYCLE-PASSES" [THREAD_CYCLE_PASSES: Error] {
         meaning: "a threading cycle of too many passes",
         cause: "The first depth is so small against the height that more than 100 passes follow.",
         cure: "Use the first depth that the finding names.",
-        example: Lathe("M3 S500\nG0 X30 Z5\nG76 P021060 Q0 R0.01\nG76 X27 Z-20 P1000 Q10 F1.5"),
+        example: lathe("M3 S500\nG0 X30 Z5\nG76 P021060 Q0 R0.01\nG76 X27 Z-20 P1000 Q10 F1.5"),
     }
 }

@@ -8,90 +8,90 @@ crate::finding_codes! {
         meaning: "tool length compensation without the number of a tool length",
         cause: "`G43` or `G44` has no H, or H0, and no length was in force before.",
         cure: "Add H with the number of the tool, or switch the compensation off with G49.",
-        example: Mill("G43 Z100"),
+        example: mill("G43 Z100"),
     }
 
     "PRG-LENGTH-OTHER-TOOL" [LENGTH_OTHER_TOOL: Warning] {
         meaning: "the length of another tool than the one in the spindle",
         cause: "H and T differ: the tip will be higher or lower than programmed by the difference of both lengths.",
         cure: "Use the length of the tool in the spindle.",
-        example: Mill("T1 M6\nG43 H2 Z100"),
+        example: mill("T1 M6\nG43 H2 Z100"),
     }
 
     "PRG-LENGTH-WHILE-CUTTING" [LENGTH_WHILE_CUTTING: Error, LENGTH_WHILE_CUTTING_STRAIGHT: Warning] {
         meaning: "a cutting block that changes the tool length: an error for arcs and other curves, a warning for a line",
         cause: "`G43`, `G44` or `G49` stands in a block with a cut, which then moves by the change of the length as well.",
         cure: "Change the length in a block of its own, or with G0.",
-        example: Mill("G0 Z200\nG1 G43 H1 Z190 F100"),
+        example: mill("G0 Z200\nG1 G43 H1 Z190 F100"),
     }
 
     "PRG-TOOL-LENGTH" [TOOL_LENGTH: Error] {
         meaning: "the number of a tool length that is not known",
         cause: "No tool of the job has this number and a length.",
         cure: "Give the tool its length, and the job the tool.",
-        example: Mill("G43 H99 Z100"),
+        example: mill("G43 H99 Z100"),
     }
 
     "PRG-TOOL-CONTROL-LENGTH" [TOOL_CONTROL_LENGTH: Error] {
         meaning: "tool centre point control without the number of a tool length",
         cause: "`G43.4` or `G43.5` has no H: the tool centre point is not known without a length.",
         cure: "Add H with the number of the tool, such as H1.",
-        example: Mill("G43.4"),
+        example: mill("G43.4"),
     }
 
     "PRG-TOOL-CONTROL-NESTED" [TOOL_CONTROL_NESTED: Error] {
         meaning: "tool centre point control is switched on while it or a tool length is on",
         cause: "A `G49` is missing between two operations, or `G43` stands before `G43.4`.",
         cure: "Switch off with G49 first.",
-        example: Mill("G43.4 H1\nG43.5 H1"),
+        example: mill("G43.4 H1\nG43.5 H1"),
     }
 
     "PRG-TOOL-CONTROL-OFF" [TOOL_CONTROL_OFF: Error] {
         meaning: "thinning without tool centre point control",
         cause: "Thinning of five-axis blocks is switched on, but neither `G43.4` nor `G43.5` is in force.",
         cure: "Switch tool centre point control on first.",
-        example: Mill("M33"),
+        example: mill("M33"),
     }
 
     "PRG-TOOL-CONTROL-BLOCK" [TOOL_CONTROL_BLOCK: Error] {
         meaning: "something that tool centre point control does not permit",
         cause: "An arc, a spline, a thread, `G28`, `G53`, a tilted plane, another work offset or a tool change while it is on.",
         cure: "Switch it off with G49 first, or write the path as lines.",
-        example: Mill("G43.4 H1\nG28 Z0"),
+        example: mill("G43.4 H1\nG28 Z0"),
     }
 
     "PRG-TOOL-CONTROL-HELD" [TOOL_CONTROL_HELD: Error] {
         meaning: "motion that needs an axis position which only the machine knows",
         cause: "After tool centre point control or a tilted plane was switched, the program has other coordinates for the same place; an increment or an arc starts from there.",
         cure: "Place every axis with an absolute word of G0 or G1 first.",
-        example: Mill("G43.4 H1\nG0 X0 Y0 Z50\nG49\nG91 G0 Z10"),
+        example: mill("G43.4 H1\nG0 X0 Y0 Z50\nG49\nG91 G0 Z10"),
     }
 
     "PRG-TOOL-DIRECTION" [TOOL_DIRECTION: Error] {
         meaning: "a tool direction that is a zero vector, or in the form of the other mode",
         cause: "`G43.4` takes the angles A B C, `G43.5` a vector I J K from the tip to the spindle; the block has the other form or I0 J0 K0.",
         cure: "Write one form throughout.",
-        example: Mill("G43.5 H1\nG0 X0 Y0 Z50 I0 J0 K0"),
+        example: mill("G43.5 H1\nG0 X0 Y0 Z50 I0 J0 K0"),
     }
 
     "PRG-PLANE-NESTED" [PLANE_NESTED: Error] {
         meaning: "a tilted plane while one is on",
         cause: "A `G69` is missing between two planes.",
         cure: "Cancel the plane with G69 first.",
-        example: Mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG68.2 X0 Y0 Z0 I0 J45 K0"),
+        example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG68.2 X0 Y0 Z0 I0 J45 K0"),
     }
 
     "PRG-PLANE-OFF" [PLANE_OFF: Error] {
         meaning: "the tool axis is to be turned onto a plane, but none is tilted",
         cause: "`G53.1` comes without `G68.2`, or after `G69`.",
         cure: "Tilt the plane first, such as `G68.2 X0 Y0 Z0 I0 J30 K0`.",
-        example: Mill("G53.1"),
+        example: mill("G53.1"),
     }
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
         cause: "A word of a rotary axis, a spline, a thread, `G44`, another work offset or a tool change in the plane; a plane by other than Euler angles; `G53.1` in the block of `G68.2`.",
         cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything else.",
-        example: Mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG0 B30"),
+        example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG0 B30"),
     }
 }

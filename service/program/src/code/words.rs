@@ -8,90 +8,90 @@ crate::finding_codes! {
         meaning: "an address letter the dialect does not know",
         cause: "An axis or a parameter of another control, or a typing error.",
         cure: "Remove the word, or choose the dialect of the control in the machine profile.",
-        example: Mill("G0 X10 E5"),
+        example: mill("G0 X10 E5"),
     }
 
     "PRG-WORD-DUPLICATE" [WORD_DUPLICATE: Error] {
         meaning: "an address letter occurs twice in a block",
         cause: "Two blocks were run together on one line, or a word was copied.",
         cure: "Keep one of the words, or write two blocks.",
-        example: Lathe("G0 X10 X20"),
+        example: lathe("G0 X10 X20"),
     }
 
     "PRG-WORD-UNUSED" [WORD_UNUSED: Error] {
         meaning: "a word no code of its block uses",
         cause: "The code that takes the word is missing, or the word is left over from another block.",
         cure: "Remove the word, or add the code it belongs to.",
-        example: Lathe("G0 X10 K5"),
+        example: lathe("G0 X10 K5"),
     }
 
     "PRG-WORD-CONFLICT" [WORD_CONFLICT: Error] {
         meaning: "two words of a block contradict each other, or a word chooses between cases and names none",
         cause: "An absolute and an incremental word for one axis, two leads of a thread, two times of a dwell, or a P out of its choices.",
         cure: "Keep the word that is meant.",
-        example: Lathe("G0 X10 U5"),
+        example: lathe("G0 X10 U5"),
     }
 
     "PRG-UNKNOWN-CODE" [UNKNOWN_CODE: Error] {
         meaning: "a G or M code the dialect does not know",
         cause: "A code of the machine builder or of another control, or a machining function whose code the profile does not assign.",
         cure: "Use one of the codes listed with the finding, or assign the code in the language settings of the machine profile.",
-        example: Lathe("G123 X10"),
+        example: lathe("G123 X10"),
     }
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {
         meaning: "a known code that is not supported yet",
         cause: "Canned cycles, subprograms, cutter radius compensation and the setting of coordinates are known, but nothing carries them out.",
         cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for coordinates.",
-        example: Lathe("G71 U2 R1"),
+        example: lathe("G71 U2 R1"),
     }
 
     "PRG-GROUP-CONFLICT" [GROUP_CONFLICT: Error] {
         meaning: "two codes of one modal group in a block",
         cause: "Two motions, two planes or two units on one line: which one holds differs between controls.",
         cure: "Keep one of them, or write them in two blocks.",
-        example: Lathe("G0 G1 X10 F0.2"),
+        example: lathe("G0 G1 X10 F0.2"),
     }
 
     "PRG-CODE-AMBIGUOUS" [CODE_AMBIGUOUS: Error] {
         meaning: "a code that controls read differently with these words, so that nothing moves on a guess",
         cause: "On a lathe `G90 X45 Z-30` is a turning cycle in G-code system A and a move in the others; `G94`, `G92`, `G20`, `G21` and `G80` are alike.",
         cure: "For a move, write its motion code behind the code (`G90 G1 X45`), or the code in a block of its own; for a cycle, write its passes.",
-        example: Lathe("G90 X45 Z-30 F0.2"),
+        example: lathe("G90 X45 Z-30 F0.2"),
     }
 
     "PRG-UNIT-WITH-FEED" [UNIT_WITH_FEED: Warning] {
         meaning: "a feed in the block that changes the unit, which controls read in different units",
         cause: "`G20` or `G21` stands in one block with `F`: LinuxCNC reads the feed in the old unit, other controls in the new one.",
         cure: "Change the unit in a block of its own before the feed.",
-        example: Mill("G20 G1 X1 F10"),
+        example: mill("G20 G1 X1 F10"),
     }
 
     "PRG-FUNCTION-WORD" [FUNCTION_WORD: Error] {
         meaning: "a word that the machining function of its block does not take",
         cause: "A move or another function's word stands in the block that switches a machining function.",
         cure: "Write the word in a block of its own.",
-        example: Lathe("G200 F25 A0.1 Z-5"),
+        example: lathe("G200 F25 A0.1 Z-5"),
     }
 
     "PRG-FUNCTION-WORD-MISSING" [FUNCTION_WORD_MISSING: Error] {
         meaning: "a machining function without a word it needs",
         cause: "The block that switches the function lacks a word without which it says nothing, such as X or Q of `G165`.",
         cure: "Add the word to the block of the function.",
-        example: Lathe("G165 P3 X30"),
+        example: lathe("G165 P3 X30"),
     }
 
     "PRG-FUNCTION-SWITCH" [FUNCTION_SWITCH: Error] {
         meaning: "a machining function whose P says neither on nor off",
         cause: "The P word is missing, or is not one of the two that the machine profile assigns.",
         cure: "Write the P that switches it on or off; as delivered `G165 P3` and `G165 P0`.",
-        example: Lathe("G165 P7"),
+        example: lathe("G165 P7"),
     }
 
     "PRG-TOOL-MISSING" [TOOL_MISSING: Error] {
         meaning: "a tool change before any T word",
         cause: "`M6` stands in the program, and no T since the change before it says which tool comes.",
         cure: "Write the tool number in the block of `M6` or before it.",
-        example: Mill("M6"),
+        example: mill("M6"),
     }
 }

@@ -23,19 +23,56 @@ pub struct CodeEntry {
     pub example: Example,
 }
 
-/// What gives a finding. Programs need not be whole: other findings may come with it.
+/// What gives a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Example {
-    /// A program for a lathe as delivered.
-    Lathe(&'static str),
-    /// A program for a mill as delivered, with tool 1.
-    Mill(&'static str),
-    /// A program for a mill of the dialect LinuxCNC as delivered.
-    LinuxCnc(&'static str),
-    /// A program for the machine that the first text says.
-    With(&'static str, &'static str),
-    /// What else gives it, in words.
+    /// A program, which need not be whole: other findings may come with it.
+    Program {
+        /// The machine that it is for, and what of its profile or of the job differs: `"lathe, max_feed_override = 1.5"`.
+        machine: &'static str,
+        /// The program.
+        text: &'static str,
+    },
+    /// Anything else, in words.
     Words(&'static str),
+}
+
+impl Example {
+    /// A program for a machine as [`Example::Program`] says it.
+    #[must_use]
+    pub const fn on(machine: &'static str, text: &'static str) -> Self {
+        Self::Program { machine, text }
+    }
+
+    /// A program for the lathe as delivered.
+    #[must_use]
+    pub const fn lathe(text: &'static str) -> Self {
+        Self::on("lathe", text)
+    }
+
+    /// A program for the mill as delivered, with tool 1 of 100 mm.
+    #[must_use]
+    pub const fn mill(text: &'static str) -> Self {
+        Self::on("mill", text)
+    }
+
+    /// A program for the five-axis mill of the fixtures, with tool 1 of 120 mm.
+    #[must_use]
+    pub const fn five_axis(text: &'static str) -> Self {
+        Self::on("five-axis mill", text)
+    }
+
+    /// A program for the mill of the fixtures whose tool 4 oscillates.
+    #[must_use]
+    pub const fn oscillation(text: &'static str) -> Self {
+        Self::on("oscillation mill", text)
+    }
+
+    /// Anything but a program.
+    #[must_use]
+    pub const fn words(text: &'static str) -> Self {
+        Self::Words(text)
+    }
 }
 
 /// The rows of one topic, in the order of the reference.
@@ -132,7 +169,7 @@ impl Serialize for FindingCode {
 ///         meaning: "a hole deeper than the drill is long, or (a warning) than ten times its diameter",
 ///         cause: "The depth is measured from another plane than the surface.",
 ///         cure: "Check the depth.",
-///         example: Mill("G83 Z-500"),
+///         example: mill("G83 Z-500"),
 ///     }
 /// }
 ///

@@ -246,21 +246,21 @@ mod tests {
             meaning: "one",
             cause: "A test.",
             cure: "None.",
-            example: Words("none"),
+            example: words("none"),
         }
 
         "A" [A: Error, MILD_A: Warning] {
             meaning: "another",
             cause: "A test.",
             cure: "None.",
-            example: Words("none"),
+            example: words("none"),
         }
 
         "B" [B: Error] {
             meaning: "a third",
             cause: "A test.",
             cure: "None.",
-            example: Words("none"),
+            example: words("none"),
         }
     }
 
