@@ -8,6 +8,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod code;
 mod frame;
 mod functions;
 mod shared;

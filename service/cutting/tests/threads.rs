@@ -515,6 +515,6 @@ fn the_passes_of_one_block_are_one_finding_with_the_worst_of_them() {
     let air: Vec<_> = report.findings.iter().filter(|finding| finding.code == "THREAD-PASS-AIR").collect();
     assert!(air.len() == 1 && air[0].occurrences == 2, "{air:#?}");
     let keys: std::collections::BTreeSet<_> =
-        report.findings.iter().map(|finding| (finding.code.clone(), finding.span.line)).collect();
+        report.findings.iter().map(|finding| (finding.code.name(), finding.span.line)).collect();
     assert_eq!(keys.len(), report.findings.len(), "{:#?}", codes(&report));
 }

@@ -319,7 +319,7 @@ fn without_the_tool_axis_turned_the_plane_is_cut_all_the_same() {
     let program = "G68.2 X1 Y2 Z3 J30\nG43 H1\nG0 X0 Y0 Z10\nG1 X10 Y5 F3000\nG1 X0\nG69\nM30\n";
     let report = validate(program, &config);
     assert!(report.is_accepted(), "{:#?}", report.findings);
-    let warnings: Vec<_> = report.findings.iter().map(|finding| (finding.code.as_ref(), finding.span.line)).collect();
+    let warnings: Vec<_> = report.findings.iter().map(|finding| (finding.code.name(), finding.span.line)).collect();
     assert_eq!(warnings, [("FIVE-AXIS-NOT-NORMAL", 4)]);
     assert!((report.findings[0].values[0].value - 30.0).abs() < 1e-9);
     let plane = TiltedPlane::by_euler_angles([1.0, 2.0, 3.0], [0.0, 30.0, 0.0], 1);

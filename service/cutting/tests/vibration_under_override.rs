@@ -146,7 +146,7 @@ fn an_amplitude_that_could_not_follow_is_refused_before_anything_moves() {
     assert!(validate(TURNED, &config).sections[0].feasible, "what just fits");
     config.profile.vibration.amplitude_follows_feed_up_to = Some(1.6);
     let report = validate(TURNED, &config);
-    let codes: Vec<&str> = report.findings.iter().map(|finding| finding.code.as_ref()).collect();
+    let codes: Vec<&str> = report.findings.iter().map(|finding| finding.code.name()).collect();
     assert!(codes.contains(&"VIB-AXIS-JERK"), "{codes:?}");
     config.profile.vibration.amplitude_follows_feed_up_to = None;
     assert!(validate(TURNED, &config).sections[0].feasible);
@@ -219,13 +219,14 @@ const SCARCE: &str = "G21 G97 S1000 M3\nG0 X6. Z2.\nG200 F41.66666667 A0.0055\nG
 fn judged(program: &str, config: &PipelineConfig) -> (SectionReport, Vec<Finding>) {
     let mut report = validate(program, config);
     assert!(report.is_accepted(), "{:#?}", report.findings);
-    let about_chips = |finding: &Finding| finding.code.contains("CHIP") || finding.code.contains("UNBROKEN");
+    let about_chips =
+        |finding: &Finding| finding.code.name().contains("CHIP") || finding.code.name().contains("UNBROKEN");
     report.findings.retain(about_chips);
     (report.sections.remove(0), report.findings)
 }
 
 fn codes(findings: &[Finding]) -> Vec<&str> {
-    findings.iter().map(|finding| finding.code.as_ref()).collect()
+    findings.iter().map(|finding| finding.code.name()).collect()
 }
 
 fn value(finding: &Finding, name: &str) -> f64 {

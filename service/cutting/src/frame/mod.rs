@@ -2,6 +2,7 @@
 //! both, and what is judged and reported of every program.
 
 pub(crate) mod builder;
+pub(crate) mod code;
 pub(crate) mod interpolator;
 pub(crate) mod pipeline;
 pub(crate) mod profile;

@@ -9,7 +9,7 @@ use crate::{ProgramThinning, SectionReport};
 
 /// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
 /// `feedwave validate --format json` prints.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ValidationReport {
     /// Everything found, in the order of the source; the first ones in full where there are very many.
     pub findings: Vec<Finding>,

@@ -30,7 +30,7 @@ fn missing_data() {
     without.profile.kinematics = None;
     assert_eq!(refusal("G43.4 H1 G0 Z100", &without).code, "FIVE-AXIS-KINEMATICS");
     let finding = refusal("G43.4 H7 G0 Z100", &config());
-    assert_eq!((finding.code.as_ref(), value(&finding, "length_offset")), ("TOOL-LENGTH", 7.0));
+    assert_eq!((finding.code.name(), value(&finding, "length_offset")), ("TOOL-LENGTH", 7.0));
     let mut no_length = config();
     no_length.tools[0].length_mm = None;
     // Once, not in every block.
@@ -79,7 +79,7 @@ fn vibration_goes_along_the_path_only() {
     let program = "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nG200 F50 A0.05\nG1 X20 A-25 F1000\nG201";
     let mut config = config();
     let found = findings(program, &config);
-    assert!(found.iter().all(|finding| !finding.code.starts_with("VIB-FIVE")), "{found:#?}");
+    assert!(found.iter().all(|finding| !finding.code.name().starts_with("VIB-FIVE")), "{found:#?}");
     config.generation_mode = GenerationMode::Tangential;
     let found = findings(program, &config);
     assert!(found.iter().any(|finding| finding.code == "VIB-FIVE-AXIS"), "{found:#?}");

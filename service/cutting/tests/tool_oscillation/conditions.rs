@@ -33,7 +33,7 @@ fn value(finding: &Finding, name: &str) -> f64 {
 #[test]
 fn the_example_has_nothing_but_its_step_and_its_roles() {
     let (_, findings) = judge(&job(&tool(), &condition()));
-    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.as_ref()).collect();
+    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.name()).collect();
     assert_eq!(codes, ["OSC-ROLES", "OSC-JERK-STEP"]);
 }
 
@@ -182,7 +182,7 @@ fn impossible_values_are_refused_with_numbers() {
     job.cut.spindle_rev_per_min = 0.0;
     let (report, findings) = judge(&job);
     assert!(report.is_none());
-    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.as_ref()).collect();
+    let codes: Vec<&str> = findings.iter().map(|finding| finding.code.name()).collect();
     assert_eq!(codes, ["OSC-VALUE", "OSC-VALUE", "OSC-VALUE", "OSC-WAVEFORM", "OSC-LEADING-EDGE"]);
     assert!(findings.iter().all(|finding| !finding.suggestions.is_empty() && !finding.values.is_empty()));
     for broken in [

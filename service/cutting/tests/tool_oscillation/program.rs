@@ -284,7 +284,7 @@ fn what_every_feed_of_one_switch_repeats_is_one_finding() {
     let [step] = steps[..] else { panic!("{steps:#?}") };
     let line = |number| Some(feedwave_program::Occurrence { name: "line".into(), number });
     assert_eq!((step.occurrences, &step.first), (4, &line(5)));
-    let codes: std::collections::BTreeSet<_> = report.findings.iter().map(|finding| &finding.code).collect();
+    let codes: std::collections::BTreeSet<_> = report.findings.iter().map(|finding| finding.code.name()).collect();
     assert_eq!(codes.len(), report.findings.len(), "{:#?}", report.findings);
 
     let short = validate(&program("G1 X1 F600\nG1 Y1\nG1 X1.5\nG1 Y2.5"), &config());

@@ -5,6 +5,7 @@ use feedwave_program::{Axis, Finding, FindingLog, SourceSpan, Spindle, SpindleSp
 
 use super::Builder;
 use crate::PipelineConfig;
+use crate::code;
 
 /// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
 pub(crate) const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
@@ -22,7 +23,7 @@ impl Builder {
         if number != 0 && !config.tools.is_empty() && !config.tools.iter().any(|tool| tool.number == number) {
             let known: Vec<String> = config.tools.iter().map(|tool| format!("T{}", tool.number)).collect();
             findings.push(
-                Finding::error("TOOL-UNKNOWN", span, format!("tool {number} is not among the job's tools"))
+                Finding::new(code::TOOL_UNKNOWN, span, format!("tool {number} is not among the job's tools"))
                     .with_value("tool", f64::from(number), "")
                     .suggest(format!("the job has {}", known.join(", "))),
             );
@@ -56,7 +57,7 @@ impl Builder {
             self.state.speed_limit_reported = true;
             let message = format!("spindle speed {rev_per_min} rev/min exceeds the limit of {limit} rev/min");
             findings.push(
-                Finding::error("SPINDLE-SPEED", span, message)
+                Finding::new(code::SPINDLE_SPEED, span, message)
                     .with_value("spindle_speed", rev_per_min, "rev/min")
                     .with_value("limit", limit, "rev/min")
                     .suggest_value("lower the speed", Some(format!("S{limit}")), "spindle_speed", limit, "rev/min"),
@@ -82,7 +83,7 @@ impl Builder {
                 "the programmed feed {wanted:.1} {unit} is limited to {allowed:.1} {unit} by the axes here (first place)"
             );
             findings.push(
-                Finding::info("FEED-LIMITED", span, message)
+                Finding::new(code::FEED_LIMITED, span, message)
                     .with_value("feed", wanted, unit)
                     .with_value("limit", allowed, unit)
                     .suggest_value("program what the axes can follow", None, "feed", allowed, unit),
@@ -99,7 +100,7 @@ pub(crate) fn is_rotary_only(element: &Element) -> bool {
 
 pub(crate) fn missing(axis: Axis, span: SourceSpan) -> Finding {
     let letter = axis.letter();
-    Finding::error("AXIS-MISSING", span, format!("the machine has no {letter} axis"))
+    Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
         .suggest("remove the word, or add the axis to the machine profile")
 }
 
@@ -113,7 +114,7 @@ pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut 
         );
         let end = if exceeded.value < exceeded.limit { "low" } else { "high" };
         findings.push(
-            Finding::error("AXIS-TRAVEL", element.source, message)
+            Finding::new(code::AXIS_TRAVEL, element.source, message)
                 .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
                 .with_value("position", exceeded.value, unit)
                 .with_value("limit", exceeded.limit, unit)
@@ -124,7 +125,7 @@ pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut 
 
 pub(crate) fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
     let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
-    Finding::error("PLAN-TOO-LONG", span, message)
+    Finding::new(code::PLAN_TOO_LONG, span, message)
         .ranked("", duration_s)
         .with_value("duration", duration_s, "s")
         .with_value("limit", MAX_BLOCK_DURATION_S, "s")

@@ -16,6 +16,7 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use self::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
+use crate::code;
 use crate::frame::interpolator::{Barrier, SectionSamples};
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
 use crate::functions::path_vibration::ActiveVibration;
@@ -256,8 +257,8 @@ impl Builder {
                 self.end_threads(config, findings);
                 if let Some(vibration) = self.state.vibration.take() {
                     findings.push(
-                        Finding::warning(
-                            "VIB-UNCLOSED",
+                        Finding::new(
+                            code::VIB_UNCLOSED,
                             vibration.on_span,
                             "the program ends while the vibration switched on here is still on",
                         )
@@ -287,7 +288,7 @@ impl Builder {
             if mv.spline.is_some() {
                 let message =
                     "the spline has a place without a direction, a cusp or a handle of length 0, or turns back";
-                let finding = Finding::error("PATH-SPLINE-CUSP", span, message);
+                let finding = Finding::new(code::PATH_SPLINE_CUSP, span, message);
                 findings.push(finding.suggest("move its control points apart, or divide it at the cusp"));
             }
             return;
@@ -308,8 +309,8 @@ impl Builder {
         let is_vibrating = cutting && self.state.vibration.is_some();
         if is_vibrating && is_rotary_only(&element) {
             findings.push(
-                Finding::error(
-                    "VIB-ROTARY-ONLY",
+                Finding::new(
+                    code::VIB_ROTARY_ONLY,
                     span,
                     "only rotary axes move here: there is no path to vibrate along",
                 )
@@ -383,7 +384,7 @@ impl Builder {
                     let LimitExceeded { axis, quantity, demanded, limit } = exceeded;
                     let unit = quantity.unit(axis.is_rotary());
                     findings.push(
-                        Finding::error("AXIS-LIMIT", span, exceeded.to_string())
+                        Finding::new(code::AXIS_LIMIT, span, exceeded.to_string())
                             .ranked(format!("{quantity} of {}", axis.letter()), demanded / limit)
                             .with_value("demanded", demanded, unit)
                             .with_value("limit", limit, unit),

@@ -12,6 +12,7 @@ use feedwave_program::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::code;
 use crate::frame::builder::{Analysis, Builder, BuilderState};
 use crate::frame::interpolator::{self, Barrier, Fill, Interpolator};
 use crate::frame::timed::TimedPlans;
@@ -345,7 +346,8 @@ impl Pipeline {
         if self.interpolator.next_index() > MAX_SETPOINTS {
             let line = block.line.last().copied().unwrap_or_default();
             let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
-            let finding = Finding::error("PLAN-TOO-MANY-SETPOINTS", SourceSpan { line, column: 1, length: 0 }, message);
+            let finding =
+                Finding::new(code::PLAN_TOO_MANY_SETPOINTS, SourceSpan { line, column: 1, length: 0 }, message);
             let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
             self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
             return Step::Refused;
@@ -432,7 +434,7 @@ impl Pipeline {
             "more than {MAX_HELD_ITEMS} blocks lie within one amplitude, or one blend of an oscillation, of the tool"
         );
         self.findings.push(
-            Finding::error("VIB-BLOCKS-TOO-SHORT", span, message)
+            Finding::new(code::VIB_BLOCKS_TOO_SHORT, span, message)
                 .with_value("limit", MAX_HELD_ITEMS as f64, "")
                 .suggest("use a smaller amplitude, or longer blocks"),
         );

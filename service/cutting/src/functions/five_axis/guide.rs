@@ -19,6 +19,7 @@ pub(crate) use self::refusal::no_kinematics;
 use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
 use crate::PipelineConfig;
+use crate::code;
 
 /// Blocks that pass a pole within this angle are examined, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
@@ -357,7 +358,7 @@ impl Guide {
             other.line
         );
         findings.push(
-            Finding::info("FIVE-AXIS-SOLUTION", span, message)
+            Finding::new(code::FIVE_AXIS_SOLUTION, span, message)
                 .with_value("first_axis", degrees(end, first), "deg")
                 .with_value("second_axis", degrees(end, second), "deg")
                 .with_value("other_line", f64::from(other.line), "")
@@ -404,7 +405,7 @@ impl Guide {
         };
         let Some(length_mm) = length_mm else {
             let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
-            let finding = Finding::error("TOOL-LENGTH", span, message)
+            let finding = Finding::new(code::TOOL_LENGTH, span, message)
                 .with_value("length_offset", f64::from(number), "")
                 .suggest("give the tool its length, and the job the tool");
             return Err(Box::new(finding));
@@ -437,7 +438,7 @@ impl Guide {
                 "the tool is within {distance_deg:.4} degrees of the {letter} axis here, which turns by {turn_deg:.1} \
                  degrees in this block: its velocity and acceleration limit the feed"
             );
-            let finding = Finding::warning("FIVE-AXIS-SINGULAR", span, message)
+            let finding = Finding::new(code::FIVE_AXIS_SINGULAR, span, message)
                 .with_value("pole_distance", distance_deg, "deg")
                 .with_value("turn", turn_deg, "deg")
                 .with_value("turn_at_rest", motion.turn_in_pole_rad.to_degrees(), "deg")

@@ -1,6 +1,7 @@
 //! Moves under tool centre point control: guided moves into the planner.
 
 mod ahead;
+pub(crate) mod code;
 mod guide;
 mod state;
 

@@ -5,6 +5,7 @@ use feedwave_motion::{Curve, Element, Planner};
 use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, SourceSpan};
 
 use super::{Guided, no_kinematics};
+use crate::code;
 use crate::frame::builder::Builder;
 use crate::frame::builder::checks::check_travel;
 use crate::frame::interpolator::Barrier;
@@ -64,15 +65,16 @@ fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfi
     let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip().length_mm() == 0.0);
     if motion.elements.iter().any(rests) {
         let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
-        let finding = Finding::error("VIB-ROTARY-ONLY", span, message);
+        let finding = Finding::new(code::VIB_ROTARY_ONLY, span, message);
         findings.push(finding.suggest("switch the vibration off for this block"));
         return false;
     }
     if config.generation_mode != GenerationMode::AlongPath {
         let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
                        leave the path";
-        findings
-            .push(Finding::error("VIB-FIVE-AXIS", span, message).suggest("choose the generation mode along the path"));
+        findings.push(
+            Finding::new(code::VIB_FIVE_AXIS, span, message).suggest("choose the generation mode along the path"),
+        );
         return false;
     }
     true

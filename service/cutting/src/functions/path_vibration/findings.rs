@@ -2,12 +2,13 @@
 //! share its place: the findings' log counts them and keeps the worst.
 
 use feedwave_motion::{LimitExceeded, Quantity};
-use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
+use feedwave_program::{Finding, FindingCode, FindingLog, Severity, SourceSpan};
 
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
 };
+use crate::code;
 use crate::shared::wording::{decimal, round_down, round_up, word};
 use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
 
@@ -108,7 +109,7 @@ impl Evidence {
             let highest_hz = round_down(1.0 / (FINE_SAMPLES * sampling.period_s), 3);
             let (span, word) = self.frequency_cure(highest_hz);
             let message = format!("{wave}: below two samples another, slower wave would be cut");
-            let finding = with_values(Finding::error("VIB-SAMPLING-NYQUIST", span, message));
+            let finding = with_values(Finding::new(code::VIB_SAMPLING_NYQUIST, span, message));
             let cure = format!("use at most {} Hz at this period", decimal(highest_hz, 3));
             let finding = suggest_mode(suggest_period(finding));
             findings.push(finding.suggest_value(cure, word, "frequency", highest_hz, "Hz"));
@@ -117,7 +118,7 @@ impl Evidence {
                 "{wave}: up to {} % of its peak is lost between samples",
                 decimal(sampling.peak_error * 100.0, 1)
             );
-            let finding = with_values(Finding::warning("VIB-SAMPLING-COARSE", self.on_span, message));
+            let finding = with_values(Finding::new(code::VIB_SAMPLING_COARSE, self.on_span, message));
             findings.push(suggest_period(suggest_mode(finding)));
         }
     }
@@ -158,7 +159,7 @@ impl Evidence {
 
     fn axis_finding(&self, load: &Load<'_>, message: String) -> Finding {
         let Load { axis, rotary, quantity, demanded, limit, line } = *load;
-        let mut finding = Finding::error(axis_code(quantity), self.amplitude_span(), message)
+        let mut finding = Finding::new(axis_code(quantity), self.amplitude_span(), message)
             .at("line", line.into())
             .ranked(axis.to_owned(), demanded / limit)
             .with_value("demanded", demanded, quantity.unit(rotary))
@@ -203,7 +204,7 @@ impl Evidence {
             decimal(travel_mm, 4)
         );
         let amplitude_mm = round_down(0.5 * length_mm, 4);
-        let finding = Finding::warning("VIB-TRAVEL-SHORT", self.amplitude_span(), message)
+        let finding = Finding::new(code::VIB_TRAVEL_SHORT, self.amplitude_span(), message)
             .at("line", self.report.first_line.into())
             .ranked("", travel_mm - length_mm)
             .with_value("length", length_mm, "mm")
@@ -227,7 +228,7 @@ impl Evidence {
             decimal(ramps_mm, 4),
             decimal(length_mm, 4)
         );
-        let finding = Finding::warning("VIB-TRAVEL-SHORT", self.amplitude_span(), message)
+        let finding = Finding::new(code::VIB_TRAVEL_SHORT, self.amplitude_span(), message)
             .with_value("length", length_mm, "mm")
             .with_value("ramps", ramps_mm, "mm");
         Some(finding.suggest("use a longer section, or a smaller amplitude and a higher frequency"))
@@ -250,7 +251,7 @@ impl Evidence {
         let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         findings.push(
-            Finding::error("VIB-CONTOUR", self.amplitude_span(), message)
+            Finding::new(code::VIB_CONTOUR, self.amplitude_span(), message)
                 .at("line", line.into())
                 .ranked("", deviation_mm)
                 .with_value("deviation", deviation_mm, "mm")
@@ -272,7 +273,7 @@ impl Evidence {
             decimal(rest_s * 1_000.0, 2)
         );
         findings.push(
-            Finding::warning("VIB-JUNCTION-JUMP", self.on_span, message)
+            Finding::new(code::VIB_JUNCTION_JUMP, self.on_span, message)
                 .at("line", line.into())
                 .ranked("", jump_mm)
                 .with_value("jump", jump_mm, "mm")
@@ -286,7 +287,8 @@ impl Evidence {
     fn published_ends(&self, findings: &mut Vec<Finding>) {
         let Some(ends) = &self.report.published_ends else { return };
         let Some(axis) = &ends.exceeded else { return };
-        let (code, place) = ("VIB-PUBLISHED-ENDS", self.on_span);
+        let bind = self.settings.published_limits_bind;
+        let code = if bind { code::VIB_PUBLISHED_ENDS } else { code::VIB_PUBLISHED_ENDS_PERMITTED };
         let message = format!(
             "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end: \
              at this period up to {} mm/s² of the {} axis, whose limit is {}",
@@ -296,13 +298,8 @@ impl Evidence {
             axis.name,
             decimal(axis.max_acceleration_per_s2, 0)
         );
-        let finding = if self.settings.published_limits_bind {
-            Finding::error(code, place, message)
-        } else {
-            Finding::warning(code, place, message)
-        };
         findings.push(
-            finding
+            Finding::new(code, self.on_span, message)
                 .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
                 .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
                 .with_value("demanded", axis.acceleration_per_s2, "mm/s²")
@@ -316,7 +313,7 @@ impl Evidence {
             let message =
                 format!("the spindle is stopped still in line {line}: whether the chip breaks cannot be said");
             findings.push(
-                Finding::warning("VIB-SPINDLE-STOPPED", self.on_span, message)
+                Finding::new(code::VIB_SPINDLE_STOPPED, self.on_span, message)
                     .at("line", line.into())
                     .ranked("", 0.0)
                     .suggest("start the spindle before the section"),
@@ -375,7 +372,7 @@ impl Evidence {
         // An amplitude below f_r/2 breaks the chip at no frequency: it comes first then.
         let amplitude_first = chip.amplitude_ratio < 1.0;
         let span = if amplitude_first { self.amplitude_span() } else { self.frequency_cure(0.0).0 };
-        let mut finding = Finding::warning("VIB-CHIP-UNBROKEN", span, message)
+        let mut finding = Finding::new(code::VIB_CHIP_UNBROKEN, span, message)
             .at("line", line.into())
             .ranked("", -cut.breaking_margin())
             .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
@@ -421,7 +418,7 @@ impl Evidence {
             "the chip in line {} breaks {breaking}, and the machine permits {top} %, where {serving}",
             permitted.line
         );
-        let mut finding = Finding::warning("VIB-CHIP-OVERRIDE", self.amplitude_span(), message)
+        let mut finding = Finding::new(code::VIB_CHIP_OVERRIDE, self.amplitude_span(), message)
             .at("line", permitted.line.into())
             .ranked("", -permitted.breaking_margin)
             .with_value("max_feed_override", 100.0 * permitted.max_feed_override, "%")
@@ -529,7 +526,7 @@ impl Evidence {
             decimal(closest_rev_per_min, 1),
             decimal(closest_rev_per_min / spindle_rev_per_min * 100.0, 2)
         );
-        let finding = Finding::warning("VIB-CHIP-MARGINAL", self.frequency_cure(0.0).0, message)
+        let finding = Finding::new(code::VIB_CHIP_MARGINAL, self.frequency_cure(0.0).0, message)
             .at("line", line.into())
             .ranked("", -closest_rev_per_min / spindle_rev_per_min)
             .with_value("spindle_speed", spindle_rev_per_min, "rev/min")
@@ -555,7 +552,7 @@ impl Evidence {
             decimal(unbroken_share * 100.0, 1)
         );
         let span_count = surface.unbroken_spans.len() as u64 + surface.unbroken_spans_not_listed;
-        Finding::warning("VIB-PARTLY-UNBROKEN", self.on_span, message)
+        Finding::new(code::VIB_PARTLY_UNBROKEN, self.on_span, message)
             .at("line", first.map_or(self.report.first_line, |span| span.first_line).into())
             .ranked("", unbroken_share)
             .with_value("unbroken_share", unbroken_share, "")
@@ -584,7 +581,7 @@ impl Evidence {
             decimal(frequency_hz, 3),
             decimal(arriving_mm, 5)
         );
-        let finding = Finding::warning("VIB-FOLLOWING-LOSS", self.amplitude_span(), message)
+        let finding = Finding::new(code::VIB_FOLLOWING_LOSS, self.amplitude_span(), message)
             .at("line", self.report.first_line.into())
             .ranked("", f64::from(u8::from(no_longer_breaks)))
             .with_value("arriving_amplitude", arriving_mm, "mm")
@@ -622,11 +619,11 @@ struct Load<'a> {
     line: u32,
 }
 
-fn axis_code(quantity: Quantity) -> &'static str {
+fn axis_code(quantity: Quantity) -> FindingCode {
     match quantity {
-        Quantity::Velocity => "VIB-AXIS-VELOCITY",
-        Quantity::Acceleration => "VIB-AXIS-ACCELERATION",
-        Quantity::Jerk => "VIB-AXIS-JERK",
+        Quantity::Velocity => code::VIB_AXIS_VELOCITY,
+        Quantity::Acceleration => code::VIB_AXIS_ACCELERATION,
+        Quantity::Jerk => code::VIB_AXIS_JERK,
     }
 }
 

@@ -5,6 +5,7 @@ mod amplitude;
 pub(crate) mod chip;
 mod chip_course;
 mod chips;
+pub(crate) mod code;
 mod envelope;
 mod expand;
 mod findings;

@@ -8,6 +8,7 @@ use feedwave_motion::{Element, Machine, Planner, TANGENT_TOLERANCE_RAD};
 use feedwave_program::{AXIS_COUNT, Axis, Finding, FindingLog, FunctionCommand, Position, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use crate::code;
 use crate::frame::builder::Builder;
 use crate::frame::interpolator::{Barrier, SectionPart, SectionStart};
 use crate::{
@@ -169,7 +170,7 @@ impl Builder {
             let was_unusable = std::mem::take(&mut self.state.unusable_vibration);
             if self.state.vibration.take().is_none() && !was_unusable {
                 findings.push(
-                    Finding::error("VIB-OFF-WITHOUT-ON", span, "vibration is switched off but was not on")
+                    Finding::new(code::VIB_OFF_WITHOUT_ON, span, "vibration is switched off but was not on")
                         .suggest("remove the block, or switch the vibration on before it"),
                 );
             }
@@ -178,7 +179,7 @@ impl Builder {
         if let Some(active) = self.state.vibration {
             let line = active.on_span.line;
             findings.push(
-                Finding::error("VIB-NESTED", span, format!("vibration is on already, since line {line}"))
+                Finding::new(code::VIB_NESTED, span, format!("vibration is on already, since line {line}"))
                     .with_value("on_line", f64::from(line), "")
                     .suggest("switch the vibration off before it is switched on with other values"),
             );

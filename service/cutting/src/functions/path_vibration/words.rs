@@ -1,10 +1,11 @@
 //! The words of the block that switches the vibration on: `G200 F50 A0.03`.
 
-use feedwave_program::{Finding, FindingLog, FunctionCommand, SourceSpan};
+use feedwave_program::{Finding, FindingCode, FindingLog, FunctionCommand, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::findings::{amplitude_word, frequency_word};
 use super::{VibrationCondition, VibrationSettings};
+use crate::code;
 
 /// Lowest frequency, Hz: what a frequency word is written to. Half its period, which a corner may have to wait for
 /// in the tangential modes, is minutes, and every figure derived from it stays finite.
@@ -44,8 +45,8 @@ pub fn condition_from_command(
         letter: 'F',
         name: "frequency",
         unit: "Hz",
-        invalid: "VIB-FREQUENCY-INVALID",
-        beyond_limit: "VIB-FREQUENCY-LIMIT",
+        invalid: code::VIB_FREQUENCY_INVALID,
+        beyond_limit: code::VIB_FREQUENCY_LIMIT,
         least: MIN_FREQUENCY_HZ,
         limit: settings.max_frequency_hz,
         limit_word: frequency_word(settings.max_frequency_hz),
@@ -55,8 +56,8 @@ pub fn condition_from_command(
         letter: 'A',
         name: "amplitude",
         unit: "mm",
-        invalid: "VIB-AMPLITUDE-INVALID",
-        beyond_limit: "VIB-AMPLITUDE-LIMIT",
+        invalid: code::VIB_AMPLITUDE_INVALID,
+        beyond_limit: code::VIB_AMPLITUDE_LIMIT,
         least: 0.0,
         limit: settings.max_amplitude_mm,
         limit_word: amplitude_word(settings.max_amplitude_mm, command.inch),
@@ -73,8 +74,8 @@ struct Quantity {
     letter: char,
     name: &'static str,
     unit: &'static str,
-    invalid: &'static str,
-    beyond_limit: &'static str,
+    invalid: FindingCode,
+    beyond_limit: FindingCode,
     least: f64,
     limit: f64,
     limit_word: String,
@@ -87,7 +88,7 @@ impl Quantity {
         let Some(word) = command.word(*letter) else {
             let message = format!("the vibration has no {name} ({letter} word, {unit})");
             findings.push(
-                Finding::error(self.invalid, command_span, message)
+                Finding::new(self.invalid, command_span, message)
                     .suggest(format!("add the {letter} word, such as {example}")),
             );
             return None;
@@ -96,7 +97,7 @@ impl Quantity {
         if !(value.is_finite() && value > 0.0) {
             let message = format!("the vibration's {name} must be a positive number of {unit}, is {value}");
             findings.push(
-                Finding::error(self.invalid, word.span, message)
+                Finding::new(self.invalid, word.span, message)
                     .with_value(self.name, value, self.unit)
                     .suggest(format!("write a positive value, such as {example}")),
             );
@@ -105,7 +106,7 @@ impl Quantity {
         if value < *least {
             let message = format!("the vibration's {name} must be at least {least} {unit}, is {value:e}");
             findings.push(
-                Finding::error(self.invalid, word.span, message)
+                Finding::new(self.invalid, word.span, message)
                     .with_value(self.name, value, self.unit)
                     .with_value("least", *least, self.unit)
                     .suggest(format!("write a typical value, such as {example}")),
@@ -116,7 +117,7 @@ impl Quantity {
             let message =
                 format!("the vibration's {name} {value} {unit} exceeds the machine's limit of {limit} {unit}");
             findings.push(
-                Finding::error(self.beyond_limit, word.span, message)
+                Finding::new(self.beyond_limit, word.span, message)
                     .with_value(self.name, value, self.unit)
                     .with_value("limit", self.limit, self.unit)
                     .suggest_value(
@@ -166,12 +167,12 @@ mod tests {
     fn missing_and_senseless_words_are_all_reported_at_once() {
         let (condition, findings) = read(&[]);
         assert_eq!(condition, None);
-        let codes: Vec<_> = findings.iter().map(|finding| (finding.code.as_ref(), finding.span)).collect();
+        let codes: Vec<_> = findings.iter().map(|finding| (finding.code.name(), finding.span)).collect();
         assert_eq!(codes, [("VIB-FREQUENCY-INVALID", BLOCK), ("VIB-AMPLITUDE-INVALID", BLOCK)]);
         for bad in [0.0, -50.0, f64::NAN, f64::INFINITY] {
             let (condition, findings) = read(&[('F', bad), ('A', bad)]);
             assert_eq!(condition, None);
-            let codes: Vec<_> = findings.iter().map(|finding| (finding.code.as_ref(), finding.span)).collect();
+            let codes: Vec<_> = findings.iter().map(|finding| (finding.code.name(), finding.span)).collect();
             assert_eq!(codes, [("VIB-FREQUENCY-INVALID", F_WORD), ("VIB-AMPLITUDE-INVALID", A_WORD)]);
             assert!(findings.iter().all(|finding| finding.severity == Severity::Error));
         }
@@ -182,7 +183,7 @@ mod tests {
         for low in [5e-324, 1e-310, 0.000_999] {
             let (condition, findings) = read(&[('F', low), ('A', 0.03)]);
             assert_eq!(condition, None);
-            assert_eq!((findings[0].code.as_ref(), findings[0].span), ("VIB-FREQUENCY-INVALID", F_WORD));
+            assert_eq!((findings[0].code.name(), findings[0].span), ("VIB-FREQUENCY-INVALID", F_WORD));
         }
         assert!(read(&[('F', MIN_FREQUENCY_HZ), ('A', 0.03)]).0.is_some());
     }

@@ -7,6 +7,7 @@
 //! them.
 
 mod bounds;
+pub(crate) mod code;
 mod program_report;
 mod report;
 mod span;

@@ -4,6 +4,7 @@ use feedwave_program::{Finding, FindingLog, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::{DeviationTrace, ThinningReport, ThinningSettings};
+use crate::code;
 
 /// Blocks dropped one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,7 +50,7 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
              {largest:.3} degrees here, while their tool direction is within it of the kept block before"
         );
         findings.push(
-            Finding::warning("THIN-ROTARY", place(rotary.largest_deviation_line), message)
+            Finding::new(code::THIN_ROTARY, place(rotary.largest_deviation_line), message)
                 .with_value("blocks", blocks as f64, "")
                 .with_value("deviation", largest, "deg")
                 .with_value("angle_tolerance", settings.angle_tolerance_deg, "deg")
@@ -64,7 +65,7 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
             settings.angle_tolerance_deg
         );
         findings.push(
-            Finding::info("THIN-DIRECTION", place(report.direction_deviation_line), message)
+            Finding::new(code::THIN_DIRECTION, place(report.direction_deviation_line), message)
                 .with_value("deviation", deviation_deg, "deg")
                 .with_value("angle_tolerance", settings.angle_tolerance_deg, "deg")
                 .suggest_value(
@@ -81,7 +82,7 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
         let message =
             format!("{lost} feeds of dropped blocks are never run: another feed follows before the next kept block");
         findings.push(
-            Finding::info("THIN-FEED", place(1), message).with_value("feeds_lost", lost as f64, "").with_value(
+            Finding::new(code::THIN_FEED, place(1), message).with_value("feeds_lost", lost as f64, "").with_value(
                 "feeds_inherited",
                 report.feeds_inherited as f64,
                 "",

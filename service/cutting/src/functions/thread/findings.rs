@@ -7,6 +7,7 @@ use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::report::{CrestReport, ThreadPassReport};
 use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
+use crate::code;
 use crate::shared::wording::{decimal, round_down, round_up};
 
 /// Samples per vibration below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
@@ -47,7 +48,7 @@ fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: Sou
             decimal(limit, 3)
         );
         findings.push(
-            Finding::error("THREAD-LEAD-SPEED", span, message)
+            Finding::new(code::THREAD_LEAD_SPEED, span, message)
                 .with_value("velocity", velocity, "mm/s")
                 .with_value("limit", limit, "mm/s")
                 .suggest_value(
@@ -71,7 +72,7 @@ fn lead(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadReport, span: Sou
             decimal(job.run_up.angle_deg, 3)
         );
         findings.push(
-            Finding::error("THREAD-RUN-UP", span, message)
+            Finding::new(code::THREAD_RUN_UP, span, message)
                 .with_value("run_up_angle", job.run_up.angle_deg, "deg")
                 .with_value("least", shortest.angle_deg, "deg")
                 .suggest_value(
@@ -109,9 +110,9 @@ fn sampling(
         decimal(limits.period_s * 1_000.0, 4)
     );
     let finding = if samples < 2.0 * (1.0 - 1e-9) {
-        Finding::error("THREAD-SAMPLING-NYQUIST", span, message)
+        Finding::new(code::THREAD_SAMPLING_NYQUIST, span, message)
     } else {
-        Finding::warning("THREAD-SAMPLING-COARSE", span, message)
+        Finding::new(code::THREAD_SAMPLING_COARSE, span, message)
     };
     findings.push(
         finding
@@ -151,7 +152,7 @@ fn profile(job: &ThreadJob, findings: &mut FindingLog) {
         decimal(pitch_mm, 3)
     );
     findings.push(
-        Finding::error("THREAD-PROFILE-WIDE", deepest.span, message)
+        Finding::new(code::THREAD_PROFILE_WIDE, deepest.span, message)
             .with_value("width", width_mm, "mm")
             .with_value("pitch", pitch_mm, "mm")
             .with_value("depth", deepest.depth_mm, "mm")
@@ -175,7 +176,7 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
             decimal(pass.start_angle_deg, 3)
         );
         findings.push(
-            Finding::error("THREAD-START-ANGLE", pass.span, message)
+            Finding::new(code::THREAD_START_ANGLE, pass.span, message)
                 .at("pass", number)
                 .ranked("", pass.start_angle_deg.abs())
                 .with_value("start_angle", pass.start_angle_deg, "deg")
@@ -198,7 +199,7 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         );
         let needed_mm = round_up(run_up_mm + pass.start_travel_mm, 3);
         findings.push(
-            Finding::error("THREAD-APPROACH-SHORT", pass.span, message)
+            Finding::new(code::THREAD_APPROACH_SHORT, pass.span, message)
                 .at("pass", number)
                 .ranked("", run_up_mm - way_mm)
                 .with_value("approach", way_mm, "mm")
@@ -222,7 +223,7 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
             decimal(length_mm - exact_mm, 3)
         );
         findings.push(
-            Finding::error("THREAD-LENGTH-SHORT", pass.span, message)
+            Finding::new(code::THREAD_LENGTH_SHORT, pass.span, message)
                 .at("pass", number)
                 .ranked("", -exact_mm)
                 .with_value("length", length_mm, "mm")
@@ -244,7 +245,7 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
             decimal(programmed_deg, 3)
         );
         findings.push(
-            Finding::info("THREAD-TURN-PHASE", pass.span, message)
+            Finding::new(code::THREAD_TURN_PHASE, pass.span, message)
                 .at("pass", number)
                 .ranked("", moved_deg.min(360.0 - moved_deg))
                 .with_value("turns", report.place.turns_later as f64, "")
@@ -268,7 +269,7 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                 decimal(still_deg, 3)
             );
             findings.push(
-                Finding::warning("THREAD-VIBRATION-LATE", pass.span, message)
+                Finding::new(code::THREAD_VIBRATION_LATE, pass.span, message)
                     .at("pass", number)
                     .ranked("", still_mm + pass.start_travel_mm)
                     .with_value("delay", report.delay_deg, "deg")
@@ -292,9 +293,16 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
     // On a taper X follows the lead as well.
     let taper = job.geometry.taper.abs() * job.geometry.lead_mm * job.spindle_rev_per_min / 60.0;
     for (code, what, unit, demanded, limit, order) in [
-        ("THREAD-VIBRATION-VELOCITY", "velocity", "mm/s", velocity + taper, limits.vibration_velocity_mm_per_s, 1.0),
         (
-            "THREAD-VIBRATION-ACCELERATION",
+            code::THREAD_VIBRATION_VELOCITY,
+            "velocity",
+            "mm/s",
+            velocity + taper,
+            limits.vibration_velocity_mm_per_s,
+            1.0,
+        ),
+        (
+            code::THREAD_VIBRATION_ACCELERATION,
             "acceleration",
             "mm/s²",
             velocity * rad_per_s,
@@ -302,7 +310,7 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
             2.0,
         ),
         (
-            "THREAD-VIBRATION-JERK",
+            code::THREAD_VIBRATION_JERK,
             "jerk",
             "mm/s³",
             velocity * rad_per_s * rad_per_s,
@@ -319,7 +327,7 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
             decimal(demanded, 1),
             decimal(limit, 1)
         );
-        let finding = Finding::error(code, pass.span, message)
+        let finding = Finding::new(code, pass.span, message)
             .at("pass", number(index))
             .ranked("", demanded / limit)
             .with_value("demanded", demanded, unit)
@@ -363,8 +371,8 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
     };
     if !exceeds {
         let (code, what) = match before {
-            None => ("THREAD-FIRST-PASS", "does not leave the work diameter"),
-            Some(_) => ("THREAD-AMPLITUDE-SMALL", "does not reach beyond its infeed"),
+            None => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
+            Some(_) => (code::THREAD_AMPLITUDE_SMALL, "does not reach beyond its infeed"),
         };
         let message = format!(
             "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm on the radius",
@@ -372,7 +380,7 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
             decimal(own.infeed_mm, 4)
         );
         let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
-        let finding = with_values(Finding::warning(code, pass.span, message), least_mm);
+        let finding = with_values(Finding::new(code, pass.span, message), least_mm);
         findings.push(suggest_amplitude(finding, least_mm));
     } else if !own.depth.broken
         && let Some(before) = before
@@ -382,14 +390,14 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
         // What has to be programmed to be opposite to the pass before, whatever the turns in between.
         let cure_deg = reduce_deg(pass.phase_shift_deg + 180.0 - difference_deg);
         let equal = difference_deg.min(360.0 - difference_deg) <= SAME_ANGLE_DEG;
-        let code = if equal { "THREAD-PHASE-EQUAL" } else { "THREAD-PHASE-UNBROKEN" };
+        let code = if equal { code::THREAD_PHASE_EQUAL } else { code::THREAD_PHASE_UNBROKEN };
         let message = format!(
             "passes {} and {number} are {} degrees apart in phase at the same place on the work: the chip of pass \
              {number} is not cut through",
             before + 1,
             decimal(difference_deg, 3)
         );
-        let finding = with_values(Finding::warning(code, pass.span, message), own.depth.least_amplitude_mm)
+        let finding = with_values(Finding::new(code, pass.span, message), own.depth.least_amplitude_mm)
             .with_value("phase_difference", difference_deg, "deg")
             .suggest_value(
                 format!("shift the phase by {} degrees", decimal(cure_deg, 3)),
@@ -407,7 +415,7 @@ fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut F
             decimal(round_up(least_mm, 4), 4),
             decimal(own.amplitude_mm, 4)
         );
-        let finding = with_values(Finding::warning("THREAD-CHIP-RIBBON", pass.span, message), least_mm).with_value(
+        let finding = with_values(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), least_mm).with_value(
             "section_amplitude",
             least_mm,
             "mm",
@@ -435,7 +443,7 @@ fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPas
             decimal(limits.thickness_mm, 3)
         );
         findings.push(
-            Finding::warning("THREAD-THICKNESS", pass.span, message)
+            Finding::new(code::THREAD_THICKNESS, pass.span, message)
                 .at("pass", number)
                 .ranked("", thickness_mm)
                 .with_value("thickness", thickness_mm, "mm")
@@ -445,7 +453,7 @@ fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPas
     } else if thickness_mm <= SAME_LENGTH_MM {
         let message = format!("pass {number} cuts nothing that earlier passes left");
         findings.push(
-            Finding::info("THREAD-PASS-AIR", pass.span, message)
+            Finding::new(code::THREAD_PASS_AIR, pass.span, message)
                 .at("pass", number)
                 .ranked("", 0.0)
                 .suggest("leave the pass out"),
@@ -464,7 +472,7 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
         decimal(crests.crest_mm, 3),
         decimal(crests.finishing_infeed_mm, 3)
     );
-    let mut finding = Finding::warning("THREAD-CRESTS", job.passes[crests.pass].span, message)
+    let mut finding = Finding::new(code::THREAD_CRESTS, job.passes[crests.pass].span, message)
         .ranked("", crests.crest_mm)
         .with_value("crest", crests.crest_mm, "mm")
         .with_value("section_crest", crests.section_crest_mm, "mm")

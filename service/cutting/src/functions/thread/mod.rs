@@ -5,6 +5,7 @@
 //! the spindle angle: a generator asks [`ThreadJob::position`], whatever turns the spindle.
 
 mod chip;
+pub(crate) mod code;
 mod findings;
 mod follower;
 mod geometry;

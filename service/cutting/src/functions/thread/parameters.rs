@@ -3,6 +3,7 @@
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::{MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
+use crate::code;
 use crate::shared::wording::decimal;
 
 /// A quantity that is not what it must be.
@@ -14,7 +15,7 @@ pub(super) fn refusal(
     permitted: &str,
 ) -> Finding {
     let message = format!("{} is {}: it must be {permitted}", name.replace('_', " "), decimal(value, 6));
-    Finding::error("THREAD-PARAMETER", span, message)
+    Finding::new(code::THREAD_PARAMETER, span, message)
         .ranked(name, value.abs())
         .with_value(name, value, unit)
         .suggest(format!("state a value that is {permitted}"))

@@ -6,6 +6,7 @@ use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
 use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
 
 use super::{PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
+use crate::code;
 use crate::frame::builder::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
 
 /// Share of the limits of X that changes of its speed take beside the vibration: on a taper, at a pull-out, between
@@ -81,7 +82,7 @@ impl PassWay {
         let rev_per_s = spindle.rev_per_s(first.mv.start[X]).min(machine.max_spindle_rev_per_min / 60.0);
         if !(rev_per_s > 0.0 && rev_per_s.is_finite()) {
             let message = "a thread follows the spindle, which does not turn at a constant speed";
-            let finding = Finding::error("SPINDLE-STOPPED", first.span, message);
+            let finding = Finding::new(code::THREAD_SPINDLE_STOPPED, first.span, message);
             findings.push(finding.suggest("start the spindle first, such as G97 M3 S500"));
             return None;
         }
@@ -99,7 +100,7 @@ impl PassWay {
                         let travel_mm = pull_out.travel_mm;
                         let message = format!("the tool is pulled out over {travel_mm} mm, all of the thread");
                         findings.push(
-                            Finding::error("THREAD-PULL-OUT", block.span, message)
+                            Finding::new(code::THREAD_PULL_OUT, block.span, message)
                                 .with_value("pull_out", travel_mm, "mm")
                                 .with_value("length", (to[1] - from[1]).abs(), "mm")
                                 .suggest("pull the tool out over a shorter distance, or cut a longer thread"),
@@ -118,7 +119,7 @@ impl PassWay {
         let mut way = Self { start, parts, changes_deg: Vec::new(), rev_per_s };
         if way.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
             let message = "the thread has no travel, or no lead";
-            let finding = Finding::error("THREAD-TRAVEL", first.span, message);
+            let finding = Finding::new(code::THREAD_TRAVEL, first.span, message);
             findings.push(finding.suggest("check the end point, the position before it and the lead"));
             return None;
         }
@@ -186,7 +187,7 @@ impl PassWay {
                 part.angle_deg * mm_per_deg,
                 needed_deg * mm_per_deg
             );
-            let finding = Finding::error("THREAD-LENGTH-SHORT", span, message)
+            let finding = Finding::new(code::THREAD_LENGTH_SHORT, span, message)
                 .ranked("", (needed_deg - part.angle_deg) * mm_per_deg);
             let finding = if let Some(number) = number { finding.at("pass", number) } else { finding };
             findings.push(
@@ -225,7 +226,7 @@ impl PassWay {
                     axis.letter()
                 );
                 findings.push(
-                    Finding::error("THREAD-AXIS-SPEED", span, message)
+                    Finding::new(code::THREAD_AXIS_SPEED, span, message)
                         .ranked(axis.letter().to_string(), demanded / limit)
                         .with_value("velocity", demanded, "mm/s")
                         .with_value("limit", limit, "mm/s")

@@ -17,6 +17,7 @@ use super::{
     ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadGeometry,
     ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
 };
+use crate::code;
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// How passes with an axial offset, and the starts of a thread, are brought to their place
@@ -65,7 +66,7 @@ pub struct ThreadRequest {
 }
 
 /// A thread that breaks its chips.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ThreadPlan {
     /// The passes.
     pub job: ThreadJob,
@@ -111,10 +112,13 @@ pub fn plan_thread(request: &ThreadRequest) -> Result<ThreadPlan, Vec<Finding>> 
 
 /// Whether shallower passes with smaller amplitudes need less of what a finding asks for.
 fn is_cured_by_passes(finding: &Finding) -> bool {
-    matches!(
-        &*finding.code,
-        "THREAD-VIBRATION-VELOCITY" | "THREAD-VIBRATION-ACCELERATION" | "THREAD-VIBRATION-JERK" | "THREAD-THICKNESS"
-    )
+    [
+        code::THREAD_VIBRATION_VELOCITY,
+        code::THREAD_VIBRATION_ACCELERATION,
+        code::THREAD_VIBRATION_JERK,
+        code::THREAD_THICKNESS,
+    ]
+    .contains(&finding.code)
 }
 
 fn too_many(request: &ThreadRequest, passes: usize, remaining: Option<&Finding>) -> Finding {
@@ -123,7 +127,7 @@ fn too_many(request: &ThreadRequest, passes: usize, remaining: Option<&Finding>)
         |finding| format!("more than {passes} vibrating passes: {}", finding.message),
     );
     let message = format!("the thread of {} mm depth would need {reason}", decimal(request.depth_mm, 3));
-    let mut finding = Finding::error("THREAD-PLAN-PASSES", SourceSpan::default(), message)
+    let mut finding = Finding::new(code::THREAD_PLAN_PASSES, SourceSpan::default(), message)
         .with_value("depth", request.depth_mm, "mm")
         .with_value("first_depth", request.first_depth_mm, "mm")
         .with_value("passes", passes as f64, "");
@@ -175,7 +179,7 @@ fn check(request: &ThreadRequest) -> Vec<Finding> {
             decimal(allowance_mm, 4)
         );
         findings.push(
-            Finding::error("THREAD-PLAN-CRESTS", span, message)
+            Finding::new(code::THREAD_PLAN_CRESTS, span, message)
                 .with_value("permitted", permitted_mm, "mm")
                 .with_value("finishing_allowance", allowance_mm, "mm")
                 .suggest_value(
@@ -195,7 +199,7 @@ fn check(request: &ThreadRequest) -> Vec<Finding> {
         };
         let message = format!("this direction of cut and spindle make a {name} thread");
         findings.push(
-            Finding::error("THREAD-HAND", span, message)
+            Finding::new(code::THREAD_HAND, span, message)
                 .with_value("start_z", request.geometry.start_z_mm, "mm")
                 .with_value("end_z", request.geometry.end_z_mm, "mm")
                 .suggest("exchange start and end of the thread")

@@ -109,7 +109,7 @@ pub struct CrestReport {
 }
 
 /// A thread of a program: its passes and their judgement.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ThreadSectionReport {
     /// Line that switched the vibration on; `None` for a thread without vibration.
     pub on_line: Option<u32>,
@@ -129,7 +129,7 @@ pub struct ThreadSectionReport {
 }
 
 /// The judgement of a thread.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ThreadReport {
     /// Every pass; empty where the thread itself is impossible.
     pub passes: Vec<ThreadPassReport>,

@@ -11,6 +11,7 @@ use super::{
     ThreadGeometry, ThreadJob, ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
 };
 use crate::PipelineConfig;
+use crate::code;
 use crate::frame::builder::checks::missing;
 use crate::frame::builder::{Analysis, Builder};
 use crate::frame::interpolator::Barrier;
@@ -91,7 +92,7 @@ impl Builder {
         if blocks.last().is_some_and(|last| last.goes_on_in(mv)) {
             if blocks.len() >= MAX_THREAD_PARTS {
                 let message = format!("the thread has more than {MAX_THREAD_PARTS} parts");
-                let finding = Finding::error("THREAD-PARTS", span, message);
+                let finding = Finding::new(code::THREAD_PARTS, span, message);
                 findings.push(
                     finding.with_value("limit", MAX_THREAD_PARTS as f64, "").suggest("cut the thread in longer blocks"),
                 );
@@ -100,7 +101,7 @@ impl Builder {
             let vibrates = self.state.threads.mode.is_some();
             if blocks.first().is_some_and(|first| contradicts(&first.mv, mv, vibrates)) {
                 let message = "the vibration of a thread of several parts is that of its first block";
-                let finding = Finding::error("THREAD-PART-VIBRATION", span, message);
+                let finding = Finding::new(code::THREAD_PART_VIBRATION, span, message);
                 findings.push(finding.suggest("write A and R in the first block of the thread only"));
             }
         } else if !blocks.is_empty() {
@@ -159,7 +160,7 @@ impl Builder {
         self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
         if self.state.vibration.is_some() {
             let message = "vibration along the path does not act on a thread, but is on";
-            let finding = Finding::error("VIB-THREAD", first.span, message);
+            let finding = Finding::new(code::VIB_THREAD, first.span, message);
             findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
         }
         let settings = &config.profile.thread_vibration;
@@ -175,13 +176,13 @@ impl Builder {
         };
         if mode.is_none() && !self.state.threads.unusable && first.mv.amplitude_mm.is_some_and(|mm| mm > 0.0) {
             let message = "the pass has an amplitude, but the vibration of threads is off";
-            let finding = Finding::error("THREAD-VIBRATION-OFF", first.span, message);
+            let finding = Finding::new(code::THREAD_VIBRATION_OFF, first.span, message);
             findings.push(finding.suggest("switch it on before the first pass, or leave the A word out"));
         }
         if !first.leads_along_z() {
             if mode.is_some() && first.mv.amplitude_mm != Some(0.0) {
                 let message = "the thread vibrates in X, which is the direction of its lead here";
-                let finding = Finding::error("THREAD-LEAD-X", first.span, message);
+                let finding = Finding::new(code::THREAD_LEAD_X, first.span, message);
                 findings.push(finding.suggest("switch the vibration off for this thread, or write A0.0"));
                 return None;
             }
@@ -217,7 +218,7 @@ impl Builder {
         let open = self.state.threads.open.as_mut()?;
         if open.job.passes.len() >= MAX_THREAD_PASSES {
             let message = format!("the thread has more than {MAX_THREAD_PASSES} passes");
-            let finding = Finding::error("THREAD-PASSES", first.span, message);
+            let finding = Finding::new(code::THREAD_PASSES, first.span, message);
             findings
                 .push(finding.with_value("limit", MAX_THREAD_PASSES as f64, "").suggest("let every pass go deeper"));
             return None;
@@ -231,7 +232,7 @@ impl Builder {
             let infeed_mm = job.infeed_mm(index);
             if first.mv.amplitude_mm.is_none() && infeed_mm * mode.ratio == 0.0 {
                 let message = "the pass goes no deeper than the one before, so the ratio gives it no vibration";
-                let finding = Finding::warning("THREAD-NO-INFEED", first.span, message);
+                let finding = Finding::new(code::THREAD_NO_INFEED, first.span, message);
                 findings.push(finding.suggest("write its amplitude as A; A0.0 for a pass without vibration"));
             }
             let pass = &mut job.passes[index];
@@ -272,7 +273,7 @@ impl Builder {
         if !command.on {
             if before.is_none() && !was_unusable {
                 let message = "the vibration of threads is switched off but was not on";
-                let finding = Finding::error("THREAD-OFF-WITHOUT-ON", span, message);
+                let finding = Finding::new(code::THREAD_OFF_WITHOUT_ON, span, message);
                 findings.push(finding.suggest("remove the block, or switch the vibration on before it"));
             }
             return;
@@ -280,7 +281,7 @@ impl Builder {
         if let Some(before) = before {
             let line = before.on_span.line;
             let message = format!("the vibration of threads is on already, since line {line}");
-            let finding = Finding::error("THREAD-NESTED", span, message).with_value("on_line", f64::from(line), "");
+            let finding = Finding::new(code::THREAD_NESTED, span, message).with_value("on_line", f64::from(line), "");
             findings.push(finding.suggest("switch it off before it is switched on with other values"));
         }
         let work_radius_mm = mode_word(command, span, 'X', "work diameter", "X10.0", 0.0, findings);
@@ -296,7 +297,7 @@ impl Builder {
         self.close_thread(config, findings);
         if let Some(mode) = self.state.threads.mode.take() {
             let message = "the program ends while the vibration of threads switched on here is still on";
-            let finding = Finding::warning("THREAD-UNCLOSED", mode.on_span, message);
+            let finding = Finding::new(code::THREAD_UNCLOSED, mode.on_span, message);
             findings.push(finding.suggest("switch it off after the last pass"));
         }
     }
@@ -329,7 +330,7 @@ fn mode_word(
     let cure = format!("write {letter} with a number above {above}, such as {example}");
     let Some(word) = command.word(letter) else {
         let message = format!("the vibration of threads has no {name} ({letter} word)");
-        findings.push(Finding::error("THREAD-MODE-WORD", span, message).suggest(cure));
+        findings.push(Finding::new(code::THREAD_MODE_WORD, span, message).suggest(cure));
         return None;
     };
     if word.value > above && word.value <= 1e6 {
@@ -338,7 +339,7 @@ fn mode_word(
     let message = format!("the {name} of the vibration of threads must be above {above}, is {}", word.value);
     let name = if letter == 'X' { "work_radius" } else { "ratio" };
     let unit = if letter == 'X' { "mm" } else { "" };
-    let finding = Finding::error("THREAD-MODE-WORD", word.span, message).with_value(name, word.value, unit);
+    let finding = Finding::new(code::THREAD_MODE_WORD, word.span, message).with_value(name, word.value, unit);
     findings.push(finding.suggest(cure));
     None
 }
@@ -398,7 +399,7 @@ impl OpenThread {
                 self.job.spindle_rev_per_min
             );
             findings.push(
-                Finding::warning("THREAD-SPEED-CHANGED", first.span, message)
+                Finding::new(code::THREAD_SPEED_CHANGED, first.span, message)
                     .ranked("", (rev_per_min / self.job.spindle_rev_per_min - 1.0).abs())
                     .with_value("spindle_speed", rev_per_min, "rev/min")
                     .with_value("before", self.job.spindle_rev_per_min, "rev/min")

@@ -8,6 +8,7 @@ use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
 use super::{Engagement, OscillationDirection, Waveform};
 use crate::MAX_AMPLITUDE_MM;
+use crate::code;
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.
@@ -26,7 +27,7 @@ const NOTHING_MM: f64 = 1e-6;
 /// Values that are impossible by themselves.
 pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
     if let Err(error) = job.tool.check() {
-        let finding = Finding::error("OSC-TOOL", job.span, error.to_string());
+        let finding = Finding::new(code::OSC_TOOL, job.span, error.to_string());
         findings.push(finding.suggest("correct the tool in the tool library"));
     }
     let mut check = |name: &'static str, value: f64, low: f64, high: f64, unit: &'static str| {
@@ -35,7 +36,7 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
             let message = format!("the oscillation's {name} must be between {low} and {high} {unit}, is {value}");
             let nearest = if value > high { high } else { low };
             findings.push(
-                Finding::error("OSC-VALUE", job.span, message)
+                Finding::new(code::OSC_VALUE, job.span, message)
                     .ranked(name, value.abs())
                     .with_value("value", value, unit)
                     .with_value("least", low, unit)
@@ -81,7 +82,7 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
     if !(1..=edges).contains(&job.leading_edge) {
         let message = format!("edge {} is to lead, but the tool has the edges 1 to {edges}", job.leading_edge);
         findings.push(
-            Finding::error("OSC-LEADING-EDGE", job.span, message)
+            Finding::new(code::OSC_LEADING_EDGE, job.span, message)
                 .with_value("edge", f64::from(job.leading_edge), "")
                 .with_value("edges", f64::from(edges), "")
                 .suggest_value("let the first edge lead", None, "edge", 1.0, ""),
@@ -90,7 +91,7 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
 }
 
 fn waveform(direction: &str, error: &WaveformError, span: SourceSpan) -> Finding {
-    let finding = Finding::error("OSC-WAVEFORM", span, format!("waveform in the {direction} direction: {error}"));
+    let finding = Finding::new(code::OSC_WAVEFORM, span, format!("waveform in the {direction} direction: {error}"));
     match *error {
         WaveformError::HoldShare(share) => {
             let nearest = if share > MAX_HOLD_SHARE { MAX_HOLD_SHARE } else { 0.0 };
@@ -132,7 +133,7 @@ pub(super) fn period(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> O
         decimal(periods, 4)
     );
     findings.push(
-        Finding::error("OSC-PERIOD-FRACTION", job.span, message)
+        Finding::new(code::OSC_PERIOD_FRACTION, job.span, message)
             .ranked("", (periods - whole).abs())
             .with_value("period", seconds, "s")
             .with_value("revolution", revolution_s, "s")
@@ -170,7 +171,7 @@ fn edges_and_period(job: &OscillationJob<'_>, report: &OscillationReport, findin
     let message =
         format!("{periods} periods per revolution do not divide the {edges} edges: no edge leads in every period");
     findings.push(
-        Finding::error("OSC-EDGES-PERIOD", job.span, message)
+        Finding::new(code::OSC_EDGES_PERIOD, job.span, message)
             .with_value("edges", f64::from(edges), "")
             .with_value("periods_per_rev", f64::from(periods), "")
             .suggest_value(use_periods(nearest), None, "periods_per_rev", nearest, ""),
@@ -188,7 +189,7 @@ fn hold(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
         decimal(held, 4),
         decimal(required, 4)
     );
-    let finding = Finding::warning("OSC-HOLD-SHORT", job.span, message)
+    let finding = Finding::new(code::OSC_HOLD_SHORT, job.span, message)
         .ranked("", required - held)
         .with_value("hold_share", held, "")
         .with_value("required", required, "");
@@ -251,7 +252,7 @@ fn step(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
         decimal(step_mm, 4),
         decimal(length_mm, 4)
     );
-    let finding = Finding::error("OSC-STEP-LONG", job.span, message)
+    let finding = Finding::new(code::OSC_STEP_LONG, job.span, message)
         .ranked("", step_mm / length_mm)
         .with_value("feed_per_period", step_mm, "mm")
         .with_value("radial_edge_length", length_mm, "mm")
@@ -278,9 +279,9 @@ fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     );
     // Beyond a quarter the protruded tool is in front of the retracted one: it would rough with what has to finish.
     let finding = if error_deg.abs() > 90.0 {
-        Finding::error("OSC-PHASE", job.span, format!("{message}: it would finish before it roughs"))
+        Finding::new(code::OSC_PHASE, job.span, format!("{message}: it would finish before it roughs"))
     } else {
-        Finding::warning("OSC-PHASE", job.span, message)
+        Finding::new(code::OSC_PHASE_OFF, job.span, message)
     };
     let cure_deg = job.condition.axial.phase_deg + error_deg;
     // To a thousandth, and no negative zero.
@@ -299,7 +300,7 @@ fn roles(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     let names = |edges: &[u32]| edges.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let message = format!("edge {} leads, edge {} finishes", report.leading_edge, names(&report.finishing_edges));
     findings.push(
-        Finding::info("OSC-ROLES", job.span, message)
+        Finding::new(code::OSC_ROLES, job.span, message)
             .with_value("leading_edge", f64::from(report.leading_edge), "")
             .with_value("finishing_edges", report.finishing_edges.len() as f64, "")
             .with_value("expected_finishing_edges", f64::from(report.periods_per_rev), ""),
@@ -316,7 +317,7 @@ fn roles(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     let message =
         format!("edge {} finishes, but edge {} is meant for it", names(&report.finishing_edges), names(&meant));
     findings.push(
-        Finding::warning("OSC-FINISHING-EDGE", job.span, message)
+        Finding::new(code::OSC_FINISHING_EDGE, job.span, message)
             .with_value("finishing_edge", f64::from(report.finishing_edges.first().copied().unwrap_or(0)), "")
             .with_value("meant", f64::from(meant[0]), "")
             .suggest_value(format!("let edge {leading} lead"), None, "leading_edge", f64::from(leading), ""),
@@ -332,7 +333,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
     let feed = load.velocity_with_feed_mm_per_s - load.peaks.velocity_mm_per_s;
     let quantities = [
         (
-            "OSC-AXIS-VELOCITY",
+            code::OSC_AXIS_VELOCITY,
             "velocity",
             "mm/s",
             load.peaks.velocity_mm_per_s,
@@ -341,7 +342,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             1.0,
         ),
         (
-            "OSC-AXIS-ACCELERATION",
+            code::OSC_AXIS_ACCELERATION,
             "acceleration",
             "mm/s²",
             load.peaks.acceleration_mm_per_s2,
@@ -349,7 +350,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             0.0,
             2.0,
         ),
-        ("OSC-AXIS-JERK", "jerk", "mm/s³", load.peaks.jerk_mm_per_s3, load.limits.jerk_mm_per_s3, 0.0, 3.0),
+        (code::OSC_AXIS_JERK, "jerk", "mm/s³", load.peaks.jerk_mm_per_s3, load.limits.jerk_mm_per_s3, 0.0, 3.0),
     ];
     for (code, quantity, unit, peak, limit, taken, order) in quantities {
         if peak + taken <= limit * (1.0 + ROUNDING) {
@@ -361,7 +362,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             decimal(peak + taken, 1),
             decimal(limit, 1)
         );
-        let mut finding = Finding::error(code, job.span, message)
+        let mut finding = Finding::new(code, job.span, message)
             .ranked(name, (peak + taken) / limit)
             .with_value("demanded", peak + taken, unit)
             .with_value("limit", limit, unit);
@@ -397,7 +398,7 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
             OscillationDirection::Axial => Some(&job.condition.axial.waveform),
             OscillationDirection::Cross => job.condition.cross.as_ref().map(|cross| &cross.waveform),
         };
-        let finding = Finding::warning("OSC-JERK-STEP", job.span, message).ranked(name, step).with_value(
+        let finding = Finding::new(code::OSC_JERK_STEP, job.span, message).ranked(name, step).with_value(
             "acceleration_step",
             step,
             "mm/s²",
@@ -447,11 +448,11 @@ fn depth(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Ve
     };
     if report.above_edge_mm <= NOTHING_MM {
         let message = format!("{message}; the stages leave nothing above an edge");
-        findings.push(with_values(Finding::info("OSC-DEPTH", job.span, message)));
+        findings.push(with_values(Finding::new(code::OSC_DEPTH_COVERED, job.span, message)));
         return;
     }
     let message = format!("{message}: {} mm meet the tool above an edge", decimal(report.above_edge_mm, 4));
-    let mut finding = with_values(Finding::error("OSC-DEPTH", job.span, message));
+    let mut finding = with_values(Finding::new(code::OSC_DEPTH, job.span, message));
     let travel_mm = 2.0 * job.condition.axial.amplitude_mm;
     let depth_mm = round_down(height_mm - travel_mm, 4);
     if depth_mm > 0.0 {

@@ -12,6 +12,7 @@ use super::{
     ToolGeometry, ToolOscillation, find_condition, judge, known_names, ramp_mm, seen_by_tool, synchronise,
 };
 use crate::PipelineConfig;
+use crate::code;
 use crate::shared::cut::Cut;
 
 /// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
@@ -80,7 +81,7 @@ impl Judgements {
                         "the floor of this and of further cuts is not simulated: {MAX_FLOORS} different ones were"
                     );
                     found.push(
-                        Finding::info("OSC-FLOOR", job.span, message)
+                        Finding::new(code::OSC_FLOOR, job.span, message)
                             .with_value("simulated", MAX_FLOORS as f64, "")
                             .suggest("validate a part of the program to see its floor"),
                     );
@@ -119,8 +120,7 @@ impl ActiveOscillation {
         found: &mut Vec<Finding>,
     ) -> Option<OscillationSectionReport> {
         let span = element.source;
-        let mut refuse =
-            |code, message: &str, cure: &str| found.push(Finding::error(code, span, message).suggest(cure));
+        let mut refuse = |code, message: &str, cure: &str| found.push(Finding::new(code, span, message).suggest(cure));
         let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
         let guided = match &element.curve {
             Curve::FiveAxis(five_axis) => Some(five_axis),
@@ -129,26 +129,30 @@ impl ActiveOscillation {
         if guided.is_some() && rotary.is_none() {
             let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
                            under a spindle along Z: here one of them turns the tool";
-            refuse("OSC-FIVE-AXIS", message, "switch the oscillation off before");
+            refuse(code::OSC_FIVE_AXIS, message, "switch the oscillation off before");
             return None;
         }
         if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
-            refuse("OSC-ROTARY", "the tool oscillates while a rotary axis moves", "switch the oscillation off before");
+            refuse(
+                code::OSC_ROTARY,
+                "the tool oscillates while a rotary axis moves",
+                "switch the oscillation off before",
+            );
             return None;
         }
         if vibrates {
             let message = "the tool oscillates while the vibration along the path is on";
-            refuse("OSC-WITH-VIBRATION", message, "switch one of them off");
+            refuse(code::OSC_WITH_VIBRATION, message, "switch one of them off");
             return None;
         }
         let SpindleSpeed::Constant { rev_per_min } = cut.spindle.speed else {
             let message = "the tool oscillates in step with a constant spindle speed only";
-            refuse("OSC-SURFACE-SPEED", message, "program a spindle speed with G97");
+            refuse(code::OSC_SURFACE_SPEED, message, "program a spindle speed with G97");
             return None;
         };
         if !cut.spindle.is_turning() {
             refuse(
-                "OSC-SPINDLE-STOPPED",
+                code::OSC_SPINDLE_STOPPED,
                 "the oscillation follows the spindle, which is stopped",
                 "start the spindle before",
             );
@@ -162,7 +166,7 @@ impl ActiveOscillation {
         let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
         if least < LEAST_IN_PLANE {
             let message = "the path goes along the tool axis: there is no feed direction to oscillate in";
-            refuse("OSC-PLUNGE", message, "switch the oscillation off for this block");
+            refuse(code::OSC_PLUNGE, message, "switch the oscillation off for this block");
             return None;
         }
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, &config.profile.machine);
@@ -172,7 +176,7 @@ impl ActiveOscillation {
             let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
             let message = "the feed direction turns too fast for the oscillation to follow it";
             found.push(
-                Finding::error("OSC-TURNING", span, message)
+                Finding::new(code::OSC_TURNING, span, message)
                     .ranked("", feed_mm_per_s / largest_mm_per_s)
                     .with_value("curvature", curvature, "1/mm")
                     .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
@@ -288,7 +292,7 @@ impl ActiveOscillation {
             } else {
                 known_names(conditions)
             };
-            let finding = Finding::error("OSC-CONDITION-UNKNOWN", self.on_span, message);
+            let finding = Finding::new(code::OSC_CONDITION_UNKNOWN, self.on_span, message);
             // A name is no number.
             let finding =
                 if requested.is_none() { finding.with_value("condition", f64::from(number), "") } else { finding };
@@ -303,7 +307,7 @@ impl ActiveOscillation {
                 named.name, named.number
             );
             found.push(
-                Finding::warning("OSC-CONDITION-OVERRIDDEN", self.on_span, message)
+                Finding::new(code::OSC_CONDITION_OVERRIDDEN, self.on_span, message)
                     .with_value("programmed", f64::from(number), "")
                     .with_value("condition", f64::from(named.number), "")
                     .suggest("leave P out of the program, or the condition out of the job"),
@@ -323,7 +327,7 @@ impl ActiveOscillation {
         let geometry = known.and_then(|tool| tool.geometry.as_ref());
         if geometry.is_none() {
             let message = format!("nothing is known of the cutting edges of tool {number}");
-            let finding = Finding::error("OSC-TOOL-UNKNOWN", self.on_span, message);
+            let finding = Finding::new(code::OSC_TOOL_UNKNOWN, self.on_span, message);
             let finding = finding.with_value("tool", f64::from(number), "");
             found.push(finding.suggest("give edges, radius, edge length and edge height in the tool library"));
         }
@@ -361,7 +365,7 @@ fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: 
         number(before)
     );
     found.push(
-        Finding::info("OSC-ROLES-TURNED", span, message)
+        Finding::new(code::OSC_ROLES_TURNED, span, message)
             .with_value("leading_edge", f64::from(leading_edge), "")
             .with_value("first_edge", f64::from(roles.first_edge), "")
             .with_value("changes", roles.changes as f64, "")

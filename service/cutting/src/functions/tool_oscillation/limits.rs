@@ -7,6 +7,7 @@ use feedwave_program::{Axis, Finding, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::{DirectionLimits, DirectionMotion, OscillationCut, OscillationLimits, OscillationRun};
+use crate::code;
 use crate::shared::blend::BLEND_PEAKS;
 use crate::shared::wording::{decimal, round_down};
 
@@ -90,7 +91,7 @@ impl Shortage {
             decimal(self.limit, 1),
             self.unit
         );
-        let finding = Finding::error("OSC-AXIS-LIMIT", span, message)
+        let finding = Finding::new(code::OSC_AXIS_LIMIT, span, message)
             .ranked(self.axis.clone(), self.taken / self.limit)
             .with_value("demanded", self.taken, self.unit)
             .with_value("limit", self.limit, self.unit);

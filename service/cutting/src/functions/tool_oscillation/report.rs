@@ -10,6 +10,7 @@ use super::{
     ToolGeometry, ToolOscillation, findings, ramp_mm,
 };
 use crate::PipelineConfig;
+use crate::code;
 
 /// What one direction of the machine can do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -223,7 +224,7 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
             (Ok(oscillating), Ok(plain)) => report.floor = Some(FloorReport { area: *area, oscillating, plain }),
             (Err(error), _) | (_, Err(error)) => {
                 // What cannot be examined forbids nothing.
-                found.push(Finding::info("OSC-FLOOR", job.span, format!("its roughness is not known: {error}")));
+                found.push(Finding::new(code::OSC_FLOOR, job.span, format!("its roughness is not known: {error}")));
             }
         }
     }

@@ -11,6 +11,7 @@ use super::OscillationRun;
 use super::judgement::heading;
 use super::limits::LeftLimits;
 use crate::PipelineConfig;
+use crate::code;
 use crate::frame::builder::{Builder, MAX_SECTION_REPORTS};
 use crate::frame::interpolator::Barrier;
 use crate::functions::five_axis::Guide;
@@ -70,7 +71,7 @@ impl Builder {
         if !command.on {
             if active.is_none() {
                 let message = "the oscillation is switched off but was not on";
-                let finding = Finding::error("OSC-OFF-WITHOUT-ON", span, message);
+                let finding = Finding::new(code::OSC_OFF_WITHOUT_ON, span, message);
                 findings.push(finding.suggest("remove the block, or switch the oscillation on before it"));
             }
             return;
@@ -79,7 +80,7 @@ impl Builder {
             let line = active.on_span.line;
             let message = format!("the oscillation is on already, since line {line}");
             findings.push(
-                Finding::error("OSC-NESTED", span, message)
+                Finding::new(code::OSC_NESTED, span, message)
                     .with_value("on_line", f64::from(line), "")
                     .suggest("switch it off before it is switched on with other values"),
             );
@@ -91,7 +92,7 @@ impl Builder {
             if value.is_none() && (needed || word.is_some()) {
                 let place = word.map_or(span, |word| word.span);
                 let message = format!("the {name} of the oscillation ({letter} word) is missing or not a whole number");
-                let finding = Finding::error("OSC-WORD", place, message);
+                let finding = Finding::new(code::OSC_WORD, place, message);
                 findings.push(finding.suggest(format!("write the {name}, such as {letter}1")));
                 refused = true;
             }
@@ -121,7 +122,7 @@ impl Builder {
     pub(crate) fn end_oscillation(&mut self, findings: &mut FindingLog) {
         if let Some(active) = self.state.oscillation.take() {
             let message = "the program ends while the oscillation switched on here is still on";
-            let finding = Finding::warning("OSC-UNCLOSED", active.on_span, message);
+            let finding = Finding::new(code::OSC_UNCLOSED, active.on_span, message);
             findings.push(finding.suggest("switch the oscillation off before the end of the program"));
         }
     }
@@ -139,7 +140,7 @@ impl Builder {
                 decimal(needed_mm, 4)
             );
             findings.push(
-                Finding::warning("OSC-SECTION-SHORT", active.on_span, message)
+                Finding::new(code::OSC_SECTION_SHORT, active.on_span, message)
                     .at("line", line.into())
                     .ranked("", needed_mm - length_mm)
                     .with_value("length", length_mm, "mm")

@@ -13,6 +13,7 @@ use feedwave_program::{
 
 use super::{Guide, GuideState, refused};
 use crate::PipelineConfig;
+use crate::code;
 
 /// A tool axis further from the normal of its plane than this is not meant to be on it, rad: programs write rotary axes with
 /// three decimals of a degree.
@@ -40,7 +41,7 @@ pub(super) fn circle_in_work(plane: &TiltedPlane, step: &Move) -> Option<TipCirc
 
 /// A rotary axis that cannot turn as far as the normal asks for.
 fn out_of_range(reason: &KinematicsError, solution: ToolAxisSolution, span: SourceSpan) -> Finding {
-    let mut finding = Finding::error("FIVE-AXIS-RANGE", span, format!("the tool axis onto the plane: {reason}"))
+    let mut finding = Finding::new(code::FIVE_AXIS_RANGE, span, format!("the tool axis onto the plane: {reason}"))
         .with_value("excess", reason.excess_rad().to_degrees(), "deg");
     if solution != ToolAxisSolution::Preferred {
         finding = finding.suggest("take the other solution: G53.1 without P");
@@ -124,7 +125,7 @@ impl Guide {
             plane.line
         );
         findings.push(
-            Finding::warning("FIVE-AXIS-NOT-NORMAL", span, message)
+            Finding::new(code::FIVE_AXIS_NOT_NORMAL, span, message)
                 .with_value("beside", beside_deg, "deg")
                 .with_value("plane_line", f64::from(plane.line), "")
                 .suggest("turn the tool axis onto the plane with G53.1, in the block after G68.2"),

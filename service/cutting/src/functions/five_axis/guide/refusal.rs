@@ -5,6 +5,7 @@ use feedwave_program::{Axis, Finding, GuidedMove, SourceSpan, ToolGuide};
 
 use super::super::ahead::CutNote;
 use super::Guide;
+use crate::code;
 
 impl Guide {
     /// Adds what helps where a rotary axis would leave its range, rad: with vectors another approach may, with angles
@@ -58,14 +59,14 @@ impl Guide {
 
 pub(super) fn no_axis(axis: Axis, span: SourceSpan) -> Finding {
     let message = format!("{} is not among the five axes of the kinematics", axis.letter());
-    Finding::error("AXIS-MISSING", span, message)
+    Finding::new(code::AXIS_MISSING, span, message)
         .suggest("remove the word, or move the axis while tool centre point control is off")
 }
 
 /// Tool centre point control on a machine that has no kinematics.
 pub(crate) fn no_kinematics(span: SourceSpan) -> Finding {
     let message = "tool centre point control and tilted planes need the kinematics of the machine, which its profile does not have";
-    Finding::error("FIVE-AXIS-KINEMATICS", span, message).suggest("describe the five axes in the machine profile")
+    Finding::new(code::FIVE_AXIS_KINEMATICS, span, message).suggest("describe the five axes in the machine profile")
 }
 
 /// A rotary axis that leaves its range, and how its other solution fares.
@@ -77,7 +78,7 @@ fn out_of_range(
     cut: Option<&CutNote>,
 ) -> Finding {
     let KinematicsError::OutOfRange { value_rad, range_rad: [low_rad, high_rad], .. } = *reason else {
-        return Finding::error("FIVE-AXIS-RANGE", span, message);
+        return Finding::new(code::FIVE_AXIS_RANGE, span, message);
     };
     let other = cut.and_then(|cut| cut.other);
     let message = match (cut, other) {
@@ -94,7 +95,7 @@ fn out_of_range(
         (Some(cut), None) => format!("{message}; the cut begins in line {}", cut.line),
         (None, _) => message,
     };
-    let mut finding = Finding::error("FIVE-AXIS-RANGE", span, message)
+    let mut finding = Finding::new(code::FIVE_AXIS_RANGE, span, message)
         .with_value("share", share, "")
         .with_value("angle", value_rad.to_degrees(), "deg")
         .with_value("range_min", low_rad.to_degrees(), "deg")
@@ -118,24 +119,24 @@ pub(super) fn refused(refusal: &FiveAxisRefusal, span: SourceSpan, cut: Option<&
     let message = refusal.to_string();
     match *refusal {
         FiveAxisRefusal::Pose { share, reason } => {
-            let finding = |code| Finding::error(code, span, message.clone()).with_value("share", share, "");
+            let finding = |code| Finding::new(code, span, message.clone()).with_value("share", share, "");
             match reason {
                 KinematicsError::OutOfRange { .. } => out_of_range(&reason, message, share, span, cut),
-                KinematicsError::Unreachable { missing_rad } => finding("FIVE-AXIS-UNREACHABLE")
+                KinematicsError::Unreachable { missing_rad } => finding(code::FIVE_AXIS_UNREACHABLE)
                     .with_value("missing", missing_rad.to_degrees(), "deg")
                     .suggest("clamp the work in another position"),
-                _ => finding("FIVE-AXIS-POSE").suggest("check the kinematics in the machine profile"),
+                _ => finding(code::FIVE_AXIS_POSE).suggest("check the kinematics in the machine profile"),
             }
         }
-        FiveAxisRefusal::Opposite(_) => Finding::error("FIVE-AXIS-OPPOSITE", span, message)
+        FiveAxisRefusal::Opposite(_) => Finding::new(code::FIVE_AXIS_OPPOSITE, span, message)
             .suggest("write a direction in between, which says over which side the tool turns"),
-        FiveAxisRefusal::Start { difference, .. } => Finding::error("FIVE-AXIS-START", span, message)
+        FiveAxisRefusal::Start { difference, .. } => Finding::new(code::FIVE_AXIS_START, span, message)
             .with_value("difference", difference, "")
             .suggest("move to the start of the cut with G0 first"),
-        FiveAxisRefusal::TooSharp { share } => Finding::error("FIVE-AXIS-TOO-SHARP", span, message)
+        FiveAxisRefusal::TooSharp { share } => Finding::new(code::FIVE_AXIS_TOO_SHARP, span, message)
             .with_value("share", share, "")
             .suggest("keep off the edge of what the rotary axes can reach"),
-        FiveAxisRefusal::NotANumber => Finding::error("FIVE-AXIS-POSE", span, message)
+        FiveAxisRefusal::NotANumber => Finding::new(code::FIVE_AXIS_POSE, span, message)
             .suggest("check the numbers of the block and of the work offset"),
     }
 }

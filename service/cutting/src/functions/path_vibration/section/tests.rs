@@ -126,7 +126,7 @@ impl Run {
 }
 
 fn codes(findings: &[Finding]) -> Vec<&str> {
-    findings.iter().map(|finding| finding.code.as_ref()).collect()
+    findings.iter().map(|finding| finding.code.name()).collect()
 }
 
 fn replacements(finding: &Finding) -> Vec<&str> {
@@ -254,7 +254,7 @@ fn a_curve_takes_its_part_of_the_limits() {
     let blocks = vec![(quarter(5.0, 0.0, 0.05, 4), Feed::PerRevolution(0.01), turning(1_000.0))];
     let (report, findings) = Run::example(125.0 / 3.0, 0.1).with_blocks(blocks).finish();
     assert!(!report.feasible);
-    let finding = findings.iter().find(|finding| finding.code.starts_with("VIB-AXIS")).unwrap();
+    let finding = findings.iter().find(|finding| finding.code.name().starts_with("VIB-AXIS")).unwrap();
     assert!(finding.message.contains("line 4"), "{}", finding.message);
     let largest_mm = report.largest_amplitude_mm.unwrap();
     assert!(largest_mm > 0.0 && largest_mm < 0.1);

@@ -63,7 +63,7 @@ pub(super) fn program_b() -> ThreadJob {
 }
 
 pub(super) fn codes(report: &ThreadReport) -> Vec<&str> {
-    report.findings.iter().map(|finding| &*finding.code).collect()
+    report.findings.iter().map(|finding| finding.code.name()).collect()
 }
 
 #[track_caller]
