@@ -8,6 +8,15 @@ const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// Where text is written that may cite a page.
 const FOLDERS: [&str; 8] = ["service", "proto", "tests", "migrations", "deploy", "fuzz", "docs", ".ci"];
 
+/// The page that is about a machining function, by the folder of the function.
+const PAGES: [(&str, &str); 5] = [
+    ("path_vibration", "docs/functions/path-vibration.md"),
+    ("five_axis", "docs/functions/five-axis-thinning.md"),
+    ("thinning", "docs/functions/five-axis-thinning.md"),
+    ("thread", "docs/functions/thread-vibration.md"),
+    ("tool_oscillation", "docs/functions/tool-oscillation.md"),
+];
+
 /// Sources that are not in the repository, in the words by which they were once cited.
 const ELSEWHERE: [&str; 5] = ["specification page", "vibration page", "oscillation page", "(page 0", "of page 0"];
 
@@ -131,6 +140,29 @@ fn every_cited_page_and_section_is_there() {
         }
     }
     assert!(cited >= 40, "{cited} sections are cited");
+}
+
+#[test]
+fn the_page_of_a_function_names_all_of_its_findings() {
+    let functions = "service/cutting/src/functions";
+    let mut seen = 0;
+    for entry in fs::read_dir(Path::new(REPOSITORY).join(functions)).expect("the functions") {
+        let function = entry.expect("an entry").file_name().into_string().expect("a name");
+        let table = Path::new(functions).join(&function).join("code.rs");
+        if !Path::new(REPOSITORY).join(&table).exists() {
+            continue;
+        }
+        let page = PAGES.iter().find(|(name, _)| *name == function);
+        let (_, page) = page.unwrap_or_else(|| panic!("which page of docs/functions is about {function}?"));
+        let text = read(Path::new(page));
+        let table = read(&table);
+        let codes = table.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\" ["));
+        for (code, _) in codes {
+            assert!(text.contains(&format!("`{code}`")), "{page} does not name {code}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 50, "{seen} codes");
 }
 
 #[test]

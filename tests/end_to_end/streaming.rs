@@ -73,7 +73,7 @@ async fn slow_readers_stop_nobody_else() {
     let beside = stream(&mut slow_clients, request.clone()).await.unwrap();
     let apart = stream(&mut other_clients, request).await.unwrap();
     assert!(beside.bits_from(0) == apart.bits_from(0));
-    // And whoever was slow finds everything in its place.
+    // And a slow reader gets everything in order.
     assert!(unread[0].message().await.unwrap().is_some());
 }
 

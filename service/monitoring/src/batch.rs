@@ -122,7 +122,7 @@ pub enum Event {
     Tool(u32),
     /// Start over with the baseline, for the tool in the spindle; only this ends a stop.
     Rebaseline,
-    /// Somebody resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the
+    /// The operator resumes the cut whose feed an escalation holds: it goes on with the lower feed bound, or what the
     /// operator has set since. Without effect where nothing is held.
     Resume,
     /// The clock of the sensors shows this time in ns: notices silence and stale stamps.

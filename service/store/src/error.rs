@@ -172,7 +172,7 @@ pub enum StoreError {
         /// Its state.
         state: RunState,
     },
-    /// Somebody else took the run up.
+    /// Another connection resumed the run.
     #[error("run {run_id} was taken up by another connection")]
     Detached {
         /// The run.

@@ -162,7 +162,7 @@ pub struct RunCondition {
     pub acknowledged: Option<Acknowledgement>,
 }
 
-/// Somebody has seen a condition.
+/// The acknowledgement of a condition.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Acknowledgement {
     /// When, microseconds since the Unix epoch.
@@ -262,7 +262,7 @@ pub trait Runs {
     /// `NotFound` if the job does not exist, `TooLarge`, `Unavailable`.
     async fn create_run(&self, run: NewRun) -> Result<AttachedRun>;
 
-    /// Takes an open run up; whoever had it before can write no more.
+    /// Resumes an open run; the connection that had it before can no longer write.
     ///
     /// # Errors
     /// `NotFound`, `RunEnded` if it is not open any more, `Unavailable`.

@@ -69,7 +69,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     failure.map_or(Ok(ExitCode::SUCCESS), |failure| Err(CliError::new(failure)))
 }
 
-/// Written beside and moved into place, so that whoever waits for the file never reads half of it.
+/// Written to another file and renamed, so that a reader never gets half of it.
 fn write_ready_file(path: &Path, server: &RunningServer) -> std::io::Result<()> {
     let addresses = serde_json::json!({
         "grpc": server.grpc_addr().to_string(),

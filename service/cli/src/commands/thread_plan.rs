@@ -74,7 +74,8 @@ pub struct Args {
     /// Where the thread ends
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     end_z: f64,
-    /// Way of Z before it reaches the work; its run-up must end there [default: what the profile says, or not judged]
+    /// Travel of Z before it reaches the work; its run-up must end there [default: what the profile says, or not
+    /// judged]
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     approach: Option<f64>,
     /// Change of the work's radius per travel of Z, positive where the work grows along the cut

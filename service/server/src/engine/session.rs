@@ -1,4 +1,4 @@
-//! The monitor of a run with everything of it that is not durable yet. Whoever drives a session takes batches in, then
+//! The monitor of a run with everything of it that is not durable yet. The driver of a session takes batches in, then
 //! commits; what a commit returns may be sent to the client.
 //!
 //! Invariant: a decision, the batches it was made from and the monitor's state after them become durable in one

@@ -249,7 +249,7 @@ struct Run {
 enum End {
     /// Everything there is to say was said.
     Last,
-    /// Nobody wants more.
+    /// The receiver is gone.
     CutOff,
 }
 
@@ -263,7 +263,7 @@ impl Run {
         let mut expander = plan.expand.map(|substeps| ServoExpander::new(machine, substeps, plan.config.period_s()));
         // Number of setpoints in the stream's own index, known once the last one was generated.
         let mut end = 0;
-        // Nobody waits for a whole block before anything comes.
+        // The first setpoints do not wait for a whole block.
         let mut most = FIRST_CHUNK_SIZE;
         while !self.outlet.ends.reached() {
             match self.pipeline.next_setpoints(&mut block, most) {

@@ -53,7 +53,7 @@ impl Intake {
 
     /// Ends the run.
     pub(crate) async fn end(self) {
-        // Whoever does not listen any more has ended already.
+        // A receiver that is gone has ended already.
         let _ = self.sender.send(Input::End).await;
     }
 

@@ -36,7 +36,7 @@ impl From<Error> for Status {
         match &error {
             Error::Internal(cause) => tracing::error!(%cause, "internal error"),
             Error::StoreUnavailable(cause) => tracing::error!(error = ?cause, "the store is unavailable"),
-            // Whoever knows the limits completes it: `complete`.
+            // `complete` adds it, where the limits are known.
             Error::Transport(status) => return status.clone(),
             _ => {}
         }

@@ -300,7 +300,7 @@ async fn a_deflection_that_stays_too_large_at_the_lower_bound_holds_the_path_unt
     let feed = columns.iter().position(|column| column.name == "feed_mm_per_min").unwrap();
     assert!(column(&run.chunks, feed)[1_000..].iter().all(|feed| *feed == 0.0));
 
-    // Nobody has seen why: a resume is refused, and says so. Holding is possible.
+    // Not acknowledged: a resume is refused with the reason. Holding is possible.
     run.command(RunCommandKind::Resume).await;
     while run.refused.is_empty() {
         assert_eq!(run.next().await.unwrap(), None);

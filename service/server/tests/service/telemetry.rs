@@ -273,7 +273,7 @@ async fn a_held_feed_needs_an_acknowledgement_and_a_resume_also_after_a_restart(
     assert_eq!((open.open_conditions, open.conditions[0].decision_number), (1, 3));
     assert_eq!((open.conditions[0].action(), open.conditions[0].acknowledge_time), (hold, None));
 
-    // Nobody has seen it: a resume ends the connection, and changes nothing.
+    // Not acknowledged: a resume ends the connection, and changes nothing.
     let resume = |sequence| {
         let event = MachineEvent { event: Some(Event::Resume(true)) };
         TelemetryBatch { events: vec![event], ..batch(sequence, 0.005) }

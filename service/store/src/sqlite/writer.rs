@@ -248,7 +248,7 @@ struct Task {
     counters: Arc<Counters>,
     /// Told after every commit.
     commits: Arc<Notify>,
-    /// Its end is the end of whoever follows the commits.
+    /// Its end also ends the receivers of the commits.
     _alive: oneshot::Sender<()>,
 }
 

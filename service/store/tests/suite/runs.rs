@@ -102,7 +102,7 @@ async fn conditions_stay_until_somebody_has_seen_them() {
     let seen = store.acknowledge_condition(id, Some(2), "Ada".to_owned(), "worn".to_owned()).await.unwrap();
     let first = seen.acknowledged.clone().unwrap();
     assert_eq!((seen.decision_number, first.by.as_str(), first.note.as_str()), (2, "Ada", "worn"));
-    // Once: who comes later changes nothing.
+    // Once: later acknowledgements change nothing.
     let again = store.acknowledge_condition(id, Some(2), "Bob".to_owned(), String::new()).await.unwrap();
     assert_eq!(again, seen);
     assert_eq!(unseen(&store).await, 1);

@@ -287,8 +287,8 @@ impl Pipeline {
         self.next_setpoints(block, BLOCK_LENGTH)
     }
 
-    /// [`Pipeline::next_block`] with at most so many setpoints, for whoever waits for the first ones. `most` is 1 to
-    /// [`BLOCK_LENGTH`]; beyond, the nearest of the two holds.
+    /// [`Pipeline::next_block`] with at most so many setpoints, for a caller that waits for the first ones. `most` is 1
+    /// to [`BLOCK_LENGTH`]; beyond, the nearest of the two holds.
     pub fn next_setpoints(&mut self, block: &mut SetpointBlock, most: usize) -> Step {
         if !self.block_begun {
             block.clear(self.interpolator.next_index());

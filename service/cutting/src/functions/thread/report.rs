@@ -30,7 +30,7 @@ pub struct ThreadLimits {
     pub vibration_acceleration_mm_per_s2: f64,
     /// Highest jerk of X on the radius, mm/s³.
     pub vibration_jerk_mm_per_s3: f64,
-    /// Way from the start position to the work, mm of travel.
+    /// Travel from the start position to the work, mm.
     pub approach_mm: f64,
     /// Interpolation period, s; 0 where setpoints follow the spindle angle.
     pub period_s: f64,
