@@ -1,4 +1,4 @@
-//! The client's side of encryption: whom to trust, whom to be, and errors that say what went wrong.
+//! The client's side of encryption: certificates to trust, a certificate of its own, and errors with their causes.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

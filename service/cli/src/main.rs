@@ -1,4 +1,4 @@
-//! The `feedwave` binary: reads the command line and does what it says.
+//! The `feedwave` binary: runs the command line.
 
 use std::io::Write as _;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! `feedwave acknowledge`
+//! `feedwave acknowledge`: acknowledges a condition of a run, such as a held feed.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! `feedwave lobes`
+//! `feedwave lobes`: stability lobes of a tool and the spindle table that they give.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;

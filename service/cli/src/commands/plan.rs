@@ -1,4 +1,4 @@
-//! `feedwave plan`
+//! `feedwave plan`: a program into a file of setpoints and pictures.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

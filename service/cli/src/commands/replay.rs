@@ -1,4 +1,4 @@
-//! `feedwave replay`
+//! `feedwave replay`: compares a run with what its log gives.
 
 use std::process::ExitCode;
 

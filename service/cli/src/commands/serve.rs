@@ -1,4 +1,4 @@
-//! `feedwave serve`
+//! `feedwave serve`: the service until a signal ends it.
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};

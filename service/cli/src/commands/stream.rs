@@ -1,4 +1,4 @@
-//! `feedwave stream`
+//! `feedwave stream`: setpoints of a job into a file, resumed after a break.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! `feedwave submit`
+//! `feedwave submit`: a program becomes a job, and its report.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! `feedwave thread-plan`
+//! `feedwave thread-plan`: the passes of a thread whose chip breaks, as a program.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

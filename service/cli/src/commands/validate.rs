@@ -1,4 +1,4 @@
-//! `feedwave validate`
+//! `feedwave validate`: findings and report of a program.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

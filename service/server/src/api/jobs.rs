@@ -1,4 +1,4 @@
-//! `feedwave.v1.Jobs`: jobs. Their events and their programs are in the modules beside.
+//! `feedwave.v1.Jobs`: jobs. Their events and their programs are in modules of their own.
 
 use std::pin::Pin;
 

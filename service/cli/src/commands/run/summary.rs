@@ -1,4 +1,4 @@
-//! What a run came to.
+//! Summary of a run.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

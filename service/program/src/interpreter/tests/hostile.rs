@@ -1,4 +1,4 @@
-//! Input that means no good: always a finding, never a panic, in bounded memory.
+//! Hostile input: always a finding, never a panic, in bounded memory.
 
 use proptest::prelude::*;
 
