@@ -24,3 +24,4 @@ mod streaming;
 mod telemetry;
 mod threads;
 mod uploads;
+mod waiting_runs;
