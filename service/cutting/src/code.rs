@@ -2,12 +2,12 @@
 
 use feedwave_program::CodeTable;
 
-pub use crate::frame::code::*;
 pub use crate::functions::five_axis::code::*;
 pub use crate::functions::path_vibration::code::*;
 pub use crate::functions::thinning::code::*;
 pub use crate::functions::thread::code::*;
 pub use crate::functions::tool_oscillation::code::*;
+pub use crate::shared::code::*;
 
 /// Every finding code of this crate, by function.
 pub const TABLES: [CodeTable; 6] = [

@@ -15,11 +15,11 @@ mod shared;
 
 pub use frame::pipeline::{
     AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
-    Pipeline, PipelineConfig, SnapshotError, Step, Tool,
+    Pipeline, PipelineConfig, SnapshotError, Step,
 };
 pub use frame::profile::{
-    MAX_AMPLITUDE_MM, MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG,
-    MAX_SERVO_SUBSTEPS, MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
+    MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS,
+    MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
 };
 pub use frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 pub use frame::validation::Validation;
@@ -28,3 +28,5 @@ pub use functions::thinning::{DroppedRun, ProgramThinning};
 pub use functions::{thinning, thread, tool_oscillation};
 pub use shared::cut::Cut;
 pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock, setpoint_index_at};
+pub use shared::tool::Tool;
+pub use shared::track::MAX_AMPLITUDE_MM;

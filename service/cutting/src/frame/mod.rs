@@ -2,10 +2,10 @@
 //! both, and what is judged and reported of every program.
 
 pub(crate) mod builder;
-pub(crate) mod code;
 pub(crate) mod interpolator;
 pub(crate) mod pipeline;
 pub(crate) mod profile;
 pub(crate) mod report;
-pub(crate) mod timed;
+mod scout;
+mod timed;
 pub(crate) mod validation;

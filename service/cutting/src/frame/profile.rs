@@ -5,10 +5,12 @@ use feedwave_motion::{Machine, ProfileProblem};
 use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM};
 use serde::{Deserialize, Serialize};
 
+use crate::frame::pipeline::MAX_OVERRIDE_RATIO;
+use crate::functions::path_vibration::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
 use crate::functions::thinning::ThinningSettings;
 use crate::functions::thread::ThreadVibrationSettings;
 use crate::functions::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
-use crate::{FollowingModel, MAX_OVERRIDE_RATIO, MIN_FREQUENCY_HZ, VibrationSettings};
+use crate::shared::track::MAX_AMPLITUDE_MM;
 
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -248,8 +250,6 @@ fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
     problems
 }
 
-/// The path within one amplitude of the tool must fit in memory, so amplitudes have a ceiling, mm.
-pub const MAX_AMPLITUDE_MM: f64 = 10.0;
 /// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
 pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
 /// Largest angle between the programmed tool direction and the one that is taken at a corner, degrees.

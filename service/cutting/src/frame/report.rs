@@ -3,9 +3,12 @@
 use feedwave_program::Finding;
 use serde::{Deserialize, Serialize};
 
+use crate::frame::pipeline::PipelineConfig;
+use crate::functions::path_vibration::SectionReport;
+use crate::functions::thinning::ProgramThinning;
 use crate::functions::thread::ThreadSectionReport;
-use crate::functions::tool_oscillation::OscillationSectionReport;
-use crate::{ProgramThinning, SectionReport};
+use crate::functions::tool_oscillation::{OscillationDirection, OscillationSectionReport, ToolOscillation};
+use crate::shared::tool::ToolGeometry;
 
 /// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
 /// `feedwave validate --format json` prints.
@@ -150,4 +153,28 @@ pub struct PeakPlace {
     pub time_s: f64,
     /// Its source line; 0 before the first block.
     pub line: u32,
+}
+
+impl OscillationSectionReport {
+    /// The tool and its oscillation as judged, from the configuration that the program was validated with; `None` where that
+    /// does not have them.
+    #[must_use]
+    pub fn motion<'a>(&self, config: &'a PipelineConfig) -> Option<(&'a ToolGeometry, ToolOscillation)> {
+        let tool = config.tools.iter().find(|tool| tool.number == self.tool)?.geometry.as_ref()?;
+        let named = config.profile.tool_oscillation.iter().filter(|named| named.name == self.condition);
+        let for_tool = named.clone().find(|named| named.tools.contains(&self.tool));
+        let named = for_tool.or_else(|| named.clone().find(|named| named.tools.is_empty()))?;
+        let mut condition = named.at(self.cut.feed_mm_per_min, self.cut.spindle_rev_per_min);
+        for load in &self.report.loads {
+            // Words of the program may override the condition's amplitudes.
+            match load.direction {
+                OscillationDirection::Feed => condition.feed.amplitude_mm = load.amplitude_mm,
+                OscillationDirection::Axial => condition.axial.amplitude_mm = load.amplitude_mm,
+                OscillationDirection::Cross => {}
+            }
+        }
+        let oscillation =
+            ToolOscillation::new(tool, &condition, self.report.periods_per_rev, self.report.leading_edge)?;
+        Some((tool, oscillation))
+    }
 }

@@ -3,9 +3,9 @@
 use feedwave_motion::{Planned, Planner, PlannerSettings};
 use feedwave_program::{FindingLog, Operation};
 
-use crate::PipelineConfig;
 use crate::frame::builder::Builder;
 use crate::frame::interpolator::Barrier;
+use crate::frame::pipeline::PipelineConfig;
 
 /// A plan that nothing is interpolated from.
 #[derive(Clone, Debug)]

@@ -4,13 +4,12 @@ use std::sync::Arc;
 
 use feedwave_program::Severity;
 
-use crate::frame::builder::Analysis;
+use crate::frame::builder::{Analysis, FunctionAnalysis};
+use crate::frame::pipeline::{Pipeline, PipelineConfig, Step};
+use crate::frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 use crate::functions::thinning::report_findings;
 use crate::functions::thread::ThreadPath;
-use crate::{
-    AxisSummary, Frame, LimitTimes, PeakPlace, Pipeline, PipelineConfig, ProgramSummary, SetpointBlock, Step,
-    ValidationReport,
-};
+use crate::shared::setpoint::{Frame, SetpointBlock};
 
 /// Lines read per step once setpoints have stopped at an error.
 const LINES_PER_STEP: usize = 4_096;
@@ -81,7 +80,7 @@ impl Validation {
     #[must_use]
     pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
         if let Some(analysis) = &mut self.pipeline.builder.analysis {
-            analysis.wanted_pass = Some((thread, pass));
+            analysis.functions.threads.wanted_pass = Some((thread, pass));
         }
         self
     }
@@ -89,7 +88,7 @@ impl Validation {
     /// The path that is kept, as soon as its pass is planned, which is before its setpoints come.
     #[must_use]
     pub fn kept_path(&self) -> Option<&ThreadPath> {
-        self.pipeline.builder.analysis.as_ref()?.wanted_path.as_ref()
+        self.pipeline.builder.analysis.as_ref()?.functions.threads.wanted_path.as_ref()
     }
 
     /// See [`Pipeline::push`].
@@ -131,7 +130,7 @@ impl Validation {
                 self.stopped = true;
                 self.block = self.pipeline.new_block();
                 if let Some(analysis) = &mut self.pipeline.builder.analysis {
-                    analysis.finish_waiting(&mut self.pipeline.findings);
+                    analysis.functions.vibration.finish_waiting(&mut self.pipeline.findings);
                 }
                 Step::Block
             }
@@ -143,7 +142,7 @@ impl Validation {
             let more = self.pipeline.read_line();
             self.pipeline.discard_planned();
             if let Some(analysis) = &mut self.pipeline.builder.analysis {
-                analysis.finish_waiting(&mut self.pipeline.findings);
+                analysis.functions.vibration.finish_waiting(&mut self.pipeline.findings);
             }
             if !more {
                 if self.pipeline.input_is_finished() {
@@ -179,6 +178,7 @@ impl Validation {
         let thinning = pipeline.thinning_report();
         let findings = std::mem::take(&mut pipeline.findings);
         let analysis = pipeline.builder.analysis.take().unwrap_or_default();
+        let FunctionAnalysis { vibration, oscillation, threads } = analysis.functions;
         let oscillating_cutting_time_s = pipeline.builder.oscillating_cutting_time_s();
         let refused = findings.has_errors();
         let shares = pipeline.interpolator.shares();
@@ -188,11 +188,11 @@ impl Validation {
             warnings: findings.count(Severity::Warning),
             infos: findings.count(Severity::Info),
             findings_not_listed: findings.dropped(),
-            section_count: analysis.section_count,
-            thread_count: analysis.thread_count,
-            oscillation_count: analysis.oscillation_count,
+            section_count: vibration.sections.count,
+            thread_count: threads.reports.count,
+            oscillation_count: oscillation.reports.count,
             oscillating_cutting_time_s: if_accepted(oscillating_cutting_time_s),
-            thread_passes: analysis.thread_passes,
+            thread_passes: threads.passes,
             bytes: pipeline.input_offset(),
             lines: u64::from(pipeline.interpreter_state().lines_read()),
             moves: analysis.moves,
@@ -212,9 +212,9 @@ impl Validation {
         };
         ValidationReport {
             findings: findings.into_sorted(),
-            sections: analysis.sections,
-            threads: analysis.threads,
-            oscillations: analysis.oscillations,
+            sections: vibration.sections.first,
+            threads: threads.reports.first,
+            oscillations: oscillation.reports.first,
             thinning,
             summary,
         }

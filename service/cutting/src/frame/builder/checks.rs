@@ -1,19 +1,18 @@
-//! Checks of every move: tool, spindle speed, feed, travel and time.
+//! Checks of every move by the state of the program: tool, spindle speed and feed.
 
-use feedwave_motion::{Curve, Element, Machine, Stretches, travel_exceeded};
-use feedwave_program::{Axis, Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+use feedwave_motion::{Element, Stretches};
+use feedwave_program::{Finding, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::Builder;
-use crate::PipelineConfig;
 use crate::code;
+use crate::frame::pipeline::PipelineConfig;
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, is_rotary_only, too_long};
 
-/// Longest time a single block may take, s: one day. A slower one is a slip of a decimal point.
-pub(crate) const MAX_BLOCK_DURATION_S: f64 = 86_400.0;
 /// Different tools listed; a program can name a billion.
 const MAX_LISTED_TOOLS: usize = 1_000;
 
 impl Builder {
-    pub(crate) fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
+    pub(super) fn tool(&mut self, number: u32, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) {
         if let Some(analysis) = &mut self.analysis
             && analysis.tools.len() < MAX_LISTED_TOOLS
         {
@@ -31,7 +30,7 @@ impl Builder {
     }
 
     /// Spindle speed against the machine's and the tool's limit; once per tool.
-    pub(crate) fn check_speed(
+    pub(super) fn check_speed(
         &mut self,
         spindle: &Spindle,
         tool: u32,
@@ -65,7 +64,7 @@ impl Builder {
         }
     }
 
-    pub(crate) fn check_feed(&mut self, stretches: &Stretches, element: &Element, findings: &mut FindingLog) {
+    pub(super) fn check_feed(&mut self, stretches: &Stretches, element: &Element, findings: &mut FindingLog) {
         let span = element.source;
         let slowest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(f64::INFINITY, f64::min);
         let fastest = stretches.iter().map(|stretch| stretch.speed_mm_per_s).fold(0.0, f64::max);
@@ -90,44 +89,4 @@ impl Builder {
             );
         }
     }
-}
-
-/// Whether the length of an element is in degrees: only rotary axes move.
-pub(crate) fn is_rotary_only(element: &Element) -> bool {
-    !matches!(element.curve, Curve::FiveAxis(_))
-        && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
-}
-
-pub(crate) fn missing(axis: Axis, span: SourceSpan) -> Finding {
-    let letter = axis.letter();
-    Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
-        .suggest("remove the word, or add the axis to the machine profile")
-}
-
-pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {
-    if let Some(exceeded) = travel_exceeded(element, machine) {
-        let letter = exceeded.axis.letter();
-        let unit = if exceeded.axis.is_rotary() { "deg" } else { "mm" };
-        let message = format!(
-            "{letter} would reach {:.3} {unit}, beyond its travel limit {:.3} {unit} (machine coordinates)",
-            exceeded.value, exceeded.limit
-        );
-        let end = if exceeded.value < exceeded.limit { "low" } else { "high" };
-        findings.push(
-            Finding::new(code::AXIS_TRAVEL, element.source, message)
-                .ranked(format!("{letter} {end}"), (exceeded.value - exceeded.limit).abs())
-                .with_value("position", exceeded.value, unit)
-                .with_value("limit", exceeded.limit, unit)
-                .suggest("check the work offset and the programmed coordinate"),
-        );
-    }
-}
-
-pub(crate) fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
-    let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
-    Finding::new(code::PLAN_TOO_LONG, span, message)
-        .ranked("", duration_s)
-        .with_value("duration", duration_s, "s")
-        .with_value("limit", MAX_BLOCK_DURATION_S, "s")
-        .suggest("check the decimal point of the feed or dwell")
 }

@@ -1,74 +1,53 @@
 //! From operations to planner input: elements with their limits, speeds and barriers, and what is found
 //! about them.
 
-pub(crate) mod checks;
+mod checks;
+mod functions;
+mod guided;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use feedwave_motion::{
     Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
     limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    DwellTime, Finding, FindingLog, Function, Move, MoveKind, Operation, OperationKind, PathControl, Position,
-    SourceSpan, Spindle,
+    DwellTime, Finding, FindingLog, Move, MoveKind, Operation, OperationKind, PathControl, Position, SourceSpan,
+    Spindle,
 };
 use serde::{Deserialize, Serialize};
 
-use self::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
+pub(crate) use self::functions::FunctionAnalysis;
+use self::functions::Functions;
 use crate::code;
-use crate::frame::interpolator::{Barrier, SectionSamples};
+use crate::frame::interpolator::Barrier;
+use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
-use crate::functions::path_vibration::ActiveVibration;
-use crate::functions::thread::{ThreadPath, ThreadSectionReport, Threads};
-use crate::functions::tool_oscillation::{ActiveOscillation, Judgements, OscillationSectionReport};
+use crate::functions::path_vibration::VibrationDemand;
+use crate::functions::tool_oscillation::OscillationInputs;
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
 use crate::shared::cut::Cut;
-use crate::{PipelineConfig, SectionAnalyzer, SectionReport};
-
-/// Section reports kept in full; further sections are counted.
-pub(crate) const MAX_SECTION_REPORTS: usize = 1_000;
 
 /// Modal state between operations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BuilderState {
-    pub(crate) vibration: Option<ActiveVibration>,
-    pub(crate) oscillation: Option<Box<ActiveOscillation>>,
-    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
-    pub(crate) oscillating_cutting_time_s: f64,
+    functions: Functions,
     /// Tool in the spindle, 0 before the first.
-    pub(crate) tool: u32,
-    /// Whether the vibration was switched on with words that cannot be used: an error that was reported already.
-    pub(crate) unusable_vibration: bool,
-    pub(crate) spindle: Spindle,
-    pub(crate) smoother: PathSmoother<Cut>,
-    pub(crate) guide: GuideState,
-    pub(crate) threads: Threads,
+    tool: u32,
+    spindle: Spindle,
+    smoother: PathSmoother<Cut>,
+    guide: GuideState,
     /// X radius where the last move ended, mm.
-    pub(crate) radius_mm: f64,
-    pub(crate) feed_limited_reported: bool,
-    pub(crate) speed_limit_reported: bool,
+    radius_mm: f64,
+    feed_limited_reported: bool,
+    speed_limit_reported: bool,
 }
 
 /// Figures and section reports of a whole program; gathered while validating only.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Analysis {
-    pub(crate) open: Option<SectionAnalyzer>,
-    /// Sections whose setpoints are still to come.
-    pub(crate) awaiting: VecDeque<SectionAnalyzer>,
-    /// Feed override in force; `None` before the first change.
-    pub(crate) feed_override: Option<f64>,
-    pub(crate) sections: Vec<SectionReport>,
-    pub(crate) section_count: u64,
-    pub(crate) threads: Vec<ThreadSectionReport>,
-    pub(crate) thread_count: u64,
-    pub(crate) oscillations: Vec<OscillationSectionReport>,
-    pub(crate) oscillation_count: u64,
-    pub(crate) judgements: Judgements,
-    pub(crate) thread_passes: u64,
-    /// Thread and pass whose path is requested, counted from 0.
-    pub(crate) wanted_pass: Option<(u64, usize)>,
-    /// That path.
-    pub(crate) wanted_path: Option<ThreadPath>,
+    pub(crate) functions: FunctionAnalysis,
     pub(crate) moves: u64,
     pub(crate) cutting_moves: u64,
     pub(crate) path_length_mm: f64,
@@ -78,42 +57,11 @@ pub(crate) struct Analysis {
 }
 
 impl Analysis {
-    /// A section's setpoints have all been generated.
-    pub(crate) fn finish_section(&mut self, samples: SectionSamples, findings: &mut FindingLog) {
-        self.is_cut(f64::INFINITY);
-        if let Some(analyzer) = self.awaiting.pop_front() {
-            let report = analyzer.finish(samples.clamped, samples.total, findings);
-            self.section_count += 1;
-            if self.sections.len() < MAX_SECTION_REPORTS {
-                self.sections.push(report);
-            }
-        }
-    }
-
-    /// The section in progress has been cut up to a place, mm from its start, at the feed override in force.
-    pub(crate) fn is_cut(&mut self, up_to_mm: f64) {
-        let feed_override = self.feed_override.unwrap_or(1.0);
-        if let Some(under_way) = self.awaiting.front_mut().or(self.open.as_mut()) {
-            under_way.is_cut(up_to_mm, feed_override);
-        }
-    }
-
-    /// The feed override changes, in a section at a place of it.
-    pub(crate) fn changes_override(&mut self, place_mm: Option<f64>, feed_override: f64) {
-        if let Some(place_mm) = place_mm {
-            self.is_cut(place_mm);
-        }
-        // What is cut while the path comes to rest is cut at the override before.
-        if feed_override > 0.0 {
-            self.feed_override = Some(feed_override);
-        }
-    }
-
-    /// No more setpoints will be generated: finish what waits for them.
-    pub(crate) fn finish_waiting(&mut self, findings: &mut FindingLog) {
-        while !self.awaiting.is_empty() {
-            self.finish_section(SectionSamples::default(), findings);
-        }
+    /// The spindle turns at this speed while cutting, rev/min.
+    fn turns_at(&mut self, rev_per_min: f64) {
+        let [least, most] = self.spindle_rev_per_min.get_or_insert([rev_per_min; 2]);
+        *least = least.min(rev_per_min);
+        *most = most.max(rev_per_min);
     }
 }
 
@@ -123,11 +71,11 @@ pub(crate) struct Builder {
     pub(crate) state: BuilderState,
     pub(crate) analysis: Option<Analysis>,
     /// From the tool to the axes, on machines that have kinematics.
-    pub(crate) guide: Option<Guide>,
+    guide: Option<Guide>,
     /// The inverse solution for the next operation, where it was looked ahead for.
     pub(crate) chosen: Option<Chosen>,
     /// Elements between the smoother and the planner; empty between operations.
-    pub(crate) smoothed: Vec<Smoothed<Cut>>,
+    smoothed: Vec<Smoothed<Cut>>,
 }
 
 impl BuilderState {
@@ -135,14 +83,10 @@ impl BuilderState {
     pub(crate) fn at(position: Position) -> Self {
         Self {
             guide: GuideState::at(position),
-            vibration: None,
-            oscillation: None,
-            oscillating_cutting_time_s: 0.0,
+            functions: Functions::default(),
             tool: 0,
-            unusable_vibration: false,
             spindle: Spindle::STOPPED,
             smoother: PathSmoother::default(),
-            threads: Threads::default(),
             radius_mm: 0.0,
             feed_limited_reported: false,
             speed_limit_reported: false,
@@ -157,7 +101,7 @@ impl Builder {
 
     /// Cutting time with an oscillating tool so far, at the programmed feed, s.
     pub(crate) const fn oscillating_cutting_time_s(&self) -> f64 {
-        self.state.oscillating_cutting_time_s
+        self.state.functions.oscillation.cutting_time_s()
     }
 
     /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
@@ -169,7 +113,7 @@ impl Builder {
     /// What to look ahead for before an operation; nothing for most.
     pub(crate) fn ahead(&self, operation: &Operation, config: &PipelineConfig) -> Option<Ahead> {
         let OperationKind::Guided(guided) = &operation.kind else { return None };
-        self.guide.as_ref()?.ahead(guided, operation.span.line, &self.state.guide, config)
+        self.guide.as_ref()?.ahead(guided, operation.span.line, &self.state.guide, &config.guide_inputs())
     }
 
     /// Plans what path smoothing holds back.
@@ -195,33 +139,20 @@ impl Builder {
             // Everything but another cut happens on the programmed point, and in the section that it belongs to.
             self.flush(config, planner, findings);
         }
-        if self.state.threads.is_waiting() && !matches!(operation.kind, OperationKind::Thread(_)) {
+        if self.state.functions.threads.is_waiting() && !matches!(operation.kind, OperationKind::Thread(_)) {
             // A pass goes on only in the very next block.
             self.flush_threads(config, planner, findings);
         }
+        let (span, line) = (operation.span, operation.span.line);
         match &operation.kind {
-            OperationKind::Move(mv) if self.holds_rapid(mv, operation.span, config) => {}
-            OperationKind::Move(mv) => self.motion(mv, operation.span, config, planner, findings),
+            OperationKind::Move(mv) if self.holds_rapid(mv, span, config) => {}
+            OperationKind::Move(mv) => self.motion(mv, span, config, planner, findings),
             OperationKind::Thread(mv) => {
                 self.close_section(planner, findings);
-                self.thread(mv, operation.span, config, planner, findings);
+                self.thread(mv, span, config, planner, findings);
             }
-            OperationKind::Guided(guided) => self.guided(guided, operation.span, config, planner, findings),
-            OperationKind::Dwell(time) => {
-                self.close_section(planner, findings);
-                let duration_s = match *time {
-                    DwellTime::Seconds(seconds) => seconds,
-                    DwellTime::Revolutions(revolutions) => {
-                        revolutions / self.state.spindle.rev_per_s(self.state.radius_mm)
-                    }
-                };
-                // The infinite dwell of a stopped spindle is refused too.
-                if (0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
-                    planner.push_barrier(Barrier::Dwell { duration_s, line: operation.span.line });
-                } else {
-                    findings.push(too_long(operation.span, duration_s));
-                }
-            }
+            OperationKind::Guided(guided) => self.guided(guided, span, config, planner, findings),
+            OperationKind::Dwell(time) => self.dwell(*time, span, planner, findings),
             OperationKind::Spindle(spindle) => {
                 if !spindle.is_turning() {
                     self.close_section(planner, findings);
@@ -234,45 +165,43 @@ impl Builder {
             &OperationKind::Tool { number, .. } => {
                 self.close_section(planner, findings);
                 self.state.tool = number;
-                self.tool(number, operation.span, config, findings);
-                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+                self.tool(number, span, config, findings);
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
             }
             OperationKind::Coolant(_) => {}
-            OperationKind::Function(command) => match command.function {
-                Function::PathVibration => {
-                    self.switch_vibration(command, operation.span, config, planner, findings);
-                }
-                Function::Thinning => {}
-                Function::ToolOscillation => {
-                    self.switch_oscillation(command, operation.span, config, planner, findings);
-                }
-                Function::ThreadVibration => self.switch_thread_vibration(command, operation.span, config, findings),
-            },
+            OperationKind::Function(command) => self.switch(command, span, config, planner, findings),
             OperationKind::Stop { .. } => {
                 self.close_section(planner, findings);
-                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line: operation.span.line });
+                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
             }
             OperationKind::End => {
-                self.close_section(planner, findings);
-                self.end_threads(config, findings);
-                if let Some(vibration) = self.state.vibration.take() {
-                    findings.push(
-                        Finding::new(
-                            code::VIB_UNCLOSED,
-                            vibration.on_span,
-                            "the program ends while the vibration switched on here is still on",
-                        )
-                        .suggest("switch the vibration off before the end of the program"),
-                    );
-                }
-                self.end_oscillation(findings);
+                self.end_functions(config, planner, findings);
                 planner.push_barrier(Barrier::End);
                 planner.finish();
             }
         }
     }
 
-    pub(crate) fn motion(
+    /// Whether a rapid waits for a thread that may follow.
+    fn holds_rapid(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig) -> bool {
+        self.state.functions.threads.holds_rapid(mv, span, &config.profile.thread_vibration)
+    }
+
+    fn dwell(&mut self, time: DwellTime, span: SourceSpan, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        self.close_section(planner, findings);
+        let duration_s = match time {
+            DwellTime::Seconds(seconds) => seconds,
+            DwellTime::Revolutions(revolutions) => revolutions / self.state.spindle.rev_per_s(self.state.radius_mm),
+        };
+        // The infinite dwell of a stopped spindle is refused too.
+        if (0.0..=MAX_BLOCK_DURATION_S).contains(&duration_s) {
+            planner.push_barrier(Barrier::Dwell { duration_s, line: span.line });
+        } else {
+            findings.push(too_long(span, duration_s));
+        }
+    }
+
+    fn motion(
         &mut self,
         mv: &Move,
         span: SourceSpan,
@@ -306,7 +235,7 @@ impl Builder {
         } else {
             self.close_section(planner, findings);
         }
-        let is_vibrating = cutting && self.state.vibration.is_some();
+        let is_vibrating = cutting && self.state.functions.vibration.is_on();
         if is_vibrating && is_rotary_only(&element) {
             findings.push(
                 Finding::new(
@@ -335,12 +264,7 @@ impl Builder {
     }
 
     /// Plans what came out of the smoother.
-    pub(crate) fn run_smoothed(
-        &mut self,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-        findings: &mut FindingLog,
-    ) {
+    fn run_smoothed(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
         let mut smoothed = std::mem::take(&mut self.smoothed);
         for smoothed in smoothed.drain(..) {
             self.run(smoothed, config, planner, findings);
@@ -380,7 +304,7 @@ impl Builder {
             Ok(pieces) => pieces,
             Err(exceeded) => {
                 // The section's own report says more where there is one.
-                if self.analysis.as_ref().is_none_or(|analysis| analysis.open.is_none()) {
+                if !self.is_in_analysed_section() {
                     let LimitExceeded { axis, quantity, demanded, limit } = exceeded;
                     let unit = quantity.unit(axis.is_rotary());
                     findings.push(
@@ -406,6 +330,47 @@ impl Builder {
         planner.push_motion(request);
     }
 
+    /// What the oscillation leaves of the axes' limits on an element.
+    fn oscillate(
+        &mut self,
+        element: &Element,
+        cut: &Cut,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) -> Option<Arc<Machine>> {
+        let inputs = OscillationInputs {
+            conditions: &config.profile.tool_oscillation,
+            floor: &config.profile.oscillation_floor,
+            request: &config.oscillation,
+            machine: &config.profile.machine,
+            tools: &config.tools,
+            tool: self.state.tool,
+            rotary: self.guide.as_ref().and_then(Guide::under_fixed_spindle),
+            vibrates: self.state.functions.vibration.is_on(),
+        };
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.oscillation);
+        self.state.functions.oscillation.superpose(element, cut, &inputs, analysis, planner, findings)
+    }
+
+    /// What the vibration along the path asks of the axes on an element.
+    fn vibrate(
+        &mut self,
+        element: &Element,
+        top_speed: f64,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+    ) -> Option<VibrationDemand> {
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
+        let vibration = &mut self.state.functions.vibration;
+        vibration.superpose(element, top_speed, &config.vibration_inputs(), analysis, planner)
+    }
+
+    /// Whether a section under way reports what its axes cannot follow.
+    fn is_in_analysed_section(&mut self) -> bool {
+        self.analysis.as_mut().is_some_and(|analysis| analysis.functions.vibration.open_mut().is_some())
+    }
+
     fn analyse(
         &mut self,
         cut: &Cut,
@@ -423,12 +388,10 @@ impl Builder {
         if cut.spindle.is_turning() {
             for radius_mm in element.radius_range_mm() {
                 let speed = (cut.spindle.rev_per_s(radius_mm) * 60.0).min(machine.max_spindle_rev_per_min);
-                let [least, most] = analysis.spindle_rev_per_min.get_or_insert([speed; 2]);
-                *least = least.min(speed);
-                *most = most.max(speed);
+                analysis.turns_at(speed);
             }
         }
-        if in_section && let Some(open) = &mut analysis.open {
+        if in_section && let Some(open) = analysis.functions.vibration.open_mut() {
             open.add_element(element, cut.feed, &cut.spindle, limits);
         }
     }

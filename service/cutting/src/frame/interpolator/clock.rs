@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 /// Time is kept as a whole number of periods and a remainder: a plain sum of seconds would lose so many bits
 /// over a long program that the third difference of the positions became noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Clock {
-    pub(crate) period: u64,
-    pub(crate) lead_s: f64,
+pub(super) struct Clock {
+    pub(super) period: u64,
+    pub(super) lead_s: f64,
 }
 
 impl Clock {
     /// The instant `duration_s` later.
-    pub(crate) fn advanced(self, duration_s: f64, period_s: f64) -> Self {
+    pub(super) fn advanced(self, duration_s: f64, period_s: f64) -> Self {
         let total_s = self.lead_s + duration_s;
         let mut periods = (total_s / period_s).floor();
         let mut lead_s = total_s - periods * period_s;
@@ -31,17 +31,17 @@ impl Clock {
     }
 
     /// The first grid instant at or after this one.
-    pub(crate) fn aligned(self) -> Self {
+    pub(super) fn aligned(self) -> Self {
         if self.lead_s > 0.0 { Self { period: self.period + 1, lead_s: 0.0 } } else { self }
     }
 
     /// Time from this instant to its [`Clock::aligned`], s.
-    pub(crate) fn to_alignment_s(self, period_s: f64) -> f64 {
+    pub(super) fn to_alignment_s(self, period_s: f64) -> f64 {
         if self.lead_s > 0.0 { period_s - self.lead_s } else { 0.0 }
     }
 
     /// Time since the grid instant `period`, s; `period` must not lie later.
-    pub(crate) fn since_s(self, period: u64, period_s: f64) -> f64 {
+    pub(super) fn since_s(self, period: u64, period_s: f64) -> f64 {
         (self.period - period) as f64 * period_s + self.lead_s
     }
 }

@@ -27,9 +27,8 @@ impl Interpolator {
     /// feed waits: the answer is the index at which to try again.
     pub(crate) fn change_override(&mut self, planner: &mut Planner<Barrier>, ratio: f64) -> Option<u64> {
         let activity = self.state.activity?;
-        if let Some(section) = self.state.section.filter(|_| ratio > self.state.feed_override) {
-            let condition = &section.condition;
-            let ready = self.state.amplitude.suffices_from(condition, self.settings.period_s, ratio);
+        if ratio > self.state.feed_override {
+            let ready = self.state.vibration.suffices_from(self.settings.period_s, ratio);
             if ready > self.state.next {
                 return Some(ready);
             }
@@ -58,16 +57,14 @@ impl Interpolator {
 
     /// Lets the amplitude of a vibration follow a feed override that is asked for from the next setpoint on.
     pub(crate) fn follow_with_amplitude(&mut self, ratio: f64) {
-        let section = self.state.section.as_ref().map(|section| &section.condition);
-        self.state.amplitude.follow(section, self.settings.period_s, self.state.next, ratio);
+        self.state.vibration.follow(self.settings.period_s, self.state.next, ratio);
     }
 
     /// Commanded place of the next setpoint in the vibrating section in progress, mm from its start.
     pub(crate) fn section_place_mm(&self) -> Option<f64> {
         let state = &self.state;
-        let section = state.section?;
         let item = state.track.current_index();
-        let start_mm = section.before_mm + state.track.section_place(item).0;
+        let start_mm = state.vibration.place_mm(state.track.section_place(item).0)?;
         let (Some(activity), Some(motion)) = (state.activity, state.track.motion(item)) else { return Some(start_mm) };
         let s = match activity.kind {
             ActivityKind::Stretch(index) => {

@@ -6,24 +6,30 @@
 //! to the grid, so that the exact end point is a setpoint. A sample is a function of its index and the activity only, never of where
 //! a block or a stream began.
 
+mod barrier;
 mod clock;
-pub(crate) mod columns;
+mod columns;
 mod feed_override;
-mod track;
+mod threading;
+mod time_shares;
 
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
-use feedwave_motion::{Curve, Machine, PhaseTimes, Planned, PlannedMotion, PlannedStretch};
+use feedwave_motion::{Curve, Machine, Planned, PlannedMotion};
 use feedwave_program::{Position, Spindle, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::barrier::Barrier;
 use self::clock::Clock;
-use self::columns::{ColumnMap, Scratch, ToolColumns};
-use self::track::Track;
-pub(crate) use self::track::{Barrier, SectionPart, SectionStart};
-use crate::functions::path_vibration::Amplitude;
-use crate::functions::tool_oscillation::OscillationRun;
-use crate::{Frame, GenerationMode, LimitTimes, SetpointBlock, sin_turns};
+use self::columns::Scratch;
+use self::time_shares::TimeShares;
+use crate::functions::path_vibration::{
+    GenerationMode, RunningVibration, SectionBarrier, SectionSamples, SectionStart,
+};
+use crate::functions::tool_oscillation::{OscillationBarrier, OscillationRun};
+use crate::shared::columns::{ColumnMap, ToolColumns};
+use crate::shared::setpoint::{Frame, SetpointBlock};
+use crate::shared::track::Track;
 
 /// What a call to [`Interpolator::fill`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,117 +46,73 @@ pub(crate) enum Fill {
     Paused,
 }
 
-/// Where the time of a program goes, s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct TimeShares {
-    pub(crate) cutting_s: f64,
-    pub(crate) rapid_s: f64,
-    /// The same time, and that at rest, by what governs it.
-    pub(crate) limits: LimitTimes,
-}
-
-/// A cruise within this share of a speed is at that speed.
-const SAME_SPEED: f64 = 1e-9;
-/// A cruise this short is what rounding leaves between two ramps, s.
-const ROUNDING_S: f64 = 1e-12;
-
-impl TimeShares {
-    fn add_stretch(&mut self, motion: &PlannedMotion, index: usize, duration_s: f64, feed_override: f64) {
-        let element = &motion.element;
-        *(if element.rapid { &mut self.rapid_s } else { &mut self.cutting_s }) += duration_s;
-        let Some(PlannedStretch { stretch, profile, .. }) = motion.stretches.get(index) else { return };
-        let PhaseTimes { jerk_s, acceleration_s, cruise_s } = profile.phase_times();
-        self.limits.jerk_s += jerk_s;
-        self.limits.acceleration_s += acceleration_s;
-        let ratio = if motion.follows_override() { feed_override } else { 1.0 };
-        let reached = profile.whole().cruise_velocity() * (1.0 + SAME_SPEED);
-        let limits = &mut self.limits;
-        let governed_s = match element.curve {
-            _ if cruise_s <= ROUNDING_S => &mut limits.jerk_s,
-            _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
-            _ if reached < stretch.limits.velocity => &mut limits.corners_s,
-            Curve::Line => &mut limits.axis_velocity_s,
-            Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => &mut limits.curvature_s,
-        };
-        *governed_s += cruise_s;
-    }
-}
-
-/// Samples of one vibrating section.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct SectionSamples {
-    pub(crate) total: u64,
-    pub(crate) clamped: u64,
-}
-
 /// A running interpolator.
 #[derive(Clone, Debug)]
 pub(crate) struct Interpolator {
-    pub(crate) settings: Settings,
+    settings: Settings,
     pub(crate) state: State,
-    pub(crate) scratch: Scratch,
+    scratch: Scratch,
 }
 
 #[derive(Clone, Debug)]
-pub(crate) struct Settings {
-    pub(crate) period_s: f64,
-    pub(crate) mode: GenerationMode,
-    pub(crate) columns: Vec<ColumnMap>,
+struct Settings {
+    period_s: f64,
+    mode: GenerationMode,
+    columns: Vec<ColumnMap>,
     /// Where the direction of the tool is asked for.
-    pub(crate) tool: Option<ToolColumns>,
+    tool: Option<ToolColumns>,
     /// Highest spindle speed of the machine, rev/s.
-    pub(crate) top_rev_per_s: f64,
+    top_rev_per_s: f64,
 }
 
 /// Everything that changes while interpolating; a snapshot of it continues bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct State {
-    pub(crate) track: Track,
+    track: Track<Barrier>,
     /// Index of the next setpoint.
-    pub(crate) next: u64,
+    next: u64,
     /// Start of the present activity, or of the next one between activities.
-    pub(crate) clock: Clock,
-    pub(crate) activity: Option<Activity>,
-    pub(crate) after: After,
-    pub(crate) section: Option<Section>,
-    pub(crate) amplitude: Amplitude,
-    pub(crate) oscillation: Option<Box<OscillationRun>>,
-    pub(crate) rest: Rest,
-    pub(crate) spindle: Spindle,
+    clock: Clock,
+    activity: Option<Activity>,
+    after: After,
+    vibration: RunningVibration,
+    oscillation: Option<Box<OscillationRun>>,
+    rest: Rest,
+    spindle: Spindle,
     /// Spindle angle at `clock`, revolutions, signed.
-    pub(crate) spindle_rev: f64,
+    spindle_rev: f64,
     /// Path length up to the start of the current element, mm.
-    pub(crate) path_base_mm: f64,
-    pub(crate) shares: TimeShares,
+    path_base_mm: f64,
+    shares: TimeShares,
     /// Ratio of the feed override that the next activity is planned at.
-    pub(crate) feed_override: f64,
-    pub(crate) finished_section: Option<SectionSamples>,
+    feed_override: f64,
+    finished_section: Option<SectionSamples>,
     /// The stretch of the current motion that is waited for: the feed override has divided the motion there.
-    pub(crate) resume: Option<usize>,
+    resume: Option<usize>,
     /// Index before whose setpoint the feed override changes.
-    pub(crate) pause: Option<u64>,
-    pub(crate) ended: bool,
+    pause: Option<u64>,
+    ended: bool,
     /// First and last setpoint of the threading pass begun last.
-    pub(crate) last_pass: Option<(u64, u64)>,
+    last_pass: Option<(u64, u64)>,
 }
 
 /// What is being interpolated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Activity {
-    pub(crate) kind: ActivityKind,
+struct Activity {
+    kind: ActivityKind,
     /// Signed spindle speed, rev/s.
-    pub(crate) spindle_rev_per_s: f64,
+    spindle_rev_per_s: f64,
     /// Where the activity ends.
-    pub(crate) end: Clock,
+    end: Clock,
     /// Index of its last setpoint; none is left when it lies before the next index.
-    pub(crate) last: u64,
-    pub(crate) duration_s: f64,
+    last: u64,
+    duration_s: f64,
     /// Ratio of the feed override that it is planned at.
-    pub(crate) feed_override: f64,
+    feed_override: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum ActivityKind {
+enum ActivityKind {
     /// This stretch of the current motion.
     Stretch(usize),
     /// At rest at the end of the current motion while the section vibrates on.
@@ -167,7 +129,7 @@ pub(crate) enum ActivityKind {
 
 /// What comes when the present activity has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum After {
+enum After {
     /// The next stretch, or the next item.
     Continue,
     /// The next item; a wait for the vibration at a junction is over.
@@ -188,26 +150,14 @@ pub(crate) enum After {
     EndProgram,
 }
 
-/// A running vibrating section.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Section {
-    pub(crate) start_period: u64,
-    pub(crate) condition: SectionStart,
-    pub(crate) part: SectionPart,
-    /// Path length of the parts before the present one, and with the present one once it has ended, mm.
-    pub(crate) before_mm: f64,
-    pub(crate) ended_mm: f64,
-    pub(crate) samples: SectionSamples,
-}
-
 /// Position of the tool between motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Rest {
-    pub(crate) position: Position,
-    pub(crate) work_offset: Position,
-    pub(crate) line: u32,
+struct Rest {
+    position: Position,
+    work_offset: Position,
+    line: u32,
     /// Centre point of a guided tool, work coordinates, mm, and what it was guided with.
-    pub(crate) tool: Option<(Vec3, Setup)>,
+    tool: Option<(Vec3, Setup)>,
 }
 
 impl Interpolator {
@@ -234,8 +184,7 @@ impl Interpolator {
                 feed_override: 1.0,
             }),
             after: After::Continue,
-            section: None,
-            amplitude: Amplitude::default(),
+            vibration: RunningVibration::default(),
             oscillation: None,
             rest: Rest { position, work_offset, line: 0, tool: None },
             spindle: Spindle::STOPPED,
@@ -378,16 +327,12 @@ impl Interpolator {
             After::RunThread => self.run_thread(),
             After::LeaveThread => self.leave_thread(),
             After::OpenSection(condition) => {
-                let start_period = self.state.clock.period;
-                let (part, samples) = (SectionPart::default(), SectionSamples::default());
-                self.state.section =
-                    Some(Section { start_period, condition, part, before_mm: 0.0, ended_mm: 0.0, samples });
-                self.state.amplitude.open(&condition);
+                self.state.vibration.open(self.state.clock.period, condition);
                 self.state.track.advance(condition.reach_mm());
             }
             After::SettleSection => self.settle_section(),
             After::CloseSection => {
-                self.state.finished_section = self.state.section.take().map(|section| section.samples);
+                self.state.finished_section = self.state.vibration.close();
                 self.state.track.advance(0.0);
             }
             After::CloseOscillation => {
@@ -424,8 +369,7 @@ impl Interpolator {
             let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
             state.rest = Rest { position, work_offset, line, tool };
         }
-        let keep_mm = state.section.map_or(0.0, |section| section.condition.reach_mm());
-        state.track.advance(keep_mm);
+        state.track.advance(state.vibration.reach_mm());
     }
 
     /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
@@ -448,44 +392,19 @@ impl Interpolator {
                 }
                 self.begin_stretch(0);
             }
-            Planned::Barrier(Barrier::SectionStart(condition)) => {
-                let condition = *condition;
-                self.align_then(After::OpenSection(condition));
-            }
-            Planned::Barrier(Barrier::SectionEnd) => {
-                // The clamp holds a positive offset at the end point; a negative one would be cut off.
-                let wait_s = self.clamped_section().map_or(0.0, |section| self.wait_for_zero_s(section, true));
-                self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
-            }
-            Planned::Barrier(Barrier::PartStart(part)) => {
-                let part = *part;
-                if let Some(section) = &mut self.state.section {
-                    section.part = part;
-                    section.before_mm = section.ended_mm;
-                }
-                self.state.track.advance(0.0);
-            }
-            Planned::Barrier(Barrier::PartEnd) => match self.end_part() {
-                // The offset would jump with the direction unless it is zero here.
-                Some(section) => {
-                    let wait_s = self.wait_for_zero_s(section, false);
-                    self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
-                }
-                None => self.state.track.advance(0.0),
-            },
-            Planned::Barrier(Barrier::OscillationStart(run)) => {
+            &Planned::Barrier(Barrier::Vibration(barrier)) => self.begin_section_barrier(barrier),
+            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::Start(run))) => {
                 let run = run.clone();
                 self.state.oscillation = Some(run);
                 self.state.track.advance(0.0);
             }
-            Planned::Barrier(Barrier::OscillationEnd) => self.align_then(After::CloseOscillation),
+            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::End)) => self.align_then(After::CloseOscillation),
             &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
                 self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
             }
-            Planned::Barrier(Barrier::Spindle(spindle)) => {
-                self.state.spindle = *spindle;
-                let keep_mm = self.state.section.map_or(0.0, |section| section.condition.reach_mm());
-                self.state.track.advance(keep_mm);
+            &Planned::Barrier(Barrier::Spindle(spindle)) => {
+                self.state.spindle = spindle;
+                self.state.track.advance(self.state.vibration.reach_mm());
             }
             Planned::Barrier(Barrier::Thread(_)) => self.begin_thread(),
             Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
@@ -493,10 +412,41 @@ impl Interpolator {
         true
     }
 
+    fn begin_section_barrier(&mut self, barrier: SectionBarrier) {
+        match barrier {
+            SectionBarrier::Start(condition) => self.align_then(After::OpenSection(condition)),
+            SectionBarrier::End => {
+                // The clamp holds a positive offset at the end point; a negative one would be cut off.
+                let wait_s = self.wait_for_zero_s(true);
+                self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
+            }
+            SectionBarrier::PartStart(part) => {
+                self.state.vibration.start_part(part);
+                self.state.track.advance(0.0);
+            }
+            SectionBarrier::PartEnd => {
+                let (part_mm, _) = self.state.track.section_place(self.state.track.current_index());
+                self.state.vibration.end_part(part_mm);
+                if self.state.vibration.is_clamped() {
+                    // The offset would jump with the direction unless it is zero here.
+                    let wait_s = self.wait_for_zero_s(false);
+                    self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
+                } else {
+                    self.state.track.advance(0.0);
+                }
+            }
+        }
+    }
+
+    /// Time until a clamped vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.
+    fn wait_for_zero_s(&self, only_if_negative: bool) -> f64 {
+        let State { clock, vibration, .. } = &self.state;
+        vibration.wait_for_zero_s(|start_period| clock.since_s(start_period, self.settings.period_s), only_if_negative)
+    }
+
     /// Whether the path is known as far ahead as a vibration may reach from here, and as an oscillation is blended out over.
     pub(crate) fn reach_is_known(&self) -> bool {
-        let vibration_mm =
-            self.state.section.map(|section| section.part.ramp_mm.unwrap_or_else(|| section.condition.reach_mm()));
+        let vibration_mm = self.state.vibration.needed_ahead_mm();
         let blend_mm = self.state.oscillation.as_ref().map(|run| run.ramp_mm);
         vibration_mm.into_iter().chain(blend_mm).all(|reach_mm| self.state.track.is_known_ahead(reach_mm))
     }
@@ -510,7 +460,7 @@ impl Interpolator {
         self.activate(ActivityKind::Stretch(index), duration_s, spindle_rev_per_s, After::Continue);
     }
 
-    pub(crate) fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
+    fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
         let radius_mm = self.state.rest.position[0];
         let spindle_rev_per_s = match kind {
             // The vibration's spindle speed is that of the stretch before.
@@ -528,16 +478,11 @@ impl Interpolator {
 
     /// Rests up to the next grid instant, whose setpoint is the section's exact end point.
     fn settle_section(&mut self) {
-        let period_s = self.settings.period_s;
         let aligned = self.state.clock.aligned().period;
-        // A blended vibration is 0 here. While the offset is not negative the clamp holds the end point, and drives that generate the vibration
-        // themselves arrive there without a jump; otherwise the command alone is there.
-        let arrives = |section: &Section| sin_turns(columns::phase_turns(section, period_s, aligned)) >= 0.0;
         let line = self.state.rest.line;
-        let kind = match &self.state.section {
-            Some(section) if section.part.ramp_mm.is_some() || arrives(section) => ActivityKind::VibratingHold,
-            _ => ActivityKind::Hold { line },
-        };
+        // The command alone stands there where the vibration does not arrive.
+        let arrives = self.state.vibration.arrives_at_end(self.settings.period_s, aligned);
+        let kind = if arrives { ActivityKind::VibratingHold } else { ActivityKind::Hold { line } };
         self.align(kind, After::CloseSection);
     }
 
@@ -556,36 +501,11 @@ impl Interpolator {
         }
     }
 
-    pub(crate) fn activate(&mut self, kind: ActivityKind, duration_s: f64, spindle_rev_per_s: f64, after: After) {
+    fn activate(&mut self, kind: ActivityKind, duration_s: f64, spindle_rev_per_s: f64, after: After) {
         let end = self.state.clock.advanced(duration_s, self.settings.period_s);
         self.state.after = after;
         let (last, feed_override) = (end.period, self.state.feed_override);
         self.state.activity = Some(Activity { kind, spindle_rev_per_s, end, last, duration_s, feed_override });
-    }
-
-    /// Time until the vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.
-    fn wait_for_zero_s(&self, section: Section, only_if_negative: bool) -> f64 {
-        let frequency_hz = section.condition.frequency_hz;
-        let half_turns = 2.0 * frequency_hz * self.state.clock.since_s(section.start_period, self.settings.period_s);
-        let is_negative = half_turns.floor() % 2.0 == 1.0;
-        if only_if_negative && !is_negative {
-            return 0.0;
-        }
-        (half_turns.ceil() - half_turns) / (2.0 * frequency_hz)
-    }
-
-    /// Ends the present part of the section; see [`Interpolator::clamped_section`].
-    fn end_part(&mut self) -> Option<Section> {
-        let (part_mm, _) = self.state.track.section_place(self.state.track.current_index());
-        if let Some(section) = &mut self.state.section {
-            section.ended_mm = section.before_mm + part_mm;
-        }
-        self.clamped_section()
-    }
-
-    /// The section, where its vibration is clamped at the ends of its parts instead of blended out.
-    fn clamped_section(&self) -> Option<Section> {
-        self.state.section.filter(|section| section.part.ramp_mm.is_none())
     }
 
     /// The motion the tool is on, or the one before a barrier.

@@ -3,8 +3,11 @@
 use feedwave_program::ToolLength;
 use serde::{Deserialize, Serialize};
 
-use crate::functions::tool_oscillation::{OscillationRequest, ToolGeometry};
-use crate::{Frame, GenerationMode, MachineProfile, VibrationEnvelope, VibrationSettings};
+use crate::frame::profile::MachineProfile;
+use crate::functions::path_vibration::{GenerationMode, VibrationEnvelope, VibrationSettings};
+use crate::functions::tool_oscillation::OscillationRequest;
+use crate::shared::setpoint::Frame;
+use crate::shared::tool::Tool;
 
 /// What a run of the pipeline is for; immutable while it runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,24 +91,4 @@ pub struct OverrideChange {
     pub index: u64,
     /// Ratio of the feed to the programmed one, 0 (feed hold) to 2.
     pub ratio: f64,
-}
-
-/// What validation needs to know of a tool.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tool {
-    /// Number of the `T` word.
-    pub number: u32,
-    /// Name for people.
-    #[serde(default)]
-    pub name: String,
-    /// Highest permitted spindle speed, rev/min.
-    #[serde(default)]
-    pub max_rev_per_min: Option<f64>,
-    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
-    #[serde(default)]
-    pub length_mm: Option<f64>,
-    /// Its cutting edges, which oscillation needs.
-    #[serde(default)]
-    pub geometry: Option<ToolGeometry>,
 }

@@ -1,6 +1,7 @@
 //! From program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
 mod config;
+mod inputs;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -15,14 +16,16 @@ use serde::{Deserialize, Serialize};
 use crate::code;
 use crate::frame::builder::{Analysis, Builder, BuilderState};
 use crate::frame::interpolator::{self, Barrier, Fill, Interpolator};
+use crate::frame::scout::Scout;
 use crate::frame::timed::TimedPlans;
-use crate::functions::five_axis::{Guide, Scout};
+use crate::functions::five_axis::Guide;
+use crate::functions::path_vibration::GenerationMode;
+use crate::functions::thinning::ProgramThinning;
 use crate::functions::thinning::{StageState, ThinningStage};
-use crate::{BLOCK_LENGTH, Frame, GenerationMode, ProgramThinning, SetpointBlock};
+use crate::shared::setpoint::{BLOCK_LENGTH, Frame, SetpointBlock};
 
 pub use config::{
     DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
-    Tool,
 };
 
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
@@ -30,7 +33,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 18;
+const SNAPSHOT_VERSION: u8 = 19;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,7 +176,12 @@ impl Pipeline {
             offset: 0,
             interpreter,
             operations: Vec::new(),
-            thinning: ThinningStage::new(&config, kinematics.clone(), is_validation),
+            thinning: ThinningStage::new(
+                config.profile.thinning,
+                !config.every_block,
+                kinematics.clone(),
+                is_validation,
+            ),
             waiting: VecDeque::new(),
             scout: None,
             timed: is_validation.then(TimedPlans::default),
@@ -306,7 +314,7 @@ impl Pipeline {
                     if let (Some(analysis), Some(place_mm)) =
                         (&mut self.builder.analysis, self.interpolator.section_place_mm())
                     {
-                        analysis.is_cut(place_mm);
+                        analysis.functions.vibration.is_cut(place_mm);
                     }
                     break;
                 }
@@ -314,7 +322,7 @@ impl Pipeline {
                 Fill::SectionEnded => {
                     let samples = self.interpolator.take_finished_section();
                     if let (Some(samples), Some(analysis)) = (samples, &mut self.builder.analysis) {
-                        analysis.finish_section(samples, &mut self.findings);
+                        analysis.functions.vibration.finish_section(samples, &mut self.findings);
                     }
                 }
                 Fill::Starved => match self.planner.pop() {
@@ -395,7 +403,7 @@ impl Pipeline {
         let again = self.interpolator.change_override(&mut self.planner, ratio);
         if again.is_none() {
             if let Some(analysis) = &mut self.builder.analysis {
-                analysis.changes_override(place_mm, ratio);
+                analysis.functions.vibration.changes_override(place_mm, ratio);
             }
             self.overrides.pending = None;
             self.interpolator.follow_override(ratio);
@@ -556,7 +564,7 @@ mod tests {
     use serde::{Serialize, Serializer, ser::SerializeSeq as _};
 
     use super::*;
-    use crate::MachineProfile;
+    use crate::frame::profile::MachineProfile;
 
     /// A list that does not say how long it is, as a member of the state with a serialisation of its own might.
     struct Unserialisable;

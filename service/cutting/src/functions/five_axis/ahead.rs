@@ -1,26 +1,19 @@
 //! Looking ahead over a cut, for the inverse solution that it starts with.
 //!
-//! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis
-//! may turn at rest. What has to be known there are the directions up to the next such rapid. The program is read on
-//! for them from where the pipeline is, by an interpreter and a thinning stage of its own, and nothing of it is kept:
-//! what was examined is read again when its turn comes. So the choice is a function of the program's bytes, and no part
-//! of the state.
+//! The solution is free where a rapid tilts the tool, and where the tool leaves a pole, in which the first rotary axis may
+//! turn at rest. What has to be known there are the directions up to the next such rapid. The frame reads the
+//! program on for them from where the pipeline is, by an interpreter and a thinning stage of its own, and keeps nothing of it:
+//! what was examined is read again when its turn comes. So the choice is a function of the program's bytes, and no part of the state.
 
 use std::sync::Arc;
 
 use feedwave_motion::kinematics::vector::{Vec3, angle};
 use feedwave_motion::kinematics::{BranchPreference, CutFailure, CutSearch, Kinematics, KinematicsError};
-use feedwave_program::{
-    Axis, FindingLog, GuidedMove, Interpreter, LineOutcome, MoveKind, Operation, OperationKind, Position, ToolGuide,
-};
+use feedwave_program::{Axis, GuidedMove, MoveKind, Operation, OperationKind, Position, ToolGuide};
 use serde::{Deserialize, Serialize};
-
-use crate::functions::thinning::ThinningStage;
 
 /// Most directions that are examined ahead.
 pub(crate) const MAX_DIRECTIONS: u64 = 10_000;
-/// Most program text that is read for them, bytes.
-const MAX_BYTES: usize = 1 << 20;
 
 /// Directions that make no difference to the rotary axes, rad.
 pub(crate) const SAME_DIRECTION_RAD: f64 = 1e-7;
@@ -86,7 +79,7 @@ impl Ahead {
     }
 
     /// Looks at an operation.
-    fn operation(&mut self, operation: &Operation) {
+    pub(crate) fn operation(&mut self, operation: &Operation) {
         match &operation.kind {
             OperationKind::Guided(guided) => self.guided(guided, operation.span.line),
             OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::End => self.ended = true,
@@ -106,12 +99,13 @@ impl Ahead {
     }
 
     /// Whether the choice is made, whatever follows.
-    fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         let search = &self.search;
         self.ended || search.alive() == 1 || search.has_failed() || search.count() >= MAX_DIRECTIONS
     }
 
-    fn chosen(&self) -> Chosen {
+    /// The start as far as it is known.
+    pub(crate) fn chosen(&self) -> Chosen {
         let (start_rad, solution) = match self.search.chosen(&self.kinematics, self.preferred) {
             Ok(start) => (start.start_rad, None),
             // The one that gets furthest says in its place why not.
@@ -126,49 +120,5 @@ impl Ahead {
         });
         let other = others.max_by_key(|other| other.line);
         Chosen { start_rad, cut: CutNote { line: self.line, other } }
-    }
-}
-
-/// Reads a program ahead of the pipeline.
-#[derive(Clone, Debug)]
-pub(crate) struct Scout {
-    interpreter: Interpreter,
-    thinning: ThinningStage,
-    operations: Vec<Operation>,
-    /// Bytes read beyond those of the pipeline.
-    read: usize,
-    ahead: Ahead,
-}
-
-impl Scout {
-    /// A look-ahead that starts where the pipeline is, with operations that wait there.
-    pub(crate) fn new<'a>(
-        ahead: Ahead,
-        interpreter: &Interpreter,
-        thinning: &ThinningStage,
-        waiting: impl Iterator<Item = &'a Operation>,
-    ) -> Self {
-        let (interpreter, thinning) = (interpreter.clone(), thinning.beside());
-        let mut scout = Self { interpreter, thinning, operations: Vec::new(), read: 0, ahead };
-        waiting.for_each(|operation| scout.ahead.operation(operation));
-        scout
-    }
-
-    /// Reads on in what the pipeline has not read yet; nothing while there is not enough of it.
-    pub(crate) fn look(&mut self, unread: &[u8], input_finished: bool) -> Option<Chosen> {
-        // Mistakes are found where they are carried out.
-        let mut findings = FindingLog::with_limit(0);
-        let Self { interpreter, thinning, operations, read, ahead } = self;
-        while !ahead.is_settled() && *read < MAX_BYTES {
-            match interpreter.read_line(&unread[*read..], input_finished, operations, &mut findings) {
-                LineOutcome::Consumed(bytes) => *read += bytes,
-                LineOutcome::NeedMore => return None,
-                LineOutcome::Ended => ahead.ended = true,
-            }
-            for operation in operations.drain(..) {
-                thinning.operation(operation, &mut |operation| ahead.operation(&operation));
-            }
-        }
-        Some(ahead.chosen())
     }
 }

@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::refusal::no_kinematics;
 use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
-use crate::PipelineConfig;
-use crate::code;
+use super::code;
 
 /// Blocks that pass a pole within this angle are examined, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
@@ -59,6 +58,16 @@ struct Tool {
     work_offset: Position,
     setup: Setup,
     point: FiveAxisPoint,
+}
+
+/// What a run of the pipeline gives the guide.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GuideInputs<'a> {
+    pub(crate) tools: &'a [crate::shared::tool::Tool],
+    /// Angle to the line of the first rotary axis within which the direction may be bent to lead through it, degrees.
+    pub(crate) pole_tolerance_deg: f64,
+    /// Largest angle between the programmed direction and the one at a rounded corner, degrees.
+    pub(crate) corner_direction_tolerance_deg: f64,
 }
 
 /// The guide: compiled kinematics.
@@ -112,8 +121,8 @@ impl Guide {
     }
 
     /// How corners between guided cuts are rounded.
-    pub(crate) fn corners(&self, config: &PipelineConfig) -> FiveAxisCorners<'_> {
-        let direction_tolerance_rad = config.profile.corner_direction_tolerance_deg.to_radians();
+    pub(crate) fn corners(&self, inputs: &GuideInputs<'_>) -> FiveAxisCorners<'_> {
+        let direction_tolerance_rad = inputs.corner_direction_tolerance_deg.to_radians();
         FiveAxisCorners { kinematics: &self.kinematics, direction_tolerance_rad }
     }
 
@@ -129,7 +138,7 @@ impl Guide {
         guided: &GuidedMove,
         line: u32,
         state: &GuideState,
-        config: &PipelineConfig,
+        inputs: &GuideInputs<'_>,
     ) -> Option<Ahead> {
         let ToolGuide::Vector { end: Some(target), .. } = guided.guide else { return None };
         let tool = state.tool.as_ref().filter(|tool| tool.is_for(guided));
@@ -138,7 +147,7 @@ impl Guide {
         }
         let setup = match tool {
             Some(tool) => tool.setup,
-            None => self.setup(guided, SourceSpan::default(), config).ok()?,
+            None => self.setup(guided, SourceSpan::default(), inputs).ok()?,
         };
         let direction = tool
             .map_or_else(|| self.kinematics.point_at(&state.position, &setup).direction, |tool| tool.point.direction);
@@ -149,7 +158,7 @@ impl Guide {
         {
             return None;
         }
-        let tolerance_rad = config.profile.pole_tolerance_deg.to_radians();
+        let tolerance_rad = inputs.pole_tolerance_deg.to_radians();
         let mut ahead = Ahead {
             kinematics: Arc::clone(&self.kinematics),
             search: CutSearch::new(setup, stand_rad, tolerance_rad),
@@ -173,13 +182,13 @@ impl Guide {
         span: SourceSpan,
         chosen: Option<Chosen>,
         state: &mut GuideState,
-        config: &PipelineConfig,
+        inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
     ) -> Option<Guided> {
         let step = &guided.step;
         let work = |axis: usize| state.position[axis] - step.work_offset[axis];
         if let ToolGuide::Align(solution) = guided.guide {
-            return self.align(guided, solution, span, state, config, findings).map(Guided::Axes);
+            return self.align(guided, solution, span, state, inputs, findings).map(Guided::Axes);
         }
         if guided.guide == ToolGuide::Axes {
             let start: Position = std::array::from_fn(work);
@@ -199,7 +208,7 @@ impl Guide {
             findings.push(no_axis(axis, span));
             return None;
         }
-        self.place_tool(guided, span, state, config, findings)?;
+        self.place_tool(guided, span, state, inputs, findings)?;
         let tool = state.tool.as_mut()?;
         let held = |axis: Axis| guided.held.contains(axis);
         let end_mm = match &guided.plane {
@@ -224,7 +233,7 @@ impl Guide {
             end_mm,
             circle: guided.plane.as_ref().and_then(|plane| plane::circle_in_work(plane, step)),
             toward,
-            pole_tolerance_rad: config.profile.pole_tolerance_deg.to_radians(),
+            pole_tolerance_rad: inputs.pole_tolerance_deg.to_radians(),
             source: span,
             rapid: step.kind == MoveKind::Rapid,
         };
@@ -375,11 +384,11 @@ impl Guide {
         guided: &GuidedMove,
         span: SourceSpan,
         state: &mut GuideState,
-        config: &PipelineConfig,
+        inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
     ) -> Option<()> {
         if state.tool.as_ref().is_none_or(|tool| !tool.is_for(guided)) {
-            let setup = match self.setup(guided, span, config) {
+            let setup = match self.setup(guided, span, inputs) {
                 Ok(setup) => setup,
                 Err(finding) => {
                     if state.is_first_refusal(guided.length_offset) {
@@ -396,12 +405,12 @@ impl Guide {
     }
 
     /// Work coordinates and tool length, or a finding.
-    fn setup(&self, guided: &GuidedMove, span: SourceSpan, config: &PipelineConfig) -> Result<Setup, Box<Finding>> {
+    fn setup(&self, guided: &GuidedMove, span: SourceSpan, inputs: &GuideInputs<'_>) -> Result<Setup, Box<Finding>> {
         let number = guided.length_offset;
         let length_mm = match number {
             // In a tilted plane the length may be off: then the control point itself is led.
             0 => Some(0.0),
-            _ => config.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm),
+            _ => inputs.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm),
         };
         let Some(length_mm) = length_mm else {
             let message = format!("no tool {number} with a length is known, so that H{number} means nothing");

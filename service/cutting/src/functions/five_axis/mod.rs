@@ -3,7 +3,6 @@
 mod ahead;
 pub(crate) mod code;
 mod guide;
-mod state;
 
-pub(crate) use ahead::{Ahead, Chosen, Scout};
-pub(crate) use guide::{Guide, GuideState, Guided, no_kinematics};
+pub(crate) use ahead::{Ahead, Chosen};
+pub(crate) use guide::{Guide, GuideInputs, GuideState, Guided, no_kinematics};

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use crate::frame::interpolator::SectionStart;
+use super::SectionStart;
 use crate::shared::blend::blend;
 
 /// Vibrations over which the amplitude changes.

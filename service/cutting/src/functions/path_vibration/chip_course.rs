@@ -7,10 +7,11 @@
 
 use std::collections::VecDeque;
 
+use super::ChipSpan;
+use super::chip::reaches_through;
+use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport};
 use super::chips::{ChipBlock, ChipStretches};
 use super::{OverrideReport, VibrationCondition, VibrationSettings};
-use crate::functions::path_vibration::chip::reaches_through;
-use crate::{ChipSpan, CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport};
 
 /// A piece that ends this little beyond the place of a change ends there, mm: rounding of path lengths.
 const SAME_PLACE_MM: f64 = 1e-9;

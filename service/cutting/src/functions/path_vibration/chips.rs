@@ -1,8 +1,8 @@
 //! Chip breaking along a section at constant spindle speed: stretches of equal cutting conditions.
 
 use super::ChipSpan;
+use super::chip::CutCondition;
 use super::chip_course::WorstCut;
-use crate::CutCondition;
 
 /// Stretches listed in a report.
 const MAX_LISTED_SPANS: usize = 64;

@@ -4,13 +4,14 @@
 use feedwave_motion::{LimitExceeded, Quantity};
 use feedwave_program::{Finding, FindingCode, FindingLog, Severity, SourceSpan};
 
+use super::chip::{ChipReport, CutCondition, SurfaceSpeedReport};
+use super::code;
+use super::following::FollowingModel;
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
 };
-use crate::code;
 use crate::shared::wording::{decimal, round_down, round_up, word};
-use crate::{ChipReport, CutCondition, FollowingModel, SurfaceSpeedReport};
 
 /// Samples per vibration period below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
 const FINE_SAMPLES: f64 = 8.0;

@@ -5,7 +5,7 @@ use core::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use crate::functions::path_vibration::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// What a machine profile states about the path from setpoints to the tool; `None` where it states nothing and
 /// nothing is predicted.

@@ -2,6 +2,7 @@
 //! runs, and the drive-side reference generator. Setpoints themselves come out of the pipeline's interpolator.
 
 mod amplitude;
+mod analysis;
 pub(crate) mod chip;
 mod chip_course;
 mod chips;
@@ -15,6 +16,7 @@ mod report;
 mod section;
 mod servo;
 mod state;
+mod superposition;
 mod words;
 
 use core::f64::consts::TAU;
@@ -24,7 +26,8 @@ use feedwave_motion::PathMotion;
 pub use feedwave_motion::{fill_sin_turns, sin_turns};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use amplitude::{Amplitude, PEAK_RESERVE, RAMP_VIBRATIONS};
+use amplitude::{Amplitude, PEAK_RESERVE, RAMP_VIBRATIONS};
+pub(crate) use analysis::VibrationAnalysis;
 pub use chip::*;
 pub(crate) use envelope::VibrationDemand;
 pub use envelope::VibrationEnvelope;
@@ -34,7 +37,10 @@ pub use report::{
 };
 pub use section::SectionAnalyzer;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};
-pub(crate) use state::ActiveVibration;
+pub(crate) use state::{Vibration, VibrationInputs};
+pub(crate) use superposition::{
+    RunningVibration, SectionBarrier, SectionPart, SectionSamples, SectionStart, VibrationScratch,
+};
 pub use words::{MIN_FREQUENCY_HZ, VibrationWordSpans, condition_from_command};
 
 /// How the vibration is put onto the path (docs/functions/path-vibration.md, "Three generation modes").

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::chip::{ChipReport, SurfaceSpeedReport};
+use super::following::FollowingReport;
 use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
-use crate::{ChipReport, FollowingReport, SurfaceSpeedReport};
 
 /// One vibrating section: what the machine can do, and whether the chip breaks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

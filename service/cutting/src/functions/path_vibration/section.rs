@@ -5,15 +5,16 @@
 use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
 use feedwave_program::{Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
+use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, analyse};
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
 use super::chips::ChipBlock;
 use super::findings::Evidence;
+use super::following::FollowingModel;
 use super::loads::AxisLoads;
 use super::{
     GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans, sin_turns,
 };
-use crate::{CutCondition, FeedCoupling, FollowingModel, LinearSpan, SpanFeed, analyse};
 
 /// Pieces in which the radius of an arc counts as linear, for constant surface speed. The chord of a 32nd of
 /// a full circle leaves it by half a hundredth of its radius.

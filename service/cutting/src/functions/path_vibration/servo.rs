@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// The condition of one axis for the end of one interpolation period.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

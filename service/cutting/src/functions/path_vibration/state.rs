@@ -5,31 +5,62 @@
 //! follow. The path rests there.
 
 use feedwave_motion::{Element, Machine, Planner, TANGENT_TOLERANCE_RAD};
-use feedwave_program::{AXIS_COUNT, Axis, Finding, FindingLog, FunctionCommand, Position, SourceSpan};
+use feedwave_program::{AXIS_COUNT, Axis, FindingCode, FindingLog, FunctionCommand, Position, SourceSpan};
 use serde::{Deserialize, Serialize};
 
-use crate::code;
-use crate::frame::builder::Builder;
-use crate::frame::interpolator::{Barrier, SectionPart, SectionStart};
-use crate::{
-    GenerationMode, PipelineConfig, SectionAnalyzer, VibrationCondition, VibrationDemand, VibrationEnvelope,
-    VibrationWordSpans, condition_from_command,
+use super::code;
+use super::{
+    FollowingModel, GenerationMode, SectionAnalyzer, SectionBarrier, SectionPart, SectionStart, VibrationAnalysis,
+    VibrationCondition, VibrationDemand, VibrationEnvelope, VibrationSettings, VibrationWordSpans,
+    condition_from_command,
 };
+use crate::functions::switch::{Modal, Switch};
+
+/// What a run of the pipeline gives this function.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct VibrationInputs<'a> {
+    /// The profile's settings as this run has them.
+    pub(crate) settings: VibrationSettings,
+    pub(crate) machine: &'a Machine,
+    pub(crate) following: &'a FollowingModel,
+    pub(crate) period_s: f64,
+    /// Largest feed override of the machine.
+    pub(crate) max_feed_override: f64,
+    /// Whether the run knows of changes of the feed override.
+    pub(crate) has_overrides: bool,
+}
+
+/// The vibration along the path between operations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Vibration {
+    switch: Switch<ActiveVibration>,
+}
 
 /// A vibration that was switched on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ActiveVibration {
-    pub(crate) condition: VibrationCondition,
-    pub(crate) on_span: SourceSpan,
-    pub(crate) words: VibrationWordSpans,
+struct ActiveVibration {
+    condition: VibrationCondition,
+    on_span: SourceSpan,
+    words: VibrationWordSpans,
     /// Whether a cutting block has opened a section.
-    pub(crate) section_open: bool,
-    pub(crate) part: Option<OpenPart>,
+    section_open: bool,
+    part: Option<OpenPart>,
+}
+
+impl Modal for ActiveVibration {
+    const NAME: &'static str = "the vibration";
+    const OFF_WITHOUT_ON: FindingCode = code::VIB_OFF_WITHOUT_ON;
+    const NESTED: FindingCode = code::VIB_NESTED;
+    const UNCLOSED: FindingCode = code::VIB_UNCLOSED;
+
+    fn on_span(&self) -> SourceSpan {
+        self.on_span
+    }
 }
 
 /// A part of the section, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct OpenPart {
+struct OpenPart {
     /// Programmed feed at its start, mm/s.
     feed_mm_per_s: f64,
     /// End of its last element.
@@ -115,125 +146,114 @@ impl Side {
     }
 }
 
-impl Builder {
+impl ActiveVibration {
+    /// Whether it goes over the junction from the end of a part to an element that starts like this.
+    fn goes_over(&self, part: &OpenPart, start: &Side, feed_mm_per_s: f64, inputs: &VibrationInputs<'_>) -> bool {
+        let settings = &inputs.settings;
+        let is_tangent = || part.end.direction_change(start) <= TANGENT_TOLERANCE_RAD;
+        let along_path = settings.generation_mode == GenerationMode::AlongPath;
+        if settings.envelope == VibrationEnvelope::Published {
+            return along_path || is_tangent();
+        }
+        let demand = settings.demand(self.condition, part.feed_mm_per_s);
+        let feed = 2.0 * feed_mm_per_s.max(part.feed_mm_per_s);
+        (along_path || is_tangent()) && part.end.is_vibrated_over(start, &demand, feed, inputs.machine, inputs.period_s)
+    }
+}
+
+impl Vibration {
+    pub(crate) const fn is_on(&self) -> bool {
+        self.switch.is_on()
+    }
+
+    /// Carries out a block that switches it; an open section is closed before.
+    pub(crate) fn turn(
+        &mut self,
+        command: &FunctionCommand,
+        span: SourceSpan,
+        settings: &VibrationSettings,
+        findings: &mut FindingLog,
+    ) {
+        self.switch.turn(command, span, findings, |findings| {
+            let condition = condition_from_command(command, span, settings, findings)?;
+            let words = VibrationWordSpans::of(command);
+            Some(ActiveVibration { condition, on_span: span, words, section_open: false, part: None })
+        });
+    }
+
+    /// The program ends.
+    pub(crate) fn end(&mut self, findings: &mut FindingLog) {
+        self.switch.end(findings);
+    }
+
     /// Opens a part of the section before a cutting element, or goes on with it; what the vibration asks of the axes on it.
-    pub(crate) fn vibrate(
+    pub(crate) fn superpose<B: From<SectionBarrier>>(
         &mut self,
         element: &Element,
         feed_mm_per_s: f64,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
+        inputs: &VibrationInputs<'_>,
+        analysis: Option<&mut VibrationAnalysis>,
+        planner: &mut Planner<B>,
     ) -> Option<VibrationDemand> {
-        let vibration = self.state.vibration.as_mut().filter(|vibration| vibration.section_open)?;
-        let settings = config.vibration();
+        let vibration = self.switch.on_mut().filter(|vibration| vibration.section_open)?;
         let start = Side::of(element, 0.0);
-        let goes_over = |part: &OpenPart| {
-            let is_tangent = || part.end.direction_change(&start) <= TANGENT_TOLERANCE_RAD;
-            let along_path = settings.generation_mode == GenerationMode::AlongPath;
-            if settings.envelope == VibrationEnvelope::Published {
-                return along_path || is_tangent();
-            }
-            let demand = settings.demand(vibration.condition, part.feed_mm_per_s);
-            let feed = 2.0 * feed_mm_per_s.max(part.feed_mm_per_s);
-            let (machine, period_s) = (&config.profile.machine, config.period_s());
-            (along_path || is_tangent()) && part.end.is_vibrated_over(&start, &demand, feed, machine, period_s)
-        };
-        let goes_on = vibration.part.as_ref().is_some_and(goes_over);
+        let goes_on = vibration.part.is_some_and(|part| vibration.goes_over(&part, &start, feed_mm_per_s, inputs));
         if !goes_on {
+            let mut open = analysis.and_then(|analysis| analysis.open.as_mut());
             if let Some(part) = vibration.part.take() {
-                planner.push_barrier(Barrier::PartEnd);
-                if let Some(open) = self.analysis.as_mut().and_then(|analysis| analysis.open.as_mut()) {
+                planner.push_barrier(SectionBarrier::PartEnd.into());
+                if let Some(open) = &mut open {
                     open.end_part(part.end.direction_change(&start), element.source.line);
                 }
             }
-            let ramp_mm = settings.ramp_mm(vibration.condition, feed_mm_per_s);
-            planner.push_barrier(Barrier::PartStart(SectionPart { ramp_mm }));
-            if let Some(open) = self.analysis.as_mut().and_then(|analysis| analysis.open.as_mut()) {
+            let ramp_mm = inputs.settings.ramp_mm(vibration.condition, feed_mm_per_s);
+            planner.push_barrier(SectionBarrier::PartStart(SectionPart { ramp_mm }).into());
+            if let Some(open) = open {
                 open.start_part(feed_mm_per_s);
             }
         }
         let part_feed_mm_per_s = vibration.part.map_or(feed_mm_per_s, |part| part.feed_mm_per_s);
         vibration.part = Some(OpenPart { feed_mm_per_s: part_feed_mm_per_s, end: Side::of(element, element.length) });
-        Some(settings.demand(vibration.condition, part_feed_mm_per_s))
-    }
-
-    pub(crate) fn switch_vibration(
-        &mut self,
-        command: &FunctionCommand,
-        span: SourceSpan,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-        findings: &mut FindingLog,
-    ) {
-        if !command.on {
-            self.close_section(planner, findings);
-            let was_unusable = std::mem::take(&mut self.state.unusable_vibration);
-            if self.state.vibration.take().is_none() && !was_unusable {
-                findings.push(
-                    Finding::new(code::VIB_OFF_WITHOUT_ON, span, "vibration is switched off but was not on")
-                        .suggest("remove the block, or switch the vibration on before it"),
-                );
-            }
-            return;
-        }
-        if let Some(active) = self.state.vibration {
-            let line = active.on_span.line;
-            findings.push(
-                Finding::new(code::VIB_NESTED, span, format!("vibration is on already, since line {line}"))
-                    .with_value("on_line", f64::from(line), "")
-                    .suggest("switch the vibration off before it is switched on with other values"),
-            );
-            self.close_section(planner, findings);
-        }
-        let condition = condition_from_command(command, span, &config.profile.vibration, findings);
-        self.state.unusable_vibration = condition.is_none();
-        let words = VibrationWordSpans::of(command);
-        self.state.vibration = condition.map(|condition| ActiveVibration {
-            condition,
-            on_span: span,
-            words,
-            section_open: false,
-            part: None,
-        });
+        Some(inputs.settings.demand(vibration.condition, part_feed_mm_per_s))
     }
 
     /// Opens a section at the first cutting block after the vibration was switched on or interrupted.
-    pub(crate) fn open_section(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>) {
-        let Some(vibration) = &mut self.state.vibration else { return };
-        if vibration.section_open {
-            return;
-        }
+    pub(crate) fn open_section<B: From<SectionBarrier>>(
+        &mut self,
+        inputs: &VibrationInputs<'_>,
+        analysis: Option<&mut VibrationAnalysis>,
+        planner: &mut Planner<B>,
+    ) {
+        let Some(vibration) = self.switch.on_mut().filter(|vibration| !vibration.section_open) else { return };
         vibration.section_open = true;
         let VibrationCondition { frequency_hz, amplitude_mm } = vibration.condition;
-        let follows_up_to = config.profile.vibration.follows_up_to(amplitude_mm);
-        planner.push_barrier(Barrier::SectionStart(SectionStart { frequency_hz, amplitude_mm, follows_up_to }));
-        if let Some(analysis) = &mut self.analysis {
-            let profile = &config.profile;
-            let period_s = config.period_s();
+        let follows_up_to = inputs.settings.follows_up_to(amplitude_mm);
+        planner.push_barrier(SectionBarrier::Start(SectionStart { frequency_hz, amplitude_mm, follows_up_to }).into());
+        if let Some(analysis) = analysis {
             let analyzer = SectionAnalyzer::new(
                 vibration.condition,
                 vibration.on_span,
-                &config.vibration(),
-                &profile.machine,
-                &profile.following,
-                period_s,
+                &inputs.settings,
+                inputs.machine,
+                inputs.following,
+                inputs.period_s,
             );
-            let changes = !config.overrides.is_empty();
-            let analyzer = analyzer.with_feed_overrides(profile.max_feed_override, changes);
+            let analyzer = analyzer.with_feed_overrides(inputs.max_feed_override, inputs.has_overrides);
             analysis.open = Some(analyzer.with_word_spans(vibration.words));
         }
     }
 
-    pub(crate) fn close_section(&mut self, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
-        self.close_oscillation(planner, findings);
-        let Some(vibration) = &mut self.state.vibration else { return };
-        if !vibration.section_open {
-            return;
-        }
+    /// Closes the section, where one is open.
+    pub(crate) fn close_section<B: From<SectionBarrier>>(
+        &mut self,
+        analysis: Option<&mut VibrationAnalysis>,
+        planner: &mut Planner<B>,
+    ) {
+        let Some(vibration) = self.switch.on_mut().filter(|vibration| vibration.section_open) else { return };
         vibration.section_open = false;
         vibration.part = None;
-        planner.push_barrier(Barrier::SectionEnd);
-        if let Some(analysis) = &mut self.analysis {
+        planner.push_barrier(SectionBarrier::End.into());
+        if let Some(analysis) = analysis {
             analysis.awaiting.extend(analysis.open.take());
         }
     }

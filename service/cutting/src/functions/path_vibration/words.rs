@@ -3,9 +3,9 @@
 use feedwave_program::{Finding, FindingCode, FindingLog, FunctionCommand, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use super::code;
 use super::findings::{amplitude_word, frequency_word};
 use super::{VibrationCondition, VibrationSettings};
-use crate::code;
 
 /// Lowest frequency, Hz: what a frequency word is written to. Half its period, which a corner may have to wait for
 /// in the tangential modes, is minutes, and every figure derived from it stays finite.

@@ -3,8 +3,8 @@
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use super::code;
 use super::{DeviationTrace, ThinningReport, ThinningSettings};
-use crate::code;
 
 /// Blocks dropped one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use super::{
     CutPoint, DeviationTrace, DirectionInterpolation, DroppedRun, Kept, Thinner, ThinningReport, ThinningSettings,
 };
-use crate::PipelineConfig;
 
 /// Runs of dropped blocks listed; further ones are counted.
 const MAX_DROPPED_RUNS: usize = 1_000;
@@ -65,11 +64,17 @@ impl DroppedRuns {
 }
 
 impl ThinningStage {
-    pub(crate) fn new(config: &PipelineConfig, kinematics: Option<Arc<Kinematics>>, for_report: bool) -> Self {
+    /// A stage; `is_wanted` says whether the program's word is followed.
+    pub(crate) fn new(
+        settings: ThinningSettings,
+        is_wanted: bool,
+        kinematics: Option<Arc<Kinematics>>,
+        for_report: bool,
+    ) -> Self {
         Self {
             state: StageState::default(),
-            settings: config.profile.thinning,
-            is_wanted: !config.every_block,
+            settings,
+            is_wanted,
             kinematics,
             dropped: for_report.then(DroppedRuns::default),
         }

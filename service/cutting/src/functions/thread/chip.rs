@@ -13,6 +13,7 @@
 
 use core::f64::consts::TAU;
 
+use feedwave_motion::sin_turns;
 use serde::{Deserialize, Serialize};
 
 use super::ThreadJob;
@@ -309,5 +310,5 @@ pub(super) fn least_ratio(job: &ThreadJob, index: usize, level: ChipLevel) -> Op
 }
 
 fn cos_deg(angle_deg: f64) -> f64 {
-    crate::sin_turns(angle_deg / 360.0 + 0.25)
+    sin_turns(angle_deg / 360.0 + 0.25)
 }

@@ -5,9 +5,9 @@ use core::f64::consts::TAU;
 
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
+use super::code;
 use super::report::{CrestReport, ThreadPassReport};
 use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
-use crate::code;
 use crate::shared::wording::{decimal, round_down, round_up};
 
 /// Samples per vibration below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").

@@ -11,6 +11,7 @@ mod follower;
 mod geometry;
 mod infeed;
 mod job;
+mod open_thread;
 mod parameters;
 mod pass;
 mod path;
@@ -39,6 +40,6 @@ pub use report::{
 };
 pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
-pub(crate) use state::Threads;
-pub(crate) use superposition::ThreadRun;
+pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass};
+pub(crate) use superposition::{ThreadRun, ThreadScratch};
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

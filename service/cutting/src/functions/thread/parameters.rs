@@ -2,8 +2,8 @@
 
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
+use super::code;
 use super::{MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
-use crate::code;
 use crate::shared::wording::decimal;
 
 /// A quantity that is not what it must be.

@@ -5,9 +5,9 @@ use core::f64::consts::TAU;
 use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
 use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
 
+use super::code;
 use super::{PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
-use crate::code;
-use crate::frame::builder::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
 
 /// Share of the limits of X that changes of its speed take beside the vibration: on a taper, at a pull-out, between
 /// parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.

@@ -11,13 +11,13 @@ use feedwave_program::{Finding, Severity, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::chip::least_amplitude_mm;
+use super::code;
 use super::parameters::refusal;
 use super::report::ThreadLimits;
 use super::{
     ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadGeometry,
     ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
 };
-use crate::code;
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// How passes with an axial offset, and the starts of a thread, are brought to their place

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
 use super::{ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadJob, findings};
-use crate::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// Most passes of one thread; more are refused.
 pub const MAX_THREAD_PASSES: usize = 100;

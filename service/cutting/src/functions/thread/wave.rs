@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// How the vibration of a pass is brought to its phase (docs/functions/thread-vibration.md, "Phase").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -3,12 +3,12 @@
 
 use feedwave_program::{Finding, SourceSpan};
 
+use super::code;
 use super::condition::{MAX_RAMP_PERIODS, OscillationPeriod, nearest_periods_per_rev};
 use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
 use super::{Engagement, OscillationDirection, Waveform};
-use crate::MAX_AMPLITUDE_MM;
-use crate::code;
+use crate::shared::track::MAX_AMPLITUDE_MM;
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.

@@ -5,14 +5,15 @@ use feedwave_motion::kinematics::RotaryDirections;
 use feedwave_motion::{Curve, Element, top_command};
 use feedwave_program::{Axis, Finding, Position, SourceSpan, SpindleDirection, SpindleSpeed};
 
+use super::code;
 use super::limits::{LeftLimits, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
+use super::state::ActiveOscillation;
 use super::{
-    ActiveOscillation, ConditionChoice, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationJob, OscillationReport, OscillationRun, OscillationSectionReport, RoleReport, RoleRotation,
-    ToolGeometry, ToolOscillation, find_condition, judge, known_names, ramp_mm, seen_by_tool, synchronise,
+    ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
+    OscillationInputs, OscillationJob, OscillationReport, OscillationRequest, OscillationRun, OscillationSectionReport,
+    RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge, known_names, ramp_mm, seen_by_tool,
+    synchronise,
 };
-use crate::PipelineConfig;
-use crate::code;
 use crate::shared::cut::Cut;
 
 /// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
@@ -51,7 +52,7 @@ impl Judgements {
         &mut self,
         tool: u32,
         mut job: OscillationJob<'_>,
-        config: &PipelineConfig,
+        floor: &FloorSettings,
         found: &mut Vec<Finding>,
     ) -> Option<OscillationReport> {
         let like = self.known.iter().find(|known| {
@@ -70,7 +71,7 @@ impl Judgements {
             found.extend(here);
             return known.report.clone();
         }
-        job.floor = config.profile.oscillation_floor.area(job.tool, &job.cut);
+        job.floor = floor.area(job.tool, &job.cut);
         if job.floor.is_some() {
             if self.floors < MAX_FLOORS {
                 self.floors += 1;
@@ -107,18 +108,15 @@ impl Judgements {
 
 impl ActiveOscillation {
     /// Judges the element. The report of a pass comes where `judgements` are kept and the pass is new.
-    #[allow(clippy::too_many_arguments, reason = "what an element is judged by has no other thing in common")]
     pub(crate) fn prepare(
         &mut self,
         element: &Element,
         cut: &Cut,
-        tool: u32,
-        rotary: Option<&RotaryDirections>,
-        vibrates: bool,
-        config: &PipelineConfig,
+        inputs: &OscillationInputs<'_>,
         judgements: Option<&mut Judgements>,
         found: &mut Vec<Finding>,
     ) -> Option<OscillationSectionReport> {
+        let (tool, rotary) = (inputs.tool, inputs.rotary.as_ref());
         let span = element.source;
         let mut refuse = |code, message: &str, cure: &str| found.push(Finding::new(code, span, message).suggest(cure));
         let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
@@ -140,7 +138,7 @@ impl ActiveOscillation {
             );
             return None;
         }
-        if vibrates {
+        if inputs.vibrates {
             let message = "the tool oscillates while the vibration along the path is on";
             refuse(code::OSC_WITH_VIBRATION, message, "switch one of them off");
             return None;
@@ -158,7 +156,7 @@ impl ActiveOscillation {
             );
             return None;
         }
-        let spindle_rev_per_min = rev_per_min.min(config.profile.machine.max_spindle_rev_per_min);
+        let spindle_rev_per_min = rev_per_min.min(inputs.machine.max_spindle_rev_per_min);
         let in_plane = |s: f64| {
             let heading = heading(rotary, element, s);
             libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
@@ -169,7 +167,7 @@ impl ActiveOscillation {
             refuse(code::OSC_PLUNGE, message, "switch the oscillation off for this block");
             return None;
         }
-        let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, &config.profile.machine);
+        let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
         let curvature = guided.map_or_else(|| element.curvature(), |_| turning_per_mm(rotary, element));
         let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
         if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
@@ -202,23 +200,21 @@ impl ActiveOscillation {
             depth_mm: 0.0,
             engagement_deg: [-90.0, 90.0],
         };
-        self.judge(span.line, tool, cutting, config, judgements, found)
+        self.judge(span.line, cutting, inputs, judgements, found)
     }
 
     fn judge(
         &mut self,
         line: u32,
-        tool_number: u32,
         mut cut: OscillationCut,
-        config: &PipelineConfig,
+        inputs: &OscillationInputs<'_>,
         judgements: Option<&mut Judgements>,
         found: &mut Vec<Finding>,
     ) -> Option<OscillationSectionReport> {
-        let span = self.on_span;
-        let profile = &config.profile;
-        let named = self.choose(config, tool_number, found)?;
+        let (span, tool_number) = (self.on_span, inputs.tool);
+        let named = self.choose(inputs, found)?;
         self.has_tables = !named.tables.is_empty();
-        let tool = self.geometry(config, tool_number, found)?;
+        let tool = self.geometry(inputs, found)?;
         let mut condition = named.at(cut.feed_mm_per_min, cut.spindle_rev_per_min);
         if let Some(amplitude_mm) = self.feed_amplitude_mm {
             condition.feed.amplitude_mm = amplitude_mm;
@@ -230,14 +226,14 @@ impl ActiveOscillation {
         let deepest_mm = (tool.axial_edge_height_mm - 2.0 * condition.axial.amplitude_mm).max(0.0);
         cut.depth_mm = self.depth_mm.unwrap_or(deepest_mm);
         cut.engagement_deg = condition.engagement.azimuths_deg(tool.radius_mm, cut.clockwise);
-        let (leading_edge, roles) = self.roles(&condition.leading_edge, tool, config);
-        let limits = machine_limits(&profile.machine);
+        let (leading_edge, roles) = self.roles(&condition.leading_edge, tool, inputs.request);
+        let limits = machine_limits(inputs.machine);
         let job = OscillationJob { tool, condition: &condition, leading_edge, cut, limits, floor: None, span };
         // While streaming the program has been judged before.
         let mut ignored = Vec::new();
         let (report, said) = match judgements {
             Some(judgements) => {
-                let report = judgements.judge(tool_number, job, config, found);
+                let report = judgements.judge(tool_number, job, inputs.floor, found);
                 report_roles(&roles, leading_edge, span, found);
                 (report, &mut ignored)
             }
@@ -254,14 +250,14 @@ impl ActiveOscillation {
             cut,
             report,
         });
-        match LeftLimits::of(&profile.machine, &run, &cut) {
+        match LeftLimits::of(inputs.machine, &run, &cut) {
             Ok(left) => (self.left, self.run) = (Some(left), Some(Box::new(run))),
             Err(shortage) => {
                 let fits = |share: f64| {
                     let mut oscillation = run.oscillation.clone();
                     let plane = core::iter::once(&mut oscillation.feed).chain(&mut oscillation.cross);
                     plane.chain([&mut oscillation.axial]).for_each(|motion| motion.amplitude_mm *= share);
-                    LeftLimits::of(&profile.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
+                    LeftLimits::of(inputs.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
                 };
                 found.push(shortage.finding(span, &run, fits));
                 // What was judged is reported all the same.
@@ -274,14 +270,9 @@ impl ActiveOscillation {
     }
 
     /// The condition that the request or the program chooses.
-    fn choose<'a>(
-        &self,
-        config: &'a PipelineConfig,
-        tool: u32,
-        found: &mut Vec<Finding>,
-    ) -> Option<&'a NamedCondition> {
-        let conditions = &config.profile.tool_oscillation;
-        let requested = config.oscillation.condition.as_deref();
+    fn choose<'a>(&self, inputs: &OscillationInputs<'a>, found: &mut Vec<Finding>) -> Option<&'a NamedCondition> {
+        let (conditions, tool) = (inputs.conditions, inputs.tool);
+        let requested = inputs.request.condition.as_deref();
         let number = self.number.unwrap_or_default();
         let choice = requested.map_or(ConditionChoice::Number(number), ConditionChoice::Name);
         let Some(named) = find_condition(conditions, choice, tool) else {
@@ -317,13 +308,9 @@ impl ActiveOscillation {
     }
 
     /// The tool's cutting edges.
-    fn geometry<'a>(
-        &self,
-        config: &'a PipelineConfig,
-        number: u32,
-        found: &mut Vec<Finding>,
-    ) -> Option<&'a ToolGeometry> {
-        let known = config.tools.iter().find(|tool| tool.number == number);
+    fn geometry<'a>(&self, inputs: &OscillationInputs<'a>, found: &mut Vec<Finding>) -> Option<&'a ToolGeometry> {
+        let number = inputs.tool;
+        let known = inputs.tools.iter().find(|tool| tool.number == number);
         let geometry = known.and_then(|tool| tool.geometry.as_ref());
         if geometry.is_none() {
             let message = format!("nothing is known of the cutting edges of tool {number}");
@@ -335,9 +322,9 @@ impl ActiveOscillation {
     }
 
     /// Which edge leads, and why. A word of the program says which edge leads the first part.
-    fn roles(&self, leading: &LeadingEdge, tool: &ToolGeometry, config: &PipelineConfig) -> (u32, RoleReport) {
-        let parts_before = config.oscillation.parts_before;
-        let cutting_time_before_s = config.oscillation.cutting_time_before_s + self.cutting_time_before_s;
+    fn roles(&self, leading: &LeadingEdge, tool: &ToolGeometry, request: &OscillationRequest) -> (u32, RoleReport) {
+        let parts_before = request.parts_before;
+        let cutting_time_before_s = request.cutting_time_before_s + self.cutting_time_before_s;
         let first_edge = self.leading_edge.unwrap_or(leading.edge);
         let leading = LeadingEdge { edge: first_edge, ..*leading };
         let changes = leading.steps_after(parts_before, cutting_time_before_s);

@@ -6,8 +6,8 @@ use feedwave_motion::Machine;
 use feedwave_program::{Axis, Finding, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use super::code;
 use super::{DirectionLimits, DirectionMotion, OscillationCut, OscillationLimits, OscillationRun};
-use crate::code;
 use crate::shared::blend::BLEND_PEAKS;
 use crate::shared::wording::{decimal, round_down};
 

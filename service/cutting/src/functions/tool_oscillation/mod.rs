@@ -21,10 +21,10 @@ mod request;
 mod state;
 mod superposition;
 mod table;
-mod tool;
 mod waveform;
 
 pub use crate::shared::blend::{BLEND_STEEPNESS, blend};
+pub use crate::shared::tool::{CuttingEdge, MAX_EDGES, ToolError, ToolGeometry};
 pub use condition::{
     ConditionChoice, DirectionOscillation, LeadingEdge, MAX_CONDITION_TABLES, MAX_CONDITION_TOOLS, MAX_CONDITIONS,
     MAX_RAMP_PERIODS, NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation, find_condition,
@@ -33,7 +33,7 @@ pub use condition::{
 pub use engagement::{Engagement, WorkSide};
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
 pub use floor_area::{FloorSettings, MAX_FLOOR_REVOLUTIONS};
-pub(crate) use judgement::Judgements;
+use judgement::Judgements;
 pub use motion::{DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, ramp_mm};
 pub use problems::condition_problems;
 pub use removal::{EdgePass, EdgeReport, OscillationCut, RemovedLayer, plane_section};
@@ -42,9 +42,10 @@ pub use report::{
     OscillationReport, OscillationSectionReport, PlainEdge, RoleReport, judge, synchronise,
 };
 pub use request::OscillationRequest;
-pub(crate) use request::known_names;
-pub(crate) use state::ActiveOscillation;
-pub(crate) use superposition::{OscillationRun, OscillationScratch, seen_by_tool};
+use request::known_names;
+pub(crate) use state::{Oscillation, OscillationAnalysis, OscillationInputs};
+use superposition::seen_by_tool;
+pub(crate) use superposition::{OscillationBarrier, OscillationRun, OscillationScratch};
 pub use table::{ConditionTable, Interpolation, MAX_TABLE_POINTS, TableQuantity};
-pub use tool::{CuttingEdge, MAX_EDGES, ToolError, ToolGeometry};
+
 pub use waveform::{MAX_HOLD_SHARE, MAX_WAVE_POINTS, MIN_WAVE_POINT_TURNS, Wave, WavePeaks, Waveform, WaveformError};

@@ -6,7 +6,7 @@ use super::{
     LeadingEdge, MAX_CONDITION_TABLES, MAX_CONDITION_TOOLS, MAX_CONDITIONS, MAX_EDGES, MAX_RAMP_PERIODS,
     NamedCondition, OscillationCondition, OscillationPeriod, RoleRotation,
 };
-use crate::MAX_AMPLITUDE_MM;
+use crate::shared::track::MAX_AMPLITUDE_MM;
 
 /// Problems of one condition.
 struct Problems<'a> {

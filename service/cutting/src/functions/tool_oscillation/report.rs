@@ -3,14 +3,13 @@
 use feedwave_program::{Finding, Severity, SourceSpan};
 use serde::{Deserialize, Serialize};
 
+use super::code;
 use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
     DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, RoleRotation, Roughness,
     ToolGeometry, ToolOscillation, findings, ramp_mm,
 };
-use crate::PipelineConfig;
-use crate::code;
 
 /// What one direction of the machine can do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -183,30 +182,6 @@ pub struct OscillationSectionReport {
     /// What can be said about it.
     #[serde(flatten)]
     pub report: OscillationReport,
-}
-
-impl OscillationSectionReport {
-    /// The tool and its oscillation as judged, from the configuration that the program was validated with; `None` where that
-    /// does not have them.
-    #[must_use]
-    pub fn motion<'a>(&self, config: &'a PipelineConfig) -> Option<(&'a ToolGeometry, ToolOscillation)> {
-        let tool = config.tools.iter().find(|tool| tool.number == self.tool)?.geometry.as_ref()?;
-        let named = config.profile.tool_oscillation.iter().filter(|named| named.name == self.condition);
-        let for_tool = named.clone().find(|named| named.tools.contains(&self.tool));
-        let named = for_tool.or_else(|| named.clone().find(|named| named.tools.is_empty()))?;
-        let mut condition = named.at(self.cut.feed_mm_per_min, self.cut.spindle_rev_per_min);
-        for load in &self.report.loads {
-            // Words of the program may override the condition's amplitudes.
-            match load.direction {
-                OscillationDirection::Feed => condition.feed.amplitude_mm = load.amplitude_mm,
-                OscillationDirection::Axial => condition.axial.amplitude_mm = load.amplitude_mm,
-                OscillationDirection::Cross => {}
-            }
-        }
-        let oscillation =
-            ToolOscillation::new(tool, &condition, self.report.periods_per_rev, self.report.leading_edge)?;
-        Some((tool, oscillation))
-    }
 }
 
 /// Judges a pass: the report where its quantities are possible, and the findings, errors among them.

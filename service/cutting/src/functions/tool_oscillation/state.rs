@@ -3,24 +3,63 @@
 
 use std::sync::Arc;
 
+use feedwave_motion::kinematics::RotaryDirections;
 use feedwave_motion::{Curve, Element, Machine, Planner, TANGENT_TOLERANCE_RAD, top_command};
-use feedwave_program::{AXIS_COUNT, Axis, Finding, FindingLog, FunctionCommand, Position, Severity, SourceSpan};
+use feedwave_program::{
+    AXIS_COUNT, Axis, Finding, FindingCode, FindingLog, FunctionCommand, Position, Severity, SourceSpan,
+};
 use serde::{Deserialize, Serialize};
 
-use super::OscillationRun;
+use super::code;
 use super::judgement::heading;
 use super::limits::LeftLimits;
-use crate::PipelineConfig;
-use crate::code;
-use crate::frame::builder::{Builder, MAX_SECTION_REPORTS};
-use crate::frame::interpolator::Barrier;
-use crate::functions::five_axis::Guide;
+use super::{
+    FloorSettings, Judgements, NamedCondition, OscillationBarrier, OscillationRequest, OscillationRun,
+    OscillationSectionReport,
+};
+use crate::functions::switch::{Modal, Switch};
 use crate::shared::cut::Cut;
+use crate::shared::listed::Listed;
+use crate::shared::tool::Tool;
 use crate::shared::wording::decimal;
+
+/// Reports kept in full; further ones are counted.
+const MAX_REPORTS: usize = 1_000;
+
+/// What a run of the pipeline, and the program's other states, give this function.
+#[derive(Clone, Debug)]
+pub(crate) struct OscillationInputs<'a> {
+    pub(crate) conditions: &'a [NamedCondition],
+    pub(crate) floor: &'a FloorSettings,
+    pub(crate) request: &'a OscillationRequest,
+    pub(crate) machine: &'a Machine,
+    pub(crate) tools: &'a [Tool],
+    /// Number of the tool in the spindle.
+    pub(crate) tool: u32,
+    /// The rotary axes of a machine on which the tool may oscillate while they turn the work.
+    pub(crate) rotary: Option<RotaryDirections>,
+    /// Whether another function vibrates along the path.
+    pub(crate) vibrates: bool,
+}
+
+/// The oscillation between operations.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Oscillation {
+    switch: Switch<Box<ActiveOscillation>>,
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    cutting_time_s: f64,
+}
+
+/// Reports on the oscillations of a program, gathered while validating only.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OscillationAnalysis {
+    judgements: Judgements,
+    pub(crate) reports: Listed<OscillationSectionReport>,
+}
 
 /// An oscillation that was switched on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ActiveOscillation {
+pub(super) struct ActiveOscillation {
     pub(super) on_span: SourceSpan,
     /// Number of the condition; none where the program leaves it to the job.
     pub(super) number: Option<u32>,
@@ -57,34 +96,26 @@ struct OpenSection {
     judged: Option<(u32, f64, f64)>,
 }
 
-impl Builder {
-    pub(crate) fn switch_oscillation(
-        &mut self,
+impl Modal for Box<ActiveOscillation> {
+    const NAME: &'static str = "the oscillation";
+    const OFF_WITHOUT_ON: FindingCode = code::OSC_OFF_WITHOUT_ON;
+    const NESTED: FindingCode = code::OSC_NESTED;
+    const UNCLOSED: FindingCode = code::OSC_UNCLOSED;
+
+    fn on_span(&self) -> SourceSpan {
+        self.on_span
+    }
+}
+
+impl ActiveOscillation {
+    /// The words that switch it on. What cannot be used is a finding, and nothing oscillates.
+    fn read(
         command: &FunctionCommand,
         span: SourceSpan,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
+        request: &OscillationRequest,
+        cutting_time_before_s: f64,
         findings: &mut FindingLog,
-    ) {
-        self.close_oscillation(planner, findings);
-        let active = self.state.oscillation.take();
-        if !command.on {
-            if active.is_none() {
-                let message = "the oscillation is switched off but was not on";
-                let finding = Finding::new(code::OSC_OFF_WITHOUT_ON, span, message);
-                findings.push(finding.suggest("remove the block, or switch the oscillation on before it"));
-            }
-            return;
-        }
-        if let Some(active) = active {
-            let line = active.on_span.line;
-            let message = format!("the oscillation is on already, since line {line}");
-            findings.push(
-                Finding::new(code::OSC_NESTED, span, message)
-                    .with_value("on_line", f64::from(line), "")
-                    .suggest("switch it off before it is switched on with other values"),
-            );
-        }
+    ) -> Self {
         let mut refused = false;
         let mut whole = |letter: char, name: &'static str, needed: bool| {
             let word = command.word(letter);
@@ -98,39 +129,83 @@ impl Builder {
             }
             value.map(|value| value as u32)
         };
-        let number = whole('P', "number of the condition", config.oscillation.condition.is_none());
+        let number = whole('P', "number of the condition", request.condition.is_none());
         let leading_edge = whole('L', "leading edge", false);
         let length = |letter| command.word(letter).map(|word| word.value);
-        self.state.oscillation = Some(Box::new(ActiveOscillation {
+        Self {
             on_span: span,
             number,
             feed_amplitude_mm: length('A'),
             axial_amplitude_mm: length('Q'),
             depth_mm: length('D'),
             leading_edge,
-            cutting_time_before_s: self.state.oscillating_cutting_time_s,
+            cutting_time_before_s,
             refused,
             judged: None,
             has_tables: false,
             run: None,
             left: None,
             open: None,
-        }));
-    }
-
-    /// The end of the program.
-    pub(crate) fn end_oscillation(&mut self, findings: &mut FindingLog) {
-        if let Some(active) = self.state.oscillation.take() {
-            let message = "the program ends while the oscillation switched on here is still on";
-            let finding = Finding::new(code::OSC_UNCLOSED, active.on_span, message);
-            findings.push(finding.suggest("switch the oscillation off before the end of the program"));
         }
     }
 
-    pub(crate) fn close_oscillation(&mut self, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
-        let Some(active) = &mut self.state.oscillation else { return };
+    /// Opens a section before a cutting element, or goes on with it.
+    fn enter<B: From<OscillationBarrier>>(
+        &mut self,
+        element: &Element,
+        rotary: Option<RotaryDirections>,
+        planner: &mut Planner<B>,
+    ) -> Option<Arc<Machine>> {
+        let (run, left) = (self.run.as_ref()?, self.left.as_ref()?);
+        if self.open.is_none() {
+            let run = Box::new(OscillationRun { rotary, ..(**run).clone() });
+            planner.push_barrier(OscillationBarrier::Start(run).into());
+        }
+        self.open = Some(OpenSection {
+            line: self.open.map_or(element.source.line, |open| open.line),
+            length_mm: self.open.map_or(0.0, |open| open.length_mm) + element.length,
+            direction: heading(rotary.as_ref(), element, element.length),
+            ramp_mm: run.ramp_mm,
+            judged: self.judged,
+        });
+        Some(Arc::clone(if element.curve == Curve::Line { &left.straight } else { &left.curved }))
+    }
+}
+
+impl Oscillation {
+    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
+    pub(crate) const fn cutting_time_s(&self) -> f64 {
+        self.cutting_time_s
+    }
+
+    /// Carries out a block that switches it; an open section is closed before.
+    pub(crate) fn turn(
+        &mut self,
+        command: &FunctionCommand,
+        span: SourceSpan,
+        request: &OscillationRequest,
+        findings: &mut FindingLog,
+    ) {
+        let before_s = self.cutting_time_s;
+        self.switch.turn(command, span, findings, |findings| {
+            Some(Box::new(ActiveOscillation::read(command, span, request, before_s, findings)))
+        });
+    }
+
+    /// The program ends.
+    pub(crate) fn end(&mut self, findings: &mut FindingLog) {
+        self.switch.end(findings);
+    }
+
+    /// Closes the section, where one is open.
+    pub(crate) fn close_section<B: From<OscillationBarrier>>(
+        &mut self,
+        planner: &mut Planner<B>,
+        findings: &mut FindingLog,
+    ) {
+        let Some(active) = self.switch.on_mut() else { return };
         let Some(OpenSection { line, length_mm, ramp_mm, .. }) = active.open.take() else { return };
-        planner.push_barrier(Barrier::OscillationEnd);
+        planner.push_barrier(OscillationBarrier::End.into());
         let needed_mm = 2.0 * ramp_mm;
         if length_mm < needed_mm {
             let message = format!(
@@ -151,64 +226,70 @@ impl Builder {
     }
 
     /// Opens a section before a cutting element, or goes on with it; what the axes have left for the element.
-    pub(crate) fn oscillate(
+    pub(crate) fn superpose<B: From<OscillationBarrier>>(
         &mut self,
         element: &Element,
         cut: &Cut,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
+        inputs: &OscillationInputs<'_>,
+        analysis: Option<&mut OscillationAnalysis>,
+        planner: &mut Planner<B>,
         findings: &mut FindingLog,
     ) -> Option<Arc<Machine>> {
-        let rotary = self.guide.as_ref().and_then(Guide::under_fixed_spindle);
-        let turns_sharply = self.state.oscillation.as_ref().and_then(|active| active.open).is_some_and(|open| {
-            let (before, after) = (open.direction, heading(rotary.as_ref(), element, 0.0));
-            let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
-            let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
-            square.sqrt() > TANGENT_TOLERANCE_RAD
-        });
-        if turns_sharply {
+        let open = self.switch.on()?.open;
+        if open.is_some_and(|open| open.turns_sharply(element, inputs.rotary.as_ref())) {
             // The offsets turn with the path: they have to be 0 where it turns at once.
-            self.close_oscillation(planner, findings);
+            self.close_section(planner, findings);
         }
-        let tool = self.state.tool;
-        let vibrates = self.state.vibration.is_some();
-        let active = self.state.oscillation.as_mut().filter(|active| !active.refused)?;
-        let mut found = Vec::new();
-        let judgements = self.analysis.as_mut().map(|analysis| &mut analysis.judgements);
-        let report = active.prepare(element, cut, tool, rotary.as_ref(), vibrates, config, judgements, &mut found);
-        active.refused = found.iter().any(|finding| finding.severity == Severity::Error);
-        for finding in found {
-            // What is found at the switch was found because of this element.
-            let is_of_switch = finding.span == active.on_span;
-            findings.push(if is_of_switch { finding.at("line", element.source.line.into()) } else { finding });
-        }
-        if let (Some(analysis), Some(report)) = (&mut self.analysis, report) {
-            analysis.oscillation_count += 1;
-            if analysis.oscillations.len() < MAX_SECTION_REPORTS {
-                analysis.oscillations.push(report);
-            }
-        }
+        let active = self.switch.on_mut().filter(|active| !active.refused)?;
+        active.judge_element(element, cut, inputs, analysis, findings);
         if active.refused {
             return None;
         }
         if active.open.is_some_and(|open| open.judged != active.judged) {
             // Another oscillation from here on.
-            self.close_oscillation(planner, findings);
+            self.close_section(planner, findings);
         }
-        let active = self.state.oscillation.as_mut()?;
-        let (run, left) = (active.run.as_ref()?, active.left.as_ref()?);
-        if active.open.is_none() {
-            planner.push_barrier(Barrier::OscillationStart(Box::new(OscillationRun { rotary, ..(**run).clone() })));
+        let left = self.switch.on_mut()?.enter(element, inputs.rotary, planner)?;
+        let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
+        self.cutting_time_s += element.length / feed_mm_per_s;
+        Some(left)
+    }
+}
+
+impl OpenSection {
+    /// Whether the path turns at once where an element goes on.
+    fn turns_sharply(&self, element: &Element, rotary: Option<&RotaryDirections>) -> bool {
+        let (before, after) = (self.direction, heading(rotary, element, 0.0));
+        let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
+        let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
+        square.sqrt() > TANGENT_TOLERANCE_RAD
+    }
+}
+
+impl ActiveOscillation {
+    /// Judges an element before it is cut, and refuses what cannot oscillate.
+    fn judge_element(
+        &mut self,
+        element: &Element,
+        cut: &Cut,
+        inputs: &OscillationInputs<'_>,
+        analysis: Option<&mut OscillationAnalysis>,
+        findings: &mut FindingLog,
+    ) {
+        let mut found = Vec::new();
+        let (judgements, reports) = match analysis {
+            Some(analysis) => (Some(&mut analysis.judgements), Some(&mut analysis.reports)),
+            None => (None, None),
+        };
+        let report = self.prepare(element, cut, inputs, judgements, &mut found);
+        self.refused = found.iter().any(|finding| finding.severity == Severity::Error);
+        for finding in found {
+            // What is found at the switch was found because of this element.
+            let is_of_switch = finding.span == self.on_span;
+            findings.push(if is_of_switch { finding.at("line", element.source.line.into()) } else { finding });
         }
-        active.open = Some(OpenSection {
-            line: active.open.map_or(element.source.line, |open| open.line),
-            length_mm: active.open.map_or(0.0, |open| open.length_mm) + element.length,
-            direction: heading(rotary.as_ref(), element, element.length),
-            ramp_mm: run.ramp_mm,
-            judged: active.judged,
-        });
-        let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, &config.profile.machine);
-        self.state.oscillating_cutting_time_s += element.length / feed_mm_per_s;
-        Some(Arc::clone(if element.curve == Curve::Line { &left.straight } else { &left.curved }))
+        if let (Some(reports), Some(report)) = (reports, report) {
+            reports.push(report, MAX_REPORTS);
+        }
     }
 }

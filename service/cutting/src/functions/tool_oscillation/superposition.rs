@@ -12,10 +12,20 @@ use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
-use super::ToolOscillation;
-use crate::frame::interpolator::columns::ColumnMap;
+use super::{DirectionMotion, ToolOscillation};
 use crate::shared::blend::BlendedPath;
-use crate::{BLOCK_LENGTH, SetpointBlock};
+use crate::shared::columns::{ColumnMap, Samples};
+use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
+use crate::shared::track::PathBarrier;
+
+/// A barrier of a part of the path on which the tool oscillates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum OscillationBarrier {
+    /// The part starts.
+    Start(Box<OscillationRun>),
+    /// It ends.
+    End,
+}
 
 /// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,33 +87,38 @@ impl OscillationScratch {
 }
 
 impl OscillationRun {
-    /// Adds the oscillation to the columns from `start` on, whose commanded arc lengths in `element` are `s`.
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "the columns and their buffers are separate fields of the interpolator"
-    )]
-    pub(crate) fn superpose(
+    /// Adds the oscillation to the rows from `start` on.
+    pub(crate) fn superpose<B: PathBarrier>(
         &self,
-        columns: &[ColumnMap],
-        element: &Element,
-        (before_mm, section_mm): (f64, Option<f64>),
-        s: &[f64],
+        at: &Samples<'_, B>,
         scratch: &mut OscillationScratch,
         block: &mut SetpointBlock,
         start: usize,
     ) {
-        let count = s.len();
-        if let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, &self.rotary) {
-            self.fill_share(before_mm, section_mm, s, &mut scratch.share[..count]);
-            return self.superpose_guided(columns, element, five_axis, rotary, s, scratch, block, start);
+        let count = at.s.len();
+        let (before_mm, length_mm) = at.track.section_place(at.item);
+        self.fill_share(before_mm, length_mm, at.s, &mut scratch.share[..count]);
+        if let (Curve::FiveAxis(five_axis), Some(rotary)) = (&at.element.curve, &self.rotary) {
+            self.superpose_guided(at, five_axis, rotary, scratch, block, start);
+        } else {
+            self.superpose_in_plane(at, scratch, block, start);
         }
+    }
+
+    /// Along the feed in the work plane, across it, and along Z.
+    fn superpose_in_plane<B>(
+        &self,
+        at: &Samples<'_, B>,
+        scratch: &mut OscillationScratch,
+        block: &mut SetpointBlock,
+        start: usize,
+    ) {
+        let (columns, count) = (at.columns, at.s.len());
+        let angles_deg = &block.spindle_angle_deg[start..start + count];
+        self.fill_direction_and_phase(at.element, at.s, angles_deg, scratch);
         let OscillationScratch { turns, offset, share, direction: [along_x, along_y], .. } = scratch;
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
         let (along_x, along_y) = (&mut along_x[..count], &mut along_y[..count]);
-
-        self.fill_share(before_mm, section_mm, s, share);
-        let angles_deg = &block.spindle_angle_deg[start..start + count];
-        self.fill_direction_and_phase(element, s, angles_deg, along_x, along_y, turns);
 
         // Along the feed.
         self.fill_offset(&self.oscillation.feed, turns, share, offset);
@@ -139,20 +154,18 @@ impl OscillationRun {
         }
     }
 
-    /// [`OscillationRun::superpose`] for a tool whose work the rotary axes turn: the feed direction is that which the tool sees, and
-    /// the offsets are along its own directions, which are those of the linear axes.
-    #[allow(clippy::too_many_arguments, reason = "as there")]
-    fn superpose_guided(
+    /// For a tool whose work the rotary axes turn: the feed direction is that which the tool sees, and the offsets are along
+    /// its own directions, which are those of the linear axes.
+    fn superpose_guided<B>(
         &self,
-        columns: &[ColumnMap],
-        element: &Element,
+        at: &Samples<'_, B>,
         five_axis: &FiveAxis,
         rotary: &RotaryDirections,
-        s: &[f64],
         scratch: &mut OscillationScratch,
         block: &mut SetpointBlock,
         start: usize,
     ) {
+        let Samples { columns, element, s, .. } = *at;
         let count = s.len();
         let OscillationScratch { turns, offset, share, direction: [along_x, along_y], guided: [x, y, z] } = scratch;
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
@@ -210,10 +223,10 @@ impl OscillationRun {
         element: &Element,
         s: &[f64],
         angles_deg: &[f64],
-        along_x: &mut [f64],
-        along_y: &mut [f64],
-        turns: &mut [f64],
+        scratch: &mut OscillationScratch,
     ) {
+        let OscillationScratch { turns, direction: [along_x, along_y], .. } = scratch;
+        let (turns, along_x, along_y) = (&mut turns[..s.len()], &mut along_x[..s.len()], &mut along_y[..s.len()]);
         // The spindle angle counts down where it turns counter-clockwise; azimuths from X to Y are counter-clockwise.
         let rotation = if self.clockwise { 1.0 } else { -1.0 };
         let feed_turns = |x: f64, y: f64| -rotation * libm::atan2(y, x) / TAU;
@@ -248,13 +261,7 @@ impl OscillationRun {
         }
     }
 
-    fn fill_offset(
-        &self,
-        motion: &crate::functions::tool_oscillation::DirectionMotion,
-        turns: &mut [f64],
-        share: &[f64],
-        offset: &mut [f64],
-    ) {
+    fn fill_offset(&self, motion: &DirectionMotion, turns: &mut [f64], share: &[f64], offset: &mut [f64]) {
         motion.fill_offset_mm(turns, offset);
         for (offset, share) in offset.iter_mut().zip(share) {
             *offset *= share;

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::curve::PeriodicCurve;
-use crate::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// Largest hold share at each extreme: what is left for the two ramps is at least a twenty-fifth of the period.
 pub const MAX_HOLD_SHARE: f64 = 0.48;

@@ -11,9 +11,8 @@ use feedwave_program::{
     Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, TiltedPlane, ToolAxisSolution,
 };
 
-use super::{Guide, GuideState, refused};
-use crate::PipelineConfig;
-use crate::code;
+use super::super::code;
+use super::{Guide, GuideInputs, GuideState, refused};
 
 /// A tool axis further from the normal of its plane than this is not meant to be on it, rad: programs write rotary axes with
 /// three decimals of a degree.
@@ -57,11 +56,11 @@ impl Guide {
         solution: ToolAxisSolution,
         span: SourceSpan,
         state: &mut GuideState,
-        config: &PipelineConfig,
+        inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
     ) -> Option<Move> {
         let plane = guided.plane.as_ref()?;
-        self.place_tool(guided, span, state, config, findings)?;
+        self.place_tool(guided, span, state, inputs, findings)?;
         let tool = state.tool.as_ref()?;
         let (setup, pose) = (tool.setup, ToolPose { tip_mm: tool.point.tip_mm, direction: plane.axes[2] });
         let stand_rad = self.kinematics.from_position(&state.position).rotary_rad;

@@ -4,8 +4,9 @@ use feedwave_motion::kinematics::{FiveAxisRefusal, KinematicsError, Toward};
 use feedwave_program::{Axis, Finding, GuidedMove, SourceSpan, ToolGuide};
 
 use super::super::ahead::CutNote;
+use super::super::code;
 use super::Guide;
-use crate::code;
+use crate::shared::code::AXIS_MISSING;
 
 impl Guide {
     /// Adds what helps where a rotary axis would leave its range, rad: with vectors another approach may, with angles
@@ -59,7 +60,7 @@ impl Guide {
 
 pub(super) fn no_axis(axis: Axis, span: SourceSpan) -> Finding {
     let message = format!("{} is not among the five axes of the kinematics", axis.letter());
-    Finding::new(code::AXIS_MISSING, span, message)
+    Finding::new(AXIS_MISSING, span, message)
         .suggest("remove the word, or move the axis while tool centre point control is off")
 }
 

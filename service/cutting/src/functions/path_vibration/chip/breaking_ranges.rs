@@ -4,7 +4,7 @@
 use core::f64::consts::PI;
 
 use super::{BREAKING_ALLOWANCE, CutCondition, FeedCoupling};
-use crate::functions::path_vibration::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// Steps of a bisection down to neighbouring doubles in [0, 1].
 const BISECTION_STEPS: u32 = 60;

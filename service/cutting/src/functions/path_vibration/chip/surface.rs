@@ -3,7 +3,7 @@
 use core::f64::consts::PI;
 
 use super::{CutCondition, MAX_EARLIER_REVOLUTIONS, reaches_through};
-use crate::functions::path_vibration::sin_turns;
+use feedwave_motion::sin_turns;
 
 /// The largest thickness is found to within this, mm.
 const THICKNESS_TOLERANCE_MM: f64 = 1e-10;

@@ -4,17 +4,18 @@ use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{Curve, Element, Planner};
 use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, SourceSpan};
 
-use super::{Guided, no_kinematics};
+use super::Builder;
 use crate::code;
-use crate::frame::builder::Builder;
-use crate::frame::builder::checks::check_travel;
 use crate::frame::interpolator::Barrier;
+use crate::frame::pipeline::PipelineConfig;
+use crate::functions::five_axis::{Guided, no_kinematics};
+use crate::functions::path_vibration::GenerationMode;
+use crate::shared::checks::check_travel;
 use crate::shared::cut::Cut;
-use crate::{GenerationMode, PipelineConfig};
 
 impl Builder {
     /// A move of a guided tool.
-    pub(crate) fn guided(
+    pub(super) fn guided(
         &mut self,
         guided: &GuidedMove,
         span: SourceSpan,
@@ -29,11 +30,12 @@ impl Builder {
             return;
         };
         let chosen = self.chosen.take();
-        let motion = match guide.carry_out(guided, span, chosen, &mut self.state.guide, config, findings) {
-            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
-            Some(Guided::Elements(motion)) => motion,
-            None => return,
-        };
+        let motion =
+            match guide.carry_out(guided, span, chosen, &mut self.state.guide, &config.guide_inputs(), findings) {
+                Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
+                Some(Guided::Elements(motion)) => motion,
+                None => return,
+            };
         let mv = &guided.step;
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
@@ -42,14 +44,14 @@ impl Builder {
         } else {
             self.close_section(planner, findings);
         }
-        if cutting && self.state.vibration.is_some() && !may_vibrate(&motion, span, config, findings) {
+        if cutting && self.state.functions.vibration.is_on() && !may_vibrate(&motion, span, config, findings) {
             return;
         }
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;
             analysis.cutting_moves += u64::from(cutting);
         }
-        let corners = guide.corners(config);
+        let corners = guide.corners(&config.guide_inputs());
         for element in motion.elements {
             check_travel(&element, &config.profile.machine, findings);
             let cut = Cut::of(mv, &element);

@@ -3,63 +3,18 @@
 use std::collections::VecDeque;
 
 use feedwave_motion::{Ahead, Planned, PlannedMotion, PlannedStretch};
-use feedwave_program::Spindle;
 use serde::{Deserialize, Serialize};
 
-use crate::functions::thread::ThreadRun;
-use crate::functions::tool_oscillation::OscillationRun;
+/// The path within one amplitude of the tool must fit in memory, so amplitudes have a ceiling, mm.
+pub const MAX_AMPLITUDE_MM: f64 = 10.0;
 
-/// What separates motions; the path is at rest at each.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum Barrier {
-    /// A vibrating section starts.
-    SectionStart(SectionStart),
-    /// The vibrating section ends, and its last part with it.
-    SectionEnd,
-    /// A part of the section starts, which the vibration does not leave.
-    PartStart(SectionPart),
-    /// That part ends, and another one follows: the vibration cannot go over the junction of the two.
-    PartEnd,
-    /// A part of the path on which the tool oscillates starts.
-    OscillationStart(Box<OscillationRun>),
-    /// That part ends.
-    OscillationEnd,
-    /// Stand still.
-    Dwell {
-        /// For so long, s.
-        duration_s: f64,
-        /// Source line of the dwell.
-        line: u32,
-    },
-    /// A threading pass.
-    Thread(Box<ThreadRun>),
-    /// The spindle's state changes.
-    Spindle(Spindle),
-    /// The program ends.
-    End,
-}
+/// A barrier between motions, as far as the path of a section is concerned.
+pub(crate) trait PathBarrier {
+    /// Whether the path of a section, or of a part of it, starts here.
+    fn starts_path(&self) -> bool;
 
-impl Barrier {
     /// Whether the path of a section, or of a part of it, ends here.
-    fn ends_section(&self) -> bool {
-        matches!(self, Self::SectionEnd | Self::PartEnd | Self::OscillationEnd)
-    }
-}
-
-/// What the generator needs to know of a vibrating section.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SectionStart {
-    pub(crate) frequency_hz: f64,
-    pub(crate) amplitude_mm: f64,
-    /// Largest ratio to it at which the amplitude follows the feed override; `None`: it stays.
-    pub(crate) follows_up_to: Option<f64>,
-}
-
-/// Part of a vibrating section between two junctions that the vibration does not go over.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SectionPart {
-    /// Length of path over which the vibration is blended in and out, mm; `None` where it is clamped at the part's ends.
-    pub(crate) ramp_mm: Option<f64>,
+    fn ends_path(&self) -> bool;
 }
 
 /// Tolerance for the rounding of summed path lengths, relative and mm.
@@ -69,9 +24,9 @@ const LENGTH_MARGIN: f64 = 1e-9;
 ///
 /// Every item knows its place on the section's path, so that a place is found by bisection, however short the
 /// elements are: with elements of nanometres, millions lie within an amplitude.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Track {
-    items: VecDeque<Item>,
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Track<B> {
+    items: VecDeque<Item<B>>,
     /// Index of the item the tool is on (or is about to take).
     current: usize,
     /// Path length of the section up to its last known item, mm.
@@ -85,10 +40,10 @@ pub(crate) struct Track {
 
 /// An item of the track.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Item {
+struct Item<B> {
     /// Path length from the section's start to the start of this item, mm; meaningless outside sections.
     start_mm: f64,
-    planned: Planned<Barrier>,
+    planned: Planned<B>,
 }
 
 /// Where a path position lies.
@@ -102,7 +57,7 @@ pub(crate) struct Location {
     pub(crate) beyond_mm: f64,
 }
 
-impl Item {
+impl<B> Item<B> {
     /// Whether it only shows where the path goes.
     fn is_shown(&self) -> bool {
         self.motion().is_some_and(|motion| motion.stretches.is_empty())
@@ -120,11 +75,17 @@ impl Item {
     }
 }
 
-impl Track {
-    pub(crate) fn push(&mut self, planned: Planned<Barrier>) {
+impl<B> Default for Track<B> {
+    fn default() -> Self {
+        Self { items: VecDeque::new(), current: 0, known_mm: 0.0, end_is_known: false, shown: 0, end_is_shown: false }
+    }
+}
+
+impl<B: PathBarrier> Track<B> {
+    pub(crate) fn push(&mut self, planned: Planned<B>) {
         match &planned {
-            Planned::Barrier(Barrier::PartStart(_) | Barrier::OscillationStart(_)) => self.known_mm = 0.0,
-            Planned::Barrier(barrier) if barrier.ends_section() => self.end_is_known = true,
+            Planned::Barrier(barrier) if barrier.starts_path() => self.known_mm = 0.0,
+            Planned::Barrier(barrier) if barrier.ends_path() => self.end_is_known = true,
             _ => {}
         }
         if let Some(last) = self.items.back_mut()
@@ -157,9 +118,9 @@ impl Track {
     }
 
     /// Takes back every item from this one on; those that were only shown have no stretches.
-    pub(crate) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<Barrier>> {
+    pub(crate) fn withdraw(&mut self, from: usize) -> impl Iterator<Item = Planned<B>> {
         let from = from.min(self.items.len());
-        let is_end = |item: &Item| matches!(&item.planned, Planned::Barrier(barrier) if barrier.ends_section());
+        let is_end = |item: &Item<B>| matches!(&item.planned, Planned::Barrier(barrier) if barrier.ends_path());
         self.end_is_known &= !(self.end_is_shown || self.items.range(from..).any(is_end));
         self.end_is_shown = false;
         self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
@@ -168,7 +129,10 @@ impl Track {
     }
 
     /// Adds what lies ahead of a feed hold without being planned, up to the end of the section or of what is known.
-    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, Barrier>>) {
+    pub(crate) fn show_path<'a>(&mut self, path: impl Iterator<Item = Ahead<'a, B>>)
+    where
+        B: 'a,
+    {
         let mut shown = 0;
         for item in path {
             match item {
@@ -181,7 +145,7 @@ impl Track {
                         self.shown = shown;
                     }
                 }
-                Ahead::Barrier(barrier) if barrier.ends_section() => {
+                Ahead::Barrier(barrier) if barrier.ends_path() => {
                     self.end_is_known = true;
                     self.end_is_shown = true;
                     return;
@@ -196,7 +160,7 @@ impl Track {
         self.items.len()
     }
 
-    pub(crate) fn current(&self) -> Option<&Planned<Barrier>> {
+    pub(crate) fn current(&self) -> Option<&Planned<B>> {
         self.items.get(self.current).map(|item| &item.planned)
     }
 
@@ -220,14 +184,14 @@ impl Track {
 
     /// Takes the next item; what lies further behind than `keep_mm` is forgotten.
     pub(crate) fn advance(&mut self, keep_mm: f64) {
-        if matches!(self.current(), Some(Planned::Barrier(barrier)) if barrier.ends_section()) {
+        if matches!(self.current(), Some(Planned::Barrier(barrier)) if barrier.ends_path()) {
             self.end_is_known = false;
         }
         self.current += 1;
         let here_mm = self.start_mm(self.current);
         let kept_from_mm = here_mm - keep_mm - margin(here_mm + keep_mm);
         while self.current > 0 {
-            let is_needed = |item: &Item| keep_mm > 0.0 && item.start_mm + item.length_mm() > kept_from_mm;
+            let is_needed = |item: &Item<B>| keep_mm > 0.0 && item.start_mm + item.length_mm() > kept_from_mm;
             if self.items.front().is_none_or(is_needed) {
                 break;
             }

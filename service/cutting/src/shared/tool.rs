@@ -1,6 +1,26 @@
-//! The tool: where its cutting edges are and how far they reach.
+//! A tool: its length and speed, where its cutting edges are and how far they reach.
 
 use serde::{Deserialize, Serialize};
+
+/// What validation needs to know of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tool {
+    /// Number of the `T` word.
+    pub number: u32,
+    /// Name for people.
+    #[serde(default)]
+    pub name: String,
+    /// Highest permitted spindle speed, rev/min.
+    #[serde(default)]
+    pub max_rev_per_min: Option<f64>,
+    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
+    #[serde(default)]
+    pub length_mm: Option<f64>,
+    /// Its cutting edges, which oscillation needs.
+    #[serde(default)]
+    pub geometry: Option<ToolGeometry>,
+}
 
 /// Most cutting edges of a tool.
 pub const MAX_EDGES: usize = 64;

@@ -1,0 +1,63 @@
+//! Where the time of a program goes.
+
+use feedwave_motion::{Curve, PhaseTimes, PlannedMotion, PlannedStretch, Profile, ProfilePart};
+use serde::{Deserialize, Serialize};
+
+use crate::frame::report::LimitTimes;
+use crate::functions::thread::ThreadRun;
+
+/// Where the time of a program goes, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct TimeShares {
+    pub(crate) cutting_s: f64,
+    pub(crate) rapid_s: f64,
+    /// The same time, and that at rest, by what governs it.
+    pub(crate) limits: LimitTimes,
+}
+
+/// A cruise within this share of a speed is at that speed.
+const SAME_SPEED: f64 = 1e-9;
+/// A cruise this short is what rounding leaves between two ramps, s.
+const ROUNDING_S: f64 = 1e-12;
+
+impl TimeShares {
+    pub(super) fn add_stretch(&mut self, motion: &PlannedMotion, index: usize, duration_s: f64, feed_override: f64) {
+        let element = &motion.element;
+        *(if element.rapid { &mut self.rapid_s } else { &mut self.cutting_s }) += duration_s;
+        let Some(PlannedStretch { stretch, profile, .. }) = motion.stretches.get(index) else { return };
+        let PhaseTimes { jerk_s, acceleration_s, cruise_s } = profile.phase_times();
+        self.limits.jerk_s += jerk_s;
+        self.limits.acceleration_s += acceleration_s;
+        let ratio = if motion.follows_override() { feed_override } else { 1.0 };
+        let reached = profile.whole().cruise_velocity() * (1.0 + SAME_SPEED);
+        let limits = &mut self.limits;
+        let governed_s = match element.curve {
+            _ if cruise_s <= ROUNDING_S => &mut limits.jerk_s,
+            _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
+            _ if reached < stretch.limits.velocity => &mut limits.corners_s,
+            Curve::Line => &mut limits.axis_velocity_s,
+            Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => &mut limits.curvature_s,
+        };
+        *governed_s += cruise_s;
+    }
+
+    /// The part of a pass in which the lead axis moves is cutting, the waits before and after are rest.
+    pub(super) fn add_pass(&mut self, run: &ThreadRun, duration_s: f64) {
+        let s_per_deg = 1.0 / (360.0 * run.rev_per_s);
+        let lead_s = ((run.path.lead_end_deg() - run.path.lead_start_deg()) * s_per_deg).min(duration_s);
+        let changing_s = (run.path.changing_deg() * s_per_deg).min(lead_s);
+        self.cutting_s += lead_s;
+        self.limits.acceleration_s += changing_s;
+        self.limits.feed_s += lead_s - changing_s;
+        self.limits.rest_s += duration_s - lead_s;
+    }
+
+    pub(super) fn add_preparation(&mut self, profile: Profile) {
+        let PhaseTimes { jerk_s, acceleration_s, cruise_s } =
+            ProfilePart::new(profile, 0.0, profile.length()).phase_times();
+        self.rapid_s += profile.duration();
+        self.limits.jerk_s += jerk_s;
+        self.limits.acceleration_s += acceleration_s;
+        self.limits.axis_velocity_s += cruise_s;
+    }
+}

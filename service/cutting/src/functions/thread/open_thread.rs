@@ -1,0 +1,225 @@
+//! A thread of the program while its passes come in: which passes belong to it, and its judgement at the end.
+
+use feedwave_program::{Axis, Finding, FindingLog, SpindleDirection};
+use serde::{Deserialize, Serialize};
+
+use super::code;
+use super::pass::{PassWay, TAPER_SHARE, ThreadBlock, axis_limits};
+use super::state::{Mode, ThreadInputs};
+use super::{
+    GrooveProfile, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadGeometry, ThreadJob, ThreadLimits,
+    ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
+};
+
+/// Lengths, leads and tapers that differ by less are the same.
+const SAME: f64 = 1e-6;
+/// Leads by which start and end of passes of one thread may be apart: a start position takes up to one, an infeed along
+/// the flank less than half of one.
+const LEADS_APART: f64 = 1.5;
+/// Depth of a single pass where nothing states the work's diameter, in leads.
+const ASSUMED_DEPTH: f64 = 0.1;
+
+/// A thread whose passes come in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct OpenThread {
+    mode: Option<Mode>,
+    pub(super) job: ThreadJob,
+    tool: u32,
+    work_offset: [f64; 2],
+    pub(super) last_line: u32,
+}
+
+const X: usize = Axis::X.index();
+const Z: usize = Axis::Z.index();
+
+impl OpenThread {
+    pub(super) fn new(
+        first: &ThreadBlock,
+        way: &PassWay,
+        mode: Option<Mode>,
+        still: PathVibration,
+        angle_deg: f64,
+    ) -> Self {
+        let mv = &first.mv;
+        let [x, z] = first.travel();
+        let outside = mode.is_none_or(|mode| mv.start[X] <= mode.work_radius_mm);
+        let geometry = ThreadGeometry {
+            side: if outside { ThreadSide::External } else { ThreadSide::Internal },
+            // Without a word for it the first pass is the measure until all are known.
+            work_diameter_mm: 2.0 * mode.map_or(mv.start[X], |mode| mode.work_radius_mm),
+            start_z_mm: mv.start[Z],
+            end_z_mm: mv.end[Z],
+            taper: x / z.abs(),
+            lead_mm: mv.lead_mm,
+            starts: 1,
+            rotation: match mv.spindle.direction {
+                SpindleDirection::CounterClockwise => SpindleRotation::Reverse,
+                SpindleDirection::Clockwise | SpindleDirection::Stopped => SpindleRotation::Forward,
+            },
+        };
+        let job = ThreadJob {
+            geometry,
+            profile: GrooveProfile::pointed(angle_deg),
+            vibrations_per_rev: still.wave.vibrations_per_rev,
+            start_up: still.start_up,
+            run_up: way.run_up(),
+            spindle_rev_per_min: 60.0 * way.rev_per_s(),
+            passes: Vec::new(),
+        };
+        let work_offset = [mv.work_offset[X], mv.work_offset[Z]];
+        Self { mode, job, tool: mv.tool, work_offset, last_line: first.span.line }
+    }
+
+    /// Whether a pass belongs to this thread.
+    pub(super) fn takes(
+        &self,
+        first: &ThreadBlock,
+        way: &PassWay,
+        mode: Option<Mode>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let (mv, geometry) = (&first.mv, &self.job.geometry);
+        let [x, z] = first.travel();
+        let apart_mm = LEADS_APART * geometry.lead_mm;
+        let is_same = self.mode == mode
+            && self.tool == mv.tool
+            && self.work_offset == [mv.work_offset[X], mv.work_offset[Z]]
+            && (mv.lead_mm - geometry.lead_mm).abs() <= SAME
+            && (x / z.abs() - geometry.taper).abs() <= SAME
+            && z.signum() == geometry.direction()
+            && (mv.start[Z] - geometry.start_z_mm).abs() <= apart_mm
+            && (mv.end[Z] - geometry.end_z_mm).abs() <= apart_mm
+            && (mv.spindle.direction == SpindleDirection::CounterClockwise)
+                == (geometry.rotation == SpindleRotation::Reverse);
+        let rev_per_min = 60.0 * way.rev_per_s();
+        if is_same && rev_per_min != self.job.spindle_rev_per_min {
+            let message = format!(
+                "the spindle turns at {rev_per_min} rev/min, at {} rev/min in the pass before: the lead axis comes into \
+                 step at another place, beside the groove",
+                self.job.spindle_rev_per_min
+            );
+            findings.push(
+                Finding::new(code::THREAD_SPEED_CHANGED, first.span, message)
+                    .ranked("", (rev_per_min / self.job.spindle_rev_per_min - 1.0).abs())
+                    .with_value("spindle_speed", rev_per_min, "rev/min")
+                    .with_value("before", self.job.spindle_rev_per_min, "rev/min")
+                    .suggest("cut all passes of a thread at one spindle speed"),
+            );
+            return false;
+        }
+        // Without vibration nothing says where a thread begins: a return to a smaller depth does.
+        let goes_back = mode.is_none() && self.goes_back(first);
+        is_same && !goes_back && (mode.is_some() || self.job.passes.len() < MAX_THREAD_PASSES)
+    }
+
+    /// Depth of the tool, mm on the radius, and travel of its start position.
+    fn depth(&self, first: &ThreadBlock) -> (f64, f64) {
+        let geometry = &self.job.geometry;
+        let travel_mm = geometry.direction() * (first.mv.start[Z] - geometry.start_z_mm);
+        let surface_mm = 0.5 * geometry.work_diameter_mm + geometry.taper * travel_mm;
+        (geometry.inwards() * (surface_mm - first.mv.start[X]), travel_mm)
+    }
+
+    fn goes_back(&self, first: &ThreadBlock) -> bool {
+        let depths = self.job.passes.iter().map(|pass| pass.depth_mm);
+        // Inside the depths are negative until the side is known.
+        let deepest = depths.fold(0.0, |deepest: f64, depth| if depth.abs() > deepest.abs() { depth } else { deepest });
+        deepest.abs() > SAME && (self.depth(first).0 / deepest) <= SAME
+    }
+
+    /// Adds a pass without vibration; its index.
+    pub(super) fn add(&mut self, first: &ThreadBlock) -> usize {
+        let (depth_mm, start_travel_mm) = self.depth(first);
+        let mut pass = ThreadPass {
+            start: first.mv.thread_start,
+            depth_mm,
+            start_travel_mm,
+            start_angle_deg: first.mv.start_angle_deg,
+            amplitude_mm: 0.0,
+            phase_shift_deg: 0.0,
+            span: first.span,
+        };
+        let index = self.job.passes.len();
+        if pass.start == 0 {
+            pass.start = self.groove(&pass);
+        }
+        let geometry = &mut self.job.geometry;
+        geometry.starts = geometry.starts.max(pass.start.saturating_add(1));
+        self.job.passes.push(pass);
+        index
+    }
+
+    /// Which start a pass without a word for it cuts: that of the groove it meets. Where it meets none, it is a new one,
+    /// unless it goes deeper than the pass before, as alternating flanks do before they meet.
+    fn groove(&self, pass: &ThreadPass) -> u32 {
+        let job = &self.job;
+        let lead_mm = job.geometry.lead_mm;
+        let origin_mm = |pass: &ThreadPass| pass.start_travel_mm - lead_mm * pass.start_angle_deg / 360.0;
+        let apart_mm = |other: &ThreadPass| {
+            let offset_mm = origin_mm(pass) - origin_mm(other);
+            (offset_mm - lead_mm * (offset_mm / lead_mm).round()).abs()
+        };
+        let meets = |other: &&ThreadPass| {
+            let reach_mm = (pass.depth_mm.abs() + other.depth_mm.abs()) * job.profile.tan_half_angle();
+            apart_mm(other) < reach_mm - SAME || apart_mm(other) < SAME
+        };
+        let nearest = job.passes.iter().filter(meets).min_by(|a, b| apart_mm(a).total_cmp(&apart_mm(b)));
+        match (nearest, job.passes.last()) {
+            (Some(nearest), _) => nearest.start,
+            (None, Some(last)) if pass.depth_mm.abs() > last.depth_mm.abs() + SAME => last.start,
+            (None, Some(_)) => job.geometry.starts,
+            (None, None) => 0,
+        }
+    }
+
+    pub(super) fn judge(self, inputs: &ThreadInputs<'_>) -> ThreadSectionReport {
+        let Self { mode, mut job, last_line, .. } = self;
+        if mode.is_none() {
+            assume_work(&mut job);
+        }
+        let first_line = job.passes.first().map_or(last_line, |pass| pass.span.line);
+        let settings = inputs.settings;
+        let [x, z] = [Axis::X, Axis::Z].map(|axis| axis_limits(inputs.machine, axis));
+        // On a taper X has to accelerate with the lead axis, too.
+        let share = if job.geometry.taper.abs() > 0.0 { 1.0 - TAPER_SHARE } else { 1.0 };
+        let limits = ThreadLimits {
+            lead_velocity_mm_per_s: z.velocity,
+            lead_acceleration_mm_per_s2: z.acceleration,
+            lead_jerk_mm_per_s3: z.jerk,
+            vibration_velocity_mm_per_s: x.velocity,
+            vibration_acceleration_mm_per_s2: share * x.acceleration,
+            vibration_jerk_mm_per_s3: share * x.jerk,
+            approach_mm: settings.approach_mm.unwrap_or(f64::INFINITY),
+            period_s: inputs.period_s,
+            thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
+            finishing_thickness_mm: settings.max_finishing_thickness_mm,
+        };
+        let report = judge_thread(&job, &limits);
+        ThreadSectionReport {
+            on_line: mode.map(|mode| mode.on_span.line),
+            first_line,
+            last_line,
+            ratio: mode.map(|mode| mode.ratio),
+            work_diameter_assumed: mode.is_none(),
+            job,
+            report,
+        }
+    }
+}
+
+/// Side and work diameter of a thread whose passes are all that is known: the first infeed is taken to be the largest of
+/// the later ones.
+fn assume_work(job: &mut ThreadJob) {
+    if job.passes.last().is_some_and(|last| last.depth_mm < 0.0) {
+        job.geometry.side = ThreadSide::Internal;
+        for pass in &mut job.passes {
+            pass.depth_mm = -pass.depth_mm;
+        }
+    }
+    let later_mm = (1..job.passes.len()).map(|index| job.infeed_mm(index)).fold(0.0, f64::max);
+    let first_mm = if later_mm > SAME { later_mm } else { ASSUMED_DEPTH * job.geometry.lead_mm };
+    for pass in &mut job.passes {
+        pass.depth_mm += first_mm;
+    }
+    job.geometry.work_diameter_mm += 2.0 * job.geometry.inwards() * first_mm;
+}
