@@ -20,6 +20,7 @@ mod pictures;
 mod plan;
 mod replay;
 mod report;
+mod resources;
 mod run;
 pub mod serve;
 mod source;
@@ -97,6 +98,12 @@ pub enum Command {
     /// The service makes every decision again from its stored inputs, and every setpoint from the stored program, profile
     /// and changes of the feed, and compares them with what was sent, to the last bit.
     Replay(replay::Args),
+    /// Show, upload and delete machines of a running service
+    Machine(resources::machines::Args),
+    /// Show, upload and delete tools of a running service
+    Tool(resources::tools::Args),
+    /// Show, cancel and delete jobs of a running service
+    Job(resources::jobs::Args),
     /// See all of it work: a server, a turning program, the trap and its cure, pictures
     ///
     /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
@@ -123,6 +130,9 @@ impl Command {
             Self::Decisions(args) => decisions::run(args).await,
             Self::Acknowledge(args) => acknowledge::run(args).await,
             Self::Replay(args) => replay::run(args).await,
+            Self::Machine(args) => resources::machines::run(args).await,
+            Self::Tool(args) => resources::tools::run(args).await,
+            Self::Job(args) => resources::jobs::run(args).await,
             Self::Demo(args) => demo::run(args).await,
         };
         match result {

@@ -5,8 +5,12 @@
 
 #![forbid(unsafe_code)]
 
+/// Largest message that a client takes, and the most that a service may be configured to take, bytes.
+pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
+
 pub mod convert;
 pub mod delta;
+pub mod document;
 pub mod json;
 pub mod names;
 pub mod proto;

@@ -58,10 +58,11 @@ impl Violations {
         value.map_err(|error| self.add(field, error.to_string())).ok()
     }
 
-    /// Takes over violations of a part of the request.
+    /// Takes over violations of a part of the request; with an empty prefix, of another one that is the same.
     pub fn extend(&mut self, prefix: &str, inner: Self) {
         for violation in inner.listed {
-            self.add(format!("{prefix}.{}", violation.field), violation.description);
+            let separator = if prefix.is_empty() || violation.field.is_empty() { "" } else { "." };
+            self.add(format!("{prefix}{separator}{}", violation.field), violation.description);
         }
         self.not_listed += inner.not_listed;
     }

@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use feedwave_contract::MAX_MESSAGE_BYTES;
 pub use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
@@ -349,7 +350,7 @@ impl Config {
             }
         };
         let message_bytes = limits.message_bytes as u64;
-        range("limits.message_bytes", message_bytes, 64 << 10, 256 << 20);
+        range("limits.message_bytes", message_bytes, 64 << 10, MAX_MESSAGE_BYTES as u64);
         // What surrounds an inline program in its message counts too.
         range("limits.inline_program_bytes", limits.inline_program_bytes, 1, message_bytes.saturating_sub(32 << 10));
         range("limits.upload_bytes", limits.upload_bytes, 1, 1 << 40);

@@ -3,7 +3,6 @@
 use std::process::ExitCode;
 
 use feedwave_contract::proto::AcknowledgeConditionRequest;
-use feedwave_contract::proto::telemetry_client::TelemetryClient;
 
 use super::CliError;
 use super::client::ServerArgs;
@@ -46,7 +45,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         acknowledged_by: args.by,
         note: args.note,
     };
-    let answer = TelemetryClient::new(client.channel.clone()).acknowledge_condition(request).await;
+    let answer = client.telemetry().acknowledge_condition(request).await;
     let condition = answer.map_err(|status| client.failed(&status))?.into_inner().condition.unwrap_or_default();
     let (number, by) = (condition.decision_number, condition.acknowledged_by);
     print(&format!("{run}: condition of decision {number}: acknowledged by {by}\n"))?;

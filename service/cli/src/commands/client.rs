@@ -2,16 +2,20 @@
 
 use std::time::Duration;
 
-use feedwave_contract::delta;
 use feedwave_contract::proto::jobs_client::JobsClient;
+use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::runs_client::RunsClient;
 use feedwave_contract::proto::setpoints_client::SetpointsClient;
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::threads_client::ThreadsClient;
+use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     Column, ColumnInfo, ColumnKind, Encoding, GetJobRequest, GetReportRequest, GetUploadRequest, Job, JobState,
     SetpointChunk, StreamHeader, UploadChunk, UploadHeader, UploadProgramRequest, ValidationReport, WatchJobsRequest,
 };
+use feedwave_contract::{MAX_MESSAGE_BYTES, delta};
 use feedwave_cutting::{ServoColumns, SetpointBlock};
-use feedwave_server::engine::MAX_CHUNK_SIZE;
 use sha2::{Digest, Sha256};
 use tonic::Status;
 use tonic::transport::{Channel, Endpoint};
@@ -44,7 +48,7 @@ pub(super) struct Client {
     pub(super) url: String,
     pub(super) jobs: JobsClient<Channel>,
     pub(super) setpoints: SetpointsClient<Channel>,
-    pub(super) channel: Channel,
+    channel: Channel,
 }
 
 impl ServerArgs {
@@ -65,14 +69,32 @@ impl ServerArgs {
 
 impl Client {
     pub(super) fn new(url: String, channel: Channel) -> Self {
-        // Chunks of the largest size exceed the default of 4 MiB: 8 bytes for each of some dozens of columns.
-        let largest_chunk = MAX_CHUNK_SIZE as usize * 8 * 64;
         Self {
             url,
-            jobs: JobsClient::new(channel.clone()).max_decoding_message_size(64 << 20),
-            setpoints: SetpointsClient::new(channel.clone()).max_decoding_message_size(largest_chunk),
+            jobs: JobsClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
+            setpoints: SetpointsClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
             channel,
         }
+    }
+
+    pub(super) fn machines(&self) -> MachinesClient<Channel> {
+        MachinesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(super) fn runs(&self) -> RunsClient<Channel> {
+        RunsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(super) fn telemetry(&self) -> TelemetryClient<Channel> {
+        TelemetryClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(super) fn threads(&self) -> ThreadsClient<Channel> {
+        ThreadsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
+    }
+
+    pub(super) fn tools(&self) -> ToolsClient<Channel> {
+        ToolsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
     /// What the service answered, for people.

@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 use feedwave_contract::json;
 use feedwave_contract::proto::decision_inputs::Evidence;
-use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     Decision, DecisionReason, EscalationAction, HoldReason, ListDecisionsRequest, ListDecisionsResponse, OverrideBound,
     Overrides,
@@ -69,7 +68,7 @@ pub(super) async fn page(client: &Client, of: &str, after: u64) -> Result<ListDe
     let name = if of.contains('/') { of.to_owned() } else { format!("jobs/{of}") };
     let (job, run) = if of_run { (String::new(), name) } else { (name, String::new()) };
     let request = ListDecisionsRequest { after, page_size: PAGE, job, run };
-    let response = TelemetryClient::new(client.channel.clone()).list_decisions(request).await;
+    let response = client.telemetry().list_decisions(request).await;
     Ok(response.map_err(|status| client.failed(&status))?.into_inner())
 }
 

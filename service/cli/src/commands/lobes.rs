@@ -7,7 +7,6 @@ use std::process::ExitCode;
 use feedwave_contract::convert::{pocket_search_from_proto, stability_model_from_proto};
 use feedwave_contract::json;
 use feedwave_contract::proto::stability_model::Cut;
-use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::{
     GetToolRequest, MillingCut, PocketSearch, StabilityLobes, StabilityModel, Tool, ToolDynamics, TurningCut,
     VibrationMode,
@@ -148,7 +147,7 @@ impl Args {
         let Some(name) = &self.tool else { return Ok(None) };
         let client = self.server.connect().await?;
         let request = GetToolRequest { name: name.clone() };
-        let answer = ToolsClient::new(client.channel.clone()).get_tool(request).await;
+        let answer = client.tools().get_tool(request).await;
         match answer {
             Ok(answer) => Ok(answer.into_inner().tool),
             Err(status) if status.code() == Code::InvalidArgument => {

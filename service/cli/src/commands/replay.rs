@@ -3,7 +3,6 @@
 use std::process::ExitCode;
 
 use feedwave_contract::proto::ReplayRunRequest;
-use feedwave_contract::proto::runs_client::RunsClient;
 
 use super::client::ServerArgs;
 use super::terminal::{Style, print};
@@ -33,7 +32,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     let client = args.server.connect().await?;
     let run = if args.run.contains('/') { args.run } else { format!("runs/{}", args.run) };
     let request = ReplayRunRequest { run: run.clone() };
-    let replayed = RunsClient::new(client.channel.clone()).replay_run(request).await;
+    let replayed = client.runs().replay_run(request).await;
     let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
     let style = Style::stdout();
     let counts = format!("{} decisions and {} setpoints", replayed.decisions, replayed.setpoints);

@@ -20,7 +20,6 @@ use super::terminal::{print, tell};
 use super::{CliError, EXIT_REFUSED};
 use crate::plot::write_run;
 pub(super) use drive::Drive;
-use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     Decision, GetMonitoringRequest, MonitoringConfig, ProcessProperty, RunState, SetMonitoringRequest,
 };
@@ -105,7 +104,7 @@ async fn monitoring(
     job: &str,
     description: &feedwave_simulator::Description,
 ) -> Result<MonitoringConfig, CliError> {
-    let mut telemetry = TelemetryClient::new(client.channel.clone());
+    let mut telemetry = client.telemetry();
     let failed = |status| client.failed(&status);
     match telemetry.get_monitoring(GetMonitoringRequest { job: job.to_owned() }).await {
         Ok(response) => Ok(response.into_inner().config.unwrap_or_default()),

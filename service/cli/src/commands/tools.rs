@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use feedwave_contract::convert::{check_tool, tool_to_proto};
+use feedwave_contract::convert::{check_tool, tool_for_pipeline};
+use feedwave_contract::violations::Violations;
+use feedwave_contract::{names, proto};
 use feedwave_cutting::Tool;
-use serde::Deserialize;
 
 use super::{CliError, data_file};
 
 /// Options that say which tools there are. Without any of them every tool is taken for known.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ToolArgs {
-    /// Tool library, TOML or JSON: `tools`, each with number, name, max_rev_per_min, length_mm and geometry (its
-    /// cutting edges, which G202 needs); with any tool stated, others are unknown
+    /// Tool library, TOML or JSON: `tools`, each the contract's `Tool` with number, length_mm, geometry (its cutting edges,
+    /// which G202 needs) and so on; with any tool stated, others are unknown
     #[arg(long = "tools", value_name = "FILE")]
     tool_file: Option<PathBuf>,
     /// A tool and its length from the gauge point, such as 1=120.5; may be repeated, for tools that are not in the tool
@@ -21,18 +22,11 @@ pub(super) struct ToolArgs {
     lengths: Vec<Tool>,
 }
 
-/// A file of tools.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Library {
-    tools: Vec<Tool>,
-}
-
 impl ToolArgs {
     /// The tools of the library and of the command line.
     pub(super) fn read(&self) -> Result<Vec<Tool>, CliError> {
         let mut tools = match &self.tool_file {
-            Some(path) => read_library(path)?,
+            Some(path) => read_library(path)?.iter().map(tool_for_pipeline).collect(),
             None => Vec::new(),
         };
         for tool in &self.lengths {
@@ -47,24 +41,38 @@ impl ToolArgs {
     }
 }
 
-/// The tools of a file, checked as the service checks them.
-pub(super) fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
-    let library: Library = data_file::read(path)?.extract().map_err(|error| data_file::not_as_expected(path, error))?;
-    let mut problems = Vec::new();
-    for (index, tool) in library.tools.iter().enumerate() {
-        for violation in check_tool(&tool_to_proto(tool)).as_slice() {
-            let field = if violation.field == "display_name" { "name" } else { &violation.field };
-            problems.push((format!("tools[{index}].{field}"), violation.description.clone()));
-        }
-        if let Some(first) = library.tools[..index].iter().position(|other| other.number == tool.number) {
+/// The tools of a file, checked as the service checks them: a list of them in `tools`, as `ListTools` answers it, or one.
+pub(super) fn read_library(path: &Path) -> Result<Vec<proto::Tool>, CliError> {
+    let document = data_file::read(path)?;
+    let mut violations = Violations::default();
+    if !document.states(&["tools"]) {
+        let tool: proto::Tool = data_file::message(path, &document)?;
+        violations.extend("", check(&tool));
+        return if violations.is_empty() { Ok(vec![tool]) } else { Err(data_file::refused(path, &violations)) };
+    }
+    let library: proto::ListToolsResponse = data_file::message(path, &document)?;
+    if !library.next_page_token.is_empty() {
+        violations.add("next_page_token", "must be empty: the list has further pages, and would not be whole");
+    }
+    let tools = library.tools;
+    for (index, tool) in tools.iter().enumerate() {
+        violations.extend(&format!("tools[{index}]"), check(tool));
+        if let Some(first) = tools[..index].iter().position(|other| other.number == tool.number) {
             let message = format!("tools[{first}] has the number {} already", tool.number);
-            problems.push((format!("tools[{index}].number"), message));
+            violations.add(format!("tools[{index}].number"), message);
         }
     }
-    if problems.is_empty() {
-        return Ok(library.tools);
+    if violations.is_empty() { Ok(tools) } else { Err(data_file::refused(path, &violations)) }
+}
+
+fn check(tool: &proto::Tool) -> Violations {
+    let mut violations = check_tool(tool);
+    if !tool.name.is_empty()
+        && let Err(error) = names::parse_tool(&tool.name)
+    {
+        violations.add("name", format!("{error}; the name for people is display_name"));
     }
-    Err(data_file::wrong(path, problems.iter().map(|(key, message)| (key.as_str(), message.as_str()))))
+    violations
 }
 
 /// A tool with its length, as the command line writes it.
@@ -79,6 +87,9 @@ fn tool(text: &str) -> Result<Tool, String> {
 
 #[cfg(test)]
 mod tests {
+    use feedwave_contract::convert::tool_to_proto;
+    use feedwave_contract::json;
+
     use super::*;
 
     fn read(name: &str, text: &str, lengths: &[&str]) -> Result<Vec<Tool>, String> {
@@ -99,7 +110,7 @@ mod tests {
         }
     }
 
-    const CUTTER: &str = "[[tools]]\nnumber = 4\nname = \"face mill\"\nlength_mm = 80.5\nmax_rev_per_min = 4000\n\
+    const CUTTER: &str = "[[tools]]\nnumber = 4\ndisplay_name = \"face mill\"\nlength_mm = 80.5\nmax_rev_per_min = 4000\n\
                           [tools.geometry]\nradius_mm = 60\nradial_edge_length_mm = 1.5\naxial_edge_height_mm = 5\n\
                           edges = [{angle_deg = 0, finishing = true}, {angle_deg = 180, axial_set_over_mm = 0.02}]\n";
 
@@ -112,26 +123,37 @@ mod tests {
         let geometry = tools[0].geometry.as_ref().unwrap();
         assert_eq!((geometry.edges.len(), geometry.radius_mm), (2, 60.0));
         assert!(geometry.edges[0].finishing && geometry.edges[1].axial_set_over_mm == 0.02);
-        let json = serde_json::json!({ "tools": tools[..2] }).to_string();
-        assert_eq!(read("t.json", &json, &[]).unwrap(), tools[..2]);
+        // What the service answers, to a list or to a tool, is a file.
+        let messages: Vec<_> = tools[..2].iter().map(tool_to_proto).collect();
+        let list = proto::ListToolsResponse { tools: messages.clone(), ..Default::default() };
+        assert_eq!(read("t.json", &json::to_string(&list), &[]).unwrap(), tools[..2]);
+        assert_eq!(read("t.json", &json::to_string(&messages[0]), &[]).unwrap(), tools[..1]);
+        let list = proto::ListToolsResponse { next_page_token: "more".to_owned(), ..list };
+        assert!(read("t.json", &json::to_string(&list), &[]).unwrap_err().contains("next_page_token: must be empty"));
     }
 
     #[test]
     fn every_problem_is_named_with_its_key() {
         let text = CUTTER.replace("radius_mm = 60", "radius_mm = -1").replace("angle_deg = 180", "angle_deg = 400");
-        let error = read("t.toml", &format!("{text}[[tools]]\nnumber = 4\nlength_mm = 0\nname = \"a\\tb\"\n"), &[]);
+        let error =
+            read("t.toml", &format!("{text}[[tools]]\nnumber = 4\nlength_mm = 0\ndisplay_name = \"a\\tb\"\n"), &[]);
         let error = error.unwrap_err();
         for key in ["geometry.radius_mm", "geometry.radial_edge_length_mm", "geometry.edges[1].angle_deg"] {
             assert!(error.contains(&format!("t.toml: tools[0].{key}: ")), "{key} not in {error}");
         }
-        for key in ["name", "length_mm", "number"] {
+        for key in ["display_name", "length_mm", "number"] {
             assert!(error.contains(&format!("t.toml: tools[1].{key}: ")), "{key} not in {error}");
         }
         let error = read("t.toml", &CUTTER.replace("length_mm = 80.5", "lenght_mm = 80.5"), &[]).unwrap_err();
-        assert!(error.starts_with("t.toml: tools") && error.contains("lenght_mm"), "{error}");
+        assert!(error.starts_with("t.toml: tools[0].lenght_mm: ") && error.contains("is length_mm meant?"), "{error}");
+        let former = read("t.toml", &CUTTER.replace("display_name", "name"), &[]).unwrap_err();
+        assert!(
+            former.starts_with("t.toml: tools[0].name: ") && former.contains("for people is display_name"),
+            "{former}"
+        );
         let error = read("t.toml", &CUTTER.replace("number = 4", "number = \"four\""), &[]).unwrap_err();
         assert!(error.starts_with("t.toml: tools") && error.contains("number"), "{error}");
-        assert!(read("t.toml", "", &[]).unwrap_err().contains("tools"));
+        assert!(read("t.toml", "", &[]).unwrap_err().contains("number: must be 1 to 9999"));
         assert!(read("t.json", "{", &[]).is_err());
         let error = read("t.toml", CUTTER, &["4=80.5"]).unwrap_err();
         assert!(error.contains("--tool 4"), "{error}");

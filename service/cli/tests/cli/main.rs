@@ -12,6 +12,7 @@ mod encryption;
 mod five_axis;
 mod lobes;
 mod oscillation;
+mod resources;
 mod run;
 mod service;
 mod thread_plan;

@@ -75,7 +75,7 @@ fn run_against(address: SocketAddr, arguments: &[&str]) -> Output {
     feedwave().args(arguments).args(["--server", &format!("http://{address}")]).output().unwrap()
 }
 
-fn path(name: &str) -> String {
+pub(super) fn path(name: &str) -> String {
     fixture(name).display().to_string()
 }
 

@@ -4,7 +4,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::{CreateToolRequest, JobState, ThinningReport, Tool};
 use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
@@ -14,7 +13,7 @@ use feedwave_program::{AXIS_COUNT, Axis};
 use super::super::CliError;
 use super::super::client::Client;
 use super::super::local;
-use super::super::machine::profile_of;
+use super::super::machine::read_machine;
 use super::super::pictures::FirstVibration;
 use super::super::plan;
 use super::super::source::Source;
@@ -38,14 +37,14 @@ const WRONG: &str = "G0 A-20\nG43.5 H1\nG0 X0 Y0 Z20 I0 J0.3 K1\nG1 X5 I0 J0 K0 
 pub(super) async fn all(stage: &mut Stage, client: &mut Client, out: &Path) -> Result<Vec<PathBuf>, CliError> {
     let path = out.join(PROFILE_NAME);
     std::fs::write(&path, PROFILE).map_err(|error| CliError::file(&path, &error))?;
-    let profile = profile_of(&path)?;
+    let profile = read_machine(&path, None)?.profile;
     let lines = counted(FREEFORM.lines().count() as u64, "line");
     stage.step(&format!("Five axes: {NAME}, {lines}"))?;
     stage.say("A concave surface cut into triangles, a block at each edge that the path crosses. Directions averaged\nthere flicker, and the rotary axes with them.")?;
     make_machine(stage, client, MACHINE, "Five-axis mill of the demo", &profile).await?;
     let tool = Tool { number: 1, length_mm: Some(LENGTH_MM), ..Tool::default() };
     let request = CreateToolRequest { tool_id: TOOL.to_owned(), tool: Some(tool) };
-    let mut tools = ToolsClient::new(client.channel.clone());
+    let mut tools = client.tools();
     tools.create_tool(request).await.map_err(|status| client.failed(&status))?;
 
     let checked = thinned(stage, client, &profile).await?;

@@ -3,8 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use feedwave_contract::proto::decision_inputs::Evidence;
-use feedwave_contract::proto::runs_client::RunsClient;
-use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{Decision, DecisionAction, ReplayRunRequest, RunState, SetMonitoringRequest};
 use feedwave_simulator::{Contact, Description, Simulator, Where};
 
@@ -45,7 +43,7 @@ pub(super) async fn all(
     let checked = submit(client, machine, NAME, SLOT).await?;
     let config = default_monitoring(&description)?;
     let limits_mm = config.rules.as_ref().and_then(|rules| rules.feed).map(|feed| [feed.lower, feed.upper]);
-    let mut telemetry = TelemetryClient::new(client.channel.clone());
+    let mut telemetry = client.telemetry();
     let request = SetMonitoringRequest { job: checked.job.name.clone(), config: Some(config) };
     telemetry.set_monitoring(request).await.map_err(|status| client.failed(&status))?;
     let simulate = |interpolation_period_us| {
@@ -122,7 +120,7 @@ fn loop_is_closed(stage: &mut Stage, heard: &[Decision]) -> Result<(), CliError>
 
 async fn prove(stage: &mut Stage, client: &Client, run: &Drive, heard: &[Decision]) -> Result<(), CliError> {
     let request = ReplayRunRequest { run: run.name.clone() };
-    let replayed = RunsClient::new(client.channel.clone()).replay_run(request).await;
+    let replayed = client.runs().replay_run(request).await;
     let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
     let end = run.summary.end.clone().unwrap_or_default();
     stage.check(

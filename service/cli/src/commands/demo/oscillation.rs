@@ -4,20 +4,19 @@ use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use feedwave_contract::convert::tool_to_proto;
+use feedwave_contract::convert::tool_for_pipeline;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
 use feedwave_contract::proto::feed_override_change::At;
-use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::{
-    CreateJobRequest, CreateToolRequest, FeedOverrideChange, JobState, OscillationEdge, OscillationSectionReport,
+    CreateJobRequest, CreateToolRequest, FeedOverrideChange, JobState, OscillationEdge, OscillationSectionReport, Tool,
 };
 use feedwave_cutting::tool_oscillation::{OscillationPeriod, Waveform};
-use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, Tool};
+use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
 
 use super::super::CliError;
 use super::super::client::Client;
 use super::super::local;
-use super::super::machine::profile_of;
+use super::super::machine::read_machine;
 use super::super::pictures::FirstVibration;
 use super::super::plan;
 use super::super::source::Source;
@@ -61,14 +60,15 @@ pub(super) async fn all(stage: &mut Stage, client: &mut Client, out: &Path) -> R
         std::fs::write(&path, text).map_err(|error| CliError::file(&path, &error))?;
         written.push(path);
     }
-    let (mut profile, tools) = (profile_of(&written[1])?, read_library(&written[2])?);
+    let mut profile = read_machine(&written[1], None)?.profile;
+    let tools = read_library(&written[2])?;
     add_wrong_conditions(&mut profile);
     make_machine(stage, client, MACHINE, "Mill whose tool oscillates", &profile).await?;
     make_tool(stage, client, &tools).await?;
     let checked = judge(stage, client).await?;
     follow(stage, client, &checked).await?;
     refuse(stage, client).await?;
-    written.extend(draw(profile, tools, out)?);
+    written.extend(draw(profile, &tools, out)?);
     Ok(written)
 }
 
@@ -85,9 +85,9 @@ fn add_wrong_conditions(profile: &mut MachineProfile) {
 }
 
 async fn make_tool(stage: &Stage, client: &Client, tools: &[Tool]) -> Result<(), CliError> {
-    let tool = tools.iter().find(|tool| tool.number == TOOL_NUMBER).map(tool_to_proto);
+    let tool = tools.iter().find(|tool| tool.number == TOOL_NUMBER).cloned();
     let request = CreateToolRequest { tool_id: TOOL.to_owned(), tool };
-    ToolsClient::new(client.channel.clone()).create_tool(request).await.map_err(|status| client.failed(&status))?;
+    client.tools().create_tool(request).await.map_err(|status| client.failed(&status))?;
     stage.say(&format!("and tools/{TOOL}: its edges, their length, height and angles"))
 }
 
@@ -265,8 +265,11 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
     Ok(())
 }
 
-fn draw(profile: MachineProfile, tools: Vec<Tool>, out: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let config = Arc::new(PipelineConfig { tools, ..PipelineConfig::new(profile) });
+fn draw(profile: MachineProfile, tools: &[Tool], out: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let config = Arc::new(PipelineConfig {
+        tools: tools.iter().map(tool_for_pipeline).collect(),
+        ..PipelineConfig::new(profile)
+    });
     let mut source = Source::of_text(NAME, PROGRAM)?;
     let mut vibration = FirstVibration::default();
     let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;

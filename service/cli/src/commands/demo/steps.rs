@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use feedwave_contract::convert::profile_to_proto;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
-use feedwave_contract::proto::machines_client::MachinesClient;
 use feedwave_contract::proto::stream_setpoints_request::Start;
 use feedwave_contract::proto::{
     CreateJobRequest, CreateMachineRequest, FeedOverrideChange, Finding, Job, JobState, ListJobsRequest, Machine,
@@ -127,7 +126,7 @@ pub(super) async fn make_machine(
     let machine =
         Machine { display_name: name.to_owned(), profile: Some(profile_to_proto(profile)), ..Machine::default() };
     let request = CreateMachineRequest { machine_id: id.to_owned(), machine: Some(machine) };
-    let mut machines = MachinesClient::new(client.channel.clone());
+    let mut machines = client.machines();
     machines.create_machine(request).await.map_err(|status| client.failed(&status))?;
     let axis = &profile.machine.axes[0];
     let axes: Vec<&str> = profile.machine.axes.iter().map(|axis| axis.name.as_str()).collect();

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use feedwave_contract::proto::follow_spindle_request::Message as Follow;
 use feedwave_contract::proto::follow_spindle_response::Message as Followed;
 use feedwave_contract::proto::plan_thread_request::{Advance, On};
-use feedwave_contract::proto::threads_client::ThreadsClient;
 use feedwave_contract::proto::{
     FollowSpindleRequest, FollowSpindleStart, FollowedPositions, Frame, InfeedPattern, JobState, PlanThreadRequest,
     PlanThreadResponse, SpindleAngleKind, SpindleAngles, StreamSetpointsRequest, ThreadPassReport, ThreadReport,
@@ -111,7 +110,7 @@ async fn plan_thread(stage: &mut Stage, client: &mut Client, machine: &str) -> R
         spindle_rev_per_min: 300.0,
         ..PlanThreadRequest::default()
     };
-    let mut threads = ThreadsClient::new(client.channel.clone());
+    let mut threads = client.threads();
     let response = threads.plan_thread(request).await.map_err(|status| client.failed(&status))?;
     let PlanThreadResponse { program, .. } = response.into_inner();
     for line in program.lines().filter(|line| line.starts_with("G32")) {
@@ -166,7 +165,7 @@ async fn follow(stage: &mut Stage, client: &mut Client, programmed: &Checked) ->
     };
     let messages = [Follow::Start(start), Follow::Angles(SpindleAngles { angles_deg: angles.clone() })]
         .map(|message| FollowSpindleRequest { message: Some(message) });
-    let mut threads = ThreadsClient::new(client.channel.clone());
+    let mut threads = client.threads();
     let answer = threads.follow_spindle(stream::iter(messages)).await.map_err(|status| client.failed(&status))?;
     let mut answer = answer.into_inner();
     let mut followed = FollowedPositions::default();

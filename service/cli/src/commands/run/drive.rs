@@ -6,8 +6,6 @@ use feedwave_contract::proto::decision_inputs::Evidence;
 use feedwave_contract::proto::run_request::Message as Request;
 use feedwave_contract::proto::run_response::Message;
 use feedwave_contract::proto::run_start::Target;
-use feedwave_contract::proto::runs_client::RunsClient;
-use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
     ChannelPair, Decision, DecisionAction, GetRunRequest, MonitorState, RunCommand, RunCommandKind, RunCredit,
     RunReceipt, RunRequest, RunResponse, RunStart, RunStarted, TelemetryBatch,
@@ -75,7 +73,7 @@ impl Open {
         let first = RunRequest { message: Some(Request::Start(start)) };
         let gone = |_| Status::internal("the request was closed");
         requests.send(first).await.map_err(gone)?;
-        let mut runs = RunsClient::new(client.channel.clone());
+        let mut runs = client.runs();
         let mut responses = runs.run(ReceiverStream::new(messages)).await?.into_inner();
         match responses.message().await?.and_then(|response| response.message) {
             Some(Message::Started(started)) => Ok((Self { requests, responses }, started)),
@@ -278,7 +276,7 @@ impl Drive {
     /// Waits at rest until the held feed is acknowledged, then resumes.
     async fn resume(&mut self, on: OnDecision<'_>) -> Result<(), CliError> {
         tell(&format!("{0}: the feed is held; acknowledge it: feedwave acknowledge {0} --by NAME\n", self.name));
-        let mut telemetry = TelemetryClient::new(self.client.channel.clone());
+        let mut telemetry = self.client.telemetry();
         loop {
             let request = GetRunRequest { name: self.name.clone() };
             let answer = match telemetry.get_run(request).await {
