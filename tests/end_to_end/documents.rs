@@ -1,6 +1,7 @@
 //! What the documents print works as printed: their programs are accepted, their commands do what they are there for.
 //!
-//! A fence says what it holds: `sh` commands, `gcode NAME` a program, `text` neither. Any other one fails.
+//! A fence says what it holds: `sh` commands, `gcode NAME` a program, `toml NAME` a file for a command, `text` none of them. Any
+//! other one fails.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -102,7 +103,7 @@ fn home(snippets: &[Snippet]) -> Home {
         std::fs::write(home.path().join(name), text).expect("a file is written");
     }
     for snippet in snippets {
-        if let Some(name) = snippet.tag.strip_prefix("gcode ") {
+        if let Some(name) = ["gcode ", "toml "].into_iter().find_map(|kind| snippet.tag.strip_prefix(kind)) {
             std::fs::write(home.path().join(name), &snippet.text).expect("a file is written");
         }
     }
@@ -114,7 +115,8 @@ fn every_snippet_says_what_it_is() {
     let snippets: Vec<Snippet> = documents().iter().flat_map(|document| snippets(document)).collect();
     for Snippet { tag, text } in &snippets {
         let is_program = tag.strip_prefix("gcode ").is_some_and(|name| name.ends_with(".nc"));
-        assert!(tag == "sh" || tag == "text" || is_program, "{tag:?}: {text}");
+        let is_file = tag.strip_prefix("toml ").is_some_and(|name| name.ends_with(".toml"));
+        assert!(tag == "sh" || tag == "text" || is_program || is_file, "{tag:?}: {text}");
     }
     let count = |start: &str| snippets.iter().filter(|snippet| snippet.tag.starts_with(start)).count();
     assert!(count("sh") >= 12 && count("gcode") >= 5, "{} and {}", count("sh"), count("gcode"));
