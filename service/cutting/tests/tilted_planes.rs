@@ -81,9 +81,9 @@ fn poses(setpoints: &Setpoints, config: &PipelineConfig) -> Vec<ToolPose> {
 }
 
 fn from_segment(point: Vec3, start: Vec3, end: Vec3) -> f64 {
-    let way = sub(end, start);
-    let share = (dot(sub(point, start), way) / dot(way, way)).clamp(0.0, 1.0);
-    norm(sub(point, add_scaled(start, way, share)))
+    let travel = sub(end, start);
+    let share = (dot(sub(point, start), travel) / dot(travel, travel)).clamp(0.0, 1.0);
+    norm(sub(point, add_scaled(start, travel, share)))
 }
 
 /// Distance of a point from a full circle of the plane of the axes `first` and `second`.

@@ -32,7 +32,7 @@ const NAME: &str = "lobes";
 Examples:
   feedwave lobes --mode-x 600,0.03,10000 --mode-y 660,0.03,10000 --tangential 700 --radial-ratio 0.3 --edges 4 \\
       --entry 90 --exit 180 --lowest-rpm 2000 --highest-rpm 12000 --bands 5 --plots pictures
-      Half-immersion climb milling with a tool that gives way in both directions.
+      Half-immersion climb milling with a tool that is compliant in both directions.
   feedwave lobes --tool tools/em12 --entry 0 --exit 180 --lowest-rpm 3000 --highest-rpm 15000 --required 1.5
       A slot with a tool of the library of a running service; refused where 1.5 mm cannot be had in every band.
   feedwave lobes --turning --mode-normal 250,0.04,8000 --specific 2000 --lowest-rpm 500 --highest-rpm 4000 \\

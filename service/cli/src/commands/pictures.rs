@@ -13,7 +13,7 @@ use feedwave_program::{
     SpindleSpeed, ThreadMove,
 };
 
-use self::five_axis::GuidedWay;
+use self::five_axis::GuidedPath;
 use super::CliError;
 use super::source::Source;
 use super::terminal::number;
@@ -81,9 +81,9 @@ pub(super) fn prepare(
     }
     let mut tracer = Tracer::new(config);
     tracer.read(source, config)?;
-    let Tracer { trace, rapids, way, .. } = tracer;
+    let Tracer { trace, rapids, guided_path, .. } = tracer;
     plots.set_path(trace, rapids);
-    if let Some(five_axis) = five_axis::prepare(source, config, report, way)? {
+    if let Some(five_axis) = five_axis::prepare(source, config, report, guided_path)? {
         plots.set_five_axis(five_axis);
     }
     let superposed = match (report.sections.first(), report.oscillations.first()) {
@@ -139,7 +139,7 @@ fn axes(config: &PipelineConfig) -> Vec<AxisShown> {
 struct Tracer {
     trace: PathTrace,
     rapids: RapidLines,
-    way: GuidedWay,
+    guided_path: GuidedPath,
     smoother: PathSmoother<Cut>,
     /// What cuts are at this place of the program.
     cutting: Stretch,
@@ -153,7 +153,7 @@ impl Tracer {
         Self {
             trace: PathTrace::default(),
             rapids: RapidLines::default(),
-            way: GuidedWay::default(),
+            guided_path: GuidedPath::default(),
             smoother: PathSmoother::default(),
             cutting: Stretch::Cutting,
             thread_vibration: false,
@@ -192,7 +192,7 @@ impl Tracer {
     fn follow(&mut self, Operation { kind, span }: &Operation) {
         match kind {
             OperationKind::Move(step) => {
-                self.way.interrupt();
+                self.guided_path.interrupt();
                 self.count(step, span.line);
                 if step.kind == MoveKind::Rapid {
                     self.flush();
@@ -208,7 +208,7 @@ impl Tracer {
             OperationKind::Guided(guided) => {
                 self.flush();
                 self.count(&guided.step, span.line);
-                self.way.add(guided, span.line, &mut self.trace);
+                self.guided_path.add(guided, span.line, &mut self.trace);
             }
             OperationKind::Thread(pass) => {
                 self.flush();
@@ -254,10 +254,10 @@ impl Tracer {
         let (from, mut to) = (point(&pass.start), point(&pass.end));
         let mut last = from;
         if let Some(pull_out) = pass.pull_out {
-            let way = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-            let length = way.iter().fold(0.0_f64, |length, way| length.max(way.abs()));
+            let travel = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let length = travel.iter().fold(0.0_f64, |length, travel| length.max(travel.abs()));
             let share = if length > 0.0 { (pull_out.travel_mm / length).min(1.0) } else { 0.0 };
-            let begin = [0, 1, 2].map(|axis| to[axis] - share * way[axis]);
+            let begin = [0, 1, 2].map(|axis| to[axis] - share * travel[axis]);
             self.trace.line(stretch, last, begin);
             last = begin;
             to[0] += pull_out.retreat_mm;

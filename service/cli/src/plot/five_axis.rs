@@ -103,12 +103,12 @@ impl Reversals {
         match self.farthest {
             None => self.farthest = Some((angle_deg, 0.0)),
             Some((from, sense)) => {
-                let way = angle_deg - from;
-                if way * sense > 0.0 {
+                let travel = angle_deg - from;
+                if travel * sense > 0.0 {
                     self.farthest = Some((angle_deg, sense));
-                } else if way.abs() > STILL_DEG {
+                } else if travel.abs() > STILL_DEG {
                     self.count += u64::from(sense != 0.0);
-                    self.farthest = Some((angle_deg, way.signum()));
+                    self.farthest = Some((angle_deg, travel.signum()));
                 }
             }
         }

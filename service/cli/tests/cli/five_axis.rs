@@ -71,11 +71,11 @@ fn work_coordinates_are_the_tool_centre_point_and_its_direction() {
             continue;
         }
         let (start, end) = (end_of(before), end_of(this));
-        let way: [f64; 3] = std::array::from_fn(|axis| end[axis] - start[axis]);
+        let travel: [f64; 3] = std::array::from_fn(|axis| end[axis] - start[axis]);
         let from_start: [f64; 3] = std::array::from_fn(|axis| row[2 + axis] - start[axis]);
-        let share = (0..3).map(|axis| way[axis] * from_start[axis]).sum::<f64>() / norm(way).powi(2);
+        let share = (0..3).map(|axis| travel[axis] * from_start[axis]).sum::<f64>() / norm(travel).powi(2);
         assert!((-1e-9..=1.0 + 1e-9).contains(&share), "line {line}: {share}");
-        farthest_mm = farthest_mm.max(norm(std::array::from_fn(|axis| from_start[axis] - share * way[axis])));
+        farthest_mm = farthest_mm.max(norm(std::array::from_fn(|axis| from_start[axis] - share * travel[axis])));
     }
     assert!(lines.len() > 200 && lines.is_sorted());
     assert!(farthest_mm < 1e-9 && turned_deg < 1e-9, "{farthest_mm} mm, {turned_deg} degrees");

@@ -396,7 +396,7 @@ fn splines_and_rounded_corners_are_drawn_as_they_are_run() {
 }
 
 #[test]
-fn a_feed_override_changes_the_time_and_not_the_way() {
+fn a_feed_override_changes_the_time_and_not_the_path() {
     let directory = tempfile::tempdir().unwrap();
     let rows = |name: &str, overrides: &[&str]| -> Vec<Vec<f64>> {
         let out = directory.path().join(name);

@@ -1,4 +1,4 @@
-//! Judging a whole program: one run of the pipeline that listens to everything it says.
+//! Judging a whole program: one observed run of the pipeline.
 
 use std::sync::Arc;
 

@@ -146,11 +146,11 @@ proptest! {
         let mut config = config();
         config.profile.corner_direction_tolerance_deg = tolerance_deg;
         let mut points: Vec<(Vec3, [f64; 2])> = vec![([0.0, 0.0, 20.0], [-40.0, 0.0])];
-        for (way, turn) in steps {
+        for (travel, turn) in steps {
             let (at, turned) = points[points.len() - 1];
             let round = |value: f64| (value * 1e4).round() / 1e4;
             let tilt = (turned[0] + turn[0]).clamp(-80.0, -5.0);
-            let next = [0, 1, 2].map(|axis| round(at[axis] + way[axis]));
+            let next = [0, 1, 2].map(|axis| round(at[axis] + travel[axis]));
             if norm(sub(next, at)) < 0.05 {
                 continue;
             }

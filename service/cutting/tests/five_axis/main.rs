@@ -44,9 +44,13 @@ fn poses(setpoints: &Setpoints, config: &PipelineConfig) -> Vec<ToolPose> {
 }
 
 fn distance(point: Vec3, start: Vec3, end: Vec3) -> f64 {
-    let way = sub(end, start);
-    let share = if dot(way, way) > 0.0 { (dot(sub(point, start), way) / dot(way, way)).clamp(0.0, 1.0) } else { 0.0 };
-    norm(sub(point, add_scaled(start, way, share)))
+    let travel = sub(end, start);
+    let share = if dot(travel, travel) > 0.0 {
+        (dot(sub(point, start), travel) / dot(travel, travel)).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    norm(sub(point, add_scaled(start, travel, share)))
 }
 
 fn with_thinning(thinning: ThinningSettings) -> PipelineConfig {

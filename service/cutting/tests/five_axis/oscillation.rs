@@ -72,7 +72,7 @@ fn a_setpoint_less_its_offset_is_on_the_segment() {
         joints.linear_mm = [column(1), column(0), column(2)];
         joints.rotary_rad = [column(4).to_radians(), column(3).to_radians()];
         let tip_of = |joints: &JointValues| kinematics.forward(joints, &setup).tip_mm;
-        let along_work = sub(END, START).map(|way| way / length_mm);
+        let along_work = sub(END, START).map(|travel| travel / length_mm);
         // What the path does along each linear axis, by moving it alone.
         let seen = [1, 0, 2].map(|place| {
             let mut moved = joints;

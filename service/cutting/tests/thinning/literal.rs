@@ -6,8 +6,8 @@ use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, su
 use feedwave_motion::kinematics::{GreatCircle, RotaryDirections};
 
 fn share(p: Vec3, start: Vec3, end: Vec3) -> Option<f64> {
-    let way = sub(end, start);
-    (dot(way, way) > 0.0).then(|| (dot(sub(p, start), way) / dot(way, way)).clamp(0.0, 1.0))
+    let travel = sub(end, start);
+    (dot(travel, travel) > 0.0).then(|| (dot(sub(p, start), travel) / dot(travel, travel)).clamp(0.0, 1.0))
 }
 
 fn distance(p: Vec3, start: Vec3, end: Vec3) -> f64 {

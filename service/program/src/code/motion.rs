@@ -111,7 +111,7 @@ crate::finding_codes! {
 
     "PRG-MACHINE-MOTION" [MACHINE_MOTION: Error] {
         meaning: "G53 without straight motion or with incremental words",
-        cause: "`G53` stands with an arc, a spline or a thread, with U or W, or without axis words.",
+        cause: "`G53` is combined with an arc, a spline or a thread, with U or W, or without axis words.",
         cure: "Write `G53` with G0 or G1 and absolute axis words.",
         example: lathe("G53 G0 U5"),
     }
@@ -139,7 +139,7 @@ crate::finding_codes! {
 
     "PRG-NURBS-POINT" [NURBS_POINT: Error] {
         meaning: "a control point of a NURBS without both of its coordinates",
-        cause: "One coordinate was left out as for a line, or a weight P stands alone behind the first point.",
+        cause: "One coordinate was left out as for a line, or a weight P is alone behind the first point.",
         cure: "Write both coordinates of every control point, also the one that does not change.",
         example: mill("G5.2 X5 F100\nG5.3"),
     }
@@ -153,14 +153,14 @@ crate::finding_codes! {
 
     "PRG-NURBS-ORDER" [NURBS_ORDER: Error] {
         meaning: "an order of a NURBS that is out of range or larger than the number of its control points",
-        cause: "L is outside 3 to 10, or fewer control points than L, the start among them, stand before `G5.3`.",
+        cause: "L is outside 3 to 10, or fewer control points than L, the start among them, are before `G5.3`.",
         cure: "Use L3 or L4, or add control points.",
         example: mill("G5.2 X5 Y5 L12 F100\nG5.3"),
     }
 
     "PRG-NURBS-TOO-LONG" [NURBS_TOO_LONG: Error] {
         meaning: "a NURBS with more control points than are supported",
-        cause: "More than 10000 control points stand between `G5.2` and `G5.3`.",
+        cause: "More than 10000 control points are between `G5.2` and `G5.3`.",
         cure: "Close it with `G5.3` and open another one.",
         example: words("10001 control points between G5.2 and G5.3"),
     }

@@ -13,7 +13,7 @@ crate::finding_codes! {
 
     "PRG-LINE-TOO-LONG" [LINE_TOO_LONG: Error] {
         meaning: "a line is longer than the profile allows and was skipped",
-        cause: "Line ends were lost on the way, or the file is no program. What stood in the line is unknown from here on.",
+        cause: "Line ends were lost in transfer, or the file is no program. The content of the line is unknown from here on.",
         cure: "Break the line into blocks, or raise `max_line_bytes` of the profile's language.",
         example: words("a line of 5000 characters where the profile allows 4096"),
     }
@@ -21,21 +21,21 @@ crate::finding_codes! {
     "PRG-NUL" [NUL: Error, NUL_IN_COMMENT: Warning] {
         meaning: "a run of NUL bytes: an error between words, a warning in a comment",
         cause: "A punched-tape leader in the middle of a line, a file written only in part, or text in UTF-16.",
-        cure: "Transfer the program again; where the bytes stand inside a word, write the word again and check its number.",
+        cure: "Transfer the program again; where the bytes are inside a word, write the word again and check its number.",
         example: lathe("G0 X10 \0 Z5"),
     }
 
     "PRG-NOT-UTF8" [NOT_UTF8: Error, NOT_UTF8_IN_COMMENT: Warning] {
         meaning: "bytes that are not UTF-8 text: an error between words, a warning in a comment",
-        cause: "The program was saved in another encoding (Windows-1252, Shift JIS), or was damaged on the way.",
-        cure: "Save it in UTF-8 or ASCII; where the bytes stand inside a word, write the word again and check its number.",
+        cause: "The program was saved in another encoding (Windows-1252, Shift JIS), or was damaged in transfer.",
+        cure: "Save it in UTF-8 or ASCII; where the bytes are inside a word, write the word again and check its number.",
         example: words("the byte FC, an ü of Windows-1252, in a comment"),
     }
 
     "PRG-CHARACTER" [CHARACTER: Error] {
         meaning: "a character that has no meaning in a program, or not at this place",
         cause: "A typing error, or an operator of a macro language outside an expression.",
-        cure: "Remove it; where it stands inside a word, write the word again and check its number.",
+        cure: "Remove it; where it is inside a word, write the word again and check its number.",
         example: lathe("G0 X10 ! Z5"),
     }
 
@@ -69,14 +69,14 @@ crate::finding_codes! {
 
     "PRG-NUMBER-MISSING" [NUMBER_MISSING: Error] {
         meaning: "an address letter without a number",
-        cause: "The number was forgotten, or stands in front of its letter.",
+        cause: "The number was forgotten, or is in front of its letter.",
         cure: "Write the number behind its letter.",
         example: lathe("G0 X Z5"),
     }
 
     "PRG-NUMBER-STRAY" [NUMBER_STRAY: Error] {
         meaning: "a number without an address letter",
-        cause: "The letter was forgotten, or a separator stands between letter and number.",
+        cause: "The letter was forgotten, or a separator is between letter and number.",
         cure: "Write the letter in front of the number, or remove the number.",
         example: lathe("25.5 G0 X10"),
     }

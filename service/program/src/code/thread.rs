@@ -13,7 +13,7 @@ crate::finding_codes! {
 
     "PRG-THREAD-LEAD-MISSING" [THREAD_LEAD_MISSING: Error] {
         meaning: "a thread without a lead",
-        cause: "No F or E stands in the thread or in one before it; the feed of a cut is not taken for a lead.",
+        cause: "No F or E is in the thread or in one before it; the feed of a cut is not taken for a lead.",
         cure: "Add F with the travel per revolution.",
         example: lathe("M3 S500\nG32 Z-20"),
     }
@@ -76,7 +76,7 @@ crate::finding_codes! {
 
     "PRG-THREAD-CYCLE-START" [THREAD_CYCLE_START: Error] {
         meaning: "a threading cycle that starts within the thread",
-        cause: "X stands at or inside the crest where the cycle begins: its rapids would cut the work.",
+        cause: "X is at or inside the crest where the cycle begins: its rapids would cut the work.",
         cure: "Move X clear of the work before the cycle.",
         example: lathe("M3 S500\nG0 X27 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 Q300 F1.5"),
     }

@@ -20,7 +20,7 @@ crate::finding_codes! {
 
     "PRG-LENGTH-WHILE-CUTTING" [LENGTH_WHILE_CUTTING: Error, LENGTH_WHILE_CUTTING_STRAIGHT: Warning] {
         meaning: "a cutting block that changes the tool length: an error for arcs and other curves, a warning for a line",
-        cause: "`G43`, `G44` or `G49` stands in a block with a cut, which then moves by the change of the length as well.",
+        cause: "`G43`, `G44` or `G49` is in a block with a cut, which then moves by the change of the length as well.",
         cure: "Change the length in a block of its own, or with G0.",
         example: mill("G0 Z200\nG1 G43 H1 Z190 F100"),
     }
@@ -41,7 +41,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-CONTROL-NESTED" [TOOL_CONTROL_NESTED: Error] {
         meaning: "tool centre point control is switched on while it or a tool length is on",
-        cause: "A `G49` is missing between two operations, or `G43` stands before `G43.4`.",
+        cause: "A `G49` is missing between two operations, or `G43` is before `G43.4`.",
         cure: "Switch off with G49 first.",
         example: mill("G43.4 H1\nG43.5 H1"),
     }

@@ -62,14 +62,14 @@ crate::finding_codes! {
 
     "PRG-UNIT-WITH-FEED" [UNIT_WITH_FEED: Warning] {
         meaning: "a feed in the block that changes the unit, which controls read in different units",
-        cause: "`G20` or `G21` stands in one block with `F`: LinuxCNC reads the feed in the old unit, other controls in the new one.",
+        cause: "`G20` or `G21` is in one block with `F`: LinuxCNC reads the feed in the old unit, other controls in the new one.",
         cure: "Change the unit in a block of its own before the feed.",
         example: mill("G20 G1 X1 F10"),
     }
 
     "PRG-FUNCTION-WORD" [FUNCTION_WORD: Error] {
         meaning: "a word that the machining function of its block does not take",
-        cause: "A move or another function's word stands in the block that switches a machining function.",
+        cause: "A move or another function's word is in the block that switches a machining function.",
         cure: "Write the word in a block of its own.",
         example: lathe("G200 F25 A0.1 Z-5"),
     }
@@ -90,7 +90,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-MISSING" [TOOL_MISSING: Error] {
         meaning: "a tool change before any T word",
-        cause: "`M6` stands in the program, and no T since the change before it says which tool comes.",
+        cause: "`M6` is in the program, and no T since the change before it says which tool comes.",
         cure: "Write the tool number in the block of `M6` or before it.",
         example: mill("M6"),
     }

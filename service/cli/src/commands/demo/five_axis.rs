@@ -148,10 +148,10 @@ async fn follow(
 
 /// Distance of a point from a segment, mm.
 fn distance_mm(point: Vec3, start: Vec3, end: Vec3) -> f64 {
-    let (way, from_start) = (sub(end, start), sub(point, start));
-    let square = dot(way, way);
-    let share = if square > 0.0 { (dot(from_start, way) / square).clamp(0.0, 1.0) } else { 0.0 };
-    norm(sub(point, add_scaled(start, way, share)))
+    let (travel, from_start) = (sub(end, start), sub(point, start));
+    let square = dot(travel, travel);
+    let share = if square > 0.0 { (dot(from_start, travel) / square).clamp(0.0, 1.0) } else { 0.0 };
+    norm(sub(point, add_scaled(start, travel, share)))
 }
 
 /// Directions that cannot be.

@@ -23,7 +23,7 @@ const LINES_BEFORE: u32 = 15;
 
 /// The path of a guided tool, as the program gives it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct GuidedWay {
+pub(super) struct GuidedPath {
     /// Where its centre point is, once every coordinate was programmed.
     tip_mm: Option<Point>,
     /// Lines of the cuts.
@@ -33,7 +33,7 @@ pub(super) struct GuidedWay {
     work_offset: Option<Position>,
 }
 
-impl GuidedWay {
+impl GuidedPath {
     /// The tool is not guided, or not any more.
     pub(super) const fn interrupt(&mut self) {
         (self.tip_mm, self.cutting) = (None, false);
@@ -140,10 +140,10 @@ pub(super) fn prepare(
     source: &mut Source,
     config: &PipelineConfig,
     report: &ValidationReport,
-    way: GuidedWay,
+    guided_path: GuidedPath,
 ) -> Result<Option<FiveAxisPlots>, CliError> {
     let kinematics = config.profile.kinematics.as_ref().and_then(|description| Kinematics::new(description).ok());
-    let (Some(kinematics), Some(close_lines)) = (kinematics, way.close_lines()) else { return Ok(None) };
+    let (Some(kinematics), Some(close_lines)) = (kinematics, guided_path.close_lines()) else { return Ok(None) };
     let machine = &config.profile.machine;
     let rotary = kinematics.letters().1;
     let column = |axis: Axis| {
@@ -157,10 +157,10 @@ pub(super) fn prepare(
         letters: rotary.map(Axis::letter),
         directions: kinematics.rotary_directions(),
         work: Setup {
-            work: kinematics.work_frame_at(&kinematics.from_position(&way.work_offset.unwrap_or_default())),
+            work: kinematics.work_frame_at(&kinematics.from_position(&guided_path.work_offset.unwrap_or_default())),
             tool_length_mm: 0.0,
         },
-        cuts: way.cuts,
+        cuts: guided_path.cuts,
         close_lines,
         period_s: config.period_s(),
     };

@@ -89,8 +89,8 @@ impl RotaryPicture<'_> {
             let pairs = plan.close.windows(2);
             pairs
                 .map(|pair| {
-                    let way_deg = pair[1].angles_deg[axis] - pair[0].angles_deg[axis];
-                    (pair[1].time_s - start_s, way_deg / (pair[1].time_s - pair[0].time_s))
+                    let travel_deg = pair[1].angles_deg[axis] - pair[0].angles_deg[axis];
+                    (pair[1].time_s - start_s, travel_deg / (pair[1].time_s - pair[0].time_s))
                 })
                 .collect()
         })

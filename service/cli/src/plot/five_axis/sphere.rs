@@ -36,7 +36,7 @@ struct Eye {
 impl Eye {
     /// Looks at the sphere from a direction, the pole upwards.
     fn at(out: Vec3, pole: Vec3) -> Self {
-        let across = |way: Vec3| unit(cross(way, out));
+        let across = |direction: Vec3| unit(cross(direction, out));
         let right = across(pole).or_else(|| across([0.0, 1.0, 0.0])).unwrap_or([1.0, 0.0, 0.0]);
         Self { right, up: cross(out, right), out }
     }

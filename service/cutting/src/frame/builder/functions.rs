@@ -154,7 +154,7 @@ impl Builder {
         findings: &mut FindingLog,
     ) -> Option<Pass> {
         let first = waiting.blocks.first()?;
-        let way = Pass::way(&waiting.blocks, &config.profile.machine, findings)?;
+        let path = Pass::path(&waiting.blocks, &config.profile.machine, findings)?;
         self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
         if self.state.functions.vibration.is_on() {
             let message = "vibration along the path does not act on a thread, but is on";
@@ -162,6 +162,6 @@ impl Builder {
             findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
         }
         let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
-        self.state.functions.threads.pass(first, way, &config.thread_inputs(), analysis, findings)
+        self.state.functions.threads.pass(first, path, &config.thread_inputs(), analysis, findings)
     }
 }

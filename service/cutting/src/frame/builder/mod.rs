@@ -366,7 +366,7 @@ impl Builder {
         vibration.superpose(element, top_speed, &config.vibration_inputs(), analysis, planner)
     }
 
-    /// Whether a section under way reports what its axes cannot follow.
+    /// Whether a section in progress reports what its axes cannot follow.
     fn is_in_analysed_section(&mut self) -> bool {
         self.analysis.as_mut().is_some_and(|analysis| analysis.functions.vibration.open_mut().is_some())
     }

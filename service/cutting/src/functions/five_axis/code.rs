@@ -50,7 +50,7 @@ feedwave_program::finding_codes! {
         meaning: "a cut that does not start where the tool is",
         cause: "The axes were moved without tool centre point control, so the tool is elsewhere than the coordinates of the program say.",
         cure: "Move to the start of the cut with G0 first.",
-        example: words("a cut that begins while the tool stands beside its start"),
+        example: words("a cut that begins while the tool is off its start"),
     }
 
     "FIVE-AXIS-TOO-SHARP" [FIVE_AXIS_TOO_SHARP: Error] {

@@ -1,5 +1,5 @@
-//! The sections of a program while it is validated: the one under way, those whose setpoints are still to come, and the
-//! reports.
+//! The sections of a program while it is validated: the one in progress, those whose setpoints are still to come, and
+//! the reports.
 
 use std::collections::VecDeque;
 
@@ -40,8 +40,8 @@ impl VibrationAnalysis {
     /// The section in progress has been cut up to a place, mm from its start, at the feed override in force.
     pub(crate) fn is_cut(&mut self, up_to_mm: f64) {
         let feed_override = self.feed_override.unwrap_or(1.0);
-        if let Some(under_way) = self.awaiting.front_mut().or(self.open.as_mut()) {
-            under_way.is_cut(up_to_mm, feed_override);
+        if let Some(in_progress) = self.awaiting.front_mut().or(self.open.as_mut()) {
+            in_progress.is_cut(up_to_mm, feed_override);
         }
     }
 

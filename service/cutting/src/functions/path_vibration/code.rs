@@ -117,7 +117,7 @@ feedwave_program::finding_codes! {
     }
 
     "VIB-SPINDLE-STOPPED" [VIB_SPINDLE_STOPPED: Warning] {
-        meaning: "the spindle stands still in a vibrating section: whether the chip breaks cannot be said",
+        meaning: "the spindle is stopped in a vibrating section: whether the chip breaks cannot be said",
         cause: "No M3 or M4 came before the section.",
         cure: "Start the spindle before the section.",
         example: lathe("G94\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F50\nG201\nM30"),

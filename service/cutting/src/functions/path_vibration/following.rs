@@ -1,5 +1,5 @@
-//! What lies between setpoints and tool, and what it leaves of a vibration (docs/functions/path-vibration.md, "Will the
-//! machine follow?").
+//! Filter and position loop between setpoints and tool, and what they leave of a vibration
+//! (docs/functions/path-vibration.md, "Will the machine follow?").
 
 use core::f64::consts::{PI, TAU};
 

@@ -1,4 +1,4 @@
-//! Watches the elements of one vibrating section go by and says at its end what is to say about it.
+//! Observes the elements of one vibrating section and judges it at its end.
 //!
 //! Invariant: memory does not grow with the section.
 

@@ -12,27 +12,27 @@ pub(super) const BOUND_SLACK: f64 = 1.0 - 1e-9;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     start: Vec3,
-    way: Vec3,
+    travel: Vec3,
     /// Square of its length, mm².
     square: f64,
 }
 
 impl Segment {
     pub(super) fn new(start: Vec3, end: Vec3) -> Self {
-        let way = sub(end, start);
-        Self { start, way, square: dot(way, way) }
+        let travel = sub(end, start);
+        Self { start, travel, square: dot(travel, travel) }
     }
 
     /// Share of the segment's point nearest to `point`; `None` where the segment is a point.
     pub(super) fn share(&self, point: Vec3) -> Option<f64> {
-        let share = dot(sub(point, self.start), self.way) / self.square;
+        let share = dot(sub(point, self.start), self.travel) / self.square;
         // A segment so short that its square vanishes is a point as well.
         (self.square > 0.0 && share.is_finite()).then(|| share.clamp(0.0, 1.0))
     }
 
     /// Distance of a point from the segment (not from the infinite line), mm.
     pub(super) fn distance(&self, point: Vec3) -> f64 {
-        let nearest = add_scaled(self.start, self.way, self.share(point).unwrap_or(0.0));
+        let nearest = add_scaled(self.start, self.travel, self.share(point).unwrap_or(0.0));
         norm(sub(point, nearest))
     }
 

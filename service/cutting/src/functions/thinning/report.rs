@@ -37,8 +37,8 @@ impl Reversals {
     pub(super) fn add(&mut self, rotary_rad: Option<[f64; 2]>) {
         if let (Some(now), Some(last)) = (rotary_rad, self.last_rad) {
             for axis in 0..2 {
-                let way = now[axis] - last[axis];
-                let sense = if way > STILL_RAD { 1 } else { -i8::from(way < -STILL_RAD) };
+                let travel = now[axis] - last[axis];
+                let sense = if travel > STILL_RAD { 1 } else { -i8::from(travel < -STILL_RAD) };
                 self.count[axis] += u64::from(sense * self.sense[axis] < 0);
                 if sense != 0 {
                     self.sense[axis] = sense;

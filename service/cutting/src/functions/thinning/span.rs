@@ -33,8 +33,8 @@ pub(super) fn angle_of(chord: f64) -> f64 {
 
 /// |a − b|².
 fn apart(a: Vec3, b: Vec3) -> f64 {
-    let way = sub(a, b);
-    dot(way, way)
+    let travel = sub(a, b);
+    dot(travel, travel)
 }
 
 /// The direction that is interpolated between two kept points.
@@ -43,7 +43,7 @@ pub(super) enum Between {
     /// Along the great circle.
     Circle(GreatCircle),
     /// By the rotary angles, rad.
-    Angles { directions: RotaryDirections, start_rad: [f64; 2], way_rad: [f64; 2] },
+    Angles { directions: RotaryDirections, start_rad: [f64; 2], travel_rad: [f64; 2] },
     /// Opposite directions, which have nothing definite between them.
     Opposite,
 }
@@ -51,8 +51,8 @@ pub(super) enum Between {
 impl Between {
     pub(super) fn new(start: &CutPoint, end: &CutPoint, directions: Option<&RotaryDirections>) -> Self {
         if let (Some(&directions), Some(start_rad), Some(end_rad)) = (directions, start.rotary_rad, end.rotary_rad) {
-            let way_rad = [end_rad[0] - start_rad[0], end_rad[1] - start_rad[1]];
-            return Self::Angles { directions, start_rad, way_rad };
+            let travel_rad = [end_rad[0] - start_rad[0], end_rad[1] - start_rad[1]];
+            return Self::Angles { directions, start_rad, travel_rad };
         }
         GreatCircle::new(start.direction, end.direction).map_or(Self::Opposite, Self::Circle)
     }
@@ -60,8 +60,8 @@ impl Between {
     fn at(&self, share: f64) -> Option<Vec3> {
         match self {
             Self::Circle(circle) => Some(circle.at(share)),
-            Self::Angles { directions, start_rad, way_rad } => {
-                Some(directions.at([start_rad[0] + way_rad[0] * share, start_rad[1] + way_rad[1] * share]))
+            Self::Angles { directions, start_rad, travel_rad } => {
+                Some(directions.at([start_rad[0] + travel_rad[0] * share, start_rad[1] + travel_rad[1] * share]))
             }
             Self::Opposite => None,
         }
@@ -77,7 +77,7 @@ impl Between {
     fn rate(&self) -> f64 {
         match self {
             Self::Circle(circle) => circle.angle_rad(),
-            Self::Angles { way_rad, .. } => way_rad[0].abs() + way_rad[1].abs(),
+            Self::Angles { travel_rad, .. } => travel_rad[0].abs() + travel_rad[1].abs(),
             Self::Opposite => f64::INFINITY,
         }
     }

@@ -34,7 +34,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-VIBRATION-OFF" [THREAD_VIBRATION_OFF: Error] {
         meaning: "a pass has an amplitude, but the vibration of threads is off",
-        cause: "The A word stands in a thread before the vibration is switched on, or after it is switched off.",
+        cause: "The A word is in a thread before the vibration is switched on, or after it is switched off.",
         cure: "Switch the vibration on before the first pass, or leave the A word out.",
         example: lathe("M3 S300\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5 A2\nM30"),
     }
@@ -55,14 +55,14 @@ feedwave_program::finding_codes! {
 
     "THREAD-PART-VIBRATION" [THREAD_PART_VIBRATION: Error] {
         meaning: "a further part of a thread states another vibration than its first block",
-        cause: "A or R stands in a second threading block that goes on from the first; the vibration of a pass is one.",
+        cause: "A or R is in a second threading block that goes on from the first; the vibration of a pass is one.",
         cure: "Write A and R in the first block of the thread only.",
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z80 F2.5 A2\nG32 Z60 F2.5 A1\nG165 P0\nM30"),
     }
 
     "THREAD-PASSES" [THREAD_PASSES: Error] {
         meaning: "a vibrating thread of more than 100 passes",
-        cause: "The passes go very little deeper each, or several threads are taken for one because they stand at one place.",
+        cause: "The passes go very little deeper each, or several threads are taken for one because they are at one place.",
         cure: "Let every pass go deeper, or switch the vibration off and on between two threads.",
         example: words("101 passes of one thread under `G165`"),
     }
@@ -98,7 +98,7 @@ feedwave_program::finding_codes! {
     "THREAD-PULL-OUT" [THREAD_PULL_OUT: Error] {
         meaning: "the tool is pulled out over all of the thread",
         cause: "The chamfer of a cycle is as long as the thread, or the thread does not move along Z.",
-        cure: "Pull the tool out over a shorter way, or cut a longer thread.",
+        cure: "Pull the tool out over a shorter distance, or cut a longer thread.",
         example: words("a cycle whose exit taper takes the whole pass"),
     }
 
@@ -111,7 +111,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-HAND" [THREAD_HAND: Error] {
         meaning: "direction of cut and spindle make a thread of the other hand than the one asked for",
-        cause: "Start and end are exchanged, or the spindle turns the other way.",
+        cause: "Start and end are exchanged, or the spindle turns in the other direction.",
         cure: "Exchange start and end of the thread, or reverse the spindle.",
         example: words("a request to plan a right-hand thread that is cut away from the chuck with the spindle forward"),
     }
@@ -139,7 +139,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-APPROACH-SHORT" [THREAD_APPROACH_SHORT: Error] {
         meaning: "a pass starts too close to the work for the lead axis to come into step before it",
-        cause: "The run-up at this spindle speed is longer than the way to the work that `thread_vibration.approach_mm` or the request states.",
+        cause: "The run-up at this spindle speed is longer than the distance to the work that `thread_vibration.approach_mm` or the request states.",
         cure: "Start the thread further before the work, or turn slower.",
         example: on("lathe, thread_vibration.approach_mm = 0.5", "M3 S2000\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nM30"),
     }
@@ -202,7 +202,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-VIBRATION-LATE" [THREAD_VIBRATION_LATE: Warning] {
         meaning: "with the delayed start-up the vibration of a pass begins in the work already",
-        cause: "The delay until the phase of the vibration is reached takes longer than the way to the work.",
+        cause: "The delay until the phase of the vibration is reached takes longer than the distance to the work.",
         cure: "Use the start-up with preparatory movement, or start further before the work.",
         example: on("lathe, thread_vibration.start_up = delayed, thread_vibration.approach_mm = 3", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9.6\nG32 Z60 F2.5 R270\nG0 X14\nG165 P0\nM30"),
     }
@@ -250,7 +250,7 @@ feedwave_program::finding_codes! {
     }
 
     "THREAD-THICKNESS" [THREAD_THICKNESS: Warning] {
-        meaning: "a pass takes more than the tool bears",
+        meaning: "a pass takes more than the tool withstands",
         cause: "Infeed and amplitude, with what the passes before left, exceed `thread_vibration.max_thickness_mm`.",
         cure: "Cut the thread in more passes, or with smaller amplitudes.",
         example: on("lathe, thread_vibration.max_thickness_mm = 0.2", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),

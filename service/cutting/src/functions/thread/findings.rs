@@ -190,19 +190,19 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
         );
     }
     let run_up_mm = job.run_up.travel_mm(job.geometry.lead_mm);
-    let way_mm = limits.approach_mm - pass.start_travel_mm;
-    if run_up_mm > way_mm {
+    let travel_mm = limits.approach_mm - pass.start_travel_mm;
+    if run_up_mm > travel_mm {
         let message = format!(
             "pass {number} starts {} mm before the work, but the lead axis needs {} mm to come into step",
-            decimal(way_mm, 3),
+            decimal(travel_mm, 3),
             decimal(run_up_mm, 3)
         );
         let needed_mm = round_up(run_up_mm + pass.start_travel_mm, 3);
         findings.push(
             Finding::new(code::THREAD_APPROACH_SHORT, pass.span, message)
                 .at("pass", number)
-                .ranked("", run_up_mm - way_mm)
-                .with_value("approach", way_mm, "mm")
+                .ranked("", run_up_mm - travel_mm)
+                .with_value("approach", travel_mm, "mm")
                 .with_value("run_up", run_up_mm, "mm")
                 .suggest_value(
                     format!("start the thread {} mm before the work", decimal(needed_mm, 3)),

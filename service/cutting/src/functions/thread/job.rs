@@ -4,7 +4,7 @@
 use feedwave_program::SourceSpan;
 use serde::{Deserialize, Serialize};
 
-use super::run_up::LeadWay;
+use super::run_up::LeadTravel;
 use super::{GrooveProfile, RetreatWave, RunUp, StartUp, ThreadGeometry};
 
 /// One threading pass.
@@ -99,7 +99,7 @@ impl ThreadJob {
     /// vibration depends on the spindle angle only: not on start angle, start position or spindle speed.
     #[must_use]
     pub fn position(&self, pass: &ThreadPass, spindle_angle_deg: f64) -> ThreadPosition {
-        let turned_deg = self.lead_way(pass).synchronous_deg(spindle_angle_deg - pass.start_angle_deg);
+        let turned_deg = self.lead_travel(pass).synchronous_deg(spindle_angle_deg - pass.start_angle_deg);
         let travel_mm = pass.start_travel_mm + self.geometry.lead_mm * (turned_deg / 360.0);
         // A pass that would start beyond the end stays where it starts.
         let travel_mm = travel_mm.min(self.geometry.length_mm().max(pass.start_travel_mm));
@@ -116,12 +116,12 @@ impl ThreadJob {
     /// Spindle angle at which the lead axis reaches the end of a pass, degrees.
     #[must_use]
     pub fn end_angle_deg(&self, pass: &ThreadPass) -> f64 {
-        pass.start_angle_deg + self.lead_way(pass).angle_deg()
+        pass.start_angle_deg + self.lead_travel(pass).angle_deg()
     }
 
-    fn lead_way(&self, pass: &ThreadPass) -> LeadWay {
-        let way_mm = (self.geometry.length_mm() - pass.start_travel_mm).max(0.0);
-        LeadWay::new(self.run_up, 360.0 * way_mm / self.geometry.lead_mm)
+    fn lead_travel(&self, pass: &ThreadPass) -> LeadTravel {
+        let travel_mm = (self.geometry.length_mm() - pass.start_travel_mm).max(0.0);
+        LeadTravel::new(self.run_up, 360.0 * travel_mm / self.geometry.lead_mm)
     }
 
     /// Length of a pass on which the lead is exact: without the travel of run-up and run-down, mm; negative where they

@@ -4,7 +4,7 @@ use feedwave_program::{Axis, Finding, FindingLog, SpindleDirection};
 use serde::{Deserialize, Serialize};
 
 use super::code;
-use super::pass::{PassWay, TAPER_SHARE, ThreadBlock, axis_limits};
+use super::pass::{PassPath, TAPER_SHARE, ThreadBlock, axis_limits};
 use super::state::{Mode, ThreadInputs};
 use super::{
     GrooveProfile, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadGeometry, ThreadJob, ThreadLimits,
@@ -35,7 +35,7 @@ const Z: usize = Axis::Z.index();
 impl OpenThread {
     pub(super) fn new(
         first: &ThreadBlock,
-        way: &PassWay,
+        path: &PassPath,
         mode: Option<Mode>,
         still: PathVibration,
         angle_deg: f64,
@@ -62,8 +62,8 @@ impl OpenThread {
             profile: GrooveProfile::pointed(angle_deg),
             vibrations_per_rev: still.wave.vibrations_per_rev,
             start_up: still.start_up,
-            run_up: way.run_up(),
-            spindle_rev_per_min: 60.0 * way.rev_per_s(),
+            run_up: path.run_up(),
+            spindle_rev_per_min: 60.0 * path.rev_per_s(),
             passes: Vec::new(),
         };
         let work_offset = [mv.work_offset[X], mv.work_offset[Z]];
@@ -74,7 +74,7 @@ impl OpenThread {
     pub(super) fn takes(
         &self,
         first: &ThreadBlock,
-        way: &PassWay,
+        path: &PassPath,
         mode: Option<Mode>,
         findings: &mut FindingLog,
     ) -> bool {
@@ -91,7 +91,7 @@ impl OpenThread {
             && (mv.end[Z] - geometry.end_z_mm).abs() <= apart_mm
             && (mv.spindle.direction == SpindleDirection::CounterClockwise)
                 == (geometry.rotation == SpindleRotation::Reverse);
-        let rev_per_min = 60.0 * way.rev_per_s();
+        let rev_per_min = 60.0 * path.rev_per_s();
         if is_same && rev_per_min != self.job.spindle_rev_per_min {
             let message = format!(
                 "the spindle turns at {rev_per_min} rev/min, at {} rev/min in the pass before: the lead axis comes into \

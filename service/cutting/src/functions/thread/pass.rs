@@ -67,14 +67,14 @@ pub(crate) fn axis_limits(machine: &Machine, axis: Axis) -> PathLimits {
 }
 
 /// The path of one pass before it is timed.
-pub(crate) struct PassWay {
+pub(crate) struct PassPath {
     start: [f64; 2],
     parts: Vec<PathPart>,
     changes_deg: Vec<f64>,
     rev_per_s: f64,
 }
 
-impl PassWay {
+impl PassPath {
     /// The path through blocks that are one thread; `None` with a finding where it is impossible.
     pub(crate) fn new(blocks: &[ThreadBlock], machine: &Machine, findings: &mut FindingLog) -> Option<Self> {
         let first = blocks.first()?;
@@ -116,15 +116,15 @@ impl PassWay {
             }
             from = to;
         }
-        let mut way = Self { start, parts, changes_deg: Vec::new(), rev_per_s };
-        if way.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
+        let mut path = Self { start, parts, changes_deg: Vec::new(), rev_per_s };
+        if path.parts.iter().any(|part| !(part.angle_deg > 0.0 && part.angle_deg <= 1e9)) {
             let message = "the thread has no travel, or no lead";
             let finding = Finding::new(code::THREAD_TRAVEL, first.span, message);
             findings.push(finding.suggest("check the end point, the position before it and the lead"));
             return None;
         }
-        way.changes_deg = way.changes(machine);
-        Some(way)
+        path.changes_deg = path.changes(machine);
+        Some(path)
     }
 
     pub(crate) fn rev_per_s(&self) -> f64 {

@@ -75,14 +75,14 @@ pub(crate) struct PathPart {
 impl PathPart {
     /// The part to `end` with a lead along whichever axis travels further.
     pub(crate) fn new(start: [f64; 2], end: [f64; 2], lead_mm: f64, line: u32) -> Self {
-        let way_mm = (end[0] - start[0]).abs().max((end[1] - start[1]).abs());
-        Self { end, angle_deg: 360.0 * way_mm / lead_mm, line }
+        let travel_mm = (end[0] - start[0]).abs().max((end[1] - start[1]).abs());
+        Self { end, angle_deg: 360.0 * travel_mm / lead_mm, line }
     }
 
     /// Travel per degree of the spindle of X, Z and the path, mm.
     pub(crate) fn slope(&self, start: [f64; 2]) -> Place {
         let [x, z] = [self.end[0] - start[0], self.end[1] - start[1]];
-        [x, z, libm::hypot(x, z)].map(|way_mm| way_mm / self.angle_deg)
+        [x, z, libm::hypot(x, z)].map(|travel_mm| travel_mm / self.angle_deg)
     }
 }
 

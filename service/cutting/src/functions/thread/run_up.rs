@@ -61,20 +61,20 @@ impl RunUp {
 
 /// The motion of the lead axis through one pass, as angles of a spindle in exact ratio: run-up, exact lead, run-down.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LeadWay {
+pub(super) struct LeadTravel {
     run_up: RunUp,
-    way_deg: f64,
+    travel_deg: f64,
 }
 
-impl LeadWay {
-    /// A motion over `way_deg`; where it is too short for run-up and run-down, both are shortened to fill it.
-    pub(super) fn new(run_up: RunUp, way_deg: f64) -> Self {
-        Self { run_up: RunUp { angle_deg: run_up.angle_deg.min(way_deg) }, way_deg }
+impl LeadTravel {
+    /// A motion over `travel_deg`; where it is too short for run-up and run-down, both are shortened to fill it.
+    pub(super) fn new(run_up: RunUp, travel_deg: f64) -> Self {
+        Self { run_up: RunUp { angle_deg: run_up.angle_deg.min(travel_deg) }, travel_deg }
     }
 
     /// Angle through which the spindle turns meanwhile, degrees.
     pub(super) fn angle_deg(&self) -> f64 {
-        self.way_deg + self.run_up.angle_deg
+        self.travel_deg + self.run_up.angle_deg
     }
 
     /// [`RunUp::synchronous_deg`] of the whole motion; it rests at 0 before and at its end after it.
@@ -83,7 +83,7 @@ impl LeadWay {
         if left_deg >= self.run_up.angle_deg {
             self.run_up.synchronous_deg(turned_deg)
         } else {
-            self.way_deg - self.run_up.synchronous_deg(left_deg)
+            self.travel_deg - self.run_up.synchronous_deg(left_deg)
         }
     }
 }

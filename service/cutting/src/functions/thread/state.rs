@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::open_thread::OpenThread;
-use super::pass::{PassWay, ThreadBlock, peak_velocity};
+use super::pass::{PassPath, ThreadBlock, peak_velocity};
 use super::{
     MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, ThreadPath, ThreadRun,
     ThreadSectionReport, ThreadVibrationSettings,
@@ -64,9 +64,9 @@ impl Modal for Mode {
 pub(crate) struct ThreadAnalysis {
     pub(crate) reports: Listed<ThreadSectionReport>,
     pub(crate) passes: u64,
-    /// Thread and pass whose way is wanted, counted from 0.
+    /// Thread and pass whose path is requested, counted from 0.
     pub(crate) wanted_pass: Option<(u64, usize)>,
-    /// That way.
+    /// That path.
     pub(crate) wanted_path: Option<ThreadPath>,
 }
 
@@ -78,7 +78,7 @@ pub(crate) struct WaitingPass {
 
 /// A pass that is about to be planned.
 pub(crate) struct Pass {
-    way: PassWay,
+    path: PassPath,
     vibration: PathVibration,
 }
 
@@ -133,7 +133,7 @@ impl Threads {
     pub(crate) fn pass(
         &mut self,
         first: &ThreadBlock,
-        way: PassWay,
+        path: PassPath,
         inputs: &ThreadInputs<'_>,
         analysis: Option<&mut ThreadAnalysis>,
         findings: &mut FindingLog,
@@ -162,22 +162,22 @@ impl Threads {
                 return None;
             }
             self.close(inputs, analysis, findings);
-            way.check_speeds(0.0, false, machine, first.span, findings);
-            return way.check_length(false, None, first.span, findings).then_some(Pass { way, vibration: still });
+            path.check_speeds(0.0, false, machine, first.span, findings);
+            return path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still });
         }
         let is_judged = analysis.is_some();
-        let vibration = self.join(first, &way, still, inputs, analysis, findings)?;
-        let peak_mm_per_s = peak_velocity(&vibration, way.rev_per_s());
-        way.check_speeds(peak_mm_per_s, true, machine, first.span, findings);
+        let vibration = self.join(first, &path, still, inputs, analysis, findings)?;
+        let peak_mm_per_s = peak_velocity(&vibration, path.rev_per_s());
+        path.check_speeds(peak_mm_per_s, true, machine, first.span, findings);
         let number = self.open.as_ref().map(|open| open.job.passes.len() as u64);
-        way.check_length(is_judged, number, first.span, findings).then_some(Pass { way, vibration })
+        path.check_length(is_judged, number, first.span, findings).then_some(Pass { path, vibration })
     }
 
     /// Adds a pass to its thread and says how it vibrates.
     fn join(
         &mut self,
         first: &ThreadBlock,
-        way: &PassWay,
+        path: &PassPath,
         still: PathVibration,
         inputs: &ThreadInputs<'_>,
         analysis: Option<&mut ThreadAnalysis>,
@@ -185,11 +185,11 @@ impl Threads {
     ) -> Option<PathVibration> {
         let settings = inputs.settings;
         let mode = self.switch.on().copied();
-        let joins = self.open.as_ref().is_some_and(|open| open.takes(first, way, mode, findings));
+        let joins = self.open.as_ref().is_some_and(|open| open.takes(first, path, mode, findings));
         if !joins {
             self.close(inputs, analysis, findings);
             let profile_deg = first.mv.included_angle_deg.unwrap_or(settings.included_angle_deg);
-            self.open = Some(Box::new(OpenThread::new(first, way, mode, still, profile_deg)));
+            self.open = Some(Box::new(OpenThread::new(first, path, mode, still, profile_deg)));
         }
         let open = self.open.as_mut()?;
         if open.job.passes.len() >= MAX_THREAD_PASSES {
@@ -229,7 +229,7 @@ impl Threads {
         analysis: Option<&mut ThreadAnalysis>,
         findings: &mut FindingLog,
     ) -> Option<ThreadRun> {
-        let run = pass.way.run(blocks, pass.vibration, inputs.settings, prepares, inputs.machine, findings)?;
+        let run = pass.path.run(blocks, pass.vibration, inputs.settings, prepares, inputs.machine, findings)?;
         if let Some(analysis) = analysis {
             analysis.passes += 1;
             let place = self
@@ -276,15 +276,15 @@ impl Threads {
 }
 
 impl Pass {
-    /// The way through blocks that are one pass; nothing after a finding.
-    pub(crate) fn way(blocks: &[ThreadBlock], machine: &Machine, findings: &mut FindingLog) -> Option<PassWay> {
+    /// The path through blocks that are one pass; nothing after a finding.
+    pub(crate) fn path(blocks: &[ThreadBlock], machine: &Machine, findings: &mut FindingLog) -> Option<PassPath> {
         let first = blocks.first()?;
-        let way = PassWay::new(blocks, machine, findings)?;
-        if let Some(axis) = way.missing_axis(first, machine) {
+        let path = PassPath::new(blocks, machine, findings)?;
+        if let Some(axis) = path.missing_axis(first, machine) {
             findings.push(missing(axis, first.span));
             return None;
         }
-        Some(way)
+        Some(path)
     }
 
     /// Lets a rapid go to the vibration position at once, where the pass starts at its end; whether X prepares so.
@@ -299,7 +299,7 @@ impl Pass {
     }
 
     pub(crate) fn rev_per_s(&self) -> f64 {
-        self.way.rev_per_s()
+        self.path.rev_per_s()
     }
 }
 

@@ -97,7 +97,7 @@ feedwave_program::finding_codes! {
 
     "OSC-HOLD-SHORT" [OSC_HOLD_SHORT: Warning] {
         meaning: "the largest protrusion is held too briefly: the edges close no circle and the floor is not smooth",
-        cause: "The share of the period for which the tool stands out is shorter than the time until the next edge comes.",
+        cause: "The share of the period for which the tool protrudes is shorter than the time until the next edge comes.",
         cure: "Use the hold share, the number of periods or the table that the finding names.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P4 D1\nG1 X30 F600\nG203\nM30"),
     }
@@ -188,7 +188,7 @@ feedwave_program::finding_codes! {
 
     "OSC-SECTION-SHORT" [OSC_SECTION_SHORT: Warning] {
         meaning: "a part of the path without corners is shorter than the blend in and out of the oscillation",
-        cause: "At a corner the offsets have to be 0; between two of them there is too little way for the whole amplitude.",
+        cause: "At a corner the offsets have to be 0; between two of them there is too short a path for the full amplitude.",
         cure: "Round corners with `G64`, or blend over fewer periods.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X1 F600\nG203\nM30"),
     }

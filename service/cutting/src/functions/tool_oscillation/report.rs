@@ -1,4 +1,4 @@
-//! What can be said about an oscillating pass before it is cut: figures, what every edge does, and the findings.
+//! The judgement of an oscillating pass before it is cut: figures, what every edge does, and the findings.
 
 use feedwave_program::{Finding, Severity, SourceSpan};
 use serde::{Deserialize, Serialize};

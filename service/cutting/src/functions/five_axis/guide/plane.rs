@@ -64,7 +64,7 @@ impl Guide {
         let tool = state.tool.as_ref()?;
         let (setup, pose) = (tool.setup, ToolPose { tip_mm: tool.point.tip_mm, direction: plane.axes[2] });
         let stand_rad = self.kinematics.from_position(&state.position).rotary_rad;
-        let way = |values: [f64; 2]| (values[0] - stand_rad[0]).abs().max((values[1] - stand_rad[1]).abs());
+        let travel = |values: [f64; 2]| (values[0] - stand_rad[0]).abs().max((values[1] - stand_rad[1]).abs());
         let preference = match solution {
             ToolAxisSolution::Larger => BranchPreference::Larger,
             ToolAxisSolution::Smaller => BranchPreference::Smaller,
@@ -77,7 +77,7 @@ impl Guide {
                 (larger, _, ToolAxisSolution::Larger, _) => larger,
                 (_, smaller, ToolAxisSolution::Smaller, _) => smaller,
                 (Ok(larger), Ok(smaller), _, BranchPreference::Nearest) => {
-                    Ok(if way(smaller) < way(larger) { smaller } else { larger })
+                    Ok(if travel(smaller) < travel(larger) { smaller } else { larger })
                 }
                 (Ok(_), Ok(smaller), _, BranchPreference::Smaller) => Ok(smaller),
                 (Ok(larger), _, _, _) => Ok(larger),

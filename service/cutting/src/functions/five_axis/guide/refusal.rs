@@ -1,4 +1,4 @@
-//! What becomes of a guided move that cannot be made: findings with their numbers and cures.
+//! Guided moves that cannot be made: findings with their numbers and cures.
 
 use feedwave_motion::kinematics::{FiveAxisRefusal, KinematicsError, Toward};
 use feedwave_program::{Axis, Finding, GuidedMove, SourceSpan, ToolGuide};

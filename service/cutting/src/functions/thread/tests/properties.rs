@@ -90,9 +90,9 @@ proptest! {
         for speed in speeds {
             angle_deg += 6.0 * speed * 0.01;
             let tool = job.position(&pass, angle_deg);
-            let way_mm = tool.travel_mm - pass.start_travel_mm;
-            if way_mm > 0.0 && tool.travel_mm < job.geometry.length_mm() {
-                let by_lead_deg = pass.start_angle_deg + 360.0 * way_mm / job.geometry.lead_mm;
+            let travel_mm = tool.travel_mm - pass.start_travel_mm;
+            if travel_mm > 0.0 && tool.travel_mm < job.geometry.length_mm() {
+                let by_lead_deg = pass.start_angle_deg + 360.0 * travel_mm / job.geometry.lead_mm;
                 prop_assert!((by_lead_deg - angle_deg).abs() < 1e-6);
                 let phase_deg = 2.0 * by_lead_deg - pass.phase_shift_deg;
                 let expected_mm = 0.5 * pass.amplitude_mm * (1.0 - libm::cos(phase_deg.to_radians()));
