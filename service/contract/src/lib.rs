@@ -8,6 +8,7 @@
 /// Largest message that a client takes, and the most that a service may be configured to take, bytes.
 pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
+pub mod code;
 pub mod convert;
 pub mod delta;
 pub mod document;

@@ -9,6 +9,7 @@ use feedwave_monitoring::{
 use feedwave_program::{Finding, SourceSpan};
 
 use super::finding_to_proto;
+use crate::code;
 use crate::proto;
 use crate::violations::Violations;
 use proto::stability_model::Cut;
@@ -270,26 +271,15 @@ fn low_immersion(immersion: f64, margin: f64) -> Option<Finding> {
     let finding = if margin < error {
         let message = format!("{told}, and the margin is only {:.1} %", 100.0 * margin);
         let cure = format!("Take a margin of at least {error}.");
-        Finding::new(LOBES_LOW_IMMERSION, SourceSpan::default(), message).suggest_value(cure, None, "margin", error, "")
+        Finding::new(code::LOBES_LOW_IMMERSION, SourceSpan::default(), message)
+            .suggest_value(cure, None, "margin", error, "")
     } else {
         let message = format!("{told}, which the margin of {:.1} % covers", 100.0 * margin);
-        Finding::new(LOBES_LOW_IMMERSION_COVERED, SourceSpan::default(), message)
+        Finding::new(code::LOBES_LOW_IMMERSION_COVERED, SourceSpan::default(), message)
     };
     Some(finding.with_value("radial_immersion", immersion, "").with_value("margin", margin, "").with_value(
         "largest_error",
         error,
         "",
     ))
-}
-
-feedwave_program::finding_codes! {
-    /// Codes of stability lobes.
-    pub LOBES_CODES: "Stability lobes";
-
-    "LOBES-LOW-IMMERSION" [LOBES_LOW_IMMERSION: Warning, LOBES_LOW_IMMERSION_COVERED: Info] {
-        meaning: "a radial immersion so low that the true limits may be below the computed ones: information where the margin covers it",
-        cause: "The limits are computed with the mean of the cutting force over a revolution, which errs on the unsafe side where the edges cut for a small part of it.",
-        cure: "Use the margin that the finding names.",
-        example: words("a request for lobes with a radial immersion of 5 % and no margin"),
-    }
 }

@@ -13,35 +13,41 @@ feedwave_program::finding_codes! {
 
     "SPINDLE-SPEED" [SPINDLE_SPEED: Error] {
         meaning: "a spindle speed beyond the limit of the machine or of the tool",
-        cause: "A constant speed is above `max_spindle_rev_per_min` of the machine or of the tool. Constant surface speed is clamped instead.",
+        cause: "A constant speed is above `max_spindle_rev_per_min` of the machine or of the tool. Constant surface \
+              speed is clamped instead.",
         cure: "Lower the speed to the limit that the finding names.",
         example: lathe("M3 S9000\nG1 X10 F0.1\nM30"),
     }
 
     "FEED-LIMITED" [FEED_LIMITED: Info] {
         meaning: "a programmed feed that the axes cannot follow and that is run slower",
-        cause: "The feed is above what the velocity limits of the axes leave in the direction of the cut, with the vibration where one is on. The first place is named.",
+        cause: "The feed is above what the velocity limits of the axes leave in the direction of the cut, with the \
+              vibration where one is on. The first place is named.",
         cure: "Program the feed that the finding names, or leave it: the path is the same.",
         example: lathe("G94\nG1 Z-100 F90000\nM30"),
     }
 
     "AXIS-MISSING" [AXIS_MISSING: Error] {
         meaning: "motion of an axis that the machine does not have, or that is not among its five axes",
-        cause: "The program is for another machine, the axis is missing in the machine profile, or it moves under tool centre point control without being part of the kinematics.",
+        cause: "The program is for another machine, the axis is missing in the machine profile, or it moves under tool \
+              centre point control without being part of the kinematics.",
         cure: "Remove the word, or add the axis to the machine profile.",
         example: lathe("G0 Y10\nM30"),
     }
 
     "AXIS-TRAVEL" [AXIS_TRAVEL: Error] {
         meaning: "an axis that would leave its travel",
-        cause: "The work offset, a coordinate or the swing of a rotary axis leads beyond `travel_min` or `travel_max`, in machine coordinates. The curve at a smoothed corner counts too.",
+        cause: "The work offset, a coordinate or the swing of a rotary axis leads beyond `travel_min` or `travel_max`, \
+              in machine coordinates. The curve at a smoothed corner counts too.",
         cure: "Check the work offset and the programmed coordinate, or clamp the work in another place.",
         example: on("lathe, machine.axes.0.travel_max = 100", "G0 X300\nM30"),
     }
 
     "AXIS-LIMIT" [AXIS_LIMIT: Error] {
-        meaning: "a block that takes more of an axis' velocity, acceleration or jerk than it has, however slowly it is run",
-        cause: "A vibration is superposed on a curve, and turning takes the rest of a limit. Vibrating sections that are reported say it with VIB-AXIS codes.",
+        meaning: "a block that takes more of an axis' velocity, acceleration or jerk than it has, however slowly it is \
+              run",
+        cause: "A vibration is superposed on a curve, and turning takes the rest of a limit. Vibrating sections that \
+              are reported say it with VIB-AXIS codes.",
         cure: "Use a smaller amplitude or a lower frequency.",
         example: words("a program that is streamed without validation, with a vibration beyond the limits of the axes"),
     }
@@ -62,7 +68,8 @@ feedwave_program::finding_codes! {
 
     "PATH-SPLINE-CUSP" [PATH_SPLINE_CUSP: Error] {
         meaning: "a spline with a place that has no direction",
-        cause: "A cusp, a handle of length 0 or control points that turn back: the tool would have to stop and turn within the curve.",
+        cause: "A cusp, a handle of length 0 or control points that turn back: the tool would have to stop and turn \
+              within the curve.",
         cure: "Move the control points apart, or divide the spline at the cusp.",
         example: mill("G5 X10 Y0 I20 J0 P10 Q0 F100\nM30"),
     }

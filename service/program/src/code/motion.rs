@@ -13,13 +13,14 @@ crate::finding_codes! {
 
     "PRG-FEED-MISSING" [FEED_MISSING: Error] {
         meaning: "a cutting move without a valid feed; the F of a thread is none",
-        cause: "No F was programmed in this feed mode, the mode was changed after it, a thread took its place, or inverse time (`G93`) has none in the block.",
+        cause: "No F was programmed in this feed mode, the mode was changed after it, a thread took its place, or \
+              inverse time (`G93`) has none in the block.",
         cure: "Add F to the block.",
         example: lathe("M3 S1000\nG1 X10"),
     }
 
     "PRG-FEED-NOT-POSITIVE" [FEED_NOT_POSITIVE: Error] {
-        meaning: "a feed that is zero, negative or too small to mean anything",
+        meaning: "a feed that is zero, negative or too small to be valid",
         cause: "An F0 of the post, a sign, or a number far below what a machine can do (under 1e-9).",
         cure: "Write the feed that is meant; the feed override stops a machine, not F0.",
         example: lathe("G1 X10 F0"),
@@ -33,15 +34,17 @@ crate::finding_codes! {
     }
 
     "PRG-SPEED-INVALID" [SPEED_INVALID: Error] {
-        meaning: "a spindle speed that is negative or too small to mean anything, or a speed clamp that is not positive",
+        meaning: "a spindle speed that is negative or too small to be valid, or a speed clamp that is not positive",
         cause: "A sign or a zero in S; the direction is that of M3 and M4.",
         cure: "Write a positive speed, and M4 for the other direction.",
         example: lathe("M3 S-500"),
     }
 
     "PRG-SPEED-MISSING" [SPEED_MISSING: Error, SPEED_IN_FORCE: Warning] {
-        meaning: "a speed mode or clamp without its S word: an error where no speed is known, a warning where the present one stays",
-        cause: "`G96` has no surface speed, `G50` or `G92` no clamp; or `G97` without S goes on at the speed of the present radius.",
+        meaning: "a speed mode or clamp without its S word: an error where no speed is known, a warning where the \
+              present one stays",
+        cause: "`G96` has no surface speed, `G50` or `G92` no clamp; or `G97` without S goes on at the speed of the \
+              present radius.",
         cure: "Add S to the block.",
         example: lathe("G96 M3"),
     }
@@ -76,8 +79,10 @@ crate::finding_codes! {
 
     "PRG-ARC-RADIUS-MISMATCH" [ARC_RADIUS_MISMATCH: Error] {
         meaning: "start and end of an arc are not equally far from its centre",
-        cause: "A wrong end point, an absolute centre where the incremental one is meant, a diameter for a radius, or too few decimals.",
-        cure: "Check end point and centre; `arc_radius_tolerance_mm` of the profile's language says which rounding is accepted.",
+        cause: "A wrong end point, an absolute centre where the incremental one is meant, a diameter for a radius, or \
+              too few decimals.",
+        cure: "Check end point and centre; `arc_radius_tolerance_mm` of the profile's language says which rounding is \
+              accepted.",
         example: mill("G2 X10 Y0 I4 J0 F100"),
     }
 
@@ -104,14 +109,15 @@ crate::finding_codes! {
 
     "PRG-PATH-TOLERANCE" [PATH_TOLERANCE: Error] {
         meaning: "a tolerance of G64 that is negative or too large, or a Q without a P or beyond it",
-        cause: "P or Q of `G64` is outside 0 to 10 mm, often for a missing decimal point; Q, which merges lines, is part of P.",
+        cause: "P or Q of `G64` is outside 0 to 10 mm, often for a missing decimal point; Q, which merges lines, is \
+              part of P.",
         cure: "Write how far the path may leave the programmed one, such as `G64 P0.01`, and Q at most as large.",
         example: mill("G64 P50"),
     }
 
     "PRG-MACHINE-MOTION" [MACHINE_MOTION: Error] {
         meaning: "G53 without straight motion or with incremental words",
-        cause: "`G53` is combined with an arc, a spline or a thread, with U or W, or without axis words.",
+        cause: "`G53` is programmed with an arc, a spline or a thread, with U or W, or without axis words.",
         cure: "Write `G53` with G0 or G1 and absolute axis words.",
         example: lathe("G53 G0 U5"),
     }
@@ -139,7 +145,7 @@ crate::finding_codes! {
 
     "PRG-NURBS-POINT" [NURBS_POINT: Error] {
         meaning: "a control point of a NURBS without both of its coordinates",
-        cause: "One coordinate was left out as for a line, or a weight P is alone behind the first point.",
+        cause: "One coordinate was left out as for a line, or a weight P comes without a point after the first one.",
         cure: "Write both coordinates of every control point, also the one that does not change.",
         example: mill("G5.2 X5 F100\nG5.3"),
     }
@@ -153,14 +159,14 @@ crate::finding_codes! {
 
     "PRG-NURBS-ORDER" [NURBS_ORDER: Error] {
         meaning: "an order of a NURBS that is out of range or larger than the number of its control points",
-        cause: "L is outside 3 to 10, or fewer control points than L, the start among them, are before `G5.3`.",
+        cause: "L is outside 3 to 10, or there are fewer control points than L before `G5.3`, the start included.",
         cure: "Use L3 or L4, or add control points.",
         example: mill("G5.2 X5 Y5 L12 F100\nG5.3"),
     }
 
     "PRG-NURBS-TOO-LONG" [NURBS_TOO_LONG: Error] {
         meaning: "a NURBS with more control points than are supported",
-        cause: "More than 10000 control points are between `G5.2` and `G5.3`.",
+        cause: "There are more than 10000 control points between `G5.2` and `G5.3`.",
         cure: "Close it with `G5.3` and open another one.",
         example: words("10001 control points between G5.2 and G5.3"),
     }

@@ -6,14 +6,17 @@ crate::finding_codes! {
 
     "PRG-NOT-A-PROGRAM" [NOT_A_PROGRAM: Error] {
         meaning: "the file is no program of this language; nothing else of it is reported",
-        cause: "A picture, an archive, a model, text in UTF-16 or a program for another control (SINUMERIK, HEIDENHAIN) was sent.",
-        cure: "Let the CAM post write the program for the dialect of the machine profile, and send it as plain text in UTF-8 or ASCII.",
+        cause: "A picture, an archive, a model, text in UTF-16 or a program for another control (SINUMERIK, \
+              HEIDENHAIN) was sent.",
+        cure: "Let the CAM post write the program for the dialect of the machine profile, and send it as plain text in \
+              UTF-8 or ASCII.",
         example: lathe("{\"program\": \"O1\"}"),
     }
 
     "PRG-LINE-TOO-LONG" [LINE_TOO_LONG: Error] {
         meaning: "a line is longer than the profile allows and was skipped",
-        cause: "Line ends were lost in transfer, or the file is no program. The content of the line is unknown from here on.",
+        cause: "Line ends were lost in the transfer, or the file is no program. The content of the line is unknown \
+              from here on.",
         cure: "Break the line into blocks, or raise `max_line_bytes` of the profile's language.",
         example: words("a line of 5000 characters where the profile allows 4096"),
     }
@@ -27,7 +30,7 @@ crate::finding_codes! {
 
     "PRG-NOT-UTF8" [NOT_UTF8: Error, NOT_UTF8_IN_COMMENT: Warning] {
         meaning: "bytes that are not UTF-8 text: an error between words, a warning in a comment",
-        cause: "The program was saved in another encoding (Windows-1252, Shift JIS), or was damaged in transfer.",
+        cause: "The program was saved in another encoding (Windows-1252, Shift JIS), or was damaged in the transfer.",
         cure: "Save it in UTF-8 or ASCII; where the bytes are inside a word, write the word again and check its number.",
         example: words("the byte FC, an ü of Windows-1252, in a comment"),
     }
@@ -41,7 +44,8 @@ crate::finding_codes! {
 
     "PRG-LOOKALIKE" [LOOKALIKE: Error] {
         meaning: "characters that only look like those of a program, such as a minus sign of typesetting",
-        cause: "The program was pasted from a document or typed with another keyboard: `−` for `-`, a Cyrillic `Х` for `X`, a decimal comma.",
+        cause: "The program was pasted from a document or typed with another keyboard: `−` for `-`, a Cyrillic `Х` for \
+              `X`, a decimal comma.",
         cure: "Replace the word by the suggested one. Removing the character alone would change the number.",
         example: lathe("G0 X−5"),
     }
@@ -76,7 +80,7 @@ crate::finding_codes! {
 
     "PRG-NUMBER-STRAY" [NUMBER_STRAY: Error] {
         meaning: "a number without an address letter",
-        cause: "The letter was forgotten, or a separator is between letter and number.",
+        cause: "The letter was forgotten, or there is a separator between letter and number.",
         cure: "Write the letter in front of the number, or remove the number.",
         example: lathe("25.5 G0 X10"),
     }
@@ -89,7 +93,7 @@ crate::finding_codes! {
     }
 
     "PRG-NUMBER-RANGE" [NUMBER_RANGE: Error] {
-        meaning: "a number that is too large to mean anything",
+        meaning: "a number beyond the permitted range",
         cause: "A value beyond ±1e9, or a line or program number beyond 99999999: a decimal point or a blank is missing.",
         cure: "Check the number. A line or program number can also be removed; it moves nothing.",
         example: lathe("G0 X10000000000"),

@@ -6,14 +6,15 @@ crate::finding_codes! {
 
     "PRG-THREAD-LEAD" [THREAD_LEAD: Error] {
         meaning: "a lead of a thread, or a number of threads per inch, that is out of range",
-        cause: "F, E or K gives a lead outside 0.0001 to 500 mm, or is not positive; E is threads per inch or a lead as the profile says.",
+        cause: "F, E or K gives a lead outside 0.0001 to 500 mm, or is not positive; E is threads per inch or a lead \
+              as the profile says.",
         cure: "Write the travel per revolution as F, such as F1.5.",
         example: lathe("M3 S500\nG32 Z-20 F0"),
     }
 
     "PRG-THREAD-LEAD-MISSING" [THREAD_LEAD_MISSING: Error] {
         meaning: "a thread without a lead",
-        cause: "No F or E is in the thread or in one before it; the feed of a cut is not taken for a lead.",
+        cause: "Neither the thread nor one before it has F or E; the feed of a cut is not used as a lead.",
         cure: "Add F with the travel per revolution.",
         example: lathe("M3 S500\nG32 Z-20"),
     }
@@ -54,9 +55,11 @@ crate::finding_codes! {
     }
 
     "PRG-THREAD-CYCLE-FORM" [THREAD_CYCLE_FORM: Error] {
-        meaning: "a threading cycle whose words belong to none or several of its forms, or in another plane than that of Z and X",
+        meaning: "a threading cycle whose words belong to none or several of its forms, or in another plane than that \
+              of Z and X",
         cause: "`G76` is written in two lines, in one line or as in LinuxCNC (J); the block mixes their words.",
-        cure: "Write one form: `G76 P Q R` and `G76 X Z R P Q F`; or `G76 X Z I K D F A P`; or `G76 P Z I J K`. The last needs G18.",
+        cure: "Write one form: `G76 P Q R` and `G76 X Z R P Q F`; or `G76 X Z I K D F A P`; or `G76 P Z I J K`. The \
+              last needs G18.",
         example: lathe("M3 S500\nG0 X30 Z5\nG76 X27 Z-20 D300 R0.1 F1.5"),
     }
 
@@ -69,7 +72,8 @@ crate::finding_codes! {
 
     "PRG-THREAD-CYCLE-VALUE" [THREAD_CYCLE_VALUE: Error] {
         meaning: "a word of a threading cycle that is out of range",
-        cause: "A depth, an angle or a count makes no thread; P and Q of `G76` are often thousandths of a millimetre without a decimal point.",
+        cause: "A depth, an angle or a count makes no thread; P and Q of `G76` are often thousandths of a millimetre \
+              without a decimal point.",
         cure: "Write a value in the range that the finding names, and check for a missing or an extra decimal point.",
         example: lathe("M3 S500\nG76 P021061 Q50 R0.05"),
     }

@@ -41,7 +41,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-CONTROL-NESTED" [TOOL_CONTROL_NESTED: Error] {
         meaning: "tool centre point control is switched on while it or a tool length is on",
-        cause: "A `G49` is missing between two operations, or `G43` is before `G43.4`.",
+        cause: "A `G49` is missing between two operations, or `G43` is in force before `G43.4`.",
         cure: "Switch off with G49 first.",
         example: mill("G43.4 H1\nG43.5 H1"),
     }
@@ -55,21 +55,24 @@ crate::finding_codes! {
 
     "PRG-TOOL-CONTROL-BLOCK" [TOOL_CONTROL_BLOCK: Error] {
         meaning: "something that tool centre point control does not permit",
-        cause: "An arc, a spline, a thread, `G28`, `G53`, a tilted plane, another work offset or a tool change while it is on.",
+        cause: "An arc, a spline, a thread, `G28`, `G53`, a tilted plane, another work offset or a tool change while \
+              it is on.",
         cure: "Switch it off with G49 first, or write the path as lines.",
         example: mill("G43.4 H1\nG28 Z0"),
     }
 
     "PRG-TOOL-CONTROL-HELD" [TOOL_CONTROL_HELD: Error] {
         meaning: "motion that needs an axis position which only the machine knows",
-        cause: "After tool centre point control or a tilted plane was switched, the program has other coordinates for the same place; an increment or an arc starts from there.",
+        cause: "After tool centre point control or a tilted plane was switched, the program has other coordinates for \
+              the same place; an increment or an arc starts from there.",
         cure: "Place every axis with an absolute word of G0 or G1 first.",
         example: mill("G43.4 H1\nG0 X0 Y0 Z50\nG49\nG91 G0 Z10"),
     }
 
     "PRG-TOOL-DIRECTION" [TOOL_DIRECTION: Error] {
         meaning: "a tool direction that is a zero vector, or in the form of the other mode",
-        cause: "`G43.4` takes the angles A B C, `G43.5` a vector I J K from the tip to the spindle; the block has the other form or I0 J0 K0.",
+        cause: "`G43.4` takes the angles A B C, `G43.5` a vector I J K from the tip to the spindle; the block has the \
+              other form or I0 J0 K0.",
         cure: "Write one form throughout.",
         example: mill("G43.5 H1\nG0 X0 Y0 Z50 I0 J0 K0"),
     }
@@ -90,8 +93,10 @@ crate::finding_codes! {
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
-        cause: "A word of a rotary axis, a spline, a thread, `G44`, another work offset or a tool change in the plane; a plane by other than Euler angles; `G53.1` in the block of `G68.2`.",
-        cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything else.",
+        cause: "A word of a rotary axis, a spline, a thread, `G44`, another work offset or a tool change in the plane; \
+              a plane by other than Euler angles; `G53.1` in the block of `G68.2`.",
+        cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything \
+              else.",
         example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG0 B30"),
     }
 }

@@ -27,22 +27,27 @@ crate::finding_codes! {
 
     "PRG-WORD-CONFLICT" [WORD_CONFLICT: Error] {
         meaning: "two words of a block contradict each other, or a word chooses between cases and names none",
-        cause: "An absolute and an incremental word for one axis, two leads of a thread, two times of a dwell, or a P out of its choices.",
+        cause: "An absolute and an incremental word for one axis, two leads of a thread, two times of a dwell, or a P \
+              out of its choices.",
         cure: "Keep the word that is meant.",
         example: lathe("G0 X10 U5"),
     }
 
     "PRG-UNKNOWN-CODE" [UNKNOWN_CODE: Error] {
         meaning: "a G or M code the dialect does not know",
-        cause: "A code of the machine builder or of another control, or a machining function whose code the profile does not assign.",
-        cure: "Use one of the codes listed with the finding, or assign the code in the language settings of the machine profile.",
+        cause: "A code of the machine builder or of another control, or a machining function whose code the profile \
+              does not assign.",
+        cure: "Use one of the codes listed with the finding, or assign the code in the language settings of the \
+              machine profile.",
         example: lathe("G123 X10"),
     }
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {
         meaning: "a known code that is not supported yet",
-        cause: "Canned cycles, subprograms, cutter radius compensation and the setting of coordinates are known, but nothing carries them out.",
-        cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for coordinates.",
+        cause: "Canned cycles, subprograms, cutter radius compensation and the setting of coordinates are known, but \
+              nothing carries them out.",
+        cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for \
+              coordinates.",
         example: lathe("G71 U2 R1"),
     }
 
@@ -55,14 +60,17 @@ crate::finding_codes! {
 
     "PRG-CODE-AMBIGUOUS" [CODE_AMBIGUOUS: Error] {
         meaning: "a code that controls read differently with these words, so that nothing moves on a guess",
-        cause: "On a lathe `G90 X45 Z-30` is a turning cycle in G-code system A and a move in the others; `G94`, `G92`, `G20`, `G21` and `G80` are alike.",
-        cure: "For a move, write its motion code behind the code (`G90 G1 X45`), or the code in a block of its own; for a cycle, write its passes.",
+        cause: "On a lathe `G90 X45 Z-30` is a turning cycle in G-code system A and a move in the others; `G94`, \
+              `G92`, `G20`, `G21` and `G80` are alike.",
+        cure: "For a move, write its motion code behind the code (`G90 G1 X45`), or the code in a block of its own; \
+              for a cycle, write its passes.",
         example: lathe("G90 X45 Z-30 F0.2"),
     }
 
     "PRG-UNIT-WITH-FEED" [UNIT_WITH_FEED: Warning] {
         meaning: "a feed in the block that changes the unit, which controls read in different units",
-        cause: "`G20` or `G21` is in one block with `F`: LinuxCNC reads the feed in the old unit, other controls in the new one.",
+        cause: "`G20` or `G21` is in one block with `F`: LinuxCNC reads the feed in the old unit, other controls in \
+              the new one.",
         cure: "Change the unit in a block of its own before the feed.",
         example: mill("G20 G1 X1 F10"),
     }
@@ -76,7 +84,8 @@ crate::finding_codes! {
 
     "PRG-FUNCTION-WORD-MISSING" [FUNCTION_WORD_MISSING: Error] {
         meaning: "a machining function without a word it needs",
-        cause: "The block that switches the function lacks a word without which it says nothing, such as X or Q of `G165`.",
+        cause: "The block that switches the function lacks a word without which it says nothing, such as X or Q of \
+              `G165`.",
         cure: "Add the word to the block of the function.",
         example: lathe("G165 P3 X30"),
     }
@@ -90,7 +99,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-MISSING" [TOOL_MISSING: Error] {
         meaning: "a tool change before any T word",
-        cause: "`M6` is in the program, and no T since the change before it says which tool comes.",
+        cause: "No T word since the tool change before this `M6` names the next tool.",
         cure: "Write the tool number in the block of `M6` or before it.",
         example: mill("M6"),
     }

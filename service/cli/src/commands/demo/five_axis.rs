@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use feedwave_contract::proto::{CreateToolRequest, JobState, ThinningReport, Tool};
-use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
+use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
 use feedwave_motion::kinematics::{JointValues, Kinematics, Setup};
 use feedwave_program::{AXIS_COUNT, Axis};
@@ -160,10 +160,10 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
     let finding = |code: &str| checked.report.findings.iter().find(|finding| finding.code == code);
     let refused = checked.job.state() == JobState::Rejected;
     stage.check(
-        refused && finding("PRG-TOOL-DIRECTION").is_some(),
+        refused && finding(feedwave_program::code::TOOL_DIRECTION.name()).is_some(),
         "I0 J0 K0 is no direction, and is refused before anything moves: PRG-TOOL-DIRECTION",
     )?;
-    let range = finding("FIVE-AXIS-RANGE").cloned().unwrap_or_default();
+    let range = finding(code::FIVE_AXIS_RANGE.name()).cloned().unwrap_or_default();
     if let Some(cure) = range.suggestions.first() {
         stage.say(&format!("{}: {}\ncure: {}", range.code, range.message, cure.message))?;
     }

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
     CreateJobRequest, CreateToolRequest, FeedOverrideChange, JobState, OscillationEdge, OscillationSectionReport, Tool,
 };
 use feedwave_cutting::tool_oscillation::{OscillationPeriod, Waveform};
-use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
+use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 
 use super::super::CliError;
 use super::super::client::Client;
@@ -142,7 +142,7 @@ async fn judge(stage: &mut Stage, client: &mut Client) -> Result<Checked, CliErr
         (area_mm2 - 1.03).abs() < 1e-9 && section.finishing_edges == [4],
         &format!("together {} mm² per revolution: 1 mm of feed, 1.03 mm deep; E4 finishes", number(area_mm2, 4)),
     )?;
-    let finding = checked.report.findings.iter().find(|finding| finding.code == "OSC-JERK-STEP");
+    let finding = checked.report.findings.iter().find(|finding| finding.code == code::OSC_JERK_STEP.name());
     let step = finding.and_then(|finding| finding.values.first()).map_or(f64::NAN, |value| value.value);
     stage.check(
         (step - 740.22).abs() < 0.01 && finding.is_some_and(|finding| !finding.suggestions.is_empty()),
@@ -248,10 +248,10 @@ async fn follow(stage: &mut Stage, client: &mut Client, checked: &Checked) -> Re
 async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
     stage.step("What no tool can do is refused before anything moves")?;
     let wrong: [(&str, String, &[&str], &str, bool); 4] = [
-        ("three-periods.nc", PROGRAM.replace("P1", "P8"), &[TOOL], "OSC-EDGES-PERIOD", true),
-        ("too-fast.nc", PROGRAM.replace("F600", "F1200"), &[TOOL], "OSC-STEP-LONG", true),
-        ("no-edges.nc", PROGRAM.to_owned(), &[], "OSC-TOOL-UNKNOWN", true),
-        ("short-hold.nc", PROGRAM.replace("P1", "P9"), &[TOOL], "OSC-HOLD-SHORT", false),
+        ("three-periods.nc", PROGRAM.replace("P1", "P8"), &[TOOL], code::OSC_EDGES_PERIOD.name(), true),
+        ("too-fast.nc", PROGRAM.replace("F600", "F1200"), &[TOOL], code::OSC_STEP_LONG.name(), true),
+        ("no-edges.nc", PROGRAM.to_owned(), &[], code::OSC_TOOL_UNKNOWN.name(), true),
+        ("short-hold.nc", PROGRAM.replace("P1", "P9"), &[TOOL], code::OSC_HOLD_SHORT.name(), false),
     ];
     for (name, program, tools, code, refused) in wrong {
         let checked = submit(client, name, &program, tools).await?;

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
     CreateJobRequest, CreateMachineRequest, FeedOverrideChange, Finding, Job, JobState, ListJobsRequest, Machine,
     StreamSetpointsRequest, ValidationReport,
 };
-use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
+use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 use feedwave_server::config::{Config, GrpcConfig, HttpConfig, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 
@@ -32,7 +32,7 @@ const TURNING: &str = include_str!("../../../../../tests/fixtures/turning-demo.n
 const TURNING_NAME: &str = "turning-demo.nc";
 /// The example of the patent, ES 2 634 340 T3.
 const TRAP: &str = include_str!("../../../../../tests/fixtures/spec-trap.nc");
-const UNBROKEN: &str = "VIB-CHIP-UNBROKEN";
+const UNBROKEN: &str = code::VIB_CHIP_UNBROKEN.name();
 /// The machine that the demo makes.
 const MACHINE: &str = "demo-lathe";
 /// Where its tool changes: X radius and Z, mm.

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
     FollowSpindleRequest, FollowSpindleStart, FollowedPositions, Frame, InfeedPattern, JobState, PlanThreadRequest,
     PlanThreadResponse, SpindleAngleKind, SpindleAngles, StreamSetpointsRequest, ThreadPassReport, ThreadReport,
 };
-use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock};
+use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 use futures_util::stream;
 
 use super::super::CliError;
@@ -75,12 +75,12 @@ async fn judge(stage: &mut Stage, client: &mut Client, machine: &str) -> Result<
         .map(|(number, _): (u32, _)| number.to_string())
         .collect();
     stage.check(
-        held == ["2", "3"] && has(&checked, "THREAD-CHIP-RIBBON"),
+        held == ["2", "3"] && has(&checked, code::THREAD_CHIP_RIBBON.name()),
         &format!("but along the flank those of passes {} hold together: THREAD-CHIP-RIBBON", held.join(" and ")),
     )?;
     let crests = report.crests.unwrap_or_default();
     stage.check(
-        has(&checked, "THREAD-CRESTS") && (crests.crest_mm - 0.35).abs() < 0.005,
+        has(&checked, code::THREAD_CRESTS.name()) && (crests.crest_mm - 0.35).abs() < 0.005,
         &format!(
             "and the finishing pass, meant for {} mm, finds crests of {} mm: THREAD-CRESTS",
             number(crests.finishing_infeed_mm, 2),

@@ -20,8 +20,10 @@ feedwave_program::finding_codes! {
 
     "FIVE-AXIS-RANGE" [FIVE_AXIS_RANGE: Error] {
         meaning: "a rotary axis that would leave its range",
-        cause: "The programmed angle is outside the range, or the tool direction can only be reached outside it from where the cut begins.",
-        cure: "Use the angles that the finding names, divide the cut and approach it anew, or clamp the work in another position.",
+        cause: "The programmed angle is outside the range, or the tool direction can only be reached outside it from \
+              where the cut begins.",
+        cure: "Use the angles that the finding names, divide the cut and approach it anew, or clamp the work in \
+              another position.",
         example: five_axis("G43.4 H1 G0 Z100 A40\nM30"),
     }
 
@@ -34,7 +36,8 @@ feedwave_program::finding_codes! {
 
     "FIVE-AXIS-POSE" [FIVE_AXIS_POSE: Error] {
         meaning: "a place of the tool that the machine's kinematics cannot be solved for",
-        cause: "The kinematics of the profile are degenerate there, or a number of the block or of the work offset is beyond all reason.",
+        cause: "The kinematics of the profile are degenerate there, or a number of the block or of the work offset is \
+              out of range.",
         cure: "Check the kinematics in the machine profile, the block and the work offset.",
         example: words("work offsets near the largest number of the format"),
     }
@@ -48,9 +51,10 @@ feedwave_program::finding_codes! {
 
     "FIVE-AXIS-START" [FIVE_AXIS_START: Error] {
         meaning: "a cut that does not start where the tool is",
-        cause: "The axes were moved without tool centre point control, so the tool is elsewhere than the coordinates of the program say.",
+        cause: "The axes were moved without tool centre point control, so the tool is elsewhere than the coordinates \
+              of the program say.",
         cure: "Move to the start of the cut with G0 first.",
-        example: words("a cut that begins while the tool is off its start"),
+        example: words("a cut that begins while the tool is not at its start"),
     }
 
     "FIVE-AXIS-TOO-SHARP" [FIVE_AXIS_TOO_SHARP: Error] {
@@ -62,14 +66,17 @@ feedwave_program::finding_codes! {
 
     "FIVE-AXIS-SINGULAR" [FIVE_AXIS_SINGULAR: Warning] {
         meaning: "the tool is nearly parallel to the first rotary axis, which turns far in a short block",
-        cause: "The tool direction passes the pole, where a small change of direction is a large turn; velocity and acceleration of the axis limit the feed.",
-        cure: "Tilt the work, so that the tool keeps away from the axis, or allow `pole_tolerance_deg` in the machine profile.",
+        cause: "The tool direction passes the pole, where a small change of direction is a large turn; velocity and \
+              acceleration of the axis limit the feed.",
+        cure: "Tilt the work, so that the tool keeps away from the axis, or allow `pole_tolerance_deg` in the machine \
+              profile.",
         example: five_axis("G43.5 H1 G0 X0 Y0 Z20 I0 J-.2 K1\nG1 X5 I0 J0 K1 F1000\nX10 I.2 J0 K1\nM30"),
     }
 
     "FIVE-AXIS-SOLUTION" [FIVE_AXIS_SOLUTION: Info] {
         meaning: "the rotary axes go to another solution before a cut, because the nearer one would leave a range later",
-        cause: "Of two positions of the rotary axes for one tool direction only the other one gets through the cut that begins.",
+        cause: "Of two positions of the rotary axes for one tool direction only the other one gets through the cut \
+              that begins.",
         cure: "Retract before this block so far that the work may turn.",
         example: words("an approach after which the cut would turn an axis out of its range in the nearer solution"),
     }

@@ -5,7 +5,7 @@ feedwave_program::finding_codes! {
     pub PATH_VIBRATION_CODES: "Vibration along the path";
 
     "VIB-FREQUENCY-INVALID" [VIB_FREQUENCY_INVALID: Error] {
-        meaning: "a vibration whose frequency is missing, not positive or too low to mean anything",
+        meaning: "a vibration whose frequency is missing, not positive or below the permitted range",
         cause: "The F word of the block that switches the vibration on is missing, zero, negative or far below a hertz.",
         cure: "Write the frequency in hertz, such as F50.",
         example: lathe("G200 A0.03\nM30"),
@@ -76,48 +76,55 @@ feedwave_program::finding_codes! {
 
     "VIB-AXIS-ACCELERATION" [VIB_AXIS_ACCELERATION: Error] {
         meaning: "the vibration takes more acceleration than an axis has",
-        cause: "The peak (2πf)²·A, with its blend in and out, exceeds the acceleration limit of an axis in the direction of the cut.",
+        cause: "The peak (2πf)²·A, with its blend in and out, exceeds the acceleration limit of an axis in the \
+              direction of the cut.",
         cure: "Lower amplitude or frequency to what the finding names.",
         example: lathe("M3 S1000\nG0 X20 Z5\nG200 F200 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-AXIS-JERK" [VIB_AXIS_JERK: Error] {
         meaning: "the vibration takes more jerk than an axis has",
-        cause: "The peak (2πf)³·A, with its blend in and out, exceeds the jerk limit of an axis in the direction of the cut.",
+        cause: "The peak (2πf)³·A, with its blend in and out, exceeds the jerk limit of an axis in the direction of \
+              the cut.",
         cure: "Lower amplitude or frequency to what the finding names.",
         example: lathe("M3 S1000\nG0 X20 Z5\nG200 F200 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-TRAVEL-SHORT" [VIB_TRAVEL_SHORT: Warning] {
         meaning: "a section too short for its vibration: it never reaches the amplitude, or is clamped at its ends",
-        cause: "The blend in and out takes more than the section, or a published vibration travels further than the section is long.",
+        cause: "The blend in and out takes more than the section, or a published vibration travels further than the \
+              section is long.",
         cure: "Use a longer section, or a smaller amplitude and a higher frequency.",
         example: lathe("M3 S1000\nG0 X20 Z5\nG200 F25 A0.1\nG1 Z4.9 F0.05\nG201\nM30"),
     }
 
     "VIB-CONTOUR" [VIB_CONTOUR: Error] {
         meaning: "in a tangential mode the tool leaves the contour by more than its tolerance",
-        cause: "The offset along the tangent of an arc of radius r leaves it by about A²/2r; `vibration.contour_tolerance_mm` permits less.",
-        cure: "Generate the vibration along the path, which never leaves the contour, or use the amplitude that the finding names.",
+        cause: "The offset along the tangent of an arc of radius r leaves it by about A²/2r; \
+              `vibration.contour_tolerance_mm` permits less.",
+        cure: "Generate the vibration along the path, which never leaves the contour, or use the amplitude that the \
+              finding names.",
         example: on("lathe, generation_mode = tangential", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.2\nG2 X24 Z3 R2 F0.1\nG201\nM30"),
     }
 
     "VIB-JUNCTION-JUMP" [VIB_JUNCTION_JUMP: Warning] {
-        meaning: "at a corner the offset of a published vibration would jump; the command rests there until it passes zero",
+        meaning: "at a corner the offset of a published vibration would jump; the command rests there until it passes \
+              zero",
         cause: "A tangential or servo-side vibration in the published form runs over a corner that is not tangent.",
         cure: "Generate the vibration along the path, or round the corner with a tangent arc.",
         example: on("lathe, generation_mode = tangential, vibration_envelope = published", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z0 F0.1\nX30\nG201\nM30"),
     }
 
     "VIB-PUBLISHED-ENDS" [VIB_PUBLISHED_ENDS: Error, VIB_PUBLISHED_ENDS_PERMITTED: Warning] {
-        meaning: "the published form of a vibration steps the velocity at its ends by more than an axis can accelerate: an error where the profile lets limits bind",
+        meaning: "the published form of a vibration steps the velocity at its ends by more than an axis can \
+              accelerate: an error where the profile lets limits bind",
         cause: "The whole sine starts and ends at once, and is clamped at the ends of the section.",
         cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error.",
         example: on("lathe, vibration_envelope = published", "M3 S1000\nG0 X20 Z5\nG200 F100 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-SPINDLE-STOPPED" [VIB_SPINDLE_STOPPED: Warning] {
-        meaning: "the spindle is stopped in a vibrating section: whether the chip breaks cannot be said",
+        meaning: "the spindle does not turn in a vibrating section, so that chip breaking cannot be judged",
         cause: "No M3 or M4 came before the section.",
         cure: "Start the spindle before the section.",
         example: lathe("G94\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F50\nG201\nM30"),
@@ -125,35 +132,43 @@ feedwave_program::finding_codes! {
 
     "VIB-CHIP-UNBROKEN" [VIB_CHIP_UNBROKEN: Warning] {
         meaning: "the vibration does not break the chip",
-        cause: "The number of vibrations per revolution is whole, so that every revolution repeats the one before, or the amplitude is too small for this number and the feed per revolution.",
-        cure: "Use a frequency or spindle speed that gives a number with one half, such as 1.5 or 2.5, or the amplitude that the finding names.",
+        cause: "The number of vibrations per revolution is whole, so that every revolution repeats the one before, or \
+              the amplitude is too small for this number and the feed per revolution.",
+        cure: "Use a frequency or spindle speed that gives a number with one half, such as 1.5 or 2.5, or the \
+              amplitude that the finding names.",
         example: lathe("M3 S1000\nG0 X6 Z10\nG200 F50 A0.03\nG1 X10 Z20 F0.01\nG201\nM30"),
     }
 
     "VIB-CHIP-MARGINAL" [VIB_CHIP_MARGINAL: Warning] {
         meaning: "the chip breaks only while the spindle holds its speed within two per cent",
         cause: "The number of vibrations per revolution is close to one where the amplitude no longer suffices.",
-        cure: "Use a frequency in the middle between two whole numbers of vibrations per revolution, or a larger amplitude.",
-        example: lathe("M3 S1000\nG0 X20 Z5\nG200 F25.5 A0.085\nG1 Z-20 F0.05\nG201\nM30"),
+        cure: "Use a frequency in the middle between two whole numbers of vibrations per revolution, or a larger \
+              amplitude.",
+        example: lathe("M3 S1000\nG0 X20 Z5\nG200 F18.333 A0.085\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-CHIP-OVERRIDE" [VIB_CHIP_OVERRIDE: Warning] {
         meaning: "the chip breaks at the feed of the plan, but not at the largest feed override that the machine permits",
-        cause: "A higher feed per revolution needs a larger amplitude, and operators or monitoring may raise the feed up to `max_feed_override`.",
-        cure: "Use the amplitude that the finding names, let it follow the feed (`vibration.amplitude_follows_feed_up_to`), or permit less override.",
+        cause: "A higher feed per revolution needs a larger amplitude, and operators or monitoring may raise the feed \
+              up to `max_feed_override`.",
+        cure: "Use the amplitude that the finding names, let it follow the feed \
+              (`vibration.amplitude_follows_feed_up_to`), or permit less override.",
         example: on("lathe, max_feed_override = 1.5", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.03\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-PARTLY-UNBROKEN" [VIB_PARTLY_UNBROKEN: Warning] {
         meaning: "at constant surface speed the chip does not break on part of the path",
-        cause: "The spindle speed changes with the diameter and leads the number of vibrations per revolution through whole numbers.",
-        cure: "Turn the section at a constant spindle speed (`G97`), or raise the amplitude: the unbroken stretches become narrower.",
+        cause: "The spindle speed changes with the diameter and leads the number of vibrations per revolution through \
+              whole numbers.",
+        cure: "Turn the section at a constant spindle speed (`G97`), or raise the amplitude: the unbroken stretches \
+              become narrower.",
         example: lathe("G50 S3000\nG96 S150 M3\nG0 X60 Z0\nG200 F30 A0.06\nG1 X20 F0.1\nG201\nM30"),
     }
 
     "VIB-FOLLOWING-LOSS" [VIB_FOLLOWING_LOSS: Warning] {
         meaning: "too little of the vibration arrives at the tool",
-        cause: "The filter behind interpolation or the position loop, as the profile's `following` states them, passes less than nine tenths of the amplitude, or too little to break the chip.",
+        cause: "The filter behind interpolation or the position loop, as the profile's `following` states them, passes \
+              less than nine tenths of the amplitude, or too little to break the chip.",
         cure: "Command the amplitude that the finding names, choose a lower frequency or a shorter filter.",
         example: on("lathe, following.filter_length_s = 0.02", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F0.05\nG201\nM30"),
     }
@@ -167,7 +182,8 @@ feedwave_program::finding_codes! {
 
     "VIB-FIVE-AXIS" [VIB_FIVE_AXIS: Error] {
         meaning: "under tool centre point control the tool vibrates along the path only",
-        cause: "The job or the profile chooses a tangential or servo-side generation mode, which would leave the path of the tool centre point.",
+        cause: "The job or the profile chooses a tangential or servo-side generation mode, which would leave the path \
+              of the tool centre point.",
         cure: "Choose the generation mode along the path.",
         example: on("five-axis mill, generation_mode = tangential", "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nG200 F50 A0.05\nG1 X20 A-25 F1000\nG201\nM30"),
     }
@@ -181,7 +197,8 @@ feedwave_program::finding_codes! {
 
     "VIB-BLOCKS-TOO-SHORT" [VIB_BLOCKS_TOO_SHORT: Error] {
         meaning: "too many blocks within one amplitude of a vibration, or one blend of an oscillation",
-        cause: "The blocks of the path are extremely short against the amplitude, and all that lie within it have to be held at once.",
+        cause: "The blocks of the path are extremely short against the amplitude, and all that lie within it have to \
+              be held at once.",
         cure: "Use a smaller amplitude, or longer blocks; `G64 P Q` merges short lines.",
         example: words("many thousand blocks of a nanometre each under a vibration of 1 mm"),
     }

@@ -13,7 +13,8 @@ feedwave_program::finding_codes! {
 
     "THIN-DIRECTION" [THIN_DIRECTION: Info] {
         meaning: "the interpolated tool direction is further from that of a dropped block than the angle tolerance",
-        cause: "The tolerance compares a block with the last kept one only; between kept blocks the direction is interpolated.",
+        cause: "The tolerance compares a block with the last kept one only; between kept blocks the direction is \
+              interpolated.",
         cure: "Set a tolerance on the interpolated direction in `thinning` of the machine profile.",
         example: on("five-axis mill, thinning.angle_tolerance_deg = 3", "G43.4 H1 G0 X0 Y0 Z20 A0 C0\nM33\nG1 X1 F1000\nX2 A-1\nX3 A-2\nX4 A-60\nM34\nM30"),
     }

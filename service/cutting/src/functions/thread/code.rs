@@ -6,7 +6,8 @@ feedwave_program::finding_codes! {
 
     "THREAD-MODE-WORD" [THREAD_MODE_WORD: Error] {
         meaning: "the vibration of threads without its work diameter or its ratio, or with one out of range",
-        cause: "X is not positive, or Q, the ratio of amplitude to infeed, is not above 1: the amplitude has to exceed the infeed.",
+        cause: "X is not positive, or Q, the ratio of amplitude to infeed, is not above 1: the amplitude has to exceed \
+              the infeed.",
         cure: "Write the diameter of the work as X and a ratio above 1 as Q, such as `G165 P3 X10.0 Q1.2`.",
         example: lathe("G165 P3 X10 Q0.8\nG165 P0\nM30"),
     }
@@ -62,7 +63,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-PASSES" [THREAD_PASSES: Error] {
         meaning: "a vibrating thread of more than 100 passes",
-        cause: "The passes go very little deeper each, or several threads are taken for one because they are at one place.",
+        cause: "The passes go very little deeper each, or several threads at one place are counted as one.",
         cure: "Let every pass go deeper, or switch the vibration off and on between two threads.",
         example: words("101 passes of one thread under `G165`"),
     }
@@ -90,7 +91,7 @@ feedwave_program::finding_codes! {
 
     "THREAD-TRAVEL" [THREAD_TRAVEL: Error] {
         meaning: "a thread with a part that has no travel or no lead",
-        cause: "Two threading blocks end at the same place, or the number of turns is beyond all reason.",
+        cause: "Two threading blocks end at the same place, or the number of turns is out of range.",
         cure: "Check the end point, the position before it and the lead.",
         example: words("a threading block of 1 mm with a lead of a picometre"),
     }
@@ -98,13 +99,14 @@ feedwave_program::finding_codes! {
     "THREAD-PULL-OUT" [THREAD_PULL_OUT: Error] {
         meaning: "the tool is pulled out over all of the thread",
         cause: "The chamfer of a cycle is as long as the thread, or the thread does not move along Z.",
-        cure: "Pull the tool out over a shorter distance, or cut a longer thread.",
+        cure: "Pull the tool out over a shorter length, or cut a longer thread.",
         example: words("a cycle whose exit taper takes the whole pass"),
     }
 
     "THREAD-PARAMETER" [THREAD_PARAMETER: Error] {
         meaning: "a quantity of a thread that is impossible",
-        cause: "A lead, a depth, an angle, a number of starts or a limit of the request, or what the program makes of it, is out of its range.",
+        cause: "A lead, a depth, an angle, a number of starts or a limit of the request, or what the program makes of \
+              it, is out of its range.",
         cure: "State a value in the range that the finding names.",
         example: words("a request to plan a thread of depth 0"),
     }
@@ -139,7 +141,8 @@ feedwave_program::finding_codes! {
 
     "THREAD-APPROACH-SHORT" [THREAD_APPROACH_SHORT: Error] {
         meaning: "a pass starts too close to the work for the lead axis to come into step before it",
-        cause: "The run-up at this spindle speed is longer than the distance to the work that `thread_vibration.approach_mm` or the request states.",
+        cause: "The run-up at this spindle speed is longer than the approach that `thread_vibration.approach_mm` or \
+              the request states.",
         cure: "Start the thread further before the work, or turn slower.",
         example: on("lathe, thread_vibration.approach_mm = 0.5", "M3 S2000\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nM30"),
     }
@@ -202,9 +205,9 @@ feedwave_program::finding_codes! {
 
     "THREAD-VIBRATION-LATE" [THREAD_VIBRATION_LATE: Warning] {
         meaning: "with the delayed start-up the vibration of a pass begins in the work already",
-        cause: "The delay until the phase of the vibration is reached takes longer than the distance to the work.",
+        cause: "The delay until the phase of the vibration is reached takes longer than the approach to the work.",
         cure: "Use the start-up with preparatory movement, or start further before the work.",
-        example: on("lathe, thread_vibration.start_up = delayed, thread_vibration.approach_mm = 3", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9.6\nG32 Z60 F2.5 R270\nG0 X14\nG165 P0\nM30"),
+        example: on("lathe, thread_vibration.start_up = delayed, thread_vibration.approach_mm = 0.6", "M3 S100\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9.6\nG32 Z60 F2.5 R270\nG0 X14\nG165 P0\nM30"),
     }
 
     "THREAD-FIRST-PASS" [THREAD_FIRST_PASS: Warning] {
@@ -237,7 +240,8 @@ feedwave_program::finding_codes! {
 
     "THREAD-TURN-PHASE" [THREAD_TURN_PHASE: Info] {
         meaning: "a pass comes to its place on the work a revolution later, so that its phase there is another one",
-        cause: "Start angle or start position moves the pass beyond a whole turn, and the vibrations per revolution are not whole.",
+        cause: "Start angle or start position moves the pass beyond a whole turn, and the vibrations per revolution \
+              are not whole.",
         cure: "Program the shift that the finding names where the programmed one is meant at the work.",
         example: on("lathe, thread_vibration.vibrations_per_rev = 2.5", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5 Q0\nG0 X14\nG0 Z100\nG0 X8\nG32 Z60 F2.5 Q320\nG0 X14\nG165 P0\nM30"),
     }
@@ -246,11 +250,11 @@ feedwave_program::finding_codes! {
         meaning: "the chip is cut through in depth, but a ribbon holds together at the flank",
         cause: "With infeed along the flank the chip is thicker there than in the middle.",
         cure: "Use the amplitude or the ratio that the finding names, or come straight in.",
-        example: words("program A of the threading example with an amplitude ratio of 1.05"),
+        example: lathe("G97 S300 M3\nG0 X14 Z100\nG165 P3 X10 Q1.05\nG0 X8\nG32 Z60 F2.5 Q0\nG0 X14\nG0 Z100\nG0 X7.172\nG32 Z60 F2.5 Q325.584\nG0 X14\nG165 P0\nM30"),
     }
 
     "THREAD-THICKNESS" [THREAD_THICKNESS: Warning] {
-        meaning: "a pass takes more than the tool withstands",
+        meaning: "a pass cuts a thicker chip than the tool permits",
         cause: "Infeed and amplitude, with what the passes before left, exceed `thread_vibration.max_thickness_mm`.",
         cure: "Cut the thread in more passes, or with smaller amplitudes.",
         example: on("lathe, thread_vibration.max_thickness_mm = 0.2", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
@@ -265,14 +269,17 @@ feedwave_program::finding_codes! {
 
     "THREAD-CRESTS" [THREAD_CRESTS: Warning] {
         meaning: "the vibrating passes leave crests that are too much for the finishing pass",
-        cause: "What the last vibrating pass leaves, together with the finishing infeed, exceeds twice that infeed or `thread_vibration.max_finishing_thickness_mm`.",
-        cure: "Add a vibrating pass at the same depth with opposite phase, or a smaller last amplitude, as the finding says.",
+        cause: "What the last vibrating pass leaves, together with the finishing infeed, exceeds twice that infeed or \
+              `thread_vibration.max_finishing_thickness_mm`.",
+        cure: "Add a vibrating pass at the same depth with opposite phase, or a smaller last amplitude, as the finding \
+              says.",
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X7.9\nG32 Z60 F2.5 A0\nG0 X14\nG165 P0\nM30"),
     }
 
     "THREAD-PLAN-PASSES" [THREAD_PLAN_PASSES: Error] {
         meaning: "no plan of a thread with a permitted number of passes keeps all limits",
-        cause: "The first depth is too small for the depth, or the axes and the tool bear so little that more passes do not help.",
+        cause: "The first depth is too small for the depth, or the limits of axes and tool are so low that more passes \
+              do not help.",
         cure: "Allow a deeper first pass, turn slower, use fewer vibrations per revolution, or come straight in.",
         example: words("a request to plan a thread of depth 3 mm with a first depth of 0.001 mm"),
     }

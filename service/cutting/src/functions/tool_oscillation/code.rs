@@ -50,7 +50,7 @@ feedwave_program::finding_codes! {
         meaning: "nothing is known of the cutting edges of the tool",
         cause: "The tool is not among the job's tools, or has no geometry in the tool library.",
         cure: "Give edges, radius, edge length and edge height in the tool library.",
-        example: oscillation("T5 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: oscillation("T6 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-TOOL" [OSC_TOOL: Error] {
@@ -62,7 +62,8 @@ feedwave_program::finding_codes! {
 
     "OSC-VALUE" [OSC_VALUE: Error] {
         meaning: "a quantity of the oscillation that is out of its range",
-        cause: "An amplitude, a phase, a depth, a period or the engagement of condition or program is impossible by itself.",
+        cause: "An amplitude, a phase, a depth, a period or the engagement of condition or program is impossible by \
+              itself.",
         cure: "Use a value within the range that the finding names.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 A50 D1\nG1 X30 F600\nG203\nM30"),
     }
@@ -78,40 +79,44 @@ feedwave_program::finding_codes! {
         meaning: "a waveform that is impossible",
         cause: "The hold share is out of range, or a table has too few points, phases out of order or a peak above 1.",
         cure: "Correct the waveform of the condition; values of a table are shares of the amplitude.",
-        example: words("a condition with a held peak whose hold share is 0.9"),
+        example: on("oscillation mill, tool_oscillation.0.condition.axial.waveform.hold_share = 0.9", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-PERIOD-FRACTION" [OSC_PERIOD_FRACTION: Error] {
         meaning: "a period that is no whole part of a revolution",
-        cause: "The condition states its period in seconds, and the programmed spindle speed does not fit it: the edges would meet other places in every revolution.",
+        cause: "The condition states its period in seconds, and the programmed spindle speed does not fit it: the \
+              edges would meet other places in every revolution.",
         cure: "State the period in periods per revolution, or use the time that the finding names.",
-        example: words("a condition with a period of 0.03 s at 600 rev/min"),
+        example: on("oscillation mill, tool_oscillation.0.condition.period = {\"seconds\": 0.03}", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-EDGES-PERIOD" [OSC_EDGES_PERIOD: Error] {
         meaning: "periods per revolution that do not divide the number of edges: no edge leads in every period",
         cause: "The condition was made for a tool with another number of edges.",
         cure: "Use the number of periods that the finding names, or a tool whose edges it divides.",
-        example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P3 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.condition.period.per_revolution = 3", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-HOLD-SHORT" [OSC_HOLD_SHORT: Warning] {
         meaning: "the largest protrusion is held too briefly: the edges close no circle and the floor is not smooth",
         cause: "The share of the period for which the tool protrudes is shorter than the time until the next edge comes.",
         cure: "Use the hold share, the number of periods or the table that the finding names.",
-        example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P4 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.condition.axial.waveform.hold_share = 0.1", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-STEP-LONG" [OSC_STEP_LONG: Error] {
         meaning: "the feed goes further in one period than an edge cuts at its end",
-        cause: "The feed is too high for the spindle speed and the radial length of the edge: a part of the floor would be left.",
+        cause: "The feed is too high for the spindle speed and the radial length of the edge: a part of the floor \
+              would be left.",
         cure: "Feed at most, or turn at least, what the finding names.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F1200\nG203\nM30"),
     }
 
     "OSC-PHASE" [OSC_PHASE: Error, OSC_PHASE_OFF: Warning] {
-        meaning: "the largest protrusion does not come with the largest retreat along the feed: a warning from one degree on, an error beyond a quarter of a period",
-        cause: "The phases of the axial and of the feed oscillation do not fit; beyond a quarter the tool would finish before it roughs.",
+        meaning: "the largest protrusion does not come with the largest retreat along the feed: a warning from one \
+              degree on, an error beyond a quarter of a period",
+        cause: "The phases of the axial and of the feed oscillation do not fit; beyond a quarter the tool would finish \
+              before it roughs.",
         cure: "Use the axial phase that the finding names.",
         example: on("oscillation mill, tool_oscillation.0.condition.axial.phase_deg = 45", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
@@ -125,16 +130,17 @@ feedwave_program::finding_codes! {
 
     "OSC-ROLES-TURNED" [OSC_ROLES_TURNED: Info] {
         meaning: "which edge leads this part, where the lead moves on with parts or cutting time",
-        cause: "The condition rotates the roles, so that all edges wear alike; the job says how many parts or how much cutting time came before.",
+        cause: "The condition rotates the roles, so that all edges wear alike; the job says how many parts or how much \
+              cutting time came before.",
         cure: "Nothing to do; check the count that the job brings.",
-        example: on("oscillation mill, tool_oscillation.0.condition.leading_edge.rotation = {\"every_parts\": 50}", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P3 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-FINISHING-EDGE" [OSC_FINISHING_EDGE: Warning] {
         meaning: "another edge finishes than the one that is meant for it",
         cause: "The leading edge decides which edge finishes, and the tool marks other edges as finishing ones.",
         cure: "Let the edge lead that the finding names.",
-        example: words("a tool whose edge 4 is marked as finishing, with edge 1 finishing by the condition"),
+        example: oscillation("T5 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1 L2\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-AXIS-VELOCITY" [OSC_AXIS_VELOCITY: Error] {
@@ -146,7 +152,8 @@ feedwave_program::finding_codes! {
 
     "OSC-AXIS-ACCELERATION" [OSC_AXIS_ACCELERATION: Error] {
         meaning: "the oscillation takes more acceleration than the axes have",
-        cause: "Its peak exceeds the acceleration limit of the weakest axis; it grows with the square of the spindle speed.",
+        cause: "Its peak exceeds the acceleration limit of the weakest axis; it grows with the square of the spindle \
+              speed.",
         cure: "Use the amplitude or the spindle speed that the finding names.",
         example: oscillation("T4 M6\nM3 S6000\nG0 X0 Y0 Z-1\nG202 P2 D1\nG1 X30 F600\nG203\nM30"),
     }
@@ -160,7 +167,8 @@ feedwave_program::finding_codes! {
 
     "OSC-AXIS-LIMIT" [OSC_AXIS_LIMIT: Error] {
         meaning: "the oscillation and its blend leave nothing of an axis' limit for the feed",
-        cause: "The peaks fit by themselves, but what blending in and out adds, or the turning of the path, takes the rest.",
+        cause: "The peaks fit by themselves, but what blending in and out adds, or the turning of the path, takes the \
+              rest.",
         cure: "Use the amplitudes that the finding names, a lower spindle speed, or blend over more periods.",
         example: oscillation("T4 M6\nM3 S6000\nG0 X0 Y0 Z-1\nG202 P2 D1\nG1 X30 F600\nG203\nM30"),
     }
@@ -173,7 +181,8 @@ feedwave_program::finding_codes! {
     }
 
     "OSC-DEPTH" [OSC_DEPTH: Error, OSC_DEPTH_COVERED: Info] {
-        meaning: "depth and axial travel together are more than the edges are high: an error where material meets the tool above an edge",
+        meaning: "depth and axial travel together are more than the edges are high: an error where material meets the \
+              tool above an edge",
         cause: "The cut is deep, or the axial amplitude large, against the height of the edges.",
         cure: "Cut less deep or use a smaller axial amplitude, as the finding says.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-6\nG202 P1 D6\nG1 X30 F600\nG203\nM30"),
@@ -181,14 +190,15 @@ feedwave_program::finding_codes! {
 
     "OSC-FLOOR" [OSC_FLOOR: Info] {
         meaning: "the roughness of the floor is not simulated",
-        cause: "The area or its resolution cannot be simulated, or so many different cuts were simulated already that the rest is left out.",
+        cause: "The area or its resolution cannot be simulated, or so many different cuts were simulated already that \
+              the rest is left out.",
         cure: "Check `oscillation_floor` of the machine profile, or validate a part of the program.",
         example: words("a program with very many different oscillating cuts"),
     }
 
     "OSC-SECTION-SHORT" [OSC_SECTION_SHORT: Warning] {
         meaning: "a part of the path without corners is shorter than the blend in and out of the oscillation",
-        cause: "At a corner the offsets have to be 0; between two of them there is too short a path for the full amplitude.",
+        cause: "At a corner the offsets have to be 0; between two of them the path is too short for the whole amplitude.",
         cure: "Round corners with `G64`, or blend over fewer periods.",
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X1 F600\nG203\nM30"),
     }
@@ -209,14 +219,16 @@ feedwave_program::finding_codes! {
 
     "OSC-ROTARY" [OSC_ROTARY: Error] {
         meaning: "a rotary axis moves while the tool oscillates",
-        cause: "A block of the section turns the work without tool centre point control, or while the tool centre point rests.",
+        cause: "A block of the section turns the work without tool centre point control, or while the tool centre \
+              point rests.",
         cure: "Switch the oscillation off before.",
-        example: on("five-axis mill, oscillation", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 C10 F600\nG203\nM30"),
+        example: on("five-axis mill with the conditions and tools of the oscillation mill", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 C10 F600\nG203\nM30"),
     }
 
     "OSC-FIVE-AXIS" [OSC_FIVE_AXIS: Error] {
         meaning: "the tool oscillates under tool centre point control on a machine that turns the tool",
-        cause: "The oscillation is along and across a spindle that stays along Z; one of the rotary axes of this machine turns the tool.",
+        cause: "The oscillation is along and across a spindle that stays along Z; one of the rotary axes of this \
+              machine turns the tool.",
         cure: "Switch the oscillation off before, or use a machine whose rotary axes both turn the work.",
         example: words("`G202` under `G43.4` on a mill with a swivelling head"),
     }

@@ -1,0 +1,175 @@
+//! `docs/api.md`: services, messages and enums of the contract with their comments.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use feedwave_contract::proto::DESCRIPTORS;
+use prost_reflect::{Cardinality, EnumDescriptor, FieldDescriptor, FileDescriptor, Kind, MessageDescriptor};
+
+const PACKAGE: &str = "feedwave.v1";
+
+const HEAD: &str = "# The contract
+
+Services, messages and enums of `feedwave.v1`, file by file as in `proto/feedwave/v1`. In JSON, fields have their names in
+lowerCamelCase, enums their values' names, 64-bit integers are strings, and a field at its default is left out (the protobuf JSON
+mapping); the names given here are accepted too. An *optional* field distinguishes \"not set\" from 0. The HTTP answers for
+dashboards are messages of this page; [services.md](services.md) lists the routes.
+
+";
+
+/// The whole page.
+pub fn page() -> String {
+    let mut page = HEAD.to_owned();
+    let mut files: Vec<FileDescriptor> = DESCRIPTORS.files().filter(|file| file.package_name() == PACKAGE).collect();
+    files.sort_by(|one, other| one.name().cmp(other.name()));
+    for file in &files {
+        let name = file_name(file);
+        let _ = writeln!(page, "- [{name}](#{})", name.replace('.', ""));
+    }
+    for file in &files {
+        write_file(&mut page, file);
+    }
+    page
+}
+
+fn file_name(file: &FileDescriptor) -> &str {
+    file.name().rsplit('/').next().unwrap_or_default()
+}
+
+fn write_file(page: &mut String, file: &FileDescriptor) {
+    let comments = Comments::of(file);
+    let _ = write!(page, "\n## {}\n\n", file_name(file));
+    // The comment of a file is that of its `syntax`.
+    comments.write_paragraphs(page, &[12]);
+    for service in file.services() {
+        let path = service.path().to_vec();
+        let _ = write!(page, "\n### {}\n\n", service.name());
+        comments.write_paragraphs(page, &path);
+        page.push_str("\n| method | request | answer | |\n| --- | --- | --- | --- |\n");
+        for method in service.methods() {
+            let side = |message: &MessageDescriptor, streams: bool| {
+                format!("{}{}", if streams { "stream of " } else { "" }, message_link(message))
+            };
+            let _ = writeln!(
+                page,
+                "| `{}` | {} | {} | {} |",
+                method.name(),
+                side(&method.input(), method.is_client_streaming()),
+                side(&method.output(), method.is_server_streaming()),
+                comments.cell(method.path())
+            );
+        }
+    }
+    file.messages().for_each(|message| write_message(page, &message, &comments));
+    file.enums().for_each(|values| write_enum(page, &values, &comments));
+}
+
+fn write_message(page: &mut String, message: &MessageDescriptor, comments: &Comments) {
+    if message.is_map_entry() {
+        return;
+    }
+    let _ = write!(page, "\n### {}\n\n", local_name(message.full_name()));
+    comments.write_paragraphs(page, message.path());
+    if message.fields().len() > 0 {
+        page.push_str("\n| field | type | |\n| --- | --- | --- |\n");
+    }
+    for field in fields_as_written(message) {
+        let one_of = field.containing_oneof().filter(|oneof| !oneof.is_synthetic());
+        let one_of = one_of.map_or_else(String::new, |oneof| format!("One of `{}`. ", oneof.name()));
+        let comment = comments.cell(field.path());
+        let _ = writeln!(page, "| `{}` | {} | {one_of}{comment} |", field.name(), field_type(&field));
+    }
+    for oneof in message.oneofs().filter(|oneof| !oneof.is_synthetic()) {
+        let comment = comments.cell(oneof.path());
+        if !comment.is_empty() {
+            let _ = write!(page, "\n`{}`: {comment}\n", oneof.name());
+        }
+    }
+    message.child_messages().for_each(|message| write_message(page, &message, comments));
+    message.child_enums().for_each(|values| write_enum(page, &values, comments));
+}
+
+/// In the order of the source.
+fn fields_as_written(message: &MessageDescriptor) -> Vec<FieldDescriptor> {
+    let mut fields: Vec<FieldDescriptor> = message.fields().collect();
+    fields.sort_by(|one, other| one.path().cmp(other.path()));
+    fields
+}
+
+fn write_enum(page: &mut String, values: &EnumDescriptor, comments: &Comments) {
+    let _ = write!(page, "\n### {}\n\n", local_name(values.full_name()));
+    comments.write_paragraphs(page, values.path());
+    page.push_str("\n| value | |\n| --- | --- |\n");
+    for value in values.values() {
+        let _ = writeln!(page, "| `{}` = {} | {} |", value.name(), value.number(), comments.cell(value.path()));
+    }
+}
+
+fn field_type(field: &FieldDescriptor) -> String {
+    if field.is_map() {
+        let Kind::Message(entry) = field.kind() else { unreachable!("a map is of entries") };
+        return format!(
+            "map of {} by {}",
+            kind(&entry.map_entry_value_field().kind()),
+            kind(&entry.map_entry_key_field().kind())
+        );
+    }
+    let kind = kind(&field.kind());
+    match field.cardinality() {
+        Cardinality::Repeated => format!("repeated {kind}"),
+        _ if field.field_descriptor_proto().proto3_optional() => format!("optional {kind}"),
+        _ => kind,
+    }
+}
+
+fn kind(kind: &Kind) -> String {
+    match kind {
+        Kind::Message(message) => message_link(message),
+        Kind::Enum(values) => link(values.full_name()),
+        other => format!("{other:?}").to_lowercase(),
+    }
+}
+
+fn message_link(message: &MessageDescriptor) -> String {
+    link(message.full_name())
+}
+
+/// A link on the page, or the whole name of what another package declares.
+fn link(full_name: &str) -> String {
+    match full_name.strip_prefix(PACKAGE) {
+        Some(_) => {
+            let name = local_name(full_name);
+            format!("[{name}](#{})", name.to_lowercase().replace('.', ""))
+        }
+        None => format!("`{full_name}`"),
+    }
+}
+
+fn local_name(full_name: &str) -> &str {
+    full_name.strip_prefix(PACKAGE).map_or(full_name, |name| name.trim_start_matches('.'))
+}
+
+/// The comments of a file by the path of what they are about.
+struct Comments(BTreeMap<Vec<i32>, String>);
+
+impl Comments {
+    fn of(file: &FileDescriptor) -> Self {
+        let info = file.file_descriptor_proto().source_code_info.iter().flat_map(|info| &info.location);
+        let comment = |text: &str| text.lines().map(str::trim).collect::<Vec<_>>().join("\n").trim().to_owned();
+        let located = info.map(|location| (location.path.clone(), comment(location.leading_comments())));
+        Self(located.filter(|(_, comment)| !comment.is_empty()).collect())
+    }
+
+    /// A comment as paragraphs.
+    fn write_paragraphs(&self, page: &mut String, path: &[i32]) {
+        if let Some(comment) = self.0.get(path) {
+            let _ = writeln!(page, "{comment}");
+        }
+    }
+
+    /// A comment in one line, for a table.
+    fn cell(&self, path: &[i32]) -> String {
+        let comment = self.0.get(path).map_or("", String::as_str);
+        comment.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
+    }
+}
