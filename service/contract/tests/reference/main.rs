@@ -3,9 +3,10 @@
 //!
 //!     FEEDWAVE_WRITE_DOCS=1 cargo test -p feedwave-contract --test reference
 //!
-//! writes them.
+//! writes them. The examples of the codes are run here too.
 
 mod api;
+mod examples;
 mod findings;
 
 use std::fs;

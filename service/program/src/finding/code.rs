@@ -28,7 +28,7 @@ pub struct CodeEntry {
 pub enum Example {
     /// A program, which need not be whole: other findings may come with it.
     Program {
-        /// The machine that it is for, and what of its profile or of the job differs: `"lathe, max_feed_override = 1.5"`.
+        /// The machine that it is for, and what of its profile or of the job differs: `"lathe, interpolation_period_us = 4000"`.
         machine: &'static str,
         /// The program.
         text: &'static str,
@@ -50,7 +50,7 @@ impl Example {
         Self::on("lathe", text)
     }
 
-    /// A program for the mill as delivered, with tool 1 of 100 mm.
+    /// A program for the mill as delivered, with tool 1 of 120 mm.
     #[must_use]
     pub const fn mill(text: &'static str) -> Self {
         Self::on("mill", text)

@@ -104,7 +104,7 @@ feedwave_program::finding_codes! {
               `vibration.contour_tolerance_mm` permits less.",
         cure: "Generate the vibration along the path, which never leaves the contour, or use the amplitude that the \
               finding names.",
-        example: on("lathe, generation_mode = tangential", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.2\nG2 X24 Z3 R2 F0.1\nG201\nM30"),
+        example: on("lathe, vibration.generation_mode = GENERATION_MODE_TANGENTIAL", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.2\nG2 X24 Z3 R2 F0.1\nG201\nM30"),
     }
 
     "VIB-JUNCTION-JUMP" [VIB_JUNCTION_JUMP: Warning] {
@@ -112,7 +112,7 @@ feedwave_program::finding_codes! {
               zero",
         cause: "A tangential or servo-side vibration in the published form runs over a corner that is not tangent.",
         cure: "Generate the vibration along the path, or round the corner with a tangent arc.",
-        example: on("lathe, generation_mode = tangential, vibration_envelope = published", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z0 F0.1\nX30\nG201\nM30"),
+        example: on("lathe, vibration.generation_mode = GENERATION_MODE_TANGENTIAL, vibration.envelope = VIBRATION_ENVELOPE_PUBLISHED", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z0 F0.1\nX30\nG201\nM30"),
     }
 
     "VIB-PUBLISHED-ENDS" [VIB_PUBLISHED_ENDS: Error, VIB_PUBLISHED_ENDS_PERMITTED: Warning] {
@@ -120,7 +120,7 @@ feedwave_program::finding_codes! {
               accelerate: an error where the profile lets limits bind",
         cause: "The whole sine starts and ends at once, and is clamped at the ends of the section.",
         cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error.",
-        example: on("lathe, vibration_envelope = published", "M3 S1000\nG0 X20 Z5\nG200 F100 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
+        example: on("lathe, vibration.envelope = VIBRATION_ENVELOPE_PUBLISHED", "M3 S1000\nG0 X20 Z5\nG200 F100 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-SPINDLE-STOPPED" [VIB_SPINDLE_STOPPED: Warning] {
@@ -153,7 +153,7 @@ feedwave_program::finding_codes! {
               up to `max_feed_override`.",
         cure: "Use the amplitude that the finding names, let it follow the feed \
               (`vibration.amplitude_follows_feed_up_to`), or permit less override.",
-        example: on("lathe, max_feed_override = 1.5", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.03\nG1 Z-20 F0.05\nG201\nM30"),
+        example: lathe("M3 S1000\nG0 X20 Z5\nG200 F25 A0.03\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
     "VIB-PARTLY-UNBROKEN" [VIB_PARTLY_UNBROKEN: Warning] {
@@ -185,7 +185,7 @@ feedwave_program::finding_codes! {
         cause: "The job or the profile chooses a tangential or servo-side generation mode, which would leave the path \
               of the tool centre point.",
         cure: "Choose the generation mode along the path.",
-        example: on("five-axis mill, generation_mode = tangential", "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nG200 F50 A0.05\nG1 X20 A-25 F1000\nG201\nM30"),
+        example: on("five-axis mill, vibration.generation_mode = GENERATION_MODE_TANGENTIAL", "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nG200 F50 A0.05\nG1 X20 A-25 F1000\nG201\nM30"),
     }
 
     "VIB-THREAD" [VIB_THREAD: Error] {

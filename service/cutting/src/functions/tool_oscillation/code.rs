@@ -43,7 +43,7 @@ feedwave_program::finding_codes! {
         meaning: "job and program choose different conditions; the job's is run",
         cause: "The request for this part names a condition, and P of the program another one.",
         cure: "Leave P out of the program, or the condition out of the job.",
-        example: on("oscillation mill, condition = smooth", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, oscillation.condition = smooth", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-TOOL-UNKNOWN" [OSC_TOOL_UNKNOWN: Error] {
@@ -79,7 +79,7 @@ feedwave_program::finding_codes! {
         meaning: "a waveform that is impossible",
         cause: "The hold share is out of range, or a table has too few points, phases out of order or a peak above 1.",
         cure: "Correct the waveform of the condition; values of a table are shares of the amplitude.",
-        example: on("oscillation mill, tool_oscillation.0.condition.axial.waveform.hold_share = 0.9", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: words("a condition with a held peak whose hold share is 0.9, which a machine profile cannot have"),
     }
 
     "OSC-PERIOD-FRACTION" [OSC_PERIOD_FRACTION: Error] {
@@ -87,21 +87,21 @@ feedwave_program::finding_codes! {
         cause: "The condition states its period in seconds, and the programmed spindle speed does not fit it: the \
               edges would meet other places in every revolution.",
         cure: "State the period in periods per revolution, or use the time that the finding names.",
-        example: on("oscillation mill, tool_oscillation.0.condition.period = {\"seconds\": 0.03}", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.periods_per_rev = null, tool_oscillation.0.period_s = 0.03", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-EDGES-PERIOD" [OSC_EDGES_PERIOD: Error] {
         meaning: "periods per revolution that do not divide the number of edges: no edge leads in every period",
         cause: "The condition was made for a tool with another number of edges.",
         cure: "Use the number of periods that the finding names, or a tool whose edges it divides.",
-        example: on("oscillation mill, tool_oscillation.0.condition.period.per_revolution = 3", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.periods_per_rev = 3", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-HOLD-SHORT" [OSC_HOLD_SHORT: Warning] {
         meaning: "the largest protrusion is held too briefly: the edges close no circle and the floor is not smooth",
         cause: "The share of the period for which the tool protrudes is shorter than the time until the next edge comes.",
         cure: "Use the hold share, the number of periods or the table that the finding names.",
-        example: on("oscillation mill, tool_oscillation.0.condition.axial.waveform.hold_share = 0.1", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.axial.waveform.held_peak.hold_share = 0.1", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-STEP-LONG" [OSC_STEP_LONG: Error] {
@@ -118,7 +118,7 @@ feedwave_program::finding_codes! {
         cause: "The phases of the axial and of the feed oscillation do not fit; beyond a quarter the tool would finish \
               before it roughs.",
         cure: "Use the axial phase that the finding names.",
-        example: on("oscillation mill, tool_oscillation.0.condition.axial.phase_deg = 45", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
+        example: on("oscillation mill, tool_oscillation.0.axial.phase_deg = 45", "T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30"),
     }
 
     "OSC-ROLES" [OSC_ROLES: Info] {
