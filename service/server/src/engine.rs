@@ -137,18 +137,7 @@ impl Engine {
 /// [`Error::Internal`] when the stored documents cannot be read.
 pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
     let profile: proto::MachineProfile = stored::from_stored(detail.machine_snapshot.get())?;
-    let settings = job_settings(detail)?;
-    let config = PipelineConfig::new(stored_profile(&profile)?);
-    Ok(PipelineConfig {
-        interpolation_period_us: settings.interpolation_period_us,
-        generation_mode: convert::generation_mode_from_proto(settings.generation_mode())
-            .ok_or_else(|| Error::internal("a stored job has no generation mode"))?,
-        tools: settings.tools.iter().map(convert::tool_for_pipeline).collect(),
-        oscillation: convert::oscillation_request_from_proto(settings.oscillation.as_ref()),
-        vibration_envelope: convert::vibration_envelope_from_proto(settings.vibration_envelope())
-            .unwrap_or(config.vibration_envelope),
-        ..config
-    })
+    Ok(convert::pipeline_config(stored_profile(&profile)?, &job_settings(detail)?))
 }
 
 /// Settings of a stored job.

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use feedwave_contract::convert::{check_display_name, profile_from_proto, profile_to_proto};
+use feedwave_contract::convert::{
+    check_display_name, oscillation_request_to_proto, pipeline_config, profile_from_proto, profile_to_proto,
+};
+use feedwave_contract::proto::{GenerationMode, JobSettings, VibrationEnvelope};
 use feedwave_contract::violations::Violations;
 use feedwave_contract::{names, proto};
-use feedwave_cutting::{
-    DEFAULT_PERIOD_US, Frame, GenerationMode, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig,
-    VibrationEnvelope,
-};
+use feedwave_cutting::{DEFAULT_PERIOD_US, Frame, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
 
 use super::oscillation::OscillationArgs;
 use super::tools::ToolArgs;
@@ -63,13 +63,15 @@ pub(super) enum Mode {
     ServoSide,
 }
 
-impl From<Mode> for GenerationMode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::AlongPath => Self::AlongPath,
-            Mode::Tangential => Self::Tangential,
-            Mode::ServoSide => Self::ServoSide,
-        }
+impl Mode {
+    /// The value of the contract; 0 where nothing is chosen.
+    pub(super) fn value(mode: Option<Self>) -> i32 {
+        mode.map_or(GenerationMode::Unspecified, |mode| match mode {
+            Self::AlongPath => GenerationMode::AlongPath,
+            Self::Tangential => GenerationMode::Tangential,
+            Self::ServoSide => GenerationMode::ServoSide,
+        })
+        .into()
     }
 }
 
@@ -82,12 +84,15 @@ pub(super) enum Envelope {
     Published,
 }
 
-impl From<Envelope> for VibrationEnvelope {
-    fn from(envelope: Envelope) -> Self {
-        match envelope {
-            Envelope::Blended => Self::Blended,
-            Envelope::Published => Self::Published,
-        }
+impl Envelope {
+    /// The value of the contract; 0 where nothing is chosen.
+    pub(super) fn value(envelope: Option<Self>) -> i32 {
+        envelope
+            .map_or(VibrationEnvelope::Unspecified, |envelope| match envelope {
+                Self::Blended => VibrationEnvelope::Blended,
+                Self::Published => VibrationEnvelope::Published,
+            })
+            .into()
     }
 }
 
@@ -98,18 +103,14 @@ impl MachineArgs {
             Some(path) => read_machine(path, self.machine_kind)?.profile,
             None => self.machine_kind.unwrap_or(Kind::Lathe).generic(),
         };
-        let mut config = PipelineConfig::new(profile);
-        config.interpolation_period_us = self.period_us;
-        config.frame = frame;
-        config.tools = self.tools.read()?;
-        config.oscillation = self.oscillation.checked(&config.profile.tool_oscillation)?;
-        if let Some(mode) = self.mode {
-            config.generation_mode = mode.into();
-        }
-        if let Some(envelope) = self.envelope {
-            config.vibration_envelope = envelope.into();
-        }
-        Ok(Arc::new(config))
+        let settings = JobSettings {
+            interpolation_period_us: self.period_us,
+            generation_mode: Mode::value(self.mode),
+            vibration_envelope: Envelope::value(self.envelope),
+            tools: self.tools.read()?,
+            oscillation: Some(oscillation_request_to_proto(&self.oscillation.checked(&profile.tool_oscillation)?)),
+        };
+        Ok(Arc::new(PipelineConfig { frame, ..pipeline_config(profile, &settings) }))
     }
 }
 

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use feedwave_contract::convert::{check_tool, tool_for_pipeline};
+use feedwave_contract::convert::check_tool;
+use feedwave_contract::names;
+use feedwave_contract::proto::{ListToolsResponse, Tool};
 use feedwave_contract::violations::Violations;
-use feedwave_contract::{names, proto};
-use feedwave_cutting::Tool;
 
 use super::{CliError, data_file};
 
@@ -26,7 +26,7 @@ impl ToolArgs {
     /// The tools of the library and of the command line.
     pub(super) fn read(&self) -> Result<Vec<Tool>, CliError> {
         let mut tools = match &self.tool_file {
-            Some(path) => read_library(path)?.iter().map(tool_for_pipeline).collect(),
+            Some(path) => read_library(path)?,
             None => Vec::new(),
         };
         for tool in &self.lengths {
@@ -42,15 +42,15 @@ impl ToolArgs {
 }
 
 /// The tools of a file, checked as the service checks them: a list of them in `tools`, as `ListTools` answers it, or one.
-pub(super) fn read_library(path: &Path) -> Result<Vec<proto::Tool>, CliError> {
+pub(super) fn read_library(path: &Path) -> Result<Vec<Tool>, CliError> {
     let document = data_file::read(path)?;
     let mut violations = Violations::default();
     if !document.states(&["tools"]) {
-        let tool: proto::Tool = data_file::message(path, &document)?;
+        let tool: Tool = data_file::message(path, &document)?;
         violations.extend("", check(&tool));
         return if violations.is_empty() { Ok(vec![tool]) } else { Err(data_file::refused(path, &violations)) };
     }
-    let library: proto::ListToolsResponse = data_file::message(path, &document)?;
+    let library: ListToolsResponse = data_file::message(path, &document)?;
     if !library.next_page_token.is_empty() {
         violations.add("next_page_token", "must be empty: the list has further pages, and would not be whole");
     }
@@ -65,7 +65,7 @@ pub(super) fn read_library(path: &Path) -> Result<Vec<proto::Tool>, CliError> {
     if violations.is_empty() { Ok(tools) } else { Err(data_file::refused(path, &violations)) }
 }
 
-fn check(tool: &proto::Tool) -> Violations {
+fn check(tool: &Tool) -> Violations {
     let mut violations = check_tool(tool);
     if !tool.name.is_empty()
         && let Err(error) = names::parse_tool(&tool.name)
@@ -82,12 +82,11 @@ fn tool(text: &str) -> Result<Tool, String> {
     let number = number.ok_or("the number must be 1 to 9999")?;
     let length_mm = length.trim().parse::<f64>().ok().filter(|length| length.is_finite() && *length > 0.0);
     let length_mm = Some(length_mm.ok_or("the length must be a positive number of millimetres")?);
-    Ok(Tool { number, name: String::new(), max_rev_per_min: None, length_mm, geometry: None })
+    Ok(Tool { number, length_mm, ..Tool::default() })
 }
 
 #[cfg(test)]
 mod tests {
-    use feedwave_contract::convert::tool_to_proto;
     use feedwave_contract::json;
 
     use super::*;
@@ -118,17 +117,16 @@ mod tests {
     fn a_library_states_everything_that_a_tool_has() {
         let tools = read("t.toml", &format!("{CUTTER}[[tools]]\nnumber = 5\n"), &["7=100"]).unwrap();
         assert_eq!(tools.iter().map(|tool| tool.number).collect::<Vec<_>>(), [4, 5, 7]);
-        assert_eq!((tools[0].name.as_str(), tools[0].length_mm), ("face mill", Some(80.5)));
+        assert_eq!((tools[0].display_name.as_str(), tools[0].length_mm), ("face mill", Some(80.5)));
         assert_eq!((tools[0].max_rev_per_min, tools[2].length_mm), (Some(4_000.0), Some(100.0)));
         let geometry = tools[0].geometry.as_ref().unwrap();
         assert_eq!((geometry.edges.len(), geometry.radius_mm), (2, 60.0));
         assert!(geometry.edges[0].finishing && geometry.edges[1].axial_set_over_mm == 0.02);
         // What the service answers, to a list or to a tool, is a file.
-        let messages: Vec<_> = tools[..2].iter().map(tool_to_proto).collect();
-        let list = proto::ListToolsResponse { tools: messages.clone(), ..Default::default() };
+        let list = ListToolsResponse { tools: tools[..2].to_vec(), ..Default::default() };
         assert_eq!(read("t.json", &json::to_string(&list), &[]).unwrap(), tools[..2]);
-        assert_eq!(read("t.json", &json::to_string(&messages[0]), &[]).unwrap(), tools[..1]);
-        let list = proto::ListToolsResponse { next_page_token: "more".to_owned(), ..list };
+        assert_eq!(read("t.json", &json::to_string(&tools[0]), &[]).unwrap(), tools[..1]);
+        let list = ListToolsResponse { next_page_token: "more".to_owned(), ..list };
         assert!(read("t.json", &json::to_string(&list), &[]).unwrap_err().contains("next_page_token: must be empty"));
     }
 

@@ -295,20 +295,3 @@ pub(super) fn geometry_from_proto(geometry: &proto::ToolGeometry) -> ToolGeometr
         end_relief_deg: geometry.end_relief_deg,
     }
 }
-
-/// The cutting edges of a tool as the contract has them.
-pub(super) fn geometry_to_proto(geometry: &ToolGeometry) -> proto::ToolGeometry {
-    let edge = |edge: &CuttingEdge| proto::CuttingEdge {
-        angle_deg: edge.angle_deg,
-        radial_set_over_mm: edge.radial_set_over_mm,
-        axial_set_over_mm: edge.axial_set_over_mm,
-        finishing: edge.finishing,
-    };
-    proto::ToolGeometry {
-        edges: geometry.edges.iter().map(edge).collect(),
-        radius_mm: geometry.radius_mm,
-        radial_edge_length_mm: geometry.radial_edge_length_mm,
-        axial_edge_height_mm: geometry.axial_edge_height_mm,
-        end_relief_deg: geometry.end_relief_deg,
-    }
-}

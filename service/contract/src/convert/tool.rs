@@ -1,7 +1,7 @@
 //! Tools.
 
 use super::lobes::check_dynamics;
-use super::oscillation::{geometry_from_proto, geometry_to_proto};
+use super::oscillation::geometry_from_proto;
 use crate::convert::{check_display_name, enumeration};
 use crate::proto;
 use crate::violations::Violations;
@@ -53,19 +53,6 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
     }
 }
 
-/// A tool as the contract has it, without what only people want to read.
-#[must_use]
-pub fn tool_to_proto(tool: &feedwave_cutting::Tool) -> proto::Tool {
-    proto::Tool {
-        number: tool.number,
-        display_name: tool.name.clone(),
-        max_rev_per_min: tool.max_rev_per_min,
-        length_mm: tool.length_mm,
-        geometry: tool.geometry.as_ref().map(geometry_to_proto),
-        ..Default::default()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,7 +99,6 @@ mod tests {
         };
         assert!(check_tool(&tool(&geometry)).is_empty());
         let converted = tool_for_pipeline(&tool(&geometry));
-        assert_eq!(tool_to_proto(&converted), tool(&geometry));
         let converted = converted.geometry.unwrap();
         assert_eq!((converted.radius_mm, converted.radial_edge_length_mm), (60.0, 1.5));
         assert_eq!((converted.axial_edge_height_mm, converted.end_relief_deg), (5.0, 0.5));

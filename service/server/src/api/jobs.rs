@@ -288,15 +288,7 @@ impl Api {
             (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let settings = self.settings(&checked, &profile).await?;
-        let mut config = PipelineConfig::new(profile);
-        config.interpolation_period_us = settings.interpolation_period_us;
-        config.generation_mode =
-            convert::generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode);
-        config.vibration_envelope =
-            convert::vibration_envelope_from_proto(settings.vibration_envelope()).unwrap_or(config.vibration_envelope);
-        config.tools = settings.tools.iter().map(convert::tool_for_pipeline).collect();
-        config.oscillation = convert::oscillation_request_from_proto(settings.oscillation.as_ref());
-        config.overrides = overrides;
+        let config = PipelineConfig { overrides, ..convert::pipeline_config(profile, &settings) };
         let report = self.engine.validate_program(config, request.inline_program).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
     }
