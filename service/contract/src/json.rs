@@ -1,6 +1,7 @@
 //! The protobuf JSON mapping of the contract's messages: what the HTTP port shows and what the store keeps.
 
-use prost::{Message, Name};
+use prost::Message;
+pub use prost::Name;
 use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor, SerializeOptions};
 
 use crate::proto::DESCRIPTORS;
@@ -26,9 +27,21 @@ pub fn to_string<M: Name>(message: &M) -> String {
     dynamic_to_string(&to_dynamic(message))
 }
 
+/// The same with one field a line, for people and for files.
+#[must_use]
+pub fn to_string_pretty<M: Name>(message: &M) -> String {
+    written(&to_dynamic(message), serde_json::Serializer::pretty(Vec::new()))
+}
+
 /// A dynamic message as JSON; see [`to_string`].
 pub fn dynamic_to_string(dynamic: &DynamicMessage) -> String {
-    let mut json = serde_json::Serializer::new(Vec::new());
+    written(dynamic, serde_json::Serializer::new(Vec::new()))
+}
+
+fn written<F: serde_json::ser::Formatter>(
+    dynamic: &DynamicMessage,
+    mut json: serde_json::Serializer<Vec<u8>, F>,
+) -> String {
     let options = SerializeOptions::new().skip_default_fields(false);
     dynamic.serialize_with_options(&mut json, &options).expect("writing into memory does not fail");
     String::from_utf8(json.into_inner()).expect("JSON is UTF-8")

@@ -32,7 +32,7 @@ pub struct Args {
     of: String,
     #[command(flatten)]
     server: ServerArgs,
-    /// Form of the output; JSON is that of the service's contract, one object per line
+    /// Form of the output; JSON has one object per line
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
 }

@@ -15,7 +15,8 @@ use super::machine::{MachineArgs, axis_columns};
 use super::overrides::OverrideArgs;
 use super::pictures::{self, FirstVibration};
 use super::source::Source;
-use super::terminal::{Style, Unit, count, progress, tell};
+use super::terminal::{Style, Unit, count, print_json, progress, tell};
+use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, local, report};
 use crate::output::{CsvWriter, FileFormat, Layout, SetpointWriter, create};
 use crate::plot::{OscillationPictures, Plots, ThreadPictures, write_oscillation, write_thread};
@@ -58,7 +59,7 @@ pub struct Args {
     out: Option<PathBuf>,
     /// Form of the file, where its name does not say
     #[arg(long, value_enum, value_name = "FORMAT", requires = "out")]
-    format: Option<FileFormat>,
+    file_format: Option<FileFormat>,
     /// Directory to draw pictures into; they show the whole program
     #[arg(long, value_name = "DIRECTORY")]
     plots: Option<PathBuf>,
@@ -81,6 +82,9 @@ pub struct Args {
     /// Setpoints to write at most
     #[arg(long, value_name = "COUNT")]
     count: Option<u64>,
+    /// Form of what is told of the program: findings on standard error, or the whole report as JSON on standard output
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
+    format: Format,
     /// In servo-side mode: write what the drives generate, this many setpoints per period [default: the profile's]
     #[arg(long, value_name = "COUNT", num_args = 0..=1, default_missing_value = "0",
         value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SERVO_SUBSTEPS)))]
@@ -121,13 +125,19 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let mut config = args.overrides.apply(args.machine.config(args.frame.into())?)?;
     Arc::make_mut(&mut config).every_block = args.every_block;
     let substeps = substeps(&args, &config)?;
-    let format = args.out.as_deref().map(|path| format_of(path, args.format)).transpose()?;
+    let format = args.out.as_deref().map(|path| format_of(path, args.file_format)).transpose()?;
+    if args.format == Format::Json && args.out.as_deref() == Some(Path::new("-")) {
+        return Err(CliError::trouble("--format json: standard output takes the setpoints, give --out a file"));
+    }
     let mut source = Source::open(&args.file)?;
 
     let mut vibration = FirstVibration::default();
     let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
     let shown = report_to_proto(&report);
-    tell(&report::findings_text(&shown, &mut source, Style::stderr())?);
+    match args.format {
+        Format::Json => print_json(&shown)?,
+        Format::Text => tell(&report::findings_text(&shown, &mut source, Style::stderr())?),
+    }
     if !report.is_accepted() {
         tell(&format!("{}\n", report::verdict(&shown, &source.name, Style::stderr())));
         return Ok(ExitCode::from(EXIT_REFUSED));
@@ -160,7 +170,7 @@ pub(super) fn format_of(path: &Path, format: Option<FileFormat>) -> Result<FileF
         };
     }
     format.or_else(|| FileFormat::of_path(path)).ok_or_else(|| {
-        CliError::trouble(format!("--out {}: must end in .csv or .parquet, or --format say which", path.display()))
+        CliError::trouble(format!("--out {}: must end in .csv or .parquet, or --file-format say which", path.display()))
     })
 }
 

@@ -2,10 +2,11 @@
 
 use std::process::ExitCode;
 
-use feedwave_contract::proto::ReplayRunRequest;
+use feedwave_contract::proto::{ReplayRunRequest, ReplayRunResponse};
 
 use super::client::ServerArgs;
-use super::terminal::{Style, print};
+use super::terminal::{Style, print, print_json};
+use super::validate::Format;
 use super::{CliError, EXIT_REFUSED};
 
 /// Arguments of `feedwave replay`.
@@ -22,6 +23,9 @@ pub struct Args {
     run: String,
     #[command(flatten)]
     server: ServerArgs,
+    /// Form of the answer
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
+    format: Format,
 }
 
 /// Replays it.
@@ -34,16 +38,22 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     let request = ReplayRunRequest { run: run.clone() };
     let replayed = client.runs().replay_run(request).await;
     let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
+    if args.format == Format::Json {
+        print_json(&replayed)?;
+    } else {
+        print(&text(&run, &replayed))?;
+    }
+    Ok(if replayed.identical { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
+}
+
+/// The verdict, and what differs.
+fn text(run: &str, replayed: &ReplayRunResponse) -> String {
     let style = Style::stdout();
     let counts = format!("{} decisions and {} setpoints", replayed.decisions, replayed.setpoints);
     if replayed.identical {
         let digest = if replayed.digest.is_empty() { String::new() } else { format!(", SHA-256 {}", replayed.digest) };
-        print(&format!("{run}: {}: {counts}{digest}\n", style.good("identical")))?;
-        return Ok(ExitCode::SUCCESS);
+        return format!("{run}: {}: {counts}{digest}\n", style.good("identical"));
     }
-    print(&format!("{run}: {} among {counts}\n", style.bad("differences")))?;
-    for difference in &replayed.differences {
-        print(&format!("  {difference}\n"))?;
-    }
-    Ok(ExitCode::from(EXIT_REFUSED))
+    let differences = replayed.differences.iter().map(|difference| format!("  {difference}\n"));
+    format!("{run}: {} among {counts}\n{}", style.bad("differences"), differences.collect::<String>())
 }

@@ -42,7 +42,7 @@ pub struct Args {
     out: PathBuf,
     /// Form of the file, where its name does not say
     #[arg(long, value_enum, value_name = "FORMAT")]
-    format: Option<FileFormat>,
+    file_format: Option<FileFormat>,
     /// First setpoint to write
     #[arg(long, value_name = "INDEX", default_value_t = 0)]
     from_index: u64,
@@ -77,7 +77,7 @@ enum EncodingArg {
 /// # Errors
 /// [`CliError`] when the service does not answer or a file cannot be written.
 pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
-    let format = format_of(&args.out, args.format)?;
+    let format = format_of(&args.out, args.file_format)?;
     let mut client = args.server.connect().await?;
     let start = args.from_time.map_or(Start::StartIndex(args.from_index), Start::StartTimeS);
     let request = StreamSetpointsRequest {

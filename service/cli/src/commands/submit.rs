@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use feedwave_contract::convert::{generation_mode_to_proto, oscillation_request_to_proto, vibration_envelope_to_proto};
+use feedwave_contract::convert::oscillation_request_to_proto;
+use feedwave_contract::names;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
 use feedwave_contract::proto::{CreateJobRequest, Job, JobState};
-use feedwave_contract::{json, names};
 use feedwave_cutting::tool_oscillation::OscillationRequest;
 
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
 use super::oscillation::OscillationArgs;
 use super::source::Source;
-use super::terminal::{Style, print, tell};
+use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
 
@@ -55,12 +55,15 @@ pub struct Args {
     /// How vibration along the path begins and ends [default: what the machine's profile says]
     #[arg(long, value_enum, value_name = "FORM")]
     envelope: Option<Envelope>,
+    /// Tool of the service that the program may use, `tools/{tool}`; may be repeated [default: any]
+    #[arg(long = "tool", value_name = "TOOL")]
+    tools: Vec<String>,
     #[command(flatten)]
     oscillation: OscillationArgs,
     /// Wait for validation and show what was found
     #[arg(long)]
     wait: bool,
-    /// Form of the report, with --wait; JSON is that of the service's contract
+    /// Form of the report, with --wait
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text, requires = "wait")]
     format: Format,
 }
@@ -88,7 +91,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     }
     let found = client.report(&job.name).await?;
     match args.format {
-        Format::Json => print(&format!("{}\n", json::to_string(&found)))?,
+        Format::Json => print_json(&found)?,
         Format::Text => {
             print(&report::text(&found, &mut source, Style::stdout())?)?;
             print(&format!("{}\n", job.name))?;
@@ -112,9 +115,9 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         source: Some(program),
         display_name: args.display_name.clone().or(file_name).unwrap_or_default(),
         interpolation_period_us: args.period_us,
-        generation_mode: args.mode.map_or(0, |mode| generation_mode_to_proto(mode.into()) as i32),
-        vibration_envelope: args.envelope.map_or(0, |envelope| vibration_envelope_to_proto(envelope.into()) as i32),
-        tools: Vec::new(),
+        generation_mode: Mode::value(args.mode),
+        vibration_envelope: Envelope::value(args.envelope),
+        tools: args.tools.clone(),
         oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
     };
     let response = client.jobs.create_job(request).await.map_err(|status| client.failed(&status))?;

@@ -3,6 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
+use feedwave_contract::json::{self, Name};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::CliError;
@@ -72,6 +73,13 @@ pub(super) fn print(text: &str) -> Result<(), CliError> {
         .write_all(text.as_bytes())
         .and_then(|()| stdout.flush())
         .map_err(|error| CliError::written("standard output", &error))
+}
+
+/// Writes a message of the contract as one JSON object.
+pub(super) fn print_json<M: Name>(message: &M) -> Result<(), CliError> {
+    let mut text = json::to_string_pretty(message);
+    text.push('\n');
+    print(&text)
 }
 
 /// Writes to standard error; a failure cannot be reported.

@@ -4,20 +4,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ArgGroup, ValueEnum};
-use feedwave_contract::convert::{
-    finding_to_proto, thread_report_to_proto, thread_request_from_proto, thread_to_proto,
-};
+use feedwave_contract::convert::{thread_plan_to_proto, thread_request_from_proto};
 use feedwave_contract::proto;
+use feedwave_contract::proto::PlanThreadResponse;
 use feedwave_contract::proto::plan_thread_request::Advance;
 use feedwave_contract::violations::{Violation, Violations};
 use feedwave_cutting::Frame;
-use feedwave_cutting::thread::{ThreadPlan, ThreadTextOptions, plan_thread, thread_program_text};
-use feedwave_program::Finding;
-use serde::Serialize;
+use feedwave_cutting::thread::{ThreadPlan, plan_thread};
 
 use super::machine::MachineArgs;
 use super::source::Source;
-use super::terminal::{Style, print, tell};
+use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, findings, report};
 use crate::plot;
@@ -42,7 +39,7 @@ Examples:
       Infeed along the flank, the run-up of Z checked against 5 mm before the work, pictures of all passes;
       the program on standard output.
   feedwave thread-plan --work-diameter 40 --pitch 3 --starts 2 --depth 1.7 --first-depth 0.5 --start-z 12 --end-z -40 \\
-      --spindle 200 --finishing-thickness 0.1 --method start-position --hand left --format json | jq .plan.job.passes
+      --spindle 200 --finishing-thickness 0.1 --method start-position --hand left --format json | jq .thread.passes
       A left-hand thread with two starts, brought to their places by Z; for scripts.
   feedwave thread-plan --work-diameter 21.3 --threads-per-inch 14 --taper 0.03125 --included-angle 55 --depth 1.16 \\
       --first-depth 0.4 --start-z 4 --end-z -16 --spindle 250 --finishing-thickness 0.08
@@ -145,7 +142,7 @@ pub struct Args {
     /// Directory to draw pictures into
     #[arg(long, value_name = "DIRECTORY", help_heading = "Program")]
     plots: Option<PathBuf>,
-    /// Form of the answer on standard output; JSON has program, passes, report and findings in one object
+    /// Form of the answer on standard output; JSON has the program, too
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text, help_heading = "Program")]
     format: Format,
     #[command(flatten)]
@@ -280,14 +277,6 @@ impl Args {
     }
 }
 
-/// The answer for scripts.
-#[derive(Serialize)]
-struct Answer<'a> {
-    program: Option<&'a str>,
-    plan: Option<&'a ThreadPlan>,
-    findings: &'a [Finding],
-}
-
 /// Plans it.
 ///
 /// # Errors
@@ -298,30 +287,30 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let request = args.request(config.interpolation_period_us);
     let request = thread_request_from_proto(&mut violations, &request, "machine_kind", Some(&config.profile));
     let Some((request, options)) = request else { return Err(wrong_options(violations.as_slice())) };
-    match plan_thread(&request) {
-        Ok(plan) => planned(&args, &plan, &options),
-        Err(findings) => refused(&args, &findings),
+    let plan = plan_thread(&request);
+    let answer = thread_plan_to_proto(&plan, &options);
+    match plan {
+        Ok(plan) => planned(&args, &plan, &answer),
+        Err(_) => refused(&args, &answer),
     }
 }
 
-fn planned(args: &Args, plan: &ThreadPlan, options: &ThreadTextOptions) -> Result<ExitCode, CliError> {
-    let program = thread_program_text(&plan.job, options);
+fn planned(args: &Args, plan: &ThreadPlan, answer: &PlanThreadResponse) -> Result<ExitCode, CliError> {
     let to_file = args.out != Path::new("-");
     if to_file {
-        std::fs::write(&args.out, &program).map_err(|error| CliError::file(&args.out, &error))?;
+        std::fs::write(&args.out, &answer.program).map_err(|error| CliError::file(&args.out, &error))?;
     }
     if args.format == Format::Json {
-        let findings = &plan.report.findings;
-        print_json(&Answer { program: Some(&program), plan: Some(plan), findings })?;
+        print_json(answer)?;
     } else {
         let style = if to_file { Style::stdout() } else { Style::stderr() };
-        let text = text(plan, style)?;
+        let text = text(answer, style)?;
         if to_file {
             print(&text)?;
             tell(&format!("wrote {} passes to {}\n", plan.job.passes.len(), args.out.display()));
         } else {
             tell(&text);
-            print(&program)?;
+            print(&answer.program)?;
         }
     }
     if let Some(directory) = &args.plots {
@@ -333,21 +322,23 @@ fn planned(args: &Args, plan: &ThreadPlan, options: &ThreadTextOptions) -> Resul
 }
 
 /// Passes, chips and notes for people.
-fn text(plan: &ThreadPlan, style: Style) -> Result<String, CliError> {
-    let (thread, report) = (thread_to_proto(&plan.job), thread_report_to_proto(&plan.report));
-    let heading = format!("Thread in {} passes", plan.job.passes.len());
-    let mut text = report::thread_text(&heading, &thread, &report, style);
-    text.push('\n');
-    text.push_str(&findings_text(&plan.report.findings, style)?);
+fn text(answer: &PlanThreadResponse, style: Style) -> Result<String, CliError> {
+    let mut text = String::new();
+    if let (Some(thread), Some(report)) = (&answer.thread, &answer.report) {
+        let heading = format!("Thread in {} passes", thread.passes.len());
+        text = report::thread_text(&heading, thread, report, style);
+        text.push('\n');
+    }
+    text.push_str(&findings_text(answer, style)?);
     Ok(text)
 }
 
-fn refused(args: &Args, findings: &[Finding]) -> Result<ExitCode, CliError> {
+fn refused(args: &Args, answer: &PlanThreadResponse) -> Result<ExitCode, CliError> {
     match args.format {
-        Format::Json => print_json(&Answer { program: None, plan: None, findings })?,
+        Format::Json => print_json(answer)?,
         Format::Text => {
             let style = Style::stderr();
-            tell(&findings_text(findings, style)?);
+            tell(&findings_text(answer, style)?);
             tell(&format!("{}: {}, no program is written\n", style.bold(NAME), style.bad("refused")));
         }
     }
@@ -355,15 +346,8 @@ fn refused(args: &Args, findings: &[Finding]) -> Result<ExitCode, CliError> {
 }
 
 /// Findings on a plan have no place in a program.
-fn findings_text(findings: &[Finding], style: Style) -> Result<String, CliError> {
-    let findings: Vec<_> = findings.iter().map(finding_to_proto).collect();
-    findings::text(&findings, &mut Source::of_text(NAME, "")?, style)
-}
-
-fn print_json(answer: &Answer<'_>) -> Result<(), CliError> {
-    let mut text = serde_json::to_string_pretty(answer).map_err(CliError::trouble)?;
-    text.push('\n');
-    print(&text)
+fn findings_text(answer: &PlanThreadResponse, style: Style) -> Result<String, CliError> {
+    findings::text(&answer.findings, &mut Source::of_text(NAME, "")?, style)
 }
 
 /// Violations by the options that they are about: options are named as the fields, without the unit.

@@ -5,12 +5,12 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use feedwave_contract::convert::report_to_proto;
-use feedwave_cutting::{Frame, ValidationReport};
+use feedwave_cutting::Frame;
 
 use super::machine::MachineArgs;
 use super::overrides::OverrideArgs;
 use super::source::Source;
-use super::terminal::{Style, print};
+use super::terminal::{Style, print, print_json};
 use super::{CliError, EXIT_REFUSED, local, report};
 
 /// Arguments of `feedwave validate`.
@@ -27,7 +27,7 @@ Examples:
   feedwave validate --override 0:80 shaft.nc
       Times, peaks and chips at 80 % of the programmed feed.
   feedwave validate --format json shaft.nc | jq '.sections[].chip.broken'
-      For scripts; docs/cli-json.md describes the object.
+      For scripts: feedwave.v1.ValidationReport of the contract, as the service answers it.
   cat shaft.nc | feedwave validate --deny-warnings - && echo clean"
 )]
 pub struct Args {
@@ -51,7 +51,7 @@ pub struct Args {
 pub(super) enum Format {
     /// For people
     Text,
-    /// One JSON object
+    /// One JSON object: the message of the service's contract
     Json,
 }
 
@@ -63,16 +63,11 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let config = args.overrides.apply(args.machine.config(Frame::Machine)?)?;
     let mut source = Source::open(&args.file)?;
     let report = local::validate(&mut source, config, |_| {})?;
+    let shown = report_to_proto(&report);
     match args.format {
-        Format::Json => print(&json(&report)?)?,
-        Format::Text => print(&report::text(&report_to_proto(&report), &mut source, Style::stdout())?)?,
+        Format::Json => print_json(&shown)?,
+        Format::Text => print(&report::text(&shown, &mut source, Style::stdout())?)?,
     }
     let refused = !report.is_accepted() || args.deny_warnings && report.summary.warnings > 0;
     Ok(if refused { ExitCode::from(EXIT_REFUSED) } else { ExitCode::SUCCESS })
-}
-
-fn json(report: &ValidationReport) -> Result<String, CliError> {
-    let mut text = serde_json::to_string_pretty(report).map_err(CliError::trouble)?;
-    text.push('\n');
-    Ok(text)
 }

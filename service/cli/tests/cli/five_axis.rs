@@ -4,7 +4,7 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
 
-use crate::{code, feedwave, fixture, rows, stderr, stdout};
+use crate::{code, feedwave, fixture, number, rows, stderr, stdout};
 
 /// The freeform program on the five-axis mill.
 fn on_mill(command: &str, arguments: &[&str]) -> std::process::Output {
@@ -111,11 +111,12 @@ fn the_report_says_what_thinning_did_and_has_units_of_rotary_axes() {
     assert!(text.contains("2 627 read in 13 groups") && text.contains("velocity, °/min"), "{text}");
     let output = on_mill("validate", &["--format", "json"]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let figures = &report["thinning"]["figures"];
-    let sum = |of: &str| figures["rotary"][of].as_array().unwrap().iter().map(|count| count.as_u64().unwrap()).sum();
-    let (before, after): (u64, u64) = (sum("reversals_before"), sum("reversals_after"));
+    let thinning = &report["thinning"];
+    let axes = thinning["rotaryAxes"].as_array().unwrap();
+    let sum = |of: &str| axes.iter().map(|axis| number(&axis[of])).sum::<u64>();
+    let (before, after) = (sum("reversalsBefore"), sum("reversalsAfter"));
     assert!(after * 10 < before, "{before} reversals before, {after} after");
-    let deviation_mm = figures["position_deviation_mm"].as_f64().unwrap();
+    let deviation_mm = thinning["positionDeviationMm"].as_f64().unwrap();
     assert!(deviation_mm > 0.005 && deviation_mm < 0.01, "{deviation_mm}");
     let rotary: Vec<_> = report["summary"]["axes"].as_array().unwrap().iter().map(|axis| &axis["rotary"]).collect();
     assert_eq!(rotary, [false, false, false, true, true]);

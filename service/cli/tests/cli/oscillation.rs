@@ -22,7 +22,7 @@ fn a_tool_library_makes_the_oscillation_possible() {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let one = &report["oscillations"][0];
     assert_eq!((one["tool"].as_u64(), one["condition"].as_str()), (Some(4), Some("accuracy")));
-    let areas = one["edges"].as_array().unwrap().iter().map(|edge| edge["area_mm2"].as_f64().unwrap());
+    let areas = one["edges"].as_array().unwrap().iter().map(|edge| edge["areaMm2"].as_f64().unwrap());
     assert!((areas.sum::<f64>() - 1.03).abs() < 1e-9);
     for condition in ["P2", "P3"] {
         let directory = tempfile::tempdir().unwrap();

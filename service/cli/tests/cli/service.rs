@@ -5,11 +5,15 @@ use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::process::Output;
 use std::thread;
 
+use feedwave_contract::proto::machines_client::MachinesClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
-use feedwave_contract::proto::{GetMonitoringRequest, MonitoringConfig, SetMonitoringRequest};
+use feedwave_contract::proto::tools_client::ToolsClient;
+use feedwave_contract::proto::{
+    CreateMachineRequest, CreateToolRequest, GetMonitoringRequest, Machine, MachineProfile, MonitoringConfig,
+    SetMonitoringRequest, Tool,
+};
 use feedwave_server::config::{Config, GrpcConfig, HttpConfig, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
-use serde_json::Value;
 
 use super::{code, feedwave, fixture, stderr, stdout};
 
@@ -58,6 +62,27 @@ impl Service {
         });
     }
 
+    pub(super) fn http_address(&self) -> SocketAddr {
+        self.server.as_ref().unwrap().http_addr()
+    }
+
+    pub(super) fn create_machine(&self, id: &str, profile: MachineProfile) {
+        let machine = Some(Machine { profile: Some(profile), ..Machine::default() });
+        let request = CreateMachineRequest { machine_id: id.to_owned(), machine };
+        self.runtime.block_on(async {
+            let mut client = MachinesClient::connect(format!("http://{}", self.address)).await.unwrap();
+            client.create_machine(request).await.unwrap();
+        });
+    }
+
+    pub(super) fn create_tool(&self, id: &str, tool: Tool) {
+        let request = CreateToolRequest { tool_id: id.to_owned(), tool: Some(tool) };
+        self.runtime.block_on(async {
+            let mut client = ToolsClient::connect(format!("http://{}", self.address)).await.unwrap();
+            client.create_tool(request).await.unwrap();
+        });
+    }
+
     pub(super) fn run(&self, arguments: &[&str]) -> Output {
         run_against(self.address, arguments)
     }
@@ -77,24 +102,6 @@ fn run_against(address: SocketAddr, arguments: &[&str]) -> Output {
 
 pub(super) fn path(name: &str) -> String {
     fixture(name).display().to_string()
-}
-
-#[test]
-fn a_submitted_program_is_shown_as_validate_shows_it() {
-    let service = Service::start();
-    let program = path("spec-trap.nc");
-    let submitted = service.run(&["submit", &program, "--wait"]);
-    assert_eq!(code(&submitted), 0, "{}", stderr(&submitted));
-    let local = stdout(&feedwave().args(["validate", &program]).output().unwrap());
-    let text = stdout(&submitted);
-    let (report, job) = text.trim_end().rsplit_once('\n').unwrap();
-    assert_eq!(report, local.trim_end());
-    assert!(job.starts_with("jobs/"), "{job}");
-
-    let rejected = service.run(&["submit", &path("bad.nc"), "--wait", "--format", "json"]);
-    assert_eq!(code(&rejected), 1);
-    let report: Value = serde_json::from_slice(&rejected.stdout).unwrap();
-    assert_eq!(report["findings"][0]["severity"], "SEVERITY_ERROR");
 }
 
 #[test]
