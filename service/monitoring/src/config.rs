@@ -78,6 +78,14 @@ pub struct IdleRunUp {
     pub max_difference: f64,
 }
 
+impl IdleRunUp {
+    /// A run-up over these speeds with the defaults: three series at each, speeds within 2 %, a healthy machine within
+    /// 0.001 mm.
+    pub const fn over(speeds_rpm: Vec<f64>) -> Self {
+        Self { speeds_rpm, speed_tolerance: 0.02, length: Length::Series(3), max_difference: 0.001 }
+    }
+}
+
 /// Where the contact of tool and work is known from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum ContactSource {
@@ -92,6 +100,13 @@ pub enum ContactSource {
         /// Consecutive valid samples at or below it that end contact.
         off_samples: u32,
     },
+}
+
+impl ContactSource {
+    /// [`ContactSource::Detected`]: samples that make contact by default, 1 ms at 20 kHz.
+    pub const ON_SAMPLES: u32 = 20;
+    /// Samples that end it by default, 0.1 s at 20 kHz.
+    pub const OFF_SAMPLES: u32 = 2_000;
 }
 
 /// Spectrum of a window.
@@ -109,6 +124,12 @@ pub struct SpectrumConfig {
     pub edges: u32,
 }
 
+impl Default for SpectrumConfig {
+    fn default() -> Self {
+        Self { samples: 4_096, min_frequency_hz: 20.0, noise_floor: 0.000_2, harmonic_tolerance_hz: 3.0, edges: 1 }
+    }
+}
+
 /// Removes single values that jump: a step larger than `max_step` from the last good value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpikeFilter {
@@ -116,6 +137,11 @@ pub struct SpikeFilter {
     pub max_step: f64,
     /// After this many in a row the jump is real and accepted.
     pub max_run: u32,
+}
+
+impl SpikeFilter {
+    /// [`SpikeFilter::max_run`] by default.
+    pub const MAX_RUN: u32 = 3;
 }
 
 /// When data is too bad to decide on.

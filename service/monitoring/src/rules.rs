@@ -33,6 +33,11 @@ pub struct FeedRule {
     pub step: f64,
 }
 
+impl FeedRule {
+    /// Step by default.
+    pub const STEP: f64 = 0.05;
+}
+
 /// Spindle rule of the process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum SpindleRule {
@@ -56,6 +61,13 @@ pub enum SpindleRule {
         /// Speeds by band.
         table: SpindleTable,
     },
+}
+
+impl SpindleRule {
+    /// Step in turning by default.
+    pub const STEP: f64 = 0.05;
+    /// Shortest mean resultant in turning by default.
+    pub const MIN_CONCENTRATION: f64 = 0.5;
 }
 
 /// One band of the spindle table: a current speed in (`above_rpm`, `up_to_rpm`] is changed to `speed_rpm`.
@@ -116,6 +128,12 @@ pub struct Escalation {
     pub action: EscalationAction,
 }
 
+impl Default for Escalation {
+    fn default() -> Self {
+        Self { windows: 5, action: EscalationAction::Hold }
+    }
+}
+
 /// How an escalation ends the cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EscalationAction {
@@ -150,12 +168,12 @@ impl Default for Rules {
     fn default() -> Self {
         Self {
             property: Property::Deviation,
-            feed: FeedRule { lower: 0.003, upper: 0.01, step: 0.05 },
+            feed: FeedRule { lower: 0.003, upper: 0.01, step: FeedRule::STEP },
             spindle: SpindleRule::None,
             feed_bounds: Bounds { lower: 0.1, upper: 1.5 },
             spindle_bounds: Bounds { lower: 0.5, upper: 1.2 },
             fallback: Fallback::Hold,
-            escalation: Some(Escalation { windows: 5, action: EscalationAction::Hold }),
+            escalation: Some(Escalation::default()),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 mod validate;
 
-use feedwave_monitoring::{MillingModel, Mode, Quantity, Violation};
+use feedwave_monitoring::{Length, MillingModel, Mode, MonitoringConfig, Quantity, Sensors, Violation};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -309,6 +309,31 @@ impl Description {
     /// All that is wrong, one violation per field; empty when it can be simulated.
     pub fn violations(&self) -> Vec<Violation> {
         validate::violations(self)
+    }
+
+    /// How the telemetry is judged where nobody says it: the defaults for the deflection, with windows as short as simulated
+    /// programs are. `None` with other sensors than those of distance, whose limits cannot be guessed.
+    pub fn monitoring(&self) -> Option<MonitoringConfig> {
+        let pairs = [self.tool_sensors, self.work_sensors];
+        if pairs.iter().flatten().any(|pair| pair.quantity != Quantity::Displacement) {
+            return None;
+        }
+        // A millimetre around the stand-off: far more than a tool bends.
+        let sensors = |pair: Option<SensorPair>| {
+            pair.map(|pair| Sensors { quantity: pair.quantity, min: pair.stand_off - 1.0, max: pair.stand_off + 1.0 })
+        };
+        let mut config = MonitoringConfig {
+            sample_rate_hz: f64::from(self.sample_rate_hz),
+            tool: sensors(self.tool_sensors),
+            work: sensors(self.work_sensors),
+            settling_s: 0.1,
+            window: Length::Seconds(0.2),
+            ..MonitoringConfig::default()
+        };
+        // A simulated machine rests while its computer is busy: that is no silence, and its telemetry is not stale.
+        config.quality.silence_s = 600.0;
+        config.quality.stale_s = 600.0;
+        Some(config)
     }
 
     /// The model whose stability lobes are those of this tool in a straight cut along X; `None` in turning.

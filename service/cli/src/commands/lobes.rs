@@ -5,18 +5,18 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use feedwave_contract::convert::{pocket_search_from_proto, stability_model_from_proto};
-use feedwave_contract::json;
 use feedwave_contract::proto::stability_model::Cut;
 use feedwave_contract::proto::{
     GetToolRequest, MillingCut, PocketSearch, StabilityLobes, StabilityModel, Tool, ToolDynamics, TurningCut,
     VibrationMode,
 };
 use feedwave_contract::violations::{Violation, Violations};
+use feedwave_monitoring::{Lobes, PocketRequest};
 use tonic::Code;
 
 use super::client::ServerArgs;
 use super::source::Source;
-use super::terminal::{Style, print, tell};
+use super::terminal::{Style, print, print_json, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, findings};
 use crate::plot::{LobesPicture, write_lobes};
@@ -79,19 +79,19 @@ pub struct Args {
     #[arg(long, value_name = "REV/MIN", help_heading = "Spindle table")]
     highest_rpm: f64,
     /// Bands of equal width, each with its best speed
-    #[arg(long, value_name = "COUNT", default_value_t = 8, help_heading = "Spindle table")]
+    #[arg(long, value_name = "COUNT", default_value_t = PocketRequest::BANDS, help_heading = "Spindle table")]
     bands: u32,
     /// Fraction taken off every limit
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.15, help_heading = "Spindle table")]
+    #[arg(long, value_name = "FRACTION", default_value_t = PocketRequest::MARGIN, help_heading = "Spindle table")]
     margin: f64,
     /// How far the true speed may be off, as a fraction
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.01, help_heading = "Spindle table")]
+    #[arg(long, value_name = "FRACTION", default_value_t = PocketRequest::SPEED_TOLERANCE, help_heading = "Spindle table")]
     speed_tolerance: f64,
     /// Depth or width that must be stable in every band, margin included
     #[arg(long, value_name = "MM", help_heading = "Spindle table")]
     required: Option<f64>,
     /// Evenly spaced speeds of chart and picture; more are added where the limit bends
-    #[arg(long, value_name = "COUNT", default_value_t = 1_000, help_heading = "Output")]
+    #[arg(long, value_name = "COUNT", default_value_t = Lobes::CHART_SPEEDS, help_heading = "Output")]
     chart_speeds: u32,
     /// Directory to draw a picture into
     #[arg(long, value_name = "DIRECTORY", help_heading = "Output")]
@@ -182,7 +182,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         }
     };
     match args.format {
-        Format::Json => print(&format!("{}\n", json::to_string(&lobes)))?,
+        Format::Json => print_json(&lobes)?,
         Format::Text => print(&text(&args.heading(&lobes), &lobes, Style::stdout())?)?,
     }
     if let Some(directory) = &args.plots {

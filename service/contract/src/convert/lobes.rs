@@ -14,10 +14,6 @@ use crate::proto;
 use crate::violations::Violations;
 use proto::stability_model::Cut;
 
-/// See the comments of the contract.
-const USUAL_BANDS: u32 = 8;
-const USUAL_SPEED_TOLERANCE: f64 = 0.01;
-const USUAL_CHART_SPEEDS: u32 = 1_000;
 /// Smallest arc in which an edge cuts, degrees.
 const MIN_ARC_DEG: f64 = 0.001;
 
@@ -166,9 +162,9 @@ pub fn pocket_search_from_proto(
     let request = PocketRequest {
         lowest_rpm: search.lowest_rpm,
         highest_rpm: search.highest_rpm,
-        bands: search.bands.unwrap_or(USUAL_BANDS),
-        margin: search.margin.unwrap_or(LOW_IMMERSION_ERROR),
-        speed_tolerance: search.speed_tolerance.unwrap_or(USUAL_SPEED_TOLERANCE),
+        bands: search.bands.unwrap_or(PocketRequest::BANDS),
+        margin: search.margin.unwrap_or(PocketRequest::MARGIN),
+        speed_tolerance: search.speed_tolerance.unwrap_or(PocketRequest::SPEED_TOLERANCE),
         required_mm: search.required_mm,
     };
     let problems = request.problems();
@@ -206,7 +202,7 @@ impl StabilityModel {
         chart_speeds: Option<u32>,
     ) -> Result<proto::StabilityLobes, Violations> {
         let lobes = self.lobes().map_err(|problem| refused("model.", &problem))?;
-        let chart = lobes.chart(search.lowest_rpm, search.highest_rpm, chart_speeds.unwrap_or(USUAL_CHART_SPEEDS));
+        let chart = lobes.chart(search.lowest_rpm, search.highest_rpm, chart_speeds.unwrap_or(Lobes::CHART_SPEEDS));
         let chart = chart.map_err(|problem| match &problem {
             LobeError::Value { .. } => refused("chart_", &problem),
             _ => refused("search.", &problem),

@@ -2,8 +2,8 @@
 
 use feedwave_monitoring as monitoring;
 use feedwave_monitoring::{
-    Bounds, ContactSource, Escalation, EscalationAction, Fallback, Length, MonitoringConfig, Property, Quality,
-    Quantity, Rules, SpikeFilter, SpindleTable, TableRow, ToolCheck,
+    Bounds, ContactSource, Escalation, EscalationAction, Fallback, FeedRule, IdleRunUp, Length, MonitoringConfig,
+    Property, Quality, Quantity, Rules, SpectrumConfig, SpikeFilter, SpindleRule, SpindleTable, TableRow, ToolCheck,
 };
 
 use super::enumeration;
@@ -12,17 +12,6 @@ use crate::violations::Violations;
 use proto::grouping::By;
 use proto::spindle_rule::Rule;
 use proto::window_length::Length as ProtoLength;
-
-/// Series of the baseline and of a step of the run-up unless the request says otherwise.
-const USUAL_SERIES: u32 = 3;
-/// See the comments of the contract.
-const USUAL_RULE_STEP: f64 = 0.05;
-const USUAL_CONCENTRATION: f64 = 0.5;
-const USUAL_SPEED_TOLERANCE: f64 = 0.02;
-const USUAL_IDLE_DIFFERENCE: f64 = 0.001;
-const USUAL_CONTACT_SAMPLES: [u32; 2] = [20, 2_000];
-const USUAL_STEP_RUN: u32 = 3;
-const USUAL_ESCALATION_WINDOWS: u32 = 5;
 
 /// The configuration with its defaults; a violation for each field under which no valid decision could be made.
 pub fn monitoring_from_proto(
@@ -45,23 +34,29 @@ pub fn monitoring_from_proto(
     };
     let baseline = length(&mut found, "baseline", config.baseline.as_ref(), default.baseline);
     let window = length(&mut found, "window", config.window.as_ref(), default.window);
-    let idle_run_up = config.idle_run_up.as_ref().map(|idle| monitoring::IdleRunUp {
-        speeds_rpm: idle.speeds_rpm.clone(),
-        speed_tolerance: idle.speed_tolerance.unwrap_or(USUAL_SPEED_TOLERANCE),
-        length: length(&mut found, "idle_run_up.length", idle.length.as_ref(), Length::Series(USUAL_SERIES)),
-        max_difference: idle.max_difference.unwrap_or(USUAL_IDLE_DIFFERENCE),
+    let idle_run_up = config.idle_run_up.as_ref().map(|idle| {
+        let default = IdleRunUp::over(idle.speeds_rpm.clone());
+        IdleRunUp {
+            speed_tolerance: idle.speed_tolerance.unwrap_or(default.speed_tolerance),
+            length: length(&mut found, "idle_run_up.length", idle.length.as_ref(), default.length),
+            max_difference: idle.max_difference.unwrap_or(default.max_difference),
+            ..default
+        }
     });
     let contact = config.contact.as_ref().map_or(ContactSource::Flag, |contact| ContactSource::Detected {
         threshold: contact.threshold,
-        on_samples: contact.on_samples.unwrap_or(USUAL_CONTACT_SAMPLES[0]),
-        off_samples: contact.off_samples.unwrap_or(USUAL_CONTACT_SAMPLES[1]),
+        on_samples: contact.on_samples.unwrap_or(ContactSource::ON_SAMPLES),
+        off_samples: contact.off_samples.unwrap_or(ContactSource::OFF_SAMPLES),
     });
-    let spectrum = config.spectrum.map(|spectrum| monitoring::SpectrumConfig {
-        samples: spectrum.samples.unwrap_or(4_096),
-        min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(20.0),
-        noise_floor: spectrum.noise_floor.unwrap_or(0.000_2),
-        harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(3.0),
-        edges: spectrum.edges.unwrap_or(1),
+    let spectrum = config.spectrum.map(|spectrum| {
+        let default = SpectrumConfig::default();
+        SpectrumConfig {
+            samples: spectrum.samples.unwrap_or(default.samples),
+            min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(default.min_frequency_hz),
+            noise_floor: spectrum.noise_floor.unwrap_or(default.noise_floor),
+            harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(default.harmonic_tolerance_hz),
+            edges: spectrum.edges.unwrap_or(default.edges),
+        }
     });
     if config.rules.is_none() {
         found.add("rules", "must be set: without limits nothing can be decided");
@@ -96,8 +91,8 @@ pub fn monitoring_from_proto(
 /// Path of a field of the monitor's configuration in the message.
 fn proto_path(field: &str, rules: &Rules) -> String {
     let kind = match rules.spindle {
-        monitoring::SpindleRule::Milling { .. } => "milling",
-        monitoring::SpindleRule::None | monitoring::SpindleRule::Turning { .. } => "turning",
+        SpindleRule::Milling { .. } => "milling",
+        SpindleRule::None | SpindleRule::Turning { .. } => "turning",
     };
     field
         .replace(".quantity.mm_per_strain", ".mm_per_strain")
@@ -139,7 +134,7 @@ fn quality(quality: &proto::DataQuality, default: Quality) -> Quality {
     Quality {
         spikes: quality
             .max_step
-            .map(|max_step| SpikeFilter { max_step, max_run: quality.max_step_run.unwrap_or(USUAL_STEP_RUN) }),
+            .map(|max_step| SpikeFilter { max_step, max_run: quality.max_step_run.unwrap_or(SpikeFilter::MAX_RUN) }),
         min_valid_samples: quality.min_valid_samples.unwrap_or(default.min_valid_samples),
         max_removed: quality.max_removed.unwrap_or(default.max_removed),
         stuck_samples: quality.stuck_samples.unwrap_or(default.stuck_samples),
@@ -164,21 +159,19 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
         Some(proto::SilenceFallback::Unspecified | proto::SilenceFallback::Hold) | None => Fallback::Hold,
     };
     let feed = match rules.feed {
-        Some(feed) => {
-            monitoring::FeedRule { lower: feed.lower, upper: feed.upper, step: feed.step.unwrap_or(USUAL_RULE_STEP) }
-        }
+        Some(feed) => FeedRule { lower: feed.lower, upper: feed.upper, step: feed.step.unwrap_or(FeedRule::STEP) },
         None => {
             found.add("rules.feed", "must be set");
             default.feed
         }
     };
     let spindle = match rules.spindle.as_ref().map(|spindle| &spindle.rule) {
-        None => monitoring::SpindleRule::None,
-        Some(Some(Rule::Turning(rule))) => monitoring::SpindleRule::Turning {
+        None => SpindleRule::None,
+        Some(Some(Rule::Turning(rule))) => SpindleRule::Turning {
             lower_rad: rule.lower_rad,
             upper_rad: rule.upper_rad,
-            step: rule.step.unwrap_or(USUAL_RULE_STEP),
-            min_concentration: rule.min_concentration.unwrap_or(USUAL_CONCENTRATION),
+            step: rule.step.unwrap_or(SpindleRule::STEP),
+            min_concentration: rule.min_concentration.unwrap_or(SpindleRule::MIN_CONCENTRATION),
         },
         Some(Some(Rule::Milling(rule))) => {
             let row = |band: &proto::SpindleBand| TableRow {
@@ -187,11 +180,11 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
                 speed_rpm: band.speed_rpm,
             };
             let table = SpindleTable { rows: rule.table.iter().map(row).collect() };
-            monitoring::SpindleRule::Milling { limit: rule.limit, table }
+            SpindleRule::Milling { limit: rule.limit, table }
         }
         Some(None) => {
             found.add("rules.spindle", "turning or milling must be set");
-            monitoring::SpindleRule::None
+            SpindleRule::None
         }
     };
     let bounds = |bounds: Option<proto::OverrideBounds>, default: Bounds| {
@@ -210,12 +203,14 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
 }
 
 fn escalation(found: &mut Violations, escalation: proto::Escalation) -> Option<Escalation> {
+    let default = Escalation::default();
     let action = match enumeration(found, "rules.escalation.action", escalation.action) {
         Some(proto::EscalationAction::Off) => return None,
         Some(proto::EscalationAction::Stop) => EscalationAction::Stop,
-        Some(proto::EscalationAction::Unspecified | proto::EscalationAction::Hold) | None => EscalationAction::Hold,
+        Some(proto::EscalationAction::Hold) => EscalationAction::Hold,
+        Some(proto::EscalationAction::Unspecified) | None => default.action,
     };
-    Some(Escalation { windows: escalation.windows.unwrap_or(USUAL_ESCALATION_WINDOWS), action })
+    Some(Escalation { windows: escalation.windows.unwrap_or(default.windows), action })
 }
 
 /// See [`monitoring_from_proto`].
@@ -292,8 +287,8 @@ const fn length_to_proto(length: Length) -> proto::WindowLength {
 
 pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
     let rule = match &rules.spindle {
-        monitoring::SpindleRule::None => None,
-        monitoring::SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {
+        SpindleRule::None => None,
+        SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {
             Some(Rule::Turning(proto::TurningRule {
                 lower_rad: *lower_rad,
                 upper_rad: *upper_rad,
@@ -301,7 +296,7 @@ pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
                 min_concentration: Some(*min_concentration),
             }))
         }
-        monitoring::SpindleRule::Milling { limit, table } => {
+        SpindleRule::Milling { limit, table } => {
             let band = |row: &TableRow| proto::SpindleBand {
                 above_rpm: row.above_rpm,
                 up_to_rpm: row.up_to_rpm,

@@ -58,6 +58,9 @@ struct Chart<'a> {
 }
 
 impl Lobes {
+    /// Evenly spaced speeds of a chart by default.
+    pub const CHART_SPEEDS: u32 = 1_000;
+
     /// The stability chart: at evenly spaced speeds from the lowest to the highest, and at as many between them as it
     /// needs, the limit with its lobe, and how the tool chatters above it. Both panels of a stability chart are in it,
     /// depth and chatter frequency over speed. Lines from one speed to the next lie on the exact limit or up to 0.1 %

@@ -1,6 +1,6 @@
 //! The deepest stable speeds of bands, as a spindle table.
 
-use super::{Check, LobeError, Lobes};
+use super::{Check, LOW_IMMERSION_ERROR, LobeError, Lobes};
 use crate::rules::{SpindleTable, TableRow};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -46,6 +46,13 @@ impl Check {
 }
 
 impl PocketRequest {
+    /// Bands by default.
+    pub const BANDS: u32 = 8;
+    /// Margin by default: what the zeroth order may err by.
+    pub const MARGIN: f64 = LOW_IMMERSION_ERROR;
+    /// Tolerance of the speed by default.
+    pub const SPEED_TOLERANCE: f64 = 0.01;
+
     /// Everything that is impossible, field by field.
     pub fn problems(&self) -> Vec<LobeError> {
         let mut check = Check::default();

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use feedwave_contract::convert::monitoring_to_proto;
 use feedwave_contract::proto;
-use feedwave_monitoring::{Length, MonitoringConfig, Quantity, Sensors, Violation};
-use feedwave_simulator::{Contact, Description, SensorPair, Where};
+use feedwave_monitoring::Violation;
+use feedwave_simulator::{Contact, Description, Where};
 
 use crate::commands::CliError;
 use crate::commands::terminal::tell;
@@ -91,29 +91,12 @@ pub(super) fn refused(violations: &[Violation]) -> CliError {
     CliError::trouble(format!("the machine cannot be simulated:{}", list.concat()))
 }
 
-/// Limits of the deflection for a simulated machine: windows as short as simulated programs are.
+/// How a simulated machine is judged where the job does not say.
 pub(in crate::commands) fn default_monitoring(description: &Description) -> Result<proto::MonitoringConfig, CliError> {
-    let pairs = [description.tool_sensors, description.work_sensors];
-    if pairs.iter().flatten().any(|pair| pair.quantity != Quantity::Displacement) {
-        return Err(CliError::trouble(
+    let config = description.monitoring().ok_or_else(|| {
+        CliError::trouble(
             "the job has no monitoring, and limits for strain or acceleration sensors cannot be guessed: set it first",
-        ));
-    }
-    // A millimetre around the stand-off: far more than a tool bends.
-    let sensors = |pair: Option<SensorPair>| {
-        pair.map(|pair| Sensors { quantity: pair.quantity, min: pair.stand_off - 1.0, max: pair.stand_off + 1.0 })
-    };
-    let mut config = MonitoringConfig {
-        sample_rate_hz: f64::from(description.sample_rate_hz),
-        tool: sensors(description.tool_sensors),
-        work: sensors(description.work_sensors),
-        settling_s: 0.1,
-        window: Length::Seconds(0.2),
-        baseline: Length::Series(3),
-        ..MonitoringConfig::default()
-    };
-    // A simulated machine rests while its computer is busy: that is no silence, and its telemetry is not stale.
-    config.quality.silence_s = 600.0;
-    config.quality.stale_s = 600.0;
+        )
+    })?;
     Ok(monitoring_to_proto(&config))
 }
