@@ -22,6 +22,7 @@ pub use frame::profile::{
     MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
 };
 pub use frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPathSink};
 pub use frame::validation::Validation;
 pub use functions::path_vibration::*;
 pub use functions::thinning::{DroppedRun, ProgramThinning};

@@ -3,30 +3,23 @@
 mod five_axis;
 
 use std::collections::HashSet;
-use std::f64::consts::PI;
 use std::ops::Range;
 
-use feedwave_cutting::{Cut, CutCondition, PipelineConfig, SectionReport, SetpointBlock, ValidationReport};
-use feedwave_motion::{Element, MachineKind, PathSmoother, Smoothed};
-use feedwave_program::{
-    Feed, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, Operation, OperationKind, Position, Spindle,
-    SpindleSpeed, ThreadMove,
+use feedwave_cutting::{
+    CutCondition, GuidedCuts, PipelineConfig, SectionReport, SetpointBlock, ToolMotion, ToolPath, ToolPathSink,
+    ValidationReport,
 };
+use feedwave_motion::MachineKind;
 
-use self::five_axis::GuidedPath;
 use super::CliError;
 use super::source::Source;
 use super::terminal::number;
-use crate::plot::{self, AxisShown, PathTrace, Plots, Point, RapidLines, Stretch};
+use crate::plot::{self, AxisShown, PathTrace, Plots, Point, RapidLines};
 
 /// Pictures of chips at most: sections of one program are mostly alike.
 const MAX_CHIP_PICTURES: usize = 8;
 /// Vibration periods in a close view.
 const PERIODS_SHOWN: f64 = 5.0;
-/// Curves are drawn with chords of this angle where they bend most, rad: half a thousandth of the radius off.
-const CHORD_RAD: f64 = PI / 90.0;
-/// Chords of one curve at most.
-const MAX_CHORDS: f64 = 20_000.0;
 
 /// Finds the first stretch of time in which the tool vibrates, while the program is validated.
 #[derive(Clone, Debug, Default)]
@@ -79,11 +72,9 @@ pub(super) fn prepare(
     for change in &config.overrides {
         plots.add_override(change.index as f64 * config.period_s(), change.ratio);
     }
-    let mut tracer = Tracer::new(config);
-    tracer.read(source, config)?;
-    let Tracer { trace, rapids, guided_path, .. } = tracer;
+    let (Traced { trace, rapids }, guided) = Traced::read(source, config)?;
     plots.set_path(trace, rapids);
-    if let Some(five_axis) = five_axis::prepare(source, config, report, guided_path)? {
+    if let Some(five_axis) = five_axis::prepare(source, config, report, guided)? {
         plots.set_five_axis(five_axis);
     }
     let superposed = match (report.sections.first(), report.oscillations.first()) {
@@ -134,164 +125,43 @@ fn axes(config: &PipelineConfig) -> Vec<AxisShown> {
     .collect()
 }
 
-/// Follows the program through its operations: the path that is run, in work coordinates, with the curves that `G64` puts
-/// in place of corners; which lines move rapidly; the path of a guided tool.
-struct Tracer {
+/// The path of a program, and which lines move rapidly.
+#[derive(Default)]
+struct Traced {
     trace: PathTrace,
     rapids: RapidLines,
-    guided_path: GuidedPath,
-    smoother: PathSmoother<Cut>,
-    /// What cuts are at this place of the program.
-    cutting: Stretch,
-    thread_vibration: bool,
-    /// Largest feed override.
-    most: f64,
 }
 
-impl Tracer {
-    fn new(config: &PipelineConfig) -> Self {
-        Self {
-            trace: PathTrace::default(),
-            rapids: RapidLines::default(),
-            guided_path: GuidedPath::default(),
-            smoother: PathSmoother::default(),
-            cutting: Stretch::Cutting,
-            thread_vibration: false,
-            most: config.overrides.iter().map(|change| change.ratio).fold(1.0, f64::max),
-        }
+impl ToolPathSink for Traced {
+    fn line(&mut self, motion: ToolMotion, from: Point, to: Point) {
+        self.trace.line(motion.into(), from, to);
     }
 
-    /// Reads the whole program.
-    fn read(&mut self, source: &mut Source, config: &PipelineConfig) -> Result<(), CliError> {
+    fn rapid(&mut self, line: u32) {
+        self.rapids.rapid(line);
+    }
+
+    fn cut(&mut self, line: u32, max_mm_per_min: f64) {
+        self.rapids.cut(line, max_mm_per_min);
+    }
+}
+
+impl Traced {
+    /// Of the whole program, with its cuts with a guided tool.
+    fn read(source: &mut Source, config: &PipelineConfig) -> Result<(Self, GuidedCuts), CliError> {
         source.rewind()?;
-        let mut interpreter =
-            Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths());
-        let (mut operations, mut findings) = (Vec::new(), FindingLog::with_limit(0));
-        let (mut unread, mut ended) = (Vec::new(), false);
+        let mut path = ToolPath::new(config);
+        let mut traced = Self::default();
         loop {
-            let mut consumed = 0;
-            let outcome = loop {
-                match interpreter.read_line(&unread[consumed..], ended, &mut operations, &mut findings) {
-                    LineOutcome::Consumed(bytes) => consumed += bytes,
-                    outcome => break outcome,
-                }
-                operations.drain(..).for_each(|operation| self.follow(&operation));
-            };
-            if outcome == LineOutcome::Ended {
-                self.flush();
-                self.rapids.finish();
-                return Ok(());
+            match source.next_piece()? {
+                [] => break,
+                piece => path.push(piece, &mut traced),
             }
-            unread.drain(..consumed);
-            let piece = source.next_piece()?;
-            ended = piece.is_empty();
-            unread.extend_from_slice(piece);
         }
+        let cuts = path.finish(&mut traced);
+        traced.rapids.finish();
+        Ok((traced, cuts))
     }
-
-    fn follow(&mut self, Operation { kind, span }: &Operation) {
-        match kind {
-            OperationKind::Move(step) => {
-                self.guided_path.interrupt();
-                self.count(step, span.line);
-                if step.kind == MoveKind::Rapid {
-                    self.flush();
-                }
-                let Some(element) = Element::from_move(step, *span) else { return };
-                let cut = Cut::of(step, &element);
-                let (trace, cutting) = (&mut self.trace, self.cutting);
-                let mut draw = |smoothed: Smoothed<Cut>| draw_element(&smoothed.element, cutting, trace);
-                for part in element.smooth_parts() {
-                    self.smoother.push(part, step.path_control, cut, &mut draw);
-                }
-            }
-            OperationKind::Guided(guided) => {
-                self.flush();
-                self.count(&guided.step, span.line);
-                self.guided_path.add(guided, span.line, &mut self.trace);
-            }
-            OperationKind::Thread(pass) => {
-                self.flush();
-                self.rapids.cut(span.line, THREAD_MARGIN * pass.lead_mm * most_rev_per_min(&pass.spindle));
-                self.thread(pass);
-            }
-            OperationKind::Function(command) => {
-                self.flush();
-                let of = |superposed| if command.on { superposed } else { Stretch::Cutting };
-                match command.function {
-                    Function::PathVibration => self.cutting = of(Stretch::Vibrating),
-                    Function::ToolOscillation => self.cutting = of(Stretch::Oscillating),
-                    Function::ThreadVibration => self.thread_vibration = command.on,
-                    _ => {}
-                }
-            }
-            _ => self.flush(),
-        }
-    }
-
-    fn flush(&mut self) {
-        let (trace, cutting) = (&mut self.trace, self.cutting);
-        self.smoother.flush(&mut |smoothed| draw_element(&smoothed.element, cutting, trace));
-    }
-
-    /// Keeps whether a line moves rapidly, and how fast it cuts.
-    fn count(&mut self, step: &Move, line: u32) {
-        if step.kind == MoveKind::Rapid {
-            return self.rapids.rapid(line);
-        }
-        let feed_mm_per_min = match step.feed {
-            Feed::PerMinute(feed) => feed,
-            Feed::PerRevolution(feed) => feed * most_rev_per_min(&step.spindle),
-            Feed::InverseTime(_) => f64::INFINITY,
-        };
-        self.rapids.cut(line, self.most * feed_mm_per_min);
-    }
-
-    /// A threading pass, with its pull-out; a pass with an amplitude of 0 of its own does not vibrate.
-    fn thread(&mut self, pass: &ThreadMove) {
-        let vibrates = self.thread_vibration && pass.amplitude_mm != Some(0.0);
-        let stretch = if vibrates { Stretch::VibratingThread } else { Stretch::Threading };
-        let (from, mut to) = (point(&pass.start), point(&pass.end));
-        let mut last = from;
-        if let Some(pull_out) = pass.pull_out {
-            let travel = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-            let length = travel.iter().fold(0.0_f64, |length, travel| length.max(travel.abs()));
-            let share = if length > 0.0 { (pull_out.travel_mm / length).min(1.0) } else { 0.0 };
-            let begin = [0, 1, 2].map(|axis| to[axis] - share * travel[axis]);
-            self.trace.line(stretch, last, begin);
-            last = begin;
-            to[0] += pull_out.retreat_mm;
-        }
-        self.trace.line(stretch, last, to);
-    }
-}
-
-/// The path along a taper is longer than the travel of the lead axis, at most by this.
-const THREAD_MARGIN: f64 = 1.5;
-
-/// Highest speed that a spindle state permits; infinite under constant surface speed without a limit.
-const fn most_rev_per_min(spindle: &Spindle) -> f64 {
-    match spindle.speed {
-        SpindleSpeed::Constant { rev_per_min } => rev_per_min,
-        SpindleSpeed::Surface { max_rev_per_min, .. } => max_rev_per_min,
-    }
-}
-
-/// Draws an element: a line as such, a curve with chords.
-fn draw_element(element: &Element, cutting: Stretch, trace: &mut PathTrace) {
-    let stretch = if element.rapid { Stretch::Rapid } else { cutting };
-    let turn_rad = element.length * element.curvature();
-    let chords = (turn_rad / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32;
-    let mut from = point(&element.start);
-    for chord in 1..=chords {
-        let to = point(&element.position(element.length * (f64::from(chord) / f64::from(chords))));
-        trace.line(stretch, from, to);
-        from = to;
-    }
-}
-
-fn point(position: &Position) -> Point {
-    [position[0], position[1], position[2]]
 }
 
 /// The programmed cut and, where it does not break the chip, the suggested one.

@@ -1,5 +1,7 @@
 //! The tool path as a few polylines: bounded memory, faithful to less than a pixel.
 
+use feedwave_cutting::ToolMotion;
+
 /// What the tool does along a stretch of the path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stretch {
@@ -17,6 +19,19 @@ pub enum Stretch {
     VibratingThread,
     /// Where the tool goes with the rotary axes, and how, only the machine knows.
     Unknown,
+}
+
+impl From<ToolMotion> for Stretch {
+    fn from(motion: ToolMotion) -> Self {
+        match motion {
+            ToolMotion::Rapid => Self::Rapid,
+            ToolMotion::Cutting => Self::Cutting,
+            ToolMotion::Vibrating => Self::Vibrating,
+            ToolMotion::Oscillating => Self::Oscillating,
+            ToolMotion::Threading => Self::Threading,
+            ToolMotion::VibratingThread => Self::VibratingThread,
+        }
+    }
 }
 
 /// A point of the path: X (radius), Y, Z, mm.

@@ -8,4 +8,5 @@ pub(crate) mod profile;
 pub(crate) mod report;
 mod scout;
 mod timed;
+pub(crate) mod tool_path;
 pub(crate) mod validation;

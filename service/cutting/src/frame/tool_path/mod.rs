@@ -1,0 +1,228 @@
+//! The path that a program takes, without planning it: polylines in work coordinates, with the curves that `G64` puts in
+//! place of corners. Bounded memory: what is found is handed to a [`ToolPathSink`] at once.
+
+mod guided;
+
+use std::f64::consts::PI;
+
+use feedwave_motion::{Element, PathSmoother, Smoothed};
+use feedwave_program::{
+    Feed, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, Operation, OperationKind, Position, Spindle,
+    SpindleSpeed, ThreadMove,
+};
+
+pub use self::guided::GuidedCuts;
+use self::guided::GuidedTip;
+use crate::{Cut, PipelineConfig};
+
+/// Curves have chords of this angle where they bend most, rad: half a thousandth of the radius off.
+const CHORD_RAD: f64 = PI / 90.0;
+/// Chords of one curve at most.
+const MAX_CHORDS: f64 = 20_000.0;
+/// The path along a taper is longer than the travel of the lead axis, at most by this.
+const THREAD_MARGIN: f64 = 1.5;
+
+/// A point of the path: X (radius), Y, Z, mm.
+pub type PathPoint = [f64; 3];
+
+/// What the tool does along a stretch of the path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ToolMotion {
+    /// Rapid move.
+    Rapid,
+    /// Cutting.
+    Cutting,
+    /// Cutting with vibration along the path.
+    Vibrating,
+    /// Cutting while the tool oscillates.
+    Oscillating,
+    /// A threading pass.
+    Threading,
+    /// A threading pass with vibration of X.
+    VibratingThread,
+}
+
+/// Who is told of the path, in its order.
+pub trait ToolPathSink {
+    /// The tool goes straight.
+    fn line(&mut self, motion: ToolMotion, from: PathPoint, to: PathPoint);
+    /// A line of the program moves rapidly.
+    fn rapid(&mut self, line: u32);
+    /// A line of the program cuts, at most this fast, mm/min; infinite where it is not bounded.
+    fn cut(&mut self, line: u32, max_mm_per_min: f64);
+}
+
+/// Reads a program for its path. What is wrong with it is not said: that is the business of validation.
+#[derive(Debug)]
+pub struct ToolPath {
+    interpreter: Interpreter,
+    /// Bytes of a line that is not complete.
+    unread: Vec<u8>,
+    operations: Vec<Operation>,
+    findings: FindingLog,
+    follower: Follower,
+}
+
+/// What operations have to remember of each other.
+#[derive(Debug)]
+struct Follower {
+    tip: GuidedTip,
+    smoother: PathSmoother<Cut>,
+    /// What cuts are at this place of the program.
+    cutting: ToolMotion,
+    thread_vibration: bool,
+    /// Largest feed override, at least 1.
+    max_override: f64,
+}
+
+impl ToolPath {
+    /// The path of a program on this machine, with these tools and changes of the feed override.
+    #[must_use]
+    pub fn new(config: &PipelineConfig) -> Self {
+        Self {
+            interpreter: Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths()),
+            unread: Vec::new(),
+            operations: Vec::new(),
+            findings: FindingLog::with_limit(0),
+            follower: Follower {
+                tip: GuidedTip::default(),
+                smoother: PathSmoother::default(),
+                cutting: ToolMotion::Cutting,
+                thread_vibration: false,
+                max_override: config.overrides.iter().map(|change| change.ratio).fold(1.0, f64::max),
+            },
+        }
+    }
+
+    /// Takes the next bytes of the program.
+    pub fn push(&mut self, bytes: &[u8], sink: &mut impl ToolPathSink) {
+        self.unread.extend_from_slice(bytes);
+        self.read(false, sink);
+    }
+
+    /// Ends the program; the cuts that it makes with a guided tool.
+    pub fn finish(mut self, sink: &mut impl ToolPathSink) -> GuidedCuts {
+        self.read(true, sink);
+        self.follower.flush(sink);
+        self.follower.tip.into_cuts()
+    }
+
+    fn read(&mut self, ended: bool, sink: &mut impl ToolPathSink) {
+        let mut consumed = 0;
+        let Self { interpreter, unread, operations, findings, follower } = self;
+        while let LineOutcome::Consumed(bytes) = interpreter.read_line(&unread[consumed..], ended, operations, findings)
+        {
+            consumed += bytes;
+            operations.drain(..).for_each(|operation| follower.follow(&operation, sink));
+        }
+        operations.drain(..).for_each(|operation| follower.follow(&operation, sink));
+        unread.drain(..consumed);
+    }
+}
+
+impl Follower {
+    fn follow(&mut self, Operation { kind, span }: &Operation, sink: &mut impl ToolPathSink) {
+        match kind {
+            OperationKind::Move(step) => {
+                self.tip.interrupt();
+                self.count(step, span.line, sink);
+                if step.kind == MoveKind::Rapid {
+                    self.flush(sink);
+                }
+                let Some(element) = Element::from_move(step, *span) else { return };
+                let cut = Cut::of(step, &element);
+                let cutting = self.cutting;
+                let mut draw = |smoothed: Smoothed<Cut>| chords(&smoothed.element, cutting, sink);
+                for part in element.smooth_parts() {
+                    self.smoother.push(part, step.path_control, cut, &mut draw);
+                }
+            }
+            OperationKind::Guided(guided) => {
+                self.flush(sink);
+                self.count(&guided.step, span.line, sink);
+                self.tip.follow(guided, span.line, sink);
+            }
+            OperationKind::Thread(pass) => {
+                self.flush(sink);
+                sink.cut(span.line, THREAD_MARGIN * pass.lead_mm * max_rev_per_min(&pass.spindle));
+                self.thread(pass, sink);
+            }
+            OperationKind::Function(command) => {
+                self.flush(sink);
+                let of = |superposed| if command.on { superposed } else { ToolMotion::Cutting };
+                match command.function {
+                    Function::PathVibration => self.cutting = of(ToolMotion::Vibrating),
+                    Function::ToolOscillation => self.cutting = of(ToolMotion::Oscillating),
+                    Function::ThreadVibration => self.thread_vibration = command.on,
+                    _ => {}
+                }
+            }
+            _ => self.flush(sink),
+        }
+    }
+
+    fn flush(&mut self, sink: &mut impl ToolPathSink) {
+        let cutting = self.cutting;
+        self.smoother.flush(&mut |smoothed| chords(&smoothed.element, cutting, sink));
+    }
+
+    /// Tells whether a line moves rapidly, and how fast it cuts.
+    fn count(&self, step: &Move, line: u32, sink: &mut impl ToolPathSink) {
+        if step.kind == MoveKind::Rapid {
+            return sink.rapid(line);
+        }
+        let feed_mm_per_min = match step.feed {
+            Feed::PerMinute(feed) => feed,
+            Feed::PerRevolution(feed) => feed * max_rev_per_min(&step.spindle),
+            Feed::InverseTime(_) => f64::INFINITY,
+        };
+        sink.cut(line, self.max_override * feed_mm_per_min);
+    }
+
+    /// A threading pass, with its pull-out; a pass with an amplitude of 0 of its own does not vibrate.
+    fn thread(&self, pass: &ThreadMove, sink: &mut impl ToolPathSink) {
+        let vibrates = self.thread_vibration && pass.amplitude_mm != Some(0.0);
+        let motion = if vibrates { ToolMotion::VibratingThread } else { ToolMotion::Threading };
+        let (from, mut to) = (point(&pass.start), point(&pass.end));
+        let mut last = from;
+        if let Some(pull_out) = pass.pull_out {
+            let travel = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let length = travel.iter().fold(0.0_f64, |length, travel| length.max(travel.abs()));
+            let share = if length > 0.0 { (pull_out.travel_mm / length).min(1.0) } else { 0.0 };
+            let begin = [0, 1, 2].map(|axis| to[axis] - share * travel[axis]);
+            sink.line(motion, last, begin);
+            last = begin;
+            to[0] += pull_out.retreat_mm;
+        }
+        sink.line(motion, last, to);
+    }
+}
+
+/// Highest speed that a spindle state permits; infinite under constant surface speed without a limit.
+const fn max_rev_per_min(spindle: &Spindle) -> f64 {
+    match spindle.speed {
+        SpindleSpeed::Constant { rev_per_min } => rev_per_min,
+        SpindleSpeed::Surface { max_rev_per_min, .. } => max_rev_per_min,
+    }
+}
+
+/// How many chords a curve takes that turns by this angle.
+fn chord_count(turn_rad: f64) -> u32 {
+    (turn_rad / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32
+}
+
+/// An element: a line as such, a curve as chords.
+fn chords(element: &Element, cutting: ToolMotion, sink: &mut impl ToolPathSink) {
+    let motion = if element.rapid { ToolMotion::Rapid } else { cutting };
+    let count = chord_count(element.length * element.curvature());
+    let mut from = point(&element.start);
+    for chord in 1..=count {
+        let to = point(&element.position(element.length * (f64::from(chord) / f64::from(count))));
+        sink.line(motion, from, to);
+        from = to;
+    }
+}
+
+fn point(position: &Position) -> PathPoint {
+    [position[0], position[1], position[2]]
+}
