@@ -11,8 +11,7 @@ pub use self::code::{CodeEntry, CodeTable, Example, FindingCode};
 pub use self::log::FindingLog;
 
 /// How bad a finding is. A program with an [`Severity::Error`] is rejected before anything moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Severity {
     /// Worth knowing.
     Info,
@@ -34,7 +33,7 @@ pub struct SourceSpan {
 }
 
 /// A number (or a name) that led to a finding.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NamedValue {
     /// What the value is, `snake_case`, without the unit.
     pub name: Cow<'static, str>,
@@ -45,7 +44,7 @@ pub struct NamedValue {
 }
 
 /// What would cure a finding.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Suggestion {
     /// What to do, as a sentence.
     pub message: String,
@@ -56,7 +55,7 @@ pub struct Suggestion {
 }
 
 /// Which of several occurrences at one place, such as `pass` 3 of a cycle that is one block.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Occurrence {
     /// What is counted, `snake_case`: `pass`, `line`.
     pub name: Cow<'static, str>,
@@ -66,14 +65,13 @@ pub struct Occurrence {
 
 /// One thing found in a program. What is found again at the same place and for the same cause is one finding: a
 /// [`FindingLog`] counts its occurrences and keeps the worst.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// Stable code such as `VIB-CHIP-UNBROKEN`.
     pub code: FindingCode,
     /// How bad it is.
     pub severity: Severity,
     /// Where it is.
-    #[serde(flatten)]
     pub span: SourceSpan,
     /// What is wrong, in one sentence with the numbers.
     pub message: String,
@@ -88,7 +86,6 @@ pub struct Finding {
     /// The worst occurrence, likewise.
     pub worst: Option<Occurrence>,
     /// What distinguishes occurrences of one finding from other findings, and ranks them.
-    #[serde(skip)]
     rank: Option<Rank>,
 }
 

@@ -22,7 +22,7 @@ const PAGE: i32 = 500;
 /// Form of what is shown.
 #[derive(Debug, clap::Args)]
 struct Output {
-    /// Form of the output; JSON is that of the service's contract
+    /// Form of the output
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
 }

@@ -14,11 +14,8 @@ mod encryption;
 mod five_axis;
 mod lobes;
 mod oscillation;
-<<<<<<< HEAD
-mod resources;
-=======
 mod reports;
->>>>>>> bf46404 (Give the contract's message as the JSON of every command)
+mod resources;
 mod run;
 mod service;
 mod thread_plan;

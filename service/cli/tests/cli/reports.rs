@@ -2,13 +2,7 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
-use std::path::Path;
 
-use feedwave_contract::convert::{profile_to_proto, tool_to_proto};
-use feedwave_contract::proto::Tool;
-use feedwave_cutting::MachineProfile;
-use figment::Figment;
-use figment::providers::{Format as _, Serialized, Toml};
 use serde_json::Value;
 
 use super::service::Service;
@@ -46,24 +40,23 @@ fn cases() -> Vec<Case> {
     cases.push(Case { tools: &["tools/ball"], ..five_axis });
     let (profile, tools) = (file("oscillation-mill.toml"), file("oscillation-tools.toml"));
     let oscillating = case("oscillation-mill.nc", "oscillating", &["--profile", &profile, "--tools", &tools]);
-    cases.push(Case { tools: &["tools/number-4", "tools/number-5"], ..oscillating });
+    cases.push(Case { tools: &["tools/face-mill-120", "tools/face-mill-120-measured"], ..oscillating });
     cases
 }
 
-fn profile(path: &Path) -> MachineProfile {
-    let generic = Figment::from(Serialized::defaults(MachineProfile::mill()));
-    generic.merge(Toml::file(path)).extract().unwrap()
-}
-
+/// Gives the service the machines and tools of the files.
 fn equip(service: &Service) {
-    for (id, file) in [("five-axis", "five-axis-mill.toml"), ("oscillating", "oscillation-mill.toml")] {
-        service.create_machine(id, profile_to_proto(&profile(&fixture(file))));
-    }
-    service.create_tool("ball", Tool { number: 1, length_mm: Some(120.0), ..Tool::default() });
-    let library = Figment::from(Toml::file(fixture("oscillation-tools.toml")));
-    let tools: Vec<feedwave_cutting::Tool> = library.extract_inner("tools").unwrap();
-    for tool in &tools {
-        service.create_tool(&format!("number-{}", tool.number), tool_to_proto(tool));
+    let file = |name: &str| fixture(name).display().to_string();
+    let ball = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(&ball, "number = 1\nlength_mm = 120\n").unwrap();
+    for arguments in [
+        ["machine", "put", &file("five-axis-mill.toml"), "five-axis"].as_slice(),
+        &["machine", "put", &file("oscillation-mill.toml"), "oscillating"],
+        &["tool", "put", &file("oscillation-tools.toml")],
+        &["tool", "put", ball.path().to_str().unwrap(), "ball"],
+    ] {
+        let output = service.run(arguments);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
     }
 }
 

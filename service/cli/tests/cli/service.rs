@@ -5,13 +5,8 @@ use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::process::Output;
 use std::thread;
 
-use feedwave_contract::proto::machines_client::MachinesClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
-use feedwave_contract::proto::tools_client::ToolsClient;
-use feedwave_contract::proto::{
-    CreateMachineRequest, CreateToolRequest, GetMonitoringRequest, Machine, MachineProfile, MonitoringConfig,
-    SetMonitoringRequest, Tool,
-};
+use feedwave_contract::proto::{GetMonitoringRequest, MonitoringConfig, SetMonitoringRequest};
 use feedwave_server::config::{Config, GrpcConfig, HttpConfig, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
 
@@ -64,23 +59,6 @@ impl Service {
 
     pub(super) fn http_address(&self) -> SocketAddr {
         self.server.as_ref().unwrap().http_addr()
-    }
-
-    pub(super) fn create_machine(&self, id: &str, profile: MachineProfile) {
-        let machine = Some(Machine { profile: Some(profile), ..Machine::default() });
-        let request = CreateMachineRequest { machine_id: id.to_owned(), machine };
-        self.runtime.block_on(async {
-            let mut client = MachinesClient::connect(format!("http://{}", self.address)).await.unwrap();
-            client.create_machine(request).await.unwrap();
-        });
-    }
-
-    pub(super) fn create_tool(&self, id: &str, tool: Tool) {
-        let request = CreateToolRequest { tool_id: id.to_owned(), tool: Some(tool) };
-        self.runtime.block_on(async {
-            let mut client = ToolsClient::connect(format!("http://{}", self.address)).await.unwrap();
-            client.create_tool(request).await.unwrap();
-        });
     }
 
     pub(super) fn run(&self, arguments: &[&str]) -> Output {

@@ -10,22 +10,18 @@ use crate::functions::thread::ThreadSectionReport;
 use crate::functions::tool_oscillation::{OscillationDirection, OscillationSectionReport, ToolOscillation};
 use crate::shared::tool::ToolGeometry;
 
-/// Findings, one report per vibrating section and per thread, and the summary of the plan. This is the JSON that
-/// `feedwave validate --format json` prints.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// Findings, one report per vibrating section and per thread, and the summary of the plan.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ValidationReport {
     /// Everything found, in the order of the source; the first ones in full where there are very many.
     pub findings: Vec<Finding>,
     /// One report per vibrating section, in order; the first ones where there are very many.
     pub sections: Vec<SectionReport>,
     /// One report per thread, in order; the first ones where there are very many.
-    #[serde(default)]
     pub threads: Vec<ThreadSectionReport>,
     /// One report per oscillation, tool, feed and spindle speed, in order; the first ones where there are very many.
-    #[serde(default)]
     pub oscillations: Vec<OscillationSectionReport>,
     /// What thinning did, where it was switched on.
-    #[serde(default)]
     pub thinning: Option<ProgramThinning>,
     /// Counts, times and peaks of the whole program.
     pub summary: ProgramSummary,
@@ -40,7 +36,7 @@ impl ValidationReport {
 }
 
 /// Figures of a whole program.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProgramSummary {
     /// Errors found (counted even where not listed).
     pub errors: u64,
@@ -53,17 +49,13 @@ pub struct ProgramSummary {
     /// Vibrating sections, listed or not.
     pub section_count: u64,
     /// Threads, listed or not.
-    #[serde(default)]
     pub thread_count: u64,
     /// Threading passes.
-    #[serde(default)]
     pub thread_passes: u64,
     /// Reports on oscillations, listed or not.
-    #[serde(default)]
     pub oscillation_count: u64,
     /// Cutting time with an oscillating tool at the programmed feed, s: added to that before the part it is that before the
     /// next one ([`crate::functions::tool_oscillation::OscillationRequest`]).
-    #[serde(default)]
     pub oscillating_cutting_time_s: f64,
     /// Bytes of the program.
     pub bytes: u64,
@@ -119,7 +111,7 @@ pub struct LimitTimes {
 }
 
 /// One machine axis over the whole program, from the setpoints themselves.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxisSummary {
     /// Column name.
     pub name: String,
@@ -145,7 +137,7 @@ pub struct AxisSummary {
 }
 
 /// Where a peak is: the last of the setpoints that its difference is taken of.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeakPlace {
     /// Index of the setpoint.
     pub setpoint_index: u64,

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
 use super::{Output, PAGE, card, deleted, full_name, refused, time, words};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::print;
+use crate::commands::terminal::{print, print_json};
 use crate::commands::validate::Format;
 
 const COLLECTION: &str = "jobs";
@@ -137,7 +137,7 @@ pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
             let job = answer.into_inner().job.unwrap_or_default();
             match output.format {
                 Format::Text => print(&text(&job))?,
-                Format::Json => print(&format!("{}\n", json::to_string(&job)))?,
+                Format::Json => print_json(&job)?,
             }
         }
         Command::Cancel { name, server } => {

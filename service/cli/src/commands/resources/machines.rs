@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use feedwave_contract::json;
 use feedwave_contract::proto::{
     AxisLetter, CreateMachineRequest, DeleteMachineRequest, GetMachineRequest, ListMachinesRequest,
     ListMachinesResponse, Machine, UpdateMachineRequest,
@@ -17,7 +16,7 @@ use super::{Output, PAGE, card, deleted, full_name, put, refused, target, time, 
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
 use crate::commands::machine::{Kind, read_machine};
-use crate::commands::terminal::{print, tell};
+use crate::commands::terminal::{print, print_json, tell};
 use crate::commands::validate::Format;
 
 const COLLECTION: &str = "machines";
@@ -116,7 +115,7 @@ pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
             let machine = answer.into_inner().machine.unwrap_or_default();
             match output.format {
                 Format::Text => print(&text(&machine))?,
-                Format::Json => print(&format!("{}\n", json::to_string(&machine)))?,
+                Format::Json => print_json(&machine)?,
             }
             Ok(ExitCode::SUCCESS)
         }
@@ -147,7 +146,7 @@ async fn list(client: &Client, format: Format) -> Result<ExitCode, CliError> {
     match format {
         Format::Json => {
             let all = ListMachinesResponse { machines, next_page_token: String::new() };
-            print(&format!("{}\n", json::to_string(&all)))?;
+            print_json(&all)?;
         }
         Format::Text => {
             let mut table = format!("{:<28}  {:<6}  {:<20}  name for people\n", "machine", "kind", "axes");

@@ -6,17 +6,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Subcommand;
+use feedwave_contract::names;
 use feedwave_contract::proto::{
     CreateToolRequest, DeleteToolRequest, GetToolRequest, ListToolsRequest, ListToolsResponse, Tool, UpdateToolRequest,
 };
-use feedwave_contract::{json, names};
 use prost_types::FieldMask;
 use tonic::Status;
 
 use super::{Output, PAGE, card, deleted, full_name, put, refused, target, time, words};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::print;
+use crate::commands::terminal::{print, print_json};
 use crate::commands::tools::read_library;
 use crate::commands::validate::Format;
 
@@ -106,7 +106,7 @@ pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
             let tool = answer.into_inner().tool.unwrap_or_default();
             match output.format {
                 Format::Text => print(&text(&tool))?,
-                Format::Json => print(&format!("{}\n", json::to_string(&tool)))?,
+                Format::Json => print_json(&tool)?,
             }
             Ok(ExitCode::SUCCESS)
         }
@@ -143,7 +143,7 @@ async fn list(client: &Client, format: Format) -> Result<ExitCode, CliError> {
     match format {
         Format::Json => {
             let all = ListToolsResponse { tools, next_page_token: String::new() };
-            print(&format!("{}\n", json::to_string(&all)))?;
+            print_json(&all)?;
         }
         Format::Text => {
             let mut table =

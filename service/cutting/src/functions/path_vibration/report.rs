@@ -1,13 +1,11 @@
 //! What validation says about one vibrating section.
 
-use serde::{Deserialize, Serialize};
-
 use super::chip::{ChipReport, SurfaceSpeedReport};
 use super::following::FollowingReport;
 use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
 
 /// One vibrating section: what the machine can do, and whether the chip breaks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SectionReport {
     /// Line that switches the vibration on.
     pub on_line: u32,
@@ -16,24 +14,18 @@ pub struct SectionReport {
     /// Line of the last cutting block.
     pub last_line: u32,
     /// Frequency and amplitude.
-    #[serde(flatten)]
     pub condition: VibrationCondition,
     /// How the vibration is generated.
     pub generation_mode: GenerationMode,
     /// How it begins and ends.
-    #[serde(default)]
     pub envelope: VibrationEnvelope,
     /// Longest path over which the vibration is blended in and out, mm; `None` as published.
-    #[serde(default)]
     pub ramp_mm: Option<f64>,
     /// Share of the section's length on which the amplitude is the whole one. Whether the chip breaks is judged for it.
-    #[serde(default = "whole")]
     pub full_amplitude_share: f64,
     /// Junctions of blocks inside the section at which the vibration is blended out and in again.
-    #[serde(default)]
     pub blended_junctions: u64,
     /// The steps at the ends of a published vibration.
-    #[serde(default)]
     pub published_ends: Option<PublishedEnds>,
     /// Path length of the section, mm.
     pub length_mm: f64,
@@ -53,10 +45,8 @@ pub struct SectionReport {
     /// Chip breaking where it is worst; `None` when nothing was cut with a turning spindle.
     pub chip: Option<ChipReport>,
     /// Feed override of that cut, as a factor: the one in force at that place of the plan; `None` without such a cut.
-    #[serde(default)]
     pub feed_override: Option<f64>,
     /// Chip breaking at the largest feed override that the machine permits; `None` likewise.
-    #[serde(default)]
     pub at_max_feed_override: Option<OverrideReport>,
     /// Chip breaking along the section at constant spindle speed, in order; the first spans where there are very
     /// many.
@@ -82,7 +72,7 @@ pub struct SectionReport {
 }
 
 /// Whether the chip breaks at the largest feed override that the machine permits, whatever the plan runs at.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OverrideReport {
     /// That override, as a factor.
     pub max_feed_override: f64,
@@ -101,18 +91,8 @@ pub struct OverrideReport {
     pub min_amplitude_mm: Option<f64>,
 }
 
-/// Reports from before overrides were judged are about the programmed feed.
-const fn programmed() -> f64 {
-    1.0
-}
-
-/// Reports stored before vibrations were blended.
-const fn whole() -> f64 {
-    1.0
-}
-
 /// Steps of a vibration that begins with its whole speed and is clamped at its ends.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PublishedEnds {
     /// Step of the velocity along the path at the start 2πf·A, mm/s.
     pub start_velocity_step_mm_per_s: f64,
@@ -128,7 +108,7 @@ pub struct PublishedEnds {
 }
 
 /// An axis that cannot follow.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ExceededAxis {
     /// Name of the axis.
     pub name: String,
@@ -139,7 +119,7 @@ pub struct ExceededAxis {
 }
 
 /// How finely the wave is sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplingReport {
     /// Period at which the wave is generated, s: the servo period in the servo-side mode.
     pub period_s: f64,
@@ -150,7 +130,7 @@ pub struct SamplingReport {
 }
 
 /// Load that a section puts on one machine axis: mm, or degrees for a rotary axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AxisLoadReport {
     /// Name of the axis.
     pub name: String,
@@ -177,7 +157,7 @@ pub struct AxisLoadReport {
 }
 
 /// A stretch of the section at constant spindle speed and feed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ChipSpan {
     /// Line of its first block.
     pub first_line: u32,
@@ -190,7 +170,6 @@ pub struct ChipSpan {
     /// Its share of the section's length.
     pub share: f64,
     /// Feed override that it is cut at, as a factor.
-    #[serde(default = "programmed")]
     pub feed_override: f64,
     /// Feed along the path under the override, mm/rev.
     pub feed_per_rev_mm: f64,

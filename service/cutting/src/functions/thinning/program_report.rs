@@ -1,13 +1,12 @@
 //! What thinning did to a program, with the lines and the times.
 
 use feedwave_program::{Finding, FindingLog, SourceSpan};
-use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::{DeviationTrace, ThinningReport, ThinningSettings};
 
 /// Blocks dropped one after the other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DroppedRun {
     /// Program line of the first one.
     pub first_line: u32,
@@ -20,7 +19,7 @@ pub struct DroppedRun {
 }
 
 /// Thinning over a whole program (docs/functions/five-axis-thinning.md, "Report").
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProgramThinning {
     /// Counts, deviations and reversals.
     pub figures: ThinningReport,
@@ -35,7 +34,6 @@ pub struct ProgramThinning {
     /// The same time of the blocks that are left, s.
     pub time_after_s: f64,
     /// Deviations of the dropped blocks along the program; no part of the report as a document.
-    #[serde(skip)]
     pub deviations: DeviationTrace,
 }
 

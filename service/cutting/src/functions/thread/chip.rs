@@ -14,13 +14,11 @@
 use core::f64::consts::TAU;
 
 use feedwave_motion::sin_turns;
-use serde::{Deserialize, Serialize};
 
 use super::ThreadJob;
 
 /// How much of the groove a model of the chip looks at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipLevel {
     /// The depth of the tip only.
     Depth,
@@ -29,7 +27,7 @@ pub enum ChipLevel {
 }
 
 /// What becomes of the chip of one pass at one level.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadChip {
     /// Whether the chip is cut through at all.
     pub broken: bool,

@@ -8,7 +8,6 @@
 //! remains of them.
 
 use feedwave_program::{Finding, Severity, SourceSpan};
-use serde::{Deserialize, Serialize};
 
 use super::chip::least_amplitude_mm;
 use super::code;
@@ -22,8 +21,7 @@ use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// How passes with an axial offset, and the starts of a thread, are brought to their place
 /// (docs/functions/thread-vibration.md, "Phase").
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PassMethod {
     /// Method 1: by the start position in Z; all start angles are 0.
     StartPosition,
@@ -33,7 +31,7 @@ pub enum PassMethod {
 }
 
 /// What is to be cut, with what, and within which limits.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadRequest {
     /// The thread.
     pub geometry: ThreadGeometry,
@@ -66,7 +64,7 @@ pub struct ThreadRequest {
 }
 
 /// A thread that breaks its chips.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ThreadPlan {
     /// The passes.
     pub job: ThreadJob,

@@ -1,13 +1,10 @@
 //! A thread as program text, in the words of docs/functions/thread-vibration.md, "Program words" and "Worked programs".
 
-use serde::{Deserialize, Serialize};
-
 use super::{SpindleRotation, ThreadJob, default_phase_shift_deg};
 use crate::shared::wording::{decimal, word};
 
 /// What a program says besides its passes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadTextOptions {
     /// Distance of the return path from the work's surface, mm on the radius.
     pub clearance_mm: f64,

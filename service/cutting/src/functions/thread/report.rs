@@ -3,7 +3,6 @@
 use core::f64::consts::TAU;
 
 use feedwave_program::{Finding, FindingLog};
-use serde::{Deserialize, Serialize};
 
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
@@ -15,8 +14,7 @@ pub const MAX_THREAD_PASSES: usize = 100;
 
 /// What machine, tool and setup allow a thread. A limit that is not stated is infinite; the report then says
 /// nothing about it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadLimits {
     /// Highest velocity of the lead axis, mm/s.
     pub lead_velocity_mm_per_s: f64,
@@ -60,7 +58,7 @@ impl Default for ThreadLimits {
 }
 
 /// One pass of a thread.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ThreadPassReport {
     /// Infeed, mm on the radius.
     pub infeed_mm: f64,
@@ -78,7 +76,6 @@ pub struct ThreadPassReport {
     pub delay_deg: f64,
     /// Step of X' velocity where the vibration starts, mm/s on the radius: start-up A starts in the middle of the wave
     /// where the phase shift is not a multiple of 180°.
-    #[serde(default)]
     pub start_step_mm_per_s: f64,
     /// The chip, looking at the depth only.
     pub depth: ThreadChip,
@@ -87,7 +84,7 @@ pub struct ThreadPassReport {
 }
 
 /// What the vibrating passes leave for the finishing pass at the worst phase, in the groove where it is most.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrestReport {
     /// Crests above the depth of the last vibrating pass, depth only, mm on the radius.
     pub crest_mm: f64,
@@ -109,7 +106,7 @@ pub struct CrestReport {
 }
 
 /// A thread of a program: its passes and their judgement.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ThreadSectionReport {
     /// Line that switched the vibration on; `None` for a thread without vibration.
     pub on_line: Option<u32>,
@@ -129,7 +126,7 @@ pub struct ThreadSectionReport {
 }
 
 /// The judgement of a thread.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ThreadReport {
     /// Every pass; empty where the thread itself is impossible.
     pub passes: Vec<ThreadPassReport>,
@@ -145,10 +142,8 @@ pub struct ThreadReport {
     /// Vibration frequency, Hz.
     pub frequency_hz: f64,
     /// Travel of the lead axis at either end over which its lead is not exact, mm.
-    #[serde(default)]
     pub run_up_mm: f64,
     /// Length of thread with exact lead, mm, in the pass where it is shortest.
-    #[serde(default)]
     pub exact_length_mm: f64,
     /// Findings in the order of the first pass that each concerns.
     pub findings: Vec<Finding>,

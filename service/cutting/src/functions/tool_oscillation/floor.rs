@@ -7,8 +7,6 @@
 
 use core::f64::consts::{PI, TAU};
 
-use serde::{Deserialize, Serialize};
-
 use super::{OscillationCut, ToolGeometry, ToolOscillation};
 
 /// Most cells of a height field.
@@ -25,8 +23,7 @@ const ROUNDING: f64 = 1e-9;
 const UNTOUCHED: f32 = f32::INFINITY;
 
 /// The part of the floor that is simulated: `length_mm` along the feed, `width_mm` across it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorArea {
     /// Along the feed, mm.
     pub length_mm: f64,
@@ -34,7 +31,6 @@ pub struct FloorArea {
     pub width_mm: f64,
     /// Middle of the width from the path of the tool's centre, mm, positive to the right of the feed; the area must lie
     /// within the tool's diameter.
-    #[serde(default)]
     pub across_mm: f64,
     /// Size of a square cell, mm.
     pub resolution_mm: f64,
@@ -59,7 +55,7 @@ pub enum FloorError {
 }
 
 /// Roughness of a floor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roughness {
     /// Peak to valley (Rz of the whole area), mm.
     pub peak_to_valley_mm: f64,

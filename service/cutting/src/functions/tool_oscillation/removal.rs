@@ -12,8 +12,6 @@
 //! the offsets is of second order (u²/2R, 1 µm at 0.4 mm and R = 60 mm); both are left out. As everything repeats with the revolution, the
 //! front that a pass meets is the foremost of the last passes that went at least as deep: no steps in time are needed.
 
-use serde::{Deserialize, Serialize};
-
 use super::{ToolGeometry, ToolOffset, ToolOscillation};
 
 /// Planes in which the engagement is examined.
@@ -24,7 +22,7 @@ const NOTHING_MM: f64 = 1e-9;
 const SAME_DEPTH_MM: f64 = 1e-6;
 
 /// How the tool is used.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillationCut {
     /// Feed, mm/min.
     pub feed_mm_per_min: f64,
@@ -48,7 +46,7 @@ impl OscillationCut {
 }
 
 /// A rectangle of material that an edge removes in one revolution, in a plane through the tool axis, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RemovedLayer {
     /// Lower end above the commanded end of the tool.
     pub low_mm: f64,
@@ -84,7 +82,7 @@ pub struct EdgePass {
 }
 
 /// What one edge does in a revolution.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EdgeReport {
     /// Edge, counted from 1.
     pub edge: u32,

@@ -1,7 +1,6 @@
 //! The judgement of an oscillating pass before it is cut: figures, what every edge does, and the findings.
 
 use feedwave_program::{Finding, Severity, SourceSpan};
-use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::motion::DirectionMotion;
@@ -12,7 +11,7 @@ use super::{
 };
 
 /// What one direction of the machine can do.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionLimits {
     /// mm/s
     pub velocity_mm_per_s: f64,
@@ -23,7 +22,7 @@ pub struct DirectionLimits {
 }
 
 /// What the machine can do in the directions of the oscillation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillationLimits {
     /// Along the feed, and across it: the weaker axis of the work plane where the feed direction turns.
     pub plane: DirectionLimits,
@@ -51,8 +50,7 @@ pub struct OscillationJob<'a> {
 }
 
 /// A direction of the oscillation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OscillationDirection {
     /// Along the feed.
     Feed,
@@ -63,7 +61,7 @@ pub enum OscillationDirection {
 }
 
 /// Load of one direction.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionLoad {
     /// Which direction.
     pub direction: OscillationDirection,
@@ -80,7 +78,7 @@ pub struct DirectionLoad {
 }
 
 /// The floor with and without oscillation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorReport {
     /// What was simulated.
     pub area: FloorArea,
@@ -91,7 +89,7 @@ pub struct FloorReport {
 }
 
 /// An edge of the pass without oscillation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlainEdge {
     /// Edge, counted from 1.
     pub edge: u32,
@@ -104,7 +102,7 @@ pub struct PlainEdge {
 }
 
 /// The report on an oscillating pass.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OscillationReport {
     /// M.
     pub periods_per_rev: u32,
@@ -149,7 +147,7 @@ pub struct OscillationReport {
 }
 
 /// Which edge leads, and why.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoleReport {
     /// Edge that leads the first part, counted from 1.
     pub first_edge: u32,
@@ -165,7 +163,7 @@ pub struct RoleReport {
 }
 
 /// An oscillation of a program at one feed and spindle speed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OscillationSectionReport {
     /// Line that switches it on.
     pub on_line: u32,
@@ -180,7 +178,6 @@ pub struct OscillationSectionReport {
     /// How the tool is used.
     pub cut: OscillationCut,
     /// What can be said about it.
-    #[serde(flatten)]
     pub report: OscillationReport,
 }
 

@@ -12,16 +12,13 @@ mod breaking_ranges;
 mod surface;
 mod surface_speed;
 
-use serde::{Deserialize, Serialize};
-
 use breaking_ranges::{BreakingRanges, Neighbours};
 pub use surface::thickness;
 use surface::{Surface, reduced_lag};
 pub use surface_speed::{LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport, UnbrokenSpan};
 
 /// How the feed per revolution depends on the spindle speed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeedCoupling {
     /// Feed programmed in mm/rev: fixed when the spindle speed changes.
     PerRevolution,
@@ -30,7 +27,7 @@ pub enum FeedCoupling {
 }
 
 /// A steady cut with vibration.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutCondition {
     /// Feed along the path f_r, mm/rev.
     pub feed_per_rev_mm: f64,
@@ -47,7 +44,7 @@ pub struct CutCondition {
 }
 
 /// What becomes of the chip of a steady cut.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ChipReport {
     /// The cut that was analysed.
     pub condition: CutCondition,
@@ -92,7 +89,7 @@ pub struct ChipReport {
 }
 
 /// The nearest values on either side of the present one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Nearest {
     /// Nearest lower value.
     pub below: Option<f64>,
@@ -101,7 +98,7 @@ pub struct Nearest {
 }
 
 /// Deviation of the spindle speed within which the chip stays broken.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedTolerance {
     /// Downwards, rev/min.
     pub minus_rev_per_min: f64,

@@ -7,8 +7,6 @@
 
 use core::f64::consts::TAU;
 
-use serde::{Deserialize, Serialize};
-
 use super::breaking_ranges::BreakingRanges;
 use super::{CutCondition, FeedCoupling};
 
@@ -57,7 +55,7 @@ pub enum SpanFeed {
 }
 
 /// A part of the path on which the chip does not break.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct UnbrokenSpan {
     /// Source line of its start.
     pub first_line: u32,
@@ -78,7 +76,7 @@ pub struct UnbrokenSpan {
 }
 
 /// Chip breaking along the parts of a section that are cut at constant surface speed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceSpeedReport {
     /// Length of those parts, mm.
     pub length_mm: f64,
@@ -91,7 +89,7 @@ pub struct SurfaceSpeedReport {
 }
 
 /// Gathers the spans of one section; bounded memory.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceSpeedAnalysis {
     length_mm: f64,
     unbroken_mm: f64,
