@@ -73,10 +73,11 @@ fn snippets(document: &str) -> Vec<Snippet> {
     snippets
 }
 
-/// Commands of a snippet in words, without comments; a backslash continues a line.
+/// Commands of a snippet in words, without comments and without what a pipe leads to; a backslash continues a line.
 fn commands(text: &str) -> Vec<Vec<String>> {
     let text = text.replace("\\\n", " ");
     let lines = text.lines().map(|line| line.split_once('#').map_or(line, |(command, _)| command));
+    let lines = lines.map(|line| line.split_once(" | ").map_or(line, |(command, _)| command));
     let words = lines.map(|line| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
     words.filter(|words| !words.is_empty()).collect()
 }
