@@ -196,6 +196,23 @@ fn jobs_are_listed_over_all_pages_shown_cancelled_and_deleted() {
 }
 
 #[test]
+fn lists_go_through_all_pages() {
+    let service = Service::start();
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("tools.json");
+    // More than a page has at most.
+    let tools = (1..=510).map(|number| format!("{{\"name\": \"tools/t{number}\", \"number\": {number}}}"));
+    std::fs::write(&file, format!("{{\"tools\": [{}]}}", tools.collect::<Vec<_>>().join(","))).unwrap();
+    assert_eq!(ok(&service, &["tool", "put", file.to_str().unwrap()]).lines().count(), 510);
+    assert_eq!(ok(&service, &["tool", "list"]).lines().count(), 511);
+    let listed = json(&ok(&service, &["tool", "list", "--format", "json"]));
+    let numbers: std::collections::BTreeSet<_> =
+        listed["tools"].as_array().unwrap().iter().map(|tool| tool["number"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, (1..=510).collect());
+    assert_eq!(listed["nextPageToken"], "");
+}
+
+#[test]
 fn machines_of_more_than_four_mebibytes_are_listed() {
     let service = Service::start();
     // A profile with as many conditions as are permitted, each with the longest tables.
