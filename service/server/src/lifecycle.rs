@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use feedwave_contract::convert::timestamp;
-use feedwave_store::{Store, StoreError, StoreSettings, StoreUri};
+use feedwave_store::{Store, StoreError, StoreSettings};
 use http::Request;
 use jiff::Timestamp;
 use tokio::net::TcpListener;
@@ -45,7 +45,7 @@ pub enum StartError {
     #[error("store.uri: {uri}: {source}")]
     Store {
         /// Where it is kept.
-        uri: StoreUri,
+        uri: String,
         /// Why.
         source: StoreError,
     },
@@ -227,7 +227,7 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
         observer: metrics,
         ..StoreSettings::default()
     };
-    Store::open(&uri, settings).await.map_err(|source| StartError::Store { uri, source })
+    Store::open(&uri, settings).await.map_err(|source| StartError::Store { uri: uri.to_string(), source })
 }
 
 async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
