@@ -33,7 +33,7 @@ pub struct FormerField {
     pub field: &'static str,
     /// What to write now.
     pub now: &'static str,
-    /// Whether its own fields now stand beside it.
+    /// Whether its own fields are now next to it.
     pub flattened: bool,
 }
 

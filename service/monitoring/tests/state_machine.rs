@@ -159,7 +159,7 @@ fn points_in_time_need_no_angle() {
     config.baseline = Length::Seconds(0.4);
     let mut monitor = monitor(config);
     let mut columns = cutting([0.0, 0.02], 1);
-    // One point of ten samples stands out of the window: it is the largest deviation.
+    // One point of ten samples exceeds the window: it is the largest deviation.
     for y in &mut columns.y[2500..2540] {
         *y += 0.03;
     }

@@ -67,7 +67,7 @@ pub enum Error {
         /// What would have to be otherwise.
         message: String,
     },
-    /// An index or offset beyond what there is.
+    /// An index or offset beyond the end.
     #[error("{message}")]
     OutOfRange {
         /// Reason of the `ErrorInfo`, such as `UPLOAD_OFFSET`.

@@ -1,5 +1,5 @@
-//! The gRPC services, registered in one place and under one set of rules: the same largest message, gzip taken from
-//! whoever sends it and given to whoever asks for it.
+//! The gRPC services, registered in one place and under one set of rules: the same largest message, gzip accepted
+//! from every client and sent to those that ask for it.
 
 use feedwave_contract::proto::jobs_server::JobsServer;
 use feedwave_contract::proto::machines_server::MachinesServer;

@@ -20,7 +20,7 @@ use crate::uri::{Place, StoreUri};
 /// A database that keeps everything.
 #[async_trait]
 pub trait Database: Programs + Jobs + Checkpoints + Runs + Machines + Tools + Send + Sync {
-    /// Ends the store in order: waits for the writes under way, refuses new ones, and lets go of the database. Dropping
+    /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the database. Dropping
     /// the store without closing it loses nothing that was acknowledged.
     async fn close(&self);
 

@@ -1,4 +1,4 @@
-//! `feedwave decisions`
+//! `feedwave decisions`: the decisions of a job or a run.
 
 use std::process::ExitCode;
 

@@ -82,7 +82,7 @@ pub struct Args {
     /// Setpoints to write at most
     #[arg(long, value_name = "COUNT")]
     count: Option<u64>,
-    /// Form of what is told of the program: findings on standard error, or the whole report as JSON on standard output
+    /// Form of the result: findings on standard error, or the whole report as JSON on standard output
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     format: Format,
     /// In servo-side mode: write what the drives generate, this many setpoints per period [default: the profile's]

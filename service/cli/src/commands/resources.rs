@@ -92,7 +92,7 @@ async fn put(
     update: impl AsyncFn() -> Result<(), Status>,
     create: impl AsyncFn() -> Result<(), Status>,
 ) -> Result<Put, CliError> {
-    // Once more where somebody else creates it in between.
+    // Once more where another client creates it in between.
     for _ in 0..2 {
         match update().await {
             Ok(()) => return Ok(Put::Replaced),

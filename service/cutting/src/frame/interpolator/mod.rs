@@ -480,7 +480,7 @@ impl Interpolator {
     fn settle_section(&mut self) {
         let aligned = self.state.clock.aligned().period;
         let line = self.state.rest.line;
-        // The command alone stands there where the vibration does not arrive.
+        // The command alone is there where the vibration does not arrive.
         let arrives = self.state.vibration.arrives_at_end(self.settings.period_s, aligned);
         let kind = if arrives { ActivityKind::VibratingHold } else { ActivityKind::Hold { line } };
         self.align(kind, After::CloseSection);

@@ -42,7 +42,7 @@ pub enum ToolMotion {
     VibratingThread,
 }
 
-/// Who is told of the path, in its order.
+/// Receiver of the path, in its order.
 pub trait ToolPathSink {
     /// The tool goes straight.
     fn line(&mut self, motion: ToolMotion, from: PathPoint, to: PathPoint);

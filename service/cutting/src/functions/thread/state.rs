@@ -1,5 +1,5 @@
-//! Threads in the program: the words that switch their vibration, the passes that belong together, and what there is to
-//! say about them.
+//! Threads in the program: the words that switch their vibration, the passes that belong together, and their
+//! judgement.
 
 use feedwave_motion::Machine;
 use feedwave_program::{
