@@ -311,7 +311,7 @@ impl Description {
         validate::violations(self)
     }
 
-    /// How the telemetry is judged by default: the limits for the deflection, with windows as short as simulated
+    /// How the telemetry is judged by default: the default limits of the deflection, with windows as short as simulated
     /// programs are. `None` with other sensors than those of distance, whose limits cannot be guessed.
     pub fn monitoring(&self) -> Option<MonitoringConfig> {
         let pairs = [self.tool_sensors, self.work_sensors];
