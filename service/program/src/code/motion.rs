@@ -6,7 +6,7 @@ crate::finding_codes! {
 
     "PRG-MOTION-MISSING" [MOTION_MISSING: Error] {
         meaning: "axis words, but no motion code in force",
-        cause: "The program starts without G0 or G1, or goes on after `G5.3` or `G80` without one.",
+        cause: "The program starts without G0 or G1, or goes on after `G5.3` without one.",
         cure: "Add the motion code to the block.",
         example: lathe("X10 Z5"),
     }
@@ -35,7 +35,7 @@ crate::finding_codes! {
 
     "PRG-SPEED-INVALID" [SPEED_INVALID: Error] {
         meaning: "a spindle speed that is negative or too small to be valid, or a speed clamp that is not positive",
-        cause: "A sign or a zero in S; the direction is that of M3 and M4.",
+        cause: "S is negative, or the S of a clamp (`G50`, `G92`) is 0; the direction is that of M3 and M4.",
         cure: "Write a positive speed, and M4 for the other direction.",
         example: lathe("M3 S-500"),
     }

@@ -6,7 +6,7 @@ feedwave_program::finding_codes! {
 
     "VIB-FREQUENCY-INVALID" [VIB_FREQUENCY_INVALID: Error] {
         meaning: "a vibration whose frequency is missing, not positive or below the permitted range",
-        cause: "The F word of the block that switches the vibration on is missing, zero, negative or far below a hertz.",
+        cause: "The F word of the block that switches the vibration on is missing, zero, negative or below 0.001 Hz.",
         cure: "Write the frequency in hertz, such as F50.",
         example: lathe("G200 A0.03\nM30"),
     }

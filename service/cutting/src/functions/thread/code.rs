@@ -49,9 +49,9 @@ feedwave_program::finding_codes! {
 
     "THREAD-PARTS" [THREAD_PARTS: Error] {
         meaning: "a thread of too many parts",
-        cause: "More threading blocks follow each other without a move between them than one pass may have.",
+        cause: "More than 100 threading blocks follow each other without a move between them.",
         cure: "Cut the thread in longer blocks.",
-        example: words("1001 blocks of G32 one behind the other"),
+        example: words("101 blocks of G32 one behind the other"),
     }
 
     "THREAD-PART-VIBRATION" [THREAD_PART_VIBRATION: Error] {
