@@ -10,9 +10,6 @@ use crate::convert::{check_display_name, enumeration};
 use crate::proto;
 use crate::violations::Violations;
 
-/// Periods over which the oscillation is blended in and out where the message leaves it open.
-const USUAL_RAMP_PERIODS: u32 = 2;
-
 /// The conditions as the pipeline needs them; `None` with violations. Ranges are the profile's own to check.
 pub(super) fn conditions_from_proto(
     violations: &mut Violations,
@@ -67,7 +64,7 @@ fn condition_from_proto(
             axial: axial?,
             cross: condition.cross.as_ref().map(direction_from_proto),
             leading_edge: condition.leading_edge.map_or_else(LeadingEdge::default, leading_edge_from_proto),
-            ramp_periods: condition.ramp_periods.unwrap_or(USUAL_RAMP_PERIODS),
+            ramp_periods: condition.ramp_periods.unwrap_or(OscillationCondition::RAMP_PERIODS),
             may_overrun: condition.may_overrun,
             engagement: engagement?,
         },

@@ -117,8 +117,13 @@ pub struct OscillationCondition {
     pub engagement: Engagement,
 }
 
+impl OscillationCondition {
+    /// [`OscillationCondition::ramp_periods`] by default.
+    pub const RAMP_PERIODS: u32 = 2;
+}
+
 const fn default_ramp_periods() -> u32 {
-    2
+    OscillationCondition::RAMP_PERIODS
 }
 
 /// A condition with a name.
