@@ -5,12 +5,9 @@ mod common;
 
 use core::f64::consts::TAU;
 use std::fmt::Write;
-use std::sync::Arc;
 
-use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
-use feedwave_cutting::{
-    GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step, VibrationEnvelope,
-};
+use common::{Setpoints, all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
+use feedwave_cutting::{GenerationMode, MachineProfile, OverrideChange, PipelineConfig, VibrationEnvelope};
 use proptest::prelude::*;
 
 /// 45 Hz and 0.1 mm on the generic lathe, whose axes follow 10 m/s².
@@ -203,36 +200,6 @@ fn program(blocks: &[Block], frequency_hz: f64, amplitude_mm: f64) -> (String, [
     }
     text.push_str("G201\nM30\n");
     (text, at)
-}
-
-fn run_appending(program: &str, config: &PipelineConfig, overrides: &[OverrideChange], most: usize) -> Setpoints {
-    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
-    let mut block = pipeline.new_block();
-    let mut setpoints = Setpoints::default();
-    let mut changes = overrides.iter().peekable();
-    pipeline.push(program.as_bytes());
-    pipeline.finish_input();
-    loop {
-        let next = pipeline.next_index();
-        let mut most = most;
-        while let Some(&&change) = changes.peek() {
-            if change.index > next {
-                most = most.min((change.index - next) as usize);
-                break;
-            }
-            pipeline.append_override(change).unwrap();
-            changes.next();
-        }
-        match pipeline.next_setpoints(&mut block, most) {
-            Step::Block => setpoints.append(&block),
-            Step::Finished => return setpoints,
-            step => panic!("{step:?}: {:#?}", pipeline.findings()),
-        }
-    }
-}
-
-fn all_bits(setpoints: &Setpoints) -> Vec<Vec<u64>> {
-    (0..setpoints.len()).map(|k| setpoints.bits(k)).collect()
 }
 
 proptest! {

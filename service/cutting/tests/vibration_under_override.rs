@@ -3,12 +3,11 @@
 mod common;
 
 use core::f64::consts::TAU;
-use std::sync::Arc;
 
-use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
+use common::{Setpoints, all_bits, resume, run, run_appending, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{
-    CutCondition, FeedCoupling, GenerationMode, MachineProfile, OverrideChange, Pipeline, PipelineConfig,
-    SectionReport, Step, VibrationEnvelope,
+    CutCondition, FeedCoupling, GenerationMode, MachineProfile, OverrideChange, PipelineConfig, SectionReport,
+    VibrationEnvelope,
 };
 use feedwave_program::{Finding, Severity};
 use proptest::prelude::*;
@@ -152,36 +151,6 @@ fn an_amplitude_that_could_not_follow_is_refused_before_anything_moves() {
     assert!(validate(TURNED, &config).sections[0].feasible);
 }
 
-fn run_appending(program: &str, config: &PipelineConfig, overrides: &[(u64, f64)], most: usize) -> Setpoints {
-    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
-    let mut block = pipeline.new_block();
-    let mut setpoints = Setpoints::default();
-    let mut changes = overrides.iter().peekable();
-    pipeline.push(program.as_bytes());
-    pipeline.finish_input();
-    loop {
-        let next = pipeline.next_index();
-        let mut most = most;
-        while let Some(&&(index, ratio)) = changes.peek() {
-            if index > next {
-                most = most.min((index - next) as usize);
-                break;
-            }
-            pipeline.append_override(OverrideChange { index, ratio }).unwrap();
-            changes.next();
-        }
-        match pipeline.next_setpoints(&mut block, most) {
-            Step::Block => setpoints.append(&block),
-            Step::Finished => return setpoints,
-            step => panic!("{step:?}: {:#?}", pipeline.findings()),
-        }
-    }
-}
-
-fn all_bits(setpoints: &Setpoints) -> Vec<Vec<u64>> {
-    (0..setpoints.len()).map(|k| setpoints.bits(k)).collect()
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
@@ -204,7 +173,7 @@ proptest! {
         prop_assert_eq!(whole.axes[1].last(), Some(&12.0));
         prop_assert_eq!(all_bits(&run_in_pieces(TURNED.as_bytes(), &config, piece)), all_bits(&whole));
         let plain = PipelineConfig { overrides: Vec::new(), ..config.clone() };
-        prop_assert_eq!(all_bits(&run_appending(TURNED, &plain, &changes, piece)), all_bits(&whole));
+        prop_assert_eq!(all_bits(&run_appending(TURNED, &plain, &config.overrides, piece)), all_bits(&whole));
         for (_, offset, snapshot) in snapshots(TURNED.as_bytes(), &config).into_iter().step_by(3) {
             let (first, rest) = resume(TURNED.as_bytes(), &config, offset, &snapshot);
             prop_assert_eq!(all_bits(&rest), all_bits(&whole)[first as usize..].to_vec());

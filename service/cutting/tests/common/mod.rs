@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use feedwave_cutting::{Pipeline, PipelineConfig, SetpointBlock, Step, Validation, ValidationReport};
+use feedwave_cutting::{OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step, Validation, ValidationReport};
 
 /// All setpoints of a program, column by column.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -147,4 +147,36 @@ pub fn resume(program: &[u8], config: &PipelineConfig, offset: u64, snapshot: &[
             Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
         }
     }
+}
+
+/// All setpoints of a program whose changes of the feed override are appended while it runs, asked for `most` at a time.
+pub fn run_appending(program: &str, config: &PipelineConfig, overrides: &[OverrideChange], most: usize) -> Setpoints {
+    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
+    let mut block = pipeline.new_block();
+    let mut setpoints = Setpoints::default();
+    let mut changes = overrides.iter().peekable();
+    pipeline.push(program.as_bytes());
+    pipeline.finish_input();
+    loop {
+        let next = pipeline.next_index();
+        let mut most = most;
+        while let Some(&&change) = changes.peek() {
+            if change.index > next {
+                most = most.min((change.index - next) as usize);
+                break;
+            }
+            pipeline.append_override(change).unwrap();
+            changes.next();
+        }
+        match pipeline.next_setpoints(&mut block, most) {
+            Step::Block => setpoints.append(&block),
+            Step::Finished => return setpoints,
+            step => panic!("{step:?}: {:#?}", pipeline.findings()),
+        }
+    }
+}
+
+/// Bits of all setpoints.
+pub fn all_bits(setpoints: &Setpoints) -> Vec<Vec<u64>> {
+    (0..setpoints.len()).map(|k| setpoints.bits(k)).collect()
 }

@@ -7,6 +7,7 @@
 //! a block or a stream began.
 
 mod barrier;
+mod begin;
 mod clock;
 mod columns;
 mod feed_override;
@@ -16,17 +17,15 @@ mod time_shares;
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
 use feedwave_motion::{Curve, Machine, Planned, PlannedMotion};
-use feedwave_program::{Position, Spindle, SpindleDirection};
+use feedwave_program::{Position, Spindle};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::barrier::Barrier;
 use self::clock::Clock;
 use self::columns::Scratch;
 use self::time_shares::TimeShares;
-use crate::functions::path_vibration::{
-    GenerationMode, RunningVibration, SectionBarrier, SectionSamples, SectionStart,
-};
-use crate::functions::tool_oscillation::{OscillationBarrier, OscillationRun};
+use crate::functions::path_vibration::{GenerationMode, RunningVibration, SectionSamples, SectionStart};
+use crate::functions::tool_oscillation::OscillationRun;
 use crate::shared::columns::{ColumnMap, ToolColumns};
 use crate::shared::setpoint::{Frame, SetpointBlock};
 use crate::shared::track::Track;
@@ -372,140 +371,11 @@ impl Interpolator {
         state.track.advance(state.vibration.reach_mm());
     }
 
-    /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
-    fn begin(&mut self) -> bool {
-        let Some(item) = self.state.track.current() else { return false };
-        if let (Some(index), Planned::Motion(motion)) = (self.state.resume, item) {
-            if index >= motion.stretches.len() || !self.reach_is_known() {
-                return false;
-            }
-            self.state.resume = None;
-            self.begin_stretch(index);
-            return true;
-        }
-        match item {
-            // Shown only.
-            Planned::Motion(motion) if motion.stretches.is_empty() => return false,
-            Planned::Motion(_) => {
-                if !self.reach_is_known() {
-                    return false;
-                }
-                self.begin_stretch(0);
-            }
-            &Planned::Barrier(Barrier::Vibration(barrier)) => self.begin_section_barrier(barrier),
-            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::Start(run))) => {
-                let run = run.clone();
-                self.state.oscillation = Some(run);
-                self.state.track.advance(0.0);
-            }
-            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::End)) => self.align_then(After::CloseOscillation),
-            &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
-                self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
-            }
-            &Planned::Barrier(Barrier::Spindle(spindle)) => {
-                self.state.spindle = spindle;
-                self.state.track.advance(self.state.vibration.reach_mm());
-            }
-            Planned::Barrier(Barrier::Thread(_)) => self.begin_thread(),
-            Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
-        }
-        true
-    }
-
-    fn begin_section_barrier(&mut self, barrier: SectionBarrier) {
-        match barrier {
-            SectionBarrier::Start(condition) => self.align_then(After::OpenSection(condition)),
-            SectionBarrier::End => {
-                // The clamp holds a positive offset at the end point; a negative one would be cut off.
-                let wait_s = self.wait_for_zero_s(true);
-                self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
-            }
-            SectionBarrier::PartStart(part) => {
-                self.state.vibration.start_part(part);
-                self.state.track.advance(0.0);
-            }
-            SectionBarrier::PartEnd => {
-                let (part_mm, _) = self.state.track.section_place(self.state.track.current_index());
-                self.state.vibration.end_part(part_mm);
-                if self.state.vibration.is_clamped() {
-                    // The offset would jump with the direction unless it is zero here.
-                    let wait_s = self.wait_for_zero_s(false);
-                    self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
-                } else {
-                    self.state.track.advance(0.0);
-                }
-            }
-        }
-    }
-
-    /// Time until a clamped vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.
-    fn wait_for_zero_s(&self, only_if_negative: bool) -> f64 {
-        let State { clock, vibration, .. } = &self.state;
-        vibration.wait_for_zero_s(|start_period| clock.since_s(start_period, self.settings.period_s), only_if_negative)
-    }
-
     /// Whether the path is known as far ahead as a vibration may reach from here, and as an oscillation is blended out over.
     pub(crate) fn reach_is_known(&self) -> bool {
         let vibration_mm = self.state.vibration.needed_ahead_mm();
         let blend_mm = self.state.oscillation.as_ref().map(|run| run.ramp_mm);
         vibration_mm.into_iter().chain(blend_mm).all(|reach_mm| self.state.track.is_known_ahead(reach_mm))
-    }
-
-    fn begin_stretch(&mut self, index: usize) {
-        let state = &mut self.state;
-        let Some(motion) = state.track.motion(state.track.current_index()) else { return };
-        let stretch = &motion.stretches[index];
-        let duration_s = stretch.profile.duration();
-        let spindle_rev_per_s = signed(state.spindle, stretch.stretch.spindle_rev_per_s);
-        self.activate(ActivityKind::Stretch(index), duration_s, spindle_rev_per_s, After::Continue);
-    }
-
-    fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
-        let radius_mm = self.state.rest.position[0];
-        let spindle_rev_per_s = match kind {
-            // The vibration's spindle speed is that of the stretch before.
-            ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
-                let last = self.last_motion().and_then(|motion| motion.stretches.last());
-                last.map_or(0.0, |stretch| signed(self.state.spindle, stretch.stretch.spindle_rev_per_s))
-            }
-            _ => {
-                let rev_per_s = self.state.spindle.rev_per_s(radius_mm).min(self.settings.top_rev_per_s);
-                signed(self.state.spindle, rev_per_s)
-            }
-        };
-        self.activate(kind, duration_s, spindle_rev_per_s, after);
-    }
-
-    /// Rests up to the next grid instant, whose setpoint is the section's exact end point.
-    fn settle_section(&mut self) {
-        let aligned = self.state.clock.aligned().period;
-        let line = self.state.rest.line;
-        // The command alone is there where the vibration does not arrive.
-        let arrives = self.state.vibration.arrives_at_end(self.settings.period_s, aligned);
-        let kind = if arrives { ActivityKind::VibratingHold } else { ActivityKind::Hold { line } };
-        self.align(kind, After::CloseSection);
-    }
-
-    /// Rests up to the next grid instant, whose setpoint is the exact resting point.
-    fn align_then(&mut self, after: After) {
-        let line = self.state.rest.line;
-        self.align(ActivityKind::Hold { line }, after);
-    }
-
-    fn align(&mut self, kind: ActivityKind, after: After) {
-        let wait_s = self.state.clock.to_alignment_s(self.settings.period_s);
-        self.hold(kind, wait_s, after);
-        if let Some(activity) = &mut self.state.activity {
-            activity.end = self.state.clock.aligned();
-            activity.last = activity.end.period;
-        }
-    }
-
-    fn activate(&mut self, kind: ActivityKind, duration_s: f64, spindle_rev_per_s: f64, after: After) {
-        let end = self.state.clock.advanced(duration_s, self.settings.period_s);
-        self.state.after = after;
-        let (last, feed_override) = (end.period, self.state.feed_override);
-        self.state.activity = Some(Activity { kind, spindle_rev_per_s, end, last, duration_s, feed_override });
     }
 
     /// The motion the tool is on, or the one before a barrier.
@@ -515,13 +385,5 @@ impl Interpolator {
 
     fn last_motion_index(&self) -> Option<usize> {
         (0..=self.state.track.current_index()).rev().find(|&item| self.state.track.motion(item).is_some())
-    }
-}
-
-fn signed(spindle: Spindle, rev_per_s: f64) -> f64 {
-    match spindle.direction {
-        SpindleDirection::Stopped => 0.0,
-        SpindleDirection::Clockwise => rev_per_s,
-        SpindleDirection::CounterClockwise => -rev_per_s,
     }
 }

@@ -2,15 +2,15 @@
 
 mod config;
 mod inputs;
+mod overrides;
+mod reading;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
-use feedwave_program::{
-    Finding, FindingLog, Function, Interpreter, InterpreterState, LineOutcome, Operation, OperationKind, SourceSpan,
-};
+use feedwave_program::{Finding, FindingLog, Interpreter, InterpreterState, Operation, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use crate::code;
@@ -20,9 +20,11 @@ use crate::frame::scout::Scout;
 use crate::frame::timed::TimedPlans;
 use crate::functions::five_axis::Guide;
 use crate::functions::path_vibration::GenerationMode;
-use crate::functions::thinning::ProgramThinning;
 use crate::functions::thinning::{StageState, ThinningStage};
 use crate::shared::setpoint::{BLOCK_LENGTH, Frame, SetpointBlock};
+
+pub use overrides::AppendError;
+use overrides::OverrideState;
 
 pub use config::{
     DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange, PipelineConfig,
@@ -66,22 +68,6 @@ pub enum SnapshotError {
     },
 }
 
-/// A change of the feed override that cannot be appended; nothing changes.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum AppendError {
-    /// What lies before was handed out already, or is governed by a change appended before.
-    #[error("setpoint {index} lies before {earliest}, the earliest at which the feed override can change")]
-    TooEarly {
-        /// Index of the change.
-        index: u64,
-        /// See [`Pipeline::earliest_override`].
-        earliest: u64,
-    },
-    /// Not a number from 0 to [`MAX_OVERRIDE_RATIO`].
-    #[error("a feed override of {0} is not between 0 and {MAX_OVERRIDE_RATIO}")]
-    Ratio(f64),
-}
-
 /// A running pipeline. Its memory does not grow with the program.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
@@ -108,15 +94,6 @@ pub struct Pipeline {
     overrides: OverrideState,
     /// Whether the block in hand was begun by an earlier call.
     block_begun: bool,
-}
-
-/// Progress through the changes of the feed override.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct OverrideState {
-    /// Number of changes taken up.
-    taken: usize,
-    /// The ratio that waits for the path to brake less.
-    pending: Option<f64>,
 }
 
 /// Everything that changes while a pipeline runs.
@@ -363,75 +340,6 @@ impl Pipeline {
         Step::Block
     }
 
-    /// Index of the earliest setpoint at which a change of the feed override can still be appended; call between blocks.
-    #[must_use]
-    pub fn earliest_override(&self) -> u64 {
-        let after_last = self.config.overrides.last().map_or(0, |last| last.index + 1);
-        self.next_index().max(after_last)
-    }
-
-    /// Adds a change of the feed override while the pipeline runs; call between blocks. What follows is, to the last bit,
-    /// what a pipeline would give that had the change in its configuration from the start.
-    ///
-    /// # Errors
-    /// [`AppendError`] for a change before [`Pipeline::earliest_override`] or an impossible ratio.
-    pub fn append_override(&mut self, change: OverrideChange) -> Result<(), AppendError> {
-        let OverrideChange { index, ratio } = change;
-        if !(0.0..=MAX_OVERRIDE_RATIO).contains(&ratio) {
-            return Err(AppendError::Ratio(ratio));
-        }
-        let earliest = self.earliest_override();
-        if index < earliest {
-            return Err(AppendError::TooEarly { index, earliest });
-        }
-        Arc::make_mut(&mut self.config).overrides.push(change);
-        self.interpolator.end_feed_hold_at(index);
-        self.interpolator.pause_at(self.interpolator.pause().into_iter().chain([index]).min());
-        Ok(())
-    }
-
-    /// Takes up the change of the feed override that is due.
-    fn change_override(&mut self) {
-        let next = self.interpolator.next_index();
-        while let Some(change) = self.config.overrides.get(self.overrides.taken).filter(|change| change.index <= next) {
-            self.overrides.pending = Some(change.ratio);
-            self.overrides.taken += 1;
-            self.interpolator.follow_with_amplitude(change.ratio);
-        }
-        let Some(ratio) = self.overrides.pending else { return self.interpolator.pause_at(self.next_override()) };
-        let place_mm = self.interpolator.section_place_mm();
-        let again = self.interpolator.change_override(&mut self.planner, ratio);
-        if again.is_none() {
-            if let Some(analysis) = &mut self.builder.analysis {
-                analysis.functions.vibration.changes_override(place_mm, ratio);
-            }
-            self.overrides.pending = None;
-            self.interpolator.follow_override(ratio);
-        }
-        self.interpolator.pause_at(again.into_iter().chain(self.next_override()).min());
-    }
-
-    fn next_override(&self) -> Option<u64> {
-        self.config.overrides.get(self.overrides.taken).map(|change| change.index)
-    }
-
-    fn at_next_override(mut self) -> Self {
-        self.interpolator.pause_at(self.next_override());
-        self
-    }
-
-    /// Rests while no speed is commanded; `false` when the path ahead has to be known first.
-    fn rest_in_feed_hold(&mut self) -> bool {
-        self.interpolator.show_path(self.planner.waiting());
-        if self.interpolator.goes_on() {
-            return self.interpolator.reach_is_known();
-        }
-        let next = self.interpolator.next_index();
-        // Without a next change it lasts, as one activity, until one is appended or there are too many setpoints.
-        self.interpolator.hold_feed(self.interpolator.pause().unwrap_or(MAX_SETPOINTS + 1).max(next));
-        true
-    }
-
     /// Bounds the memory that a vibration of large amplitude on very short blocks takes.
     fn check_held_items(&mut self) {
         if self.interpolator.held_items() <= MAX_HELD_ITEMS {
@@ -446,103 +354,6 @@ impl Pipeline {
                 .with_value("limit", MAX_HELD_ITEMS as f64, "")
                 .suggest("use a smaller amplitude, or longer blocks"),
         );
-    }
-
-    /// Reads one line into the planner; `false` when more input is needed first.
-    pub(crate) fn read_line(&mut self) -> bool {
-        if !self.waiting.is_empty() {
-            return self.hand_on();
-        }
-        let unread = &self.input[self.consumed..];
-        let outcome = self.interpreter.read_line(unread, self.input_finished, &mut self.operations, &mut self.findings);
-        let more = match outcome {
-            LineOutcome::Consumed(bytes) => {
-                self.consumed += bytes;
-                self.offset += bytes as u64;
-                true
-            }
-            LineOutcome::NeedMore => false,
-            LineOutcome::Ended => !self.operations.is_empty(),
-        };
-        let mut operations = std::mem::take(&mut self.operations);
-        for operation in operations.drain(..) {
-            self.operation(operation);
-        }
-        self.operations = operations;
-        (self.waiting.is_empty() || self.hand_on()) && more
-    }
-
-    #[inline]
-    fn operation(&mut self, operation: Operation) {
-        let is_switch = |command: &feedwave_program::FunctionCommand| command.function == Function::Thinning;
-        if self.thinning.is_on() || matches!(&operation.kind, OperationKind::Function(command) if is_switch(command)) {
-            return self.thin(operation);
-        }
-        if !self.waiting.is_empty() || matches!(operation.kind, OperationKind::Guided(_)) {
-            return self.waiting.push_back(operation);
-        }
-        self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
-    }
-
-    /// Passes an operation through the thinning stage.
-    fn thin(&mut self, operation: Operation) {
-        let Self { config, thinning, waiting, timed, .. } = self;
-        let ends = operation.kind == OperationKind::End;
-        if let Some(timed) = timed {
-            timed.before(&operation, config);
-        }
-        thinning.operation(operation, &mut |operation| {
-            if let Some(timed) = timed {
-                timed.after(&operation, config);
-            }
-            waiting.push_back(operation);
-        });
-        if let (Some(timed), true) = (timed, ends || !thinning.is_on()) {
-            timed.stop(config);
-        }
-    }
-
-    /// Hands on what waits for the builder; `false` when more input is needed to look ahead.
-    fn hand_on(&mut self) -> bool {
-        while let Some(operation) = self.waiting.front() {
-            if self.scout.is_none()
-                && let Some(ahead) = self.builder.ahead(operation, &self.config)
-            {
-                let scout = Scout::new(ahead, &self.interpreter, &self.thinning, self.waiting.iter().skip(1));
-                self.scout = Some(Box::new(scout));
-            }
-            if let Some(scout) = &mut self.scout {
-                let chosen = scout.look(&self.input[self.consumed..], self.input_finished);
-                if chosen.is_none() {
-                    return false;
-                }
-                self.builder.chosen = chosen;
-                self.scout = None;
-            }
-            if let Some(operation) = self.waiting.pop_front() {
-                self.builder.operation(&operation, &self.config, &mut self.planner, &mut self.findings);
-            }
-        }
-        if let Some(timed) = self.timed.as_mut().filter(|timed| self.thinning.is_on() && !timed.are_running()) {
-            timed.start(&self.builder, &self.config);
-        }
-        true
-    }
-
-    /// What thinning did, where it was switched on.
-    pub(crate) fn thinning_report(&mut self) -> Option<ProgramThinning> {
-        let figures = self.thinning.report()?;
-        let dropped = self.thinning.dropped.take().unwrap_or_default();
-        let [time_before_s, time_after_s] = self.timed.as_ref().map_or([0.0; 2], |timed| timed.times_s);
-        Some(ProgramThinning {
-            figures,
-            rotary_axes: self.thinning.rotary_letters(),
-            dropped: dropped.runs,
-            dropped_not_listed: dropped.not_listed,
-            time_before_s,
-            time_after_s,
-            deviations: self.thinning.deviations(),
-        })
     }
 
     /// Forgets what is planned but will not be interpolated.

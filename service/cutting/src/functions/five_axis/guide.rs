@@ -175,6 +175,65 @@ impl Guide {
         Some(ahead)
     }
 
+    /// What a guided move asks of the machine axes.
+    fn block(&self, guided: &GuidedMove, span: SourceSpan, tool: &Tool, inputs: &GuideInputs<'_>) -> FiveAxisBlock {
+        let step = &guided.step;
+        let (_, rotary) = self.kinematics.letters();
+        let held = |axis: Axis| guided.held.contains(axis);
+        let end_mm = match &guided.plane {
+            Some(plane) => plane::end_in_work(plane, guided, tool.point.tip_mm),
+            None => [Axis::X, Axis::Y, Axis::Z].map(|axis| {
+                let axis_index = axis.index();
+                if held(axis) { tool.point.tip_mm[axis_index] } else { step.end[axis_index] }
+            }),
+        };
+        let toward = match guided.guide {
+            ToolGuide::Vector { end, .. } => Toward::Vector(end.unwrap_or(tool.point.direction)),
+            _ => Toward::Angles(rotary.map(|axis| {
+                let place = axis.index();
+                if guided.guide == ToolGuide::Plane || held(axis) {
+                    tool.point.position[place]
+                } else {
+                    step.end[place] + step.work_offset[place]
+                }
+            })),
+        };
+        FiveAxisBlock {
+            end_mm,
+            circle: guided.plane.as_ref().and_then(|plane| plane::circle_in_work(plane, step)),
+            toward,
+            pole_tolerance_rad: inputs.pole_tolerance_deg.to_radians(),
+            source: span,
+            rapid: step.kind == MoveKind::Rapid,
+        }
+    }
+
+    /// Reports a move that the machine axes cannot make; within a cut that a rotary axis cannot follow, once.
+    fn refuse(
+        &self,
+        refusal: &FiveAxisRefusal,
+        guided: &GuidedMove,
+        block: &FiveAxisBlock,
+        state: &mut GuideState,
+        findings: &mut FindingLog,
+    ) {
+        let out_of_range = match *refusal {
+            FiveAxisRefusal::Pose { reason: KinematicsError::OutOfRange { axis, range_rad, .. }, .. } => {
+                Some((axis, range_rad))
+            }
+            _ => None,
+        };
+        let was_reported = std::mem::replace(&mut state.ran_out, out_of_range.is_some());
+        if was_reported && out_of_range.is_some() {
+            return;
+        }
+        let finding = refused(refusal, block.source, state.cut.as_ref());
+        findings.push(match out_of_range {
+            Some(range) => self.cure_range(finding, range, guided, block.toward),
+            None => finding,
+        });
+    }
+
     /// Carries a guided move out; nothing after a finding. `chosen` says where a cut starts that was looked ahead over.
     pub(crate) fn carry_out(
         &self,
@@ -210,33 +269,7 @@ impl Guide {
         }
         self.place_tool(guided, span, state, inputs, findings)?;
         let tool = state.tool.as_mut()?;
-        let held = |axis: Axis| guided.held.contains(axis);
-        let end_mm = match &guided.plane {
-            Some(plane) => plane::end_in_work(plane, guided, tool.point.tip_mm),
-            None => [Axis::X, Axis::Y, Axis::Z].map(|axis| {
-                let axis_index = axis.index();
-                if held(axis) { tool.point.tip_mm[axis_index] } else { step.end[axis_index] }
-            }),
-        };
-        let toward = match guided.guide {
-            ToolGuide::Vector { end, .. } => Toward::Vector(end.unwrap_or(tool.point.direction)),
-            _ => Toward::Angles(rotary.map(|axis| {
-                let place = axis.index();
-                if guided.guide == ToolGuide::Plane || held(axis) {
-                    tool.point.position[place]
-                } else {
-                    step.end[place] + step.work_offset[place]
-                }
-            })),
-        };
-        let block = FiveAxisBlock {
-            end_mm,
-            circle: guided.plane.as_ref().and_then(|plane| plane::circle_in_work(plane, step)),
-            toward,
-            pole_tolerance_rad: inputs.pole_tolerance_deg.to_radians(),
-            source: span,
-            rapid: step.kind == MoveKind::Rapid,
-        };
+        let block = self.block(guided, span, tool, inputs);
         let before = tool.point;
         let start_rad = chosen.as_ref().map(|chosen| chosen.start_rad);
         let is_free_rapid = chosen.is_some() && block.rapid;
@@ -248,17 +281,7 @@ impl Guide {
         let motion = match self.elements(&tool.setup, &before, &block, start_rad) {
             Ok(motion) => motion,
             Err(refusal) => {
-                let runs_out =
-                    matches!(refusal, FiveAxisRefusal::Pose { reason: KinematicsError::OutOfRange { .. }, .. });
-                if !(std::mem::replace(&mut state.ran_out, runs_out) && runs_out) {
-                    let finding = refused(&refusal, span, state.cut.as_ref());
-                    findings.push(match refusal {
-                        FiveAxisRefusal::Pose {
-                            reason: KinematicsError::OutOfRange { axis, range_rad, .. }, ..
-                        } => self.cure_range(finding, (axis, range_rad), guided, block.toward),
-                        _ => finding,
-                    });
-                }
+                self.refuse(&refusal, guided, &block, state, findings);
                 return None;
             }
         };

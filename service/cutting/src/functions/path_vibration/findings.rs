@@ -2,21 +2,19 @@
 //! share its place: the findings' log counts them and keeps the worst.
 
 use feedwave_motion::{LimitExceeded, Quantity};
-use feedwave_program::{Finding, FindingCode, FindingLog, Severity, SourceSpan};
+use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
-use super::chip::{ChipReport, CutCondition, SurfaceSpeedReport};
+use super::chip::CutCondition;
 use super::code;
 use super::following::FollowingModel;
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
 };
+use crate::functions::axis_load::{AxisCodes, AxisLoad};
+use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, round_up, word};
 
-/// Samples per vibration period below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
-const FINE_SAMPLES: f64 = 8.0;
-/// Share of the spindle speed within which it may stray in practice without notice.
-const SPEED_MARGIN: f64 = 0.02;
 /// Share of the amplitude that has to arrive at the tool.
 const ARRIVING_SHARE: f64 = 0.9;
 
@@ -55,22 +53,22 @@ impl Evidence {
         self.report
     }
 
-    fn condition(&self) -> VibrationCondition {
+    pub(super) fn condition(&self) -> VibrationCondition {
         self.report.condition
     }
 
     /// The place to change the frequency, and its new word where the place is that word alone.
-    fn frequency_cure(&self, frequency_hz: f64) -> (SourceSpan, Option<String>) {
+    pub(super) fn frequency_cure(&self, frequency_hz: f64) -> (SourceSpan, Option<String>) {
         let word = self.words.frequency.map(|_| frequency_word(frequency_hz));
         (self.words.frequency.unwrap_or(self.on_span), word)
     }
 
-    fn amplitude_span(&self) -> SourceSpan {
+    pub(super) fn amplitude_span(&self) -> SourceSpan {
         self.words.amplitude.unwrap_or(self.on_span)
     }
 
     /// A new amplitude word, where the finding is at the old one and the amplitude can be written.
-    fn amplitude_cure(&self, amplitude_mm: f64) -> Option<String> {
+    pub(super) fn amplitude_cure(&self, amplitude_mm: f64) -> Option<String> {
         self.words.amplitude.filter(|_| amplitude_mm > 0.0).map(|_| amplitude_word(amplitude_mm, self.words.inch))
     }
 
@@ -78,9 +76,6 @@ impl Evidence {
         let frequency_hz = self.condition().frequency_hz;
         let sampling = &self.report.sampling;
         let samples = sampling.samples_per_vibration;
-        // Limits are often met exactly, and 1/(f·Δt) is rounded.
-        let is_below = |limit: f64| samples < limit * (1.0 - 1e-9);
-        let fine_period_ms = 1_000.0 / (FINE_SAMPLES * frequency_hz);
         let servo_side = self.settings.generation_mode == GenerationMode::ServoSide;
         let with_values = |finding: Finding| {
             finding
@@ -88,10 +83,6 @@ impl Evidence {
                 .with_value("period", sampling.period_s, "s")
                 .with_value("samples_per_vibration", samples, "")
                 .with_value("peak_error", sampling.peak_error, "")
-        };
-        let suggest_period = |finding: Finding| {
-            let message = format!("use a period of at most {} ms", decimal(fine_period_ms, 3));
-            finding.suggest_value(message, None, "period", fine_period_ms / 1_000.0, "s")
         };
         let suggest_mode = |finding: Finding| {
             if servo_side {
@@ -106,65 +97,64 @@ impl Evidence {
             decimal(samples, 2),
             decimal(sampling.period_s * 1_000.0, 4)
         );
-        if is_below(2.0) {
-            let highest_hz = round_down(1.0 / (FINE_SAMPLES * sampling.period_s), 3);
-            let (span, word) = self.frequency_cure(highest_hz);
-            let message = format!("{wave}: below two samples another, slower wave would be cut");
-            let finding = with_values(Finding::new(code::VIB_SAMPLING_NYQUIST, span, message));
-            let cure = format!("use at most {} Hz at this period", decimal(highest_hz, 3));
-            let finding = suggest_mode(suggest_period(finding));
-            findings.push(finding.suggest_value(cure, word, "frequency", highest_hz, "Hz"));
-        } else if is_below(FINE_SAMPLES) {
-            let message = format!(
-                "{wave}: up to {} % of its peak is lost between samples",
-                decimal(sampling.peak_error * 100.0, 1)
-            );
-            let finding = with_values(Finding::new(code::VIB_SAMPLING_COARSE, self.on_span, message));
-            findings.push(suggest_period(suggest_mode(finding)));
+        match Sampling::of(samples) {
+            Sampling::Fine => {}
+            Sampling::BelowNyquist => {
+                let highest_hz = round_down(1.0 / (FINE_SAMPLES * sampling.period_s), 3);
+                let (span, word) = self.frequency_cure(highest_hz);
+                let message = format!("{wave}: below two samples another, slower wave would be cut");
+                let finding = with_values(Finding::new(code::VIB_SAMPLING_NYQUIST, span, message));
+                let cure = format!("use at most {} Hz at this period", decimal(highest_hz, 3));
+                let finding = suggest_mode(suggest_period(finding, frequency_hz));
+                findings.push(finding.suggest_value(cure, word, "frequency", highest_hz, "Hz"));
+            }
+            Sampling::Coarse => {
+                let message = format!(
+                    "{wave}: up to {} % of its peak is lost between samples",
+                    decimal(sampling.peak_error * 100.0, 1)
+                );
+                let finding = with_values(Finding::new(code::VIB_SAMPLING_COARSE, self.on_span, message));
+                findings.push(suggest_period(suggest_mode(finding), frequency_hz));
+            }
         }
     }
 
     fn axes(&self, findings: &mut Vec<Finding>) {
         let before = findings.len();
         for axis in &self.report.axes {
-            for quantity in [Quantity::Velocity, Quantity::Acceleration, Quantity::Jerk] {
-                let (demanded, limit) = demand(axis, quantity);
-                if demanded > limit {
+            for load in loads(axis) {
+                let AxisLoad { quantity, demanded, limit, .. } = load;
+                if load.exceeds(0.0) {
                     let of =
                         if quantity == Quantity::Velocity { "feed and vibration take" } else { "the vibration takes" };
                     let message = format!(
                         "{of} {} {} of the {} axis' {quantity}, whose limit is {} (line {})",
                         decimal(demanded, 1),
-                        quantity.unit(axis.rotary),
+                        load.unit(),
                         axis.name,
                         decimal(limit, 1),
                         axis.line
                     );
-                    let load =
-                        Load { axis: &axis.name, rotary: axis.rotary, quantity, demanded, limit, line: axis.line };
-                    findings.push(self.axis_finding(&load, message));
+                    findings.push(self.axis_finding(&load, &axis.name, axis.line, message));
                 }
             }
         }
         // On a curve the turning takes part of the limits too.
-        if let Some((exceeded, line)) = &self.exceeded
-            && findings[before..].iter().all(|finding| finding.code != axis_code(exceeded.quantity))
-        {
-            let message = format!("{exceeded} (line {line})");
+        if let Some((exceeded, line)) = &self.exceeded {
             let LimitExceeded { axis, quantity, demanded, limit } = *exceeded;
-            let (name, rotary) = (axis.letter().to_string(), axis.is_rotary());
-            let load = Load { axis: &name, rotary, quantity, demanded, limit, line: *line };
-            findings.push(self.axis_finding(&load, message));
+            let load = AxisLoad { quantity, rotary: axis.is_rotary(), demanded, limit };
+            let code = load.code(&AXIS_CODES);
+            if findings[before..].iter().all(|finding| finding.code != code) {
+                let message = format!("{exceeded} (line {line})");
+                findings.push(self.axis_finding(&load, &axis.letter().to_string(), *line, message));
+            }
         }
     }
 
-    fn axis_finding(&self, load: &Load<'_>, message: String) -> Finding {
-        let Load { axis, rotary, quantity, demanded, limit, line } = *load;
-        let mut finding = Finding::new(axis_code(quantity), self.amplitude_span(), message)
-            .at("line", line.into())
-            .ranked(axis.to_owned(), demanded / limit)
-            .with_value("demanded", demanded, quantity.unit(rotary))
-            .with_value("limit", limit, quantity.unit(rotary));
+    fn axis_finding(&self, load: &AxisLoad, axis: &str, line: u32, message: String) -> Finding {
+        let AxisLoad { quantity, limit, .. } = *load;
+        let finding = Finding::new(load.code(&AXIS_CODES), self.amplitude_span(), message).at("line", line.into());
+        let mut finding = load.with_numbers(finding, axis.to_owned());
         if let Some(amplitude_mm) = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0)
         {
             let message =
@@ -309,259 +299,6 @@ impl Evidence {
         );
     }
 
-    fn chip(&self, findings: &mut Vec<Finding>) {
-        if let Some(line) = self.stopped_line {
-            let message =
-                format!("the spindle is stopped still in line {line}: whether the chip breaks cannot be said");
-            findings.push(
-                Finding::new(code::VIB_SPINDLE_STOPPED, self.on_span, message)
-                    .at("line", line.into())
-                    .ranked("", 0.0)
-                    .suggest("start the spindle before the section"),
-            );
-        }
-        let (Some(chip), Some(line)) = (&self.report.chip, self.chip_line) else { return };
-        let surface = self.report.surface_speed.as_ref();
-        let partly = surface.filter(|surface| surface.broken_share < 1.0 && surface.broken_share > 0.0);
-        let at_constant_speed = self.report.chip_spans.iter().any(|span| !span.broken);
-        if let Some(surface) = partly
-            && !at_constant_speed
-        {
-            findings.push(self.partly_unbroken(surface));
-        } else if !chip.broken {
-            findings.push(self.unbroken(chip, line));
-        } else {
-            self.marginal(chip, line, findings);
-            findings.extend(self.unbroken_at_permitted_override());
-        }
-    }
-
-    /// The chip is not cut through: integer D, or an amplitude too small for this D.
-    fn unbroken(&self, chip: &ChipReport, line: u32) -> Finding {
-        let cut = &chip.condition;
-        let reason = match chip.min_amplitude_mm {
-            None => format!(
-                "makes D = {} vibrations per revolution, a whole number: every revolution follows the one before, and \
-                 no amplitude breaks the chip",
-                decimal(chip.vibrations_per_rev, 3)
-            ),
-            Some(least_mm) => format!(
-                "makes D = {} vibrations per revolution, where the chip breaks from an amplitude of {} mm on, not {} mm",
-                decimal(chip.vibrations_per_rev, 4),
-                decimal(round_up(least_mm, 4), 4),
-                decimal(cut.amplitude_mm, 4)
-            ),
-        };
-        let share = self.report.broken_share.unwrap_or(0.0);
-        let extent = if share > 0.0 {
-            format!(" ({} % of the section breaks)", decimal(share * 100.0, 1))
-        } else {
-            String::new()
-        };
-        let under = match self.report.feed_override {
-            Some(ratio) if ratio != 1.0 => {
-                let feed_mm = decimal(cut.feed_per_rev_mm, 5);
-                format!(" under the feed override of {} %, {feed_mm} mm/rev", percent(ratio))
-            }
-            _ => String::new(),
-        };
-        let message = format!(
-            "the chip does not break in line {line}{under}: {} Hz at {} rev/min {reason}{extent}",
-            decimal(cut.frequency_hz, 3),
-            decimal(cut.spindle_rev_per_min, 1)
-        );
-        // An amplitude below f_r/2 breaks the chip at no frequency: it comes first then.
-        let amplitude_first = chip.amplitude_ratio < 1.0;
-        let span = if amplitude_first { self.amplitude_span() } else { self.frequency_cure(0.0).0 };
-        let mut finding = Finding::new(code::VIB_CHIP_UNBROKEN, span, message)
-            .at("line", line.into())
-            .ranked("", -cut.breaking_margin())
-            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "")
-            .with_value("amplitude_ratio", chip.amplitude_ratio, "")
-            .with_value("feed_per_rev", cut.feed_per_rev_mm, "mm")
-            .with_value("spindle_speed", cut.spindle_rev_per_min, "rev/min")
-            .with_value("broken_share", share, "");
-        if let Some(ratio) = self.report.feed_override.filter(|ratio| *ratio != 1.0) {
-            finding = finding.with_value("feed_override", 100.0 * ratio, "%");
-        }
-        if amplitude_first {
-            finding = self.suggest_amplitude(finding, chip, true);
-        }
-        finding = self.suggest_frequencies(finding, chip, !amplitude_first);
-        for &rev_per_min in &chip.recommended_spindle_rev_per_min {
-            let message = format!("turn the spindle at {} rev/min", decimal(rev_per_min, 1));
-            finding = finding.suggest_value(message, None, "spindle_speed", rev_per_min, "rev/min");
-        }
-        let finding = if amplitude_first { finding } else { self.suggest_amplitude(finding, chip, false) };
-        // At the programmed feed the override is not the cause.
-        if self.report.feed_override == Some(1.0) { finding } else { self.suggest_override(finding) }
-    }
-
-    /// The chip breaks at every override of the plan, but not at the largest one that the machine permits.
-    fn unbroken_at_permitted_override(&self) -> Option<Finding> {
-        let permitted = self.report.at_max_feed_override.filter(|permitted| permitted.broken_share < 1.0)?;
-        let top = percent(permitted.max_feed_override);
-        let largest = permitted.largest_breaking_override.map(|ratio| round_down(100.0 * ratio, 2));
-        let breaking = match (largest, permitted.largest_breaking_feed_per_rev_mm) {
-            (Some(largest), Some(feed_mm)) => format!(
-                "up to a feed override of {} %, {} mm/rev",
-                decimal(largest, 2),
-                decimal(round_down(feed_mm, 5), 5)
-            ),
-            _ => "at the overrides of this plan".to_owned(),
-        };
-        let least_mm = permitted.min_amplitude_mm.map(|least_mm| round_up(least_mm, 4));
-        let serving = least_mm.map_or_else(
-            || format!("no amplitude up to the machine's {} mm is enough", decimal(self.settings.max_amplitude_mm, 4)),
-            |least_mm| format!("an amplitude of {} mm is enough", decimal(least_mm, 4)),
-        );
-        let message = format!(
-            "the chip in line {} breaks {breaking}, and the machine permits {top} %, where {serving}",
-            permitted.line
-        );
-        let mut finding = Finding::new(code::VIB_CHIP_OVERRIDE, self.amplitude_span(), message)
-            .at("line", permitted.line.into())
-            .ranked("", -permitted.breaking_margin)
-            .with_value("max_feed_override", 100.0 * permitted.max_feed_override, "%")
-            .with_value("breaking_margin", permitted.breaking_margin, "")
-            .with_value("broken_share", permitted.broken_share, "");
-        if let (Some(largest), Some(feed_mm)) = (largest, permitted.largest_breaking_feed_per_rev_mm) {
-            finding = finding.with_value("largest_feed_override", largest, "%").with_value(
-                "largest_feed_per_rev",
-                round_down(feed_mm, 5),
-                "mm",
-            );
-        }
-        if let Some(least_mm) = least_mm {
-            finding = self.suggest_least_amplitude(finding, least_mm, true);
-        }
-        Some(self.suggest_override(finding))
-    }
-
-    /// What helps against an override beyond which the chip no longer breaks.
-    fn suggest_override(&self, finding: Finding) -> Finding {
-        let Some(permitted) = self.report.at_max_feed_override else { return finding };
-        let programmed_breaks = permitted.largest_breaking_override.is_some_and(|largest| largest >= 1.0);
-        let reach_mm = self.condition().amplitude_mm * permitted.max_feed_override;
-        let mut finding = finding;
-        if self.settings.amplitude_follows_feed_up_to.is_none()
-            && programmed_breaks
-            && reach_mm <= self.settings.max_amplitude_mm
-        {
-            let message = format!(
-                "let the amplitude follow the feed: vibration.amplitude_follows_feed_up_to = {} in the machine profile",
-                decimal(permitted.max_feed_override, 4)
-            );
-            finding = finding.suggest(message);
-        }
-        match permitted.largest_breaking_override.map(|largest| round_down(largest, 4)) {
-            Some(largest) if largest >= 1.0 => {
-                let message = format!(
-                    "permit no feed override above {} %: max_feed_override = {} in the machine profile",
-                    percent(largest),
-                    decimal(largest, 4)
-                );
-                finding.suggest_value(message, None, "max_feed_override", largest, "")
-            }
-            Some(largest) if largest > 0.0 => {
-                let message = format!("feed at most {} % of what is programmed", percent(largest));
-                finding.suggest_value(message, None, "feed_override", 100.0 * largest, "%")
-            }
-            _ => finding,
-        }
-    }
-
-    fn suggest_frequencies(&self, mut finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
-        let rev_per_s = chip.condition.spindle_rev_per_min / 60.0;
-        let permitted = |hz: &&f64| **hz <= self.settings.max_frequency_hz;
-        for &frequency_hz in chip.recommended_frequencies_hz.iter().filter(permitted) {
-            let message = format!(
-                "vibrate at {} Hz: D = {}, where {} mm suffice",
-                decimal(frequency_hz, 3),
-                decimal(frequency_hz / rev_per_s, 1),
-                decimal(round_up(0.5 * chip.condition.feed_per_rev_mm, 4), 4)
-            );
-            let word = self.frequency_cure(frequency_hz).1.filter(|_| on_word);
-            finding = finding.suggest_value(message, word, "frequency", frequency_hz, "Hz");
-        }
-        finding
-    }
-
-    fn suggest_amplitude(&self, finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
-        // What has to be programmed for this cut, whose amplitude may have followed the feed; it is enough at every
-        // permitted override as well, where one does.
-        let followed = chip.condition.amplitude_mm / self.condition().amplitude_mm;
-        let here_mm = chip.min_amplitude_mm.map(|least_mm| least_mm / followed);
-        let everywhere_mm = self.report.at_max_feed_override.and_then(|permitted| permitted.min_amplitude_mm);
-        let least_mm = here_mm.map(|here_mm| round_up(here_mm.max(everywhere_mm.unwrap_or(0.0)), 4));
-        match least_mm.filter(|least_mm| *least_mm <= self.settings.max_amplitude_mm) {
-            Some(least_mm) => self.suggest_least_amplitude(finding, least_mm, on_word),
-            None => finding,
-        }
-    }
-
-    fn suggest_least_amplitude(&self, finding: Finding, least_mm: f64, on_word: bool) -> Finding {
-        let up_to = match self.report.at_max_feed_override {
-            Some(permitted) if permitted.max_feed_override > 1.0 && permitted.min_amplitude_mm.is_some() => {
-                format!(", enough up to a feed override of {} %", percent(permitted.max_feed_override))
-            }
-            _ => String::new(),
-        };
-        let message = format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4));
-        let word = self.amplitude_cure(least_mm).filter(|_| on_word);
-        finding.suggest_value(message, word, "amplitude", least_mm, "mm")
-    }
-
-    /// The chip breaks, but a little more or less spindle speed ends that.
-    fn marginal(&self, chip: &ChipReport, line: u32, findings: &mut Vec<Finding>) {
-        let Some(tolerance) = chip.speed_tolerance else { return };
-        let spindle_rev_per_min = chip.condition.spindle_rev_per_min;
-        let above_rev_per_min = tolerance.plus_rev_per_min.unwrap_or(f64::INFINITY);
-        let closest_rev_per_min = tolerance.minus_rev_per_min.min(above_rev_per_min);
-        if closest_rev_per_min >= SPEED_MARGIN * spindle_rev_per_min {
-            return;
-        }
-        let message = format!(
-            "the chip breaks in line {line} only while the spindle holds {} rev/min within {} rev/min ({} %)",
-            decimal(spindle_rev_per_min, 1),
-            decimal(closest_rev_per_min, 1),
-            decimal(closest_rev_per_min / spindle_rev_per_min * 100.0, 2)
-        );
-        let finding = Finding::new(code::VIB_CHIP_MARGINAL, self.frequency_cure(0.0).0, message)
-            .at("line", line.into())
-            .ranked("", -closest_rev_per_min / spindle_rev_per_min)
-            .with_value("spindle_speed", spindle_rev_per_min, "rev/min")
-            .with_value("speed_tolerance", closest_rev_per_min, "rev/min")
-            .with_value("vibrations_per_rev", chip.vibrations_per_rev, "");
-        findings.push(self.suggest_frequencies(finding, chip, true));
-    }
-
-    /// Constant surface speed leads D through whole numbers.
-    fn partly_unbroken(&self, surface: &SurfaceSpeedReport) -> Finding {
-        let unbroken_share = 1.0 - surface.broken_share;
-        let first = surface.unbroken_spans.first();
-        let example = first.map_or_else(String::new, |span| {
-            format!(
-                ", first in line {} from diameter {} to {} mm",
-                span.first_line,
-                decimal(span.start_diameter_mm, 3),
-                decimal(span.end_diameter_mm, 3)
-            )
-        });
-        let message = format!(
-            "at constant surface speed the chip does not break on {} % of the path{example}",
-            decimal(unbroken_share * 100.0, 1)
-        );
-        let span_count = surface.unbroken_spans.len() as u64 + surface.unbroken_spans_not_listed;
-        Finding::new(code::VIB_PARTLY_UNBROKEN, self.on_span, message)
-            .at("line", first.map_or(self.report.first_line, |span| span.first_line).into())
-            .ranked("", unbroken_share)
-            .with_value("unbroken_share", unbroken_share, "")
-            .with_value("unbroken_spans", span_count as f64, "")
-            .suggest("turn the section at a constant spindle speed (G97) with half-integer D")
-            .suggest("raise the amplitude: the spans around whole D become narrower")
-    }
-
     fn following(&self, findings: &mut Vec<Finding>) {
         if !self.following.is_stated() {
             return;
@@ -604,36 +341,12 @@ impl Evidence {
     }
 }
 
-/// A factor as a percentage, never rounded up.
-fn percent(ratio: f64) -> String {
-    decimal(round_down(100.0 * ratio, 2), 2)
-}
+const AXIS_CODES: AxisCodes = [code::VIB_AXIS_VELOCITY, code::VIB_AXIS_ACCELERATION, code::VIB_AXIS_JERK];
 
-/// What a section asks of one limit of an axis.
-#[derive(Clone, Copy)]
-struct Load<'a> {
-    axis: &'a str,
-    rotary: bool,
-    quantity: Quantity,
-    demanded: f64,
-    limit: f64,
-    line: u32,
-}
-
-fn axis_code(quantity: Quantity) -> FindingCode {
-    match quantity {
-        Quantity::Velocity => code::VIB_AXIS_VELOCITY,
-        Quantity::Acceleration => code::VIB_AXIS_ACCELERATION,
-        Quantity::Jerk => code::VIB_AXIS_JERK,
-    }
-}
-
-fn demand(axis: &AxisLoadReport, quantity: Quantity) -> (f64, f64) {
-    match quantity {
-        Quantity::Velocity => (axis.velocity_per_s, axis.max_velocity_per_s),
-        Quantity::Acceleration => (axis.acceleration_per_s2, axis.max_acceleration_per_s2),
-        Quantity::Jerk => (axis.jerk_per_s3, axis.max_jerk_per_s3),
-    }
+fn loads(axis: &AxisLoadReport) -> [AxisLoad; 3] {
+    let demanded = [axis.velocity_per_s, axis.acceleration_per_s2, axis.jerk_per_s3];
+    let limits = [axis.max_velocity_per_s, axis.max_acceleration_per_s2, axis.max_jerk_per_s3];
+    AxisLoad::of_linear(demanded, limits).map(|load| AxisLoad { rotary: axis.rotary, ..load })
 }
 
 /// `F` word of a frequency, to 0.001 Hz.

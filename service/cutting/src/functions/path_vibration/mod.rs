@@ -5,6 +5,7 @@ mod amplitude;
 mod analysis;
 pub(crate) mod chip;
 mod chip_course;
+mod chip_findings;
 mod chips;
 pub(crate) mod code;
 mod envelope;

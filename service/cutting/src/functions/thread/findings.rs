@@ -7,13 +7,17 @@ use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
 use super::report::{CrestReport, ThreadPassReport};
-use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadReport, reduce_deg};
+use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport, reduce_deg};
+use crate::functions::axis_load::{AxisCodes, AxisLoad};
+use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, round_up};
 
-/// Samples per vibration below which the wave counts as coarse (docs/functions/path-vibration.md, "Findings").
-const FINE_SAMPLES: f64 = 8.0;
 /// Angles that differ by less count as equal, degrees: what a program can write is 0.001°.
 const SAME_ANGLE_DEG: f64 = 0.01;
+/// Tolerance for the rounding of computed limits, which are met exactly.
+const ROUNDING: f64 = 1e-9;
+const AXIS_CODES: AxisCodes =
+    [code::THREAD_VIBRATION_VELOCITY, code::THREAD_VIBRATION_ACCELERATION, code::THREAD_VIBRATION_JERK];
 /// Lengths that differ by less count as equal, mm.
 const SAME_LENGTH_MM: f64 = 1e-9;
 
@@ -93,15 +97,15 @@ fn sampling(
     span: SourceSpan,
     findings: &mut FindingLog,
 ) {
-    if limits.period_s <= 0.0 || !job.passes.iter().any(super::ThreadPass::vibrates) {
+    if limits.period_s <= 0.0 || !job.passes.iter().any(ThreadPass::vibrates) {
         return;
     }
     let samples = 1.0 / (report.frequency_hz * limits.period_s);
-    if samples >= FINE_SAMPLES * (1.0 - 1e-9) {
+    let sampling = Sampling::of(samples);
+    if sampling == Sampling::Fine {
         return;
     }
     let speed = round_down(60.0 / (FINE_SAMPLES * limits.period_s * job.vibrations_per_rev), 1);
-    let period_ms = 1_000.0 / (FINE_SAMPLES * report.frequency_hz);
     let message = format!(
         "{} vibrations per revolution at {} rev/min are sampled {} times each at a period of {} ms",
         decimal(job.vibrations_per_rev, 3),
@@ -109,31 +113,18 @@ fn sampling(
         decimal(samples, 2),
         decimal(limits.period_s * 1_000.0, 4)
     );
-    let finding = if samples < 2.0 * (1.0 - 1e-9) {
+    let finding = if sampling == Sampling::BelowNyquist {
         Finding::new(code::THREAD_SAMPLING_NYQUIST, span, message)
     } else {
         Finding::new(code::THREAD_SAMPLING_COARSE, span, message)
     };
-    findings.push(
-        finding
-            .with_value("samples_per_vibration", samples, "")
-            .with_value("frequency", report.frequency_hz, "Hz")
-            .with_value("period", limits.period_s, "s")
-            .suggest_value(
-                format!("use a period of at most {} ms", decimal(period_ms, 3)),
-                None,
-                "period",
-                period_ms / 1_000.0,
-                "s",
-            )
-            .suggest_value(
-                format!("turn at {} rev/min at most", decimal(speed, 1)),
-                None,
-                "spindle_speed",
-                speed,
-                "rev/min",
-            ),
-    );
+    let finding = finding
+        .with_value("samples_per_vibration", samples, "")
+        .with_value("frequency", report.frequency_hz, "Hz")
+        .with_value("period", limits.period_s, "s");
+    let cure = format!("turn at {} rev/min at most", decimal(speed, 1));
+    let finding = suggest_period(finding, report.frequency_hz);
+    findings.push(finding.suggest_value(cure, None, "spindle_speed", speed, "rev/min"));
 }
 
 /// A groove wider than the pitch takes the crest of its neighbours.
@@ -166,9 +157,18 @@ fn profile(job: &ThreadJob, findings: &mut FindingLog) {
     );
 }
 
+/// How a pass starts.
 fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
-    let pass = &job.passes[index];
-    let number = number(index);
+    start_angle(job, index, findings);
+    approach(job, limits, index, findings);
+    exact_length(job, index, findings);
+    turn_phase(job, index, report, findings);
+    late(job, limits, index, report, findings);
+}
+
+/// A start angle is within a revolution.
+fn start_angle(job: &ThreadJob, index: usize, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     if !(0.0..360.0).contains(&pass.start_angle_deg) {
         let reduced_deg = reduce_deg(pass.start_angle_deg);
         let message = format!(
@@ -189,6 +189,11 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                 ),
         );
     }
+}
+
+/// The lead axis comes into step before the work.
+fn approach(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     let run_up_mm = job.run_up.travel_mm(job.geometry.lead_mm);
     let travel_mm = limits.approach_mm - pass.start_travel_mm;
     if run_up_mm > travel_mm {
@@ -214,6 +219,11 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                 .suggest("turn slower"),
         );
     }
+}
+
+/// Some length has the exact lead.
+fn exact_length(job: &ThreadJob, index: usize, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     let exact_mm = job.exact_length_mm(pass);
     if exact_mm <= 0.0 {
         let length_mm = job.geometry.length_mm() - pass.start_travel_mm;
@@ -232,6 +242,11 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                 .suggest("start further before the work, or end further behind it"),
         );
     }
+}
+
+/// A pass that comes to its place turns later has another phase there.
+fn turn_phase(job: &ThreadJob, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     let programmed_deg = reduce_deg(pass.phase_shift_deg);
     let moved_deg = reduce_deg(report.place.phase_shift_deg - programmed_deg);
     if pass.vibrates() && report.place.turns_later != 0 && moved_deg.min(360.0 - moved_deg) > SAME_ANGLE_DEG {
@@ -260,6 +275,11 @@ fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPa
                 ),
         );
     }
+}
+
+/// A vibration that starts later than the lead axis starts before the work.
+fn late(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
+    let (pass, number) = (&job.passes[index], number(index));
     let still_deg = report.delay_deg - pass.start_angle_deg;
     if job.start_up == StartUp::Delayed && pass.vibrates() && still_deg > 0.0 {
         let still_mm = job.run_up.synchronous_deg(still_deg) * job.geometry.lead_mm / 360.0;
@@ -292,46 +312,21 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
     let velocity = 0.5 * pass.amplitude_mm * rad_per_s;
     // On a taper X follows the lead as well.
     let taper = job.geometry.taper.abs() * job.geometry.lead_mm * job.spindle_rev_per_min / 60.0;
-    for (code, what, unit, demanded, limit, order) in [
-        (
-            code::THREAD_VIBRATION_VELOCITY,
-            "velocity",
-            "mm/s",
-            velocity + taper,
-            limits.vibration_velocity_mm_per_s,
-            1.0,
-        ),
-        (
-            code::THREAD_VIBRATION_ACCELERATION,
-            "acceleration",
-            "mm/s²",
-            velocity * rad_per_s,
-            limits.vibration_acceleration_mm_per_s2,
-            2.0,
-        ),
-        (
-            code::THREAD_VIBRATION_JERK,
-            "jerk",
-            "mm/s³",
-            velocity * rad_per_s * rad_per_s,
-            limits.vibration_jerk_mm_per_s3,
-            3.0,
-        ),
-    ] {
-        if demanded <= limit * (1.0 + 1e-9) {
-            continue;
-        }
+    let demanded = [velocity + taper, velocity * rad_per_s, velocity * rad_per_s * rad_per_s];
+    let limits =
+        [limits.vibration_velocity_mm_per_s, limits.vibration_acceleration_mm_per_s2, limits.vibration_jerk_mm_per_s3];
+    for load in AxisLoad::of_linear(demanded, limits).into_iter().filter(|load| load.exceeds(ROUNDING)) {
+        let AxisLoad { quantity, demanded, limit, .. } = load;
         let message = format!(
-            "the vibration of pass {} takes {} {unit} of X' {what}, whose limit is {}",
+            "the vibration of pass {} takes {} {} of X' {quantity}, whose limit is {}",
             index + 1,
             decimal(demanded, 1),
+            load.unit(),
             decimal(limit, 1)
         );
-        let finding = Finding::new(code, pass.span, message)
-            .at("pass", number(index))
-            .ranked("", demanded / limit)
-            .with_value("demanded", demanded, unit)
-            .with_value("limit", limit, unit);
+        let finding = Finding::new(load.code(&AXIS_CODES), pass.span, message).at("pass", number(index));
+        let finding = load.with_numbers(finding, "");
+        let order = load.order();
         let permitted_mm = round_down(pass.amplitude_mm * share(demanded, limit, taper, order), 4);
         let finding = if permitted_mm > 0.0 {
             let cure = format!("the axis can follow {} mm on the radius", decimal(permitted_mm, 4));
@@ -353,83 +348,104 @@ fn share(demanded: f64, limit: f64, taper: f64, order: f64) -> f64 {
 /// Whether the chip of a vibrating pass is cut through, and if not, why.
 fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
     let (pass, own) = (&job.passes[index], &report.passes[index]);
-    let number = number(index);
     let before = job.passes[..index].iter().rposition(|before| before.start == pass.start);
-    let exceeds = own.amplitude_mm > own.infeed_mm + SAME_LENGTH_MM;
-    // The worst pass is the one that lacks most of its amplitude.
-    let with_values = |finding: Finding, least_mm: f64| {
-        finding
-            .at("pass", number)
-            .ranked("", least_mm - own.amplitude_mm)
-            .with_value("infeed", own.infeed_mm, "mm")
-            .with_value("amplitude", own.amplitude_mm, "mm")
-    };
-    let suggest_amplitude = |finding: Finding, least_mm: f64| {
-        let least_mm = round_up(least_mm + 1e-6, 4);
-        let cure = format!("vibrate with more than {} mm on the radius", decimal(least_mm, 4));
-        finding.suggest_value(cure, None, "amplitude", least_mm, "mm")
-    };
-    if !exceeds {
-        let (code, what) = match before {
-            None => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
-            Some(_) => (code::THREAD_AMPLITUDE_SMALL, "does not reach beyond its infeed"),
-        };
-        let message = format!(
-            "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm on the radius",
-            decimal(own.amplitude_mm, 4),
-            decimal(own.infeed_mm, 4)
-        );
-        let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
-        let finding = with_values(Finding::new(code, pass.span, message), least_mm);
-        findings.push(suggest_amplitude(finding, least_mm));
+    if own.amplitude_mm <= own.infeed_mm + SAME_LENGTH_MM {
+        amplitude_small(pass, own, index, before, findings);
     } else if !own.depth.broken
         && let Some(before) = before
     {
-        let shift_before = report.passes[before].place.phase_shift_deg;
-        let difference_deg = reduce_deg(own.place.phase_shift_deg - shift_before);
-        // What has to be programmed to be opposite to the pass before, whatever the turns in between.
-        let cure_deg = reduce_deg(pass.phase_shift_deg + 180.0 - difference_deg);
-        let equal = difference_deg.min(360.0 - difference_deg) <= SAME_ANGLE_DEG;
-        let code = if equal { code::THREAD_PHASE_EQUAL } else { code::THREAD_PHASE_UNBROKEN };
-        let message = format!(
-            "passes {} and {number} are {} degrees apart in phase at the same place on the work: the chip of pass \
-             {number} is not cut through",
-            before + 1,
-            decimal(difference_deg, 3)
-        );
-        let finding = with_values(Finding::new(code, pass.span, message), own.depth.least_amplitude_mm)
-            .with_value("phase_difference", difference_deg, "deg")
-            .suggest_value(
-                format!("shift the phase by {} degrees", decimal(cure_deg, 3)),
-                None,
-                "phase_shift",
-                cure_deg,
-                "deg",
-            );
-        findings.push(suggest_amplitude(finding, own.depth.least_amplitude_mm));
+        phase_unbroken(pass, report, index, before, findings);
     } else if own.depth.broken && !own.section.broken {
-        let least_mm = own.section.least_amplitude_mm;
-        let message = format!(
-            "the chip of pass {number} holds together at the flank: the full section needs an amplitude of {} mm on \
-             the radius, not {}",
-            decimal(round_up(least_mm, 4), 4),
-            decimal(own.amplitude_mm, 4)
-        );
-        let finding = with_values(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), least_mm).with_value(
-            "section_amplitude",
-            least_mm,
-            "mm",
-        );
-        let finding = suggest_amplitude(finding, least_mm);
-        let finding = match report.least_section_ratio.map(|ratio| round_up(ratio, 2)) {
-            Some(ratio) => {
-                let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));
-                finding.suggest_value(cure, None, "ratio", ratio, "")
-            }
-            None => finding,
-        };
-        findings.push(finding.suggest("come straight in: radial infeed leaves no ribbon"));
+        ribbon(pass, report, index, findings);
     }
+}
+
+/// The worst pass is the one that lacks most of its amplitude.
+fn with_amplitude(finding: Finding, number: u64, own: &ThreadPassReport, least_mm: f64) -> Finding {
+    finding
+        .at("pass", number)
+        .ranked("", least_mm - own.amplitude_mm)
+        .with_value("infeed", own.infeed_mm, "mm")
+        .with_value("amplitude", own.amplitude_mm, "mm")
+}
+
+fn suggest_amplitude(finding: Finding, least_mm: f64) -> Finding {
+    let least_mm = round_up(least_mm + 1e-6, 4);
+    let cure = format!("vibrate with more than {} mm on the radius", decimal(least_mm, 4));
+    finding.suggest_value(cure, None, "amplitude", least_mm, "mm")
+}
+
+/// The vibration does not reach beyond what the pass cuts.
+fn amplitude_small(
+    pass: &ThreadPass,
+    own: &ThreadPassReport,
+    index: usize,
+    before: Option<usize>,
+    findings: &mut FindingLog,
+) {
+    let number = number(index);
+    let (code, what) = match before {
+        None => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
+        Some(_) => (code::THREAD_AMPLITUDE_SMALL, "does not reach beyond its infeed"),
+    };
+    let message = format!(
+        "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm on the radius",
+        decimal(own.amplitude_mm, 4),
+        decimal(own.infeed_mm, 4)
+    );
+    let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
+    let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, least_mm);
+    findings.push(suggest_amplitude(finding, least_mm));
+}
+
+/// The pass vibrates too much in step with the one before.
+fn phase_unbroken(pass: &ThreadPass, report: &ThreadReport, index: usize, before: usize, findings: &mut FindingLog) {
+    let (own, number) = (&report.passes[index], number(index));
+    let shift_before = report.passes[before].place.phase_shift_deg;
+    let difference_deg = reduce_deg(own.place.phase_shift_deg - shift_before);
+    // What has to be programmed to be opposite to the pass before, whatever the turns in between.
+    let cure_deg = reduce_deg(pass.phase_shift_deg + 180.0 - difference_deg);
+    let equal = difference_deg.min(360.0 - difference_deg) <= SAME_ANGLE_DEG;
+    let code = if equal { code::THREAD_PHASE_EQUAL } else { code::THREAD_PHASE_UNBROKEN };
+    let message = format!(
+        "passes {} and {number} are {} degrees apart in phase at the same place on the work: the chip of pass \
+         {number} is not cut through",
+        before + 1,
+        decimal(difference_deg, 3)
+    );
+    let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, own.depth.least_amplitude_mm)
+        .with_value("phase_difference", difference_deg, "deg")
+        .suggest_value(
+            format!("shift the phase by {} degrees", decimal(cure_deg, 3)),
+            None,
+            "phase_shift",
+            cure_deg,
+            "deg",
+        );
+    findings.push(suggest_amplitude(finding, own.depth.least_amplitude_mm));
+}
+
+/// The chip is cut through at its depth, but not over the whole section.
+fn ribbon(pass: &ThreadPass, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
+    let (own, number) = (&report.passes[index], number(index));
+    let least_mm = own.section.least_amplitude_mm;
+    let message = format!(
+        "the chip of pass {number} holds together at the flank: the full section needs an amplitude of {} mm on \
+         the radius, not {}",
+        decimal(round_up(least_mm, 4), 4),
+        decimal(own.amplitude_mm, 4)
+    );
+    let finding = with_amplitude(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), number, own, least_mm)
+        .with_value("section_amplitude", least_mm, "mm");
+    let finding = suggest_amplitude(finding, least_mm);
+    let finding = match report.least_section_ratio.map(|ratio| round_up(ratio, 2)) {
+        Some(ratio) => {
+            let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));
+            finding.suggest_value(cure, None, "ratio", ratio, "")
+        }
+        None => finding,
+    };
+    findings.push(finding.suggest("come straight in: radial infeed leaves no ribbon"));
 }
 
 /// Load of the tool; and passes that cut nothing.

@@ -22,6 +22,7 @@ pub(super) fn refusal(
 }
 
 /// Quantities without which nothing can be computed.
+// As long as the list of quantities: every condition is one line.
 pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut FindingLog) {
     let span = job.passes.first().map_or_else(SourceSpan::default, |pass| pass.span);
     let geometry = &job.geometry;

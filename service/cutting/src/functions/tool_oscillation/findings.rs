@@ -1,18 +1,21 @@
 //! The conditions of docs/functions/tool-oscillation.md ("Conditions"), each a finding with its numbers and what cures
 //! it.
 
+use feedwave_motion::Quantity;
 use feedwave_program::{Finding, SourceSpan};
 
 use super::code;
 use super::condition::{MAX_RAMP_PERIODS, OscillationPeriod, nearest_periods_per_rev};
 use super::report::{DirectionLoad, OscillationJob, OscillationReport};
 use super::waveform::{MAX_HOLD_SHARE, WaveformError};
-use super::{Engagement, OscillationDirection, Waveform};
+use super::{DirectionPeaks, Engagement, OscillationDirection, Waveform};
+use crate::functions::axis_load::{AxisCodes, AxisLoad};
 use crate::shared::track::MAX_AMPLITUDE_MM;
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
 /// Share by which a period may miss a whole part of a revolution: what a time written with six digits is rounded by.
 const PERIOD_TOLERANCE: f64 = 1e-5;
+const AXIS_CODES: AxisCodes = [code::OSC_AXIS_VELOCITY, code::OSC_AXIS_ACCELERATION, code::OSC_AXIS_JERK];
 /// Most periods per revolution.
 const MAX_PERIODS_PER_REV: f64 = 1_000.0;
 /// Phase error from which on it is worth a warning, degrees.
@@ -331,44 +334,28 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
         OscillationDirection::Cross => ("across the feed", "cross_amplitude"),
     };
     let feed = load.velocity_with_feed_mm_per_s - load.peaks.velocity_mm_per_s;
-    let quantities = [
-        (
-            code::OSC_AXIS_VELOCITY,
-            "velocity",
-            "mm/s",
-            load.peaks.velocity_mm_per_s,
-            load.limits.velocity_mm_per_s,
-            feed,
-            1.0,
-        ),
-        (
-            code::OSC_AXIS_ACCELERATION,
-            "acceleration",
-            "mm/s²",
-            load.peaks.acceleration_mm_per_s2,
-            load.limits.acceleration_mm_per_s2,
-            0.0,
-            2.0,
-        ),
-        (code::OSC_AXIS_JERK, "jerk", "mm/s³", load.peaks.jerk_mm_per_s3, load.limits.jerk_mm_per_s3, 0.0, 3.0),
-    ];
-    for (code, quantity, unit, peak, limit, taken, order) in quantities {
-        if peak + taken <= limit * (1.0 + ROUNDING) {
-            continue;
-        }
+    let DirectionPeaks { velocity_mm_per_s, acceleration_mm_per_s2, jerk_mm_per_s3, .. } = load.peaks;
+    let demanded = [velocity_mm_per_s + feed, acceleration_mm_per_s2, jerk_mm_per_s3];
+    let limits = load.limits;
+    let limits = [limits.velocity_mm_per_s, limits.acceleration_mm_per_s2, limits.jerk_mm_per_s3];
+    for axis in AxisLoad::of_linear(demanded, limits).into_iter().filter(|axis| axis.exceeds(ROUNDING)) {
+        let AxisLoad { quantity, demanded, limit, .. } = axis;
+        // The feed takes its part of the velocity first.
+        let (peak, taken) = match quantity {
+            Quantity::Velocity => (velocity_mm_per_s, feed),
+            Quantity::Acceleration | Quantity::Jerk => (demanded, 0.0),
+        };
         let left = (limit - taken).max(0.0);
         let message = format!(
-            "the oscillation {name} takes {} {unit} of the {quantity}, whose limit is {}",
-            decimal(peak + taken, 1),
+            "the oscillation {name} takes {} {} of the {quantity}, whose limit is {}",
+            decimal(demanded, 1),
+            axis.unit(),
             decimal(limit, 1)
         );
-        let mut finding = Finding::new(code, job.span, message)
-            .ranked(name, (peak + taken) / limit)
-            .with_value("demanded", peak + taken, unit)
-            .with_value("limit", limit, unit);
+        let mut finding = axis.with_numbers(Finding::new(axis.code(&AXIS_CODES), job.span, message), name);
         if peak > 0.0 && left > 0.0 {
             let largest_mm = round_down(load.amplitude_mm * left / peak, 4);
-            let speed = round_down(job.cut.spindle_rev_per_min * libm::pow(left / peak, 1.0 / order), 1);
+            let speed = round_down(job.cut.spindle_rev_per_min * libm::pow(left / peak, 1.0 / axis.order()), 1);
             finding = finding
                 .suggest_value(
                     format!("the machine can follow an amplitude of {} mm", decimal(largest_mm, 4)),
@@ -387,6 +374,11 @@ fn dynamics(job: &OscillationJob<'_>, load: &DirectionLoad, findings: &mut Vec<F
         }
         findings.push(finding);
     }
+    jerk_step(job, load, name, findings);
+}
+
+/// A step of the acceleration, whose jerk is unbounded.
+fn jerk_step(job: &OscillationJob<'_>, load: &DirectionLoad, name: &'static str, findings: &mut Vec<Finding>) {
     let step = load.peaks.acceleration_step_mm_per_s2;
     if step > 0.0 {
         let message = format!(

@@ -116,70 +116,10 @@ impl ActiveOscillation {
         judgements: Option<&mut Judgements>,
         found: &mut Vec<Finding>,
     ) -> Option<OscillationSectionReport> {
-        let (tool, rotary) = (inputs.tool, inputs.rotary.as_ref());
-        let span = element.source;
-        let mut refuse = |code, message: &str, cure: &str| found.push(Finding::new(code, span, message).suggest(cure));
-        let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
-        let guided = match &element.curve {
-            Curve::FiveAxis(five_axis) => Some(five_axis),
-            _ => None,
-        };
-        if guided.is_some() && rotary.is_none() {
-            let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
-                           under a spindle along Z: here one of them turns the tool";
-            refuse(code::OSC_FIVE_AXIS, message, "switch the oscillation off before");
-            return None;
-        }
-        if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
-            refuse(
-                code::OSC_ROTARY,
-                "the tool oscillates while a rotary axis moves",
-                "switch the oscillation off before",
-            );
-            return None;
-        }
-        if inputs.vibrates {
-            let message = "the tool oscillates while the vibration along the path is on";
-            refuse(code::OSC_WITH_VIBRATION, message, "switch one of them off");
-            return None;
-        }
-        let SpindleSpeed::Constant { rev_per_min } = cut.spindle.speed else {
-            let message = "the tool oscillates in step with a constant spindle speed only";
-            refuse(code::OSC_SURFACE_SPEED, message, "program a spindle speed with G97");
-            return None;
-        };
-        if !cut.spindle.is_turning() {
-            refuse(
-                code::OSC_SPINDLE_STOPPED,
-                "the oscillation follows the spindle, which is stopped",
-                "start the spindle before",
-            );
-            return None;
-        }
+        let rev_per_min = steady_rev_per_min(element, cut, inputs, found)?;
         let spindle_rev_per_min = rev_per_min.min(inputs.machine.max_spindle_rev_per_min);
-        let in_plane = |s: f64| {
-            let heading = heading(rotary, element, s);
-            libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
-        };
-        let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
-        if least < LEAST_IN_PLANE {
-            let message = "the path goes along the tool axis: there is no feed direction to oscillate in";
-            refuse(code::OSC_PLUNGE, message, "switch the oscillation off for this block");
-            return None;
-        }
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
-        let curvature = guided.map_or_else(|| element.curvature(), |_| turning_per_mm(rotary, element));
-        let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
-        if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
-            let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
-            let message = "the feed direction turns too fast for the oscillation to follow it";
-            found.push(
-                Finding::new(code::OSC_TURNING, span, message)
-                    .ranked("", feed_mm_per_s / largest_mm_per_s)
-                    .with_value("curvature", curvature, "1/mm")
-                    .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
-                    .suggest_value("feed slower on this curve", None, "feed", feed, "mm/min"),
-            );
+        if !can_turn(element, feed_mm_per_s, spindle_rev_per_min, inputs.rotary.as_ref(), found) {
             return None;
         }
         let clockwise = cut.spindle.direction == SpindleDirection::Clockwise;
@@ -188,11 +128,11 @@ impl ActiveOscillation {
         if self.judged.is_some_and(|(old_tool, feed, speed)| {
             // A slower feed is within everything that the faster one was judged by, where no table decides otherwise.
             let is_within = if self.has_tables { feed == feed_mm_per_min } else { feed >= feed_mm_per_min };
-            old_tool == tool && is_within && speed == signed
+            old_tool == inputs.tool && is_within && speed == signed
         }) {
             return None;
         }
-        self.judged = Some((tool, feed_mm_per_min, signed));
+        self.judged = Some((inputs.tool, feed_mm_per_min, signed));
         let cutting = OscillationCut {
             feed_mm_per_min,
             spindle_rev_per_min,
@@ -200,7 +140,7 @@ impl ActiveOscillation {
             depth_mm: 0.0,
             engagement_deg: [-90.0, 90.0],
         };
-        self.judge(span.line, cutting, inputs, judgements, found)
+        self.judge(element.source.line, cutting, inputs, judgements, found)
     }
 
     fn judge(
@@ -336,6 +276,90 @@ impl ActiveOscillation {
         };
         (edge, RoleReport { first_edge, rotation: leading.rotation, parts_before, cutting_time_before_s, changes })
     }
+}
+
+/// The constant spindle speed with which the tool may oscillate along an element, rev/min; nothing after a finding.
+fn steady_rev_per_min(
+    element: &Element,
+    cut: &Cut,
+    inputs: &OscillationInputs<'_>,
+    found: &mut Vec<Finding>,
+) -> Option<f64> {
+    let rotary = inputs.rotary.as_ref();
+    let span = element.source;
+    let mut refuse = |code, message: &str, cure: &str| found.push(Finding::new(code, span, message).suggest(cure));
+    let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
+    let guided = match &element.curve {
+        Curve::FiveAxis(five_axis) => Some(five_axis),
+        _ => None,
+    };
+    if guided.is_some() && rotary.is_none() {
+        let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
+                       under a spindle along Z: here one of them turns the tool";
+        refuse(code::OSC_FIVE_AXIS, message, "switch the oscillation off before");
+        return None;
+    }
+    if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
+        refuse(code::OSC_ROTARY, "the tool oscillates while a rotary axis moves", "switch the oscillation off before");
+        return None;
+    }
+    if inputs.vibrates {
+        let message = "the tool oscillates while the vibration along the path is on";
+        refuse(code::OSC_WITH_VIBRATION, message, "switch one of them off");
+        return None;
+    }
+    let SpindleSpeed::Constant { rev_per_min } = cut.spindle.speed else {
+        let message = "the tool oscillates in step with a constant spindle speed only";
+        refuse(code::OSC_SURFACE_SPEED, message, "program a spindle speed with G97");
+        return None;
+    };
+    if !cut.spindle.is_turning() {
+        refuse(
+            code::OSC_SPINDLE_STOPPED,
+            "the oscillation follows the spindle, which is stopped",
+            "start the spindle before",
+        );
+        return None;
+    }
+    let in_plane = |s: f64| {
+        let heading = heading(rotary, element, s);
+        libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
+    };
+    let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
+    if least < LEAST_IN_PLANE {
+        let message = "the path goes along the tool axis: there is no feed direction to oscillate in";
+        refuse(code::OSC_PLUNGE, message, "switch the oscillation off for this block");
+        return None;
+    }
+    Some(rev_per_min)
+}
+
+/// Whether the feed direction turns slowly enough for the oscillation to follow it, or a finding.
+fn can_turn(
+    element: &Element,
+    feed_mm_per_s: f64,
+    spindle_rev_per_min: f64,
+    rotary: Option<&RotaryDirections>,
+    found: &mut Vec<Finding>,
+) -> bool {
+    let curvature = match element.curve {
+        Curve::FiveAxis(_) => turning_per_mm(rotary, element),
+        _ => element.curvature(),
+    };
+    let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
+    if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
+        let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
+        let message = "the feed direction turns too fast for the oscillation to follow it";
+        found.push(
+            Finding::new(code::OSC_TURNING, element.source, message)
+                .ranked("", feed_mm_per_s / largest_mm_per_s)
+                .with_value("curvature", curvature, "1/mm")
+                .with_value("feed", feed_mm_per_s * 60.0, "mm/min")
+                .suggest_value("feed slower on this curve", None, "feed", feed, "mm/min"),
+        );
+        return false;
+    }
+    true
 }
 
 /// Logs which edge leads where the roles change.
