@@ -67,7 +67,7 @@ fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
     config.tool_check.max_ratio = (source.byte() % 4 == 0).then(|| source.number(0.5));
     config.tool_check.max_run_out = (source.byte() % 4 == 0).then(|| source.number(0.5));
     config.idle_run_up = (source.byte() % 4 == 0).then(|| IdleRunUp {
-        speeds_rpm: (0..source.byte() % 70).map(|step| source.number(100.0 + f64::from(step))).collect(),
+        spindle_rev_per_min: (0..source.byte() % 70).map(|step| source.number(100.0 + f64::from(step))).collect(),
         speed_tolerance: source.number(0.1),
         length: source.length(),
         max_difference: source.number(1.0),
@@ -100,8 +100,8 @@ fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
     rules.spindle = match source.byte() % 3 {
         0 => SpindleRule::None,
         1 => SpindleRule::Turning {
-            lower_rad: source.number(-0.5),
-            upper_rad: source.number(0.5),
+            lower_deg: source.number(-0.5),
+            upper_deg: source.number(0.5),
             step: source.number(0.1),
             min_concentration: source.number(0.1),
         },
@@ -125,19 +125,19 @@ struct Columns {
 }
 
 impl Columns {
-    fn read(source: &mut Source<'_>, clock_ns: &mut u64) -> Self {
+    fn read(source: &mut Source<'_>, sensor_time_ns: &mut u64) -> Self {
         let mut columns = Self::default();
         let kind = source.byte();
         for _ in 0..source.byte() {
-            *clock_ns = match source.byte() {
-                0..=250 => clock_ns.wrapping_add(100_000),
-                251..=253 => clock_ns.wrapping_add(u64::from(source.byte()) << (kind % 24)),
+            *sensor_time_ns = match source.byte() {
+                0..=250 => sensor_time_ns.wrapping_add(100_000),
+                251..=253 => sensor_time_ns.wrapping_add(u64::from(source.byte()) << (kind % 24)),
                 _ => source.bits(),
             };
-            columns.time_ns.push(*clock_ns);
+            columns.time_ns.push(*sensor_time_ns);
             let small = f64::from(source.byte()) / 256.0;
             for (index, column) in columns.values.iter_mut().enumerate() {
-                let common = if index == 6 { *clock_ns as f64 * 1e-6 } else { small * (1.0 + index as f64) };
+                let common = if index == 6 { *sensor_time_ns as f64 * 1e-6 } else { small * (1.0 + index as f64) };
                 column.push(if kind < 32 { source.number(common) } else { common });
             }
             columns.contact.push(kind % 8 > 0);
@@ -156,14 +156,14 @@ impl Columns {
             tool: has(0).then_some(Pair { x: tool_x, y: tool_y }),
             work: has(1).then_some(Pair { x: work_x, y: work_y }),
             commanded: has(2).then_some(Pair { x: commanded_x, y: commanded_y }),
-            spindle_angle_rad: has(3).then_some(angle),
-            spindle_rpm: has(4).then_some(rpm),
+            spindle_angle_deg: has(3).then_some(angle),
+            spindle_rev_per_min: has(4).then_some(rpm),
             contact: Some(&self.contact[..short]),
         }
     }
 }
 
-fn event(source: &mut Source<'_>, clock_ns: u64) -> Event {
+fn event(source: &mut Source<'_>, sensor_time_ns: u64) -> Event {
     match source.byte() % 8 {
         0 => Event::ProgrammedSpindle { rpm: source.number(600.0) },
         1 => Event::Overrides { feed: source.number(1.0), spindle: source.number(1.0) },
@@ -171,7 +171,7 @@ fn event(source: &mut Source<'_>, clock_ns: u64) -> Event {
         3 => Event::Tool(u32::from(source.byte() % 2)),
         4 => Event::Rebaseline,
         5 => Event::Clock(source.bits()),
-        _ => Event::Clock(clock_ns),
+        _ => Event::Clock(sensor_time_ns),
     }
 }
 
@@ -180,19 +180,19 @@ fn run(config: &MonitoringConfig, input: &[u8], restarts: bool) -> Vec<Decision>
     let mut source = Source(input);
     let mut monitor = Monitor::new(config.clone()).expect("nothing is wrong with it");
     let mut decisions = Vec::new();
-    let (mut clock_ns, mut sequence) = (0, 0);
+    let (mut sensor_time_ns, mut sequence) = (0, 0);
     while !source.0.is_empty() {
         let mut sink = |decision| decisions.push(decision);
         if source.byte() % 4 == 0 {
             // A refused event changes nothing.
-            let _ = monitor.note(event(&mut source, clock_ns), &mut sink);
+            let _ = monitor.note(event(&mut source, sensor_time_ns), &mut sink);
         } else {
             sequence = match source.byte() {
                 0..=239 => sequence + 1,
                 240..=247 => sequence,
                 _ => source.bits() >> 1,
             };
-            let columns = Columns::read(&mut source, &mut clock_ns);
+            let columns = Columns::read(&mut source, &mut sensor_time_ns);
             let _ = monitor.push(&columns.batch(sequence, source.byte()), &mut sink);
         }
         if restarts {

@@ -73,7 +73,7 @@ impl Link {
             Message::FeedChange(change) => known.changes.push(change),
             Message::Decision(_) => {}
             Message::Ended(ended) => {
-                assert_eq!((ended.state(), ended.setpoints), (RunState::Finished, known.setpoints));
+                assert_eq!((ended.state(), ended.setpoint_count), (RunState::Finished, known.setpoints));
                 return true;
             }
             other => panic!("{other:?}"),
@@ -198,5 +198,5 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     let mut runs = RunsClient::new(server.connect().await.channel);
     let replayed = runs.replay_run(ReplayRunRequest { run: known.run }).await.expect("a replay").into_inner();
     assert!(replayed.identical, "{replayed:?}");
-    assert_eq!((replayed.setpoints, replayed.decisions), (known.setpoints, listed.len() as u64));
+    assert_eq!((replayed.setpoint_count, replayed.decision_count), (known.setpoints, listed.len() as u64));
 }

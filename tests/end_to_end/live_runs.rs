@@ -29,7 +29,7 @@ pub(crate) const PART: &str =
 const KILLS: u64 = 6;
 
 pub(crate) fn config() -> MonitoringConfig {
-    let seconds = |seconds| Some(WindowLength { length: Some(Length::Seconds(seconds)) });
+    let seconds = |seconds| Some(WindowLength { length: Some(Length::DurationS(seconds)) });
     MonitoringConfig {
         sample_rate_hz: Some(1_000.0),
         tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Default::default() }),
@@ -72,13 +72,6 @@ pub(crate) fn batch(sequence: u64) -> TelemetryBatch {
         contact: samples.map(|_| cutting).collect(),
         ..Default::default()
     }
-}
-
-/// Every ratio of this test is a percentage to the bit.
-fn percent(ratio: f64) -> f64 {
-    let percent = 100.0 * ratio;
-    assert_eq!(percent / 100.0, ratio);
-    percent
 }
 
 /// What the client knows of its run, whatever became of the service.
@@ -128,7 +121,7 @@ async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> 
             Message::FeedChange(change) => known.changes.push(change),
             Message::CommandRefused(refused) => panic!("nothing was commanded: {refused:?}"),
             Message::Ended(ended) => {
-                assert_eq!((ended.state(), ended.setpoints), (RunState::Finished, known.setpoints.len() as u64));
+                assert_eq!((ended.state(), ended.setpoint_count), (RunState::Finished, known.setpoints.len() as u64));
                 return true;
             }
         }
@@ -178,7 +171,7 @@ async fn a_live_run_survives_kills_at_any_moment() {
     // What was received in pieces is one plan under the changes of the log.
     let overrides = known.changes.iter().map(|change| FeedOverrideChange {
         at: Some(At::SetpointIndex(change.setpoint_index)),
-        percent: percent(change.ratio),
+        ratio: Some(change.ratio),
     });
     let request = StreamSetpointsRequest { job, overrides: overrides.collect(), ..Default::default() };
     let whole = stream(&mut clients, request).await.expect("the whole stream");
@@ -189,5 +182,5 @@ async fn a_live_run_survives_kills_at_any_moment() {
     let request = ReplayRunRequest { run: known.run };
     let replayed = RunsClient::new(clients.channel).replay_run(request).await.expect("a replay").into_inner();
     assert!(replayed.identical, "seed {seed}: {replayed:?}");
-    assert_eq!((replayed.setpoints, replayed.decisions), (known.setpoints.len() as u64, listed.len() as u64));
+    assert_eq!((replayed.setpoint_count, replayed.decision_count), (known.setpoints.len() as u64, listed.len() as u64));
 }

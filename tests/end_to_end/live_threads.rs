@@ -133,7 +133,7 @@ async fn is_replayed(server: &Server, run: &str) {
     let request = ReplayRunRequest { run: run.to_owned() };
     let replayed = RunsClient::new(server.connect().await.channel).replay_run(request).await;
     let replayed = replayed.expect("a replay").into_inner();
-    assert!(replayed.identical && replayed.decisions > 0, "{replayed:?}");
+    assert!(replayed.identical && replayed.decision_count > 0, "{replayed:?}");
 }
 
 #[tokio::test]
@@ -177,7 +177,7 @@ async fn a_spindle_rule_for_a_program_in_step_with_the_spindle_is_refused() {
     let server = Server::start(FEEDWAVE).await;
     let mut config = config();
     let rules = config.rules.as_mut().expect("rules");
-    let rule = Rule::Turning(TurningRule { lower_rad: -0.1, upper_rad: 0.1, ..Default::default() });
+    let rule = Rule::Turning(TurningRule { lower_deg: -0.1, upper_deg: 0.1, ..Default::default() });
     rules.spindle = Some(SpindleRule { rule: Some(rule) });
     let job = monitored(&server, THREAD, config.clone()).await;
     let status = Live::open(&server, Target::Job(job), 0).await.err().expect("refused");

@@ -162,8 +162,8 @@ async fn a_moved_override_keeps_the_step_with_the_spindle() {
     equip(&mut clients).await;
     let job = submit(&mut clients, PROGRAM, &["cutter"]).await.job;
     let plain = stream(&mut clients, whole(&job.name)).await.expect("a stream");
-    let change = |(index, percent)| FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent };
-    let overrides: Vec<_> = [(900, 40.0), (1_700, 0.0), (2_150, 130.0), (2_600, 100.0)].map(change).into();
+    let change = |(index, ratio)| FeedOverrideChange { at: Some(At::SetpointIndex(index)), ratio: Some(ratio) };
+    let overrides: Vec<_> = [(900, 0.4), (1_700, 0.0), (2_150, 1.3), (2_600, 1.0)].map(change).into();
     let request = StreamSetpointsRequest { overrides, ..whole(&job.name) };
     let moved = stream(&mut clients, request.clone()).await.expect("a stream with changes");
     assert!(assert_in_step(&moved) > 2_500 && moved.len() != plain.len());

@@ -26,17 +26,17 @@ async fn read(clients: &mut Clients, request: StreamSetpointsRequest) -> Setpoin
     stream(clients, request).await.unwrap_or_else(|status| panic!("{status:?}"))
 }
 
-fn at_time(time_s: f64, percent: f64) -> FeedOverrideChange {
-    FeedOverrideChange { at: Some(At::TimeS(time_s)), percent }
+fn at_time(time_s: f64, ratio: f64) -> FeedOverrideChange {
+    FeedOverrideChange { at: Some(At::TimeS(time_s)), ratio: Some(ratio) }
 }
 
-fn at_index(index: u64, percent: f64) -> FeedOverrideChange {
-    FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent }
+fn at_index(index: u64, ratio: f64) -> FeedOverrideChange {
+    FeedOverrideChange { at: Some(At::SetpointIndex(index)), ratio: Some(ratio) }
 }
 
 /// Half the feed, feed hold of two seconds, double feed.
 fn changes() -> Vec<FeedOverrideChange> {
-    vec![at_time(9.999_5, 50.0), at_time(20.0, 0.0), at_index(22_000, 200.0)]
+    vec![at_time(9.999_5, 0.5), at_time(20.0, 0.0), at_index(22_000, 2.0)]
 }
 
 #[tokio::test]
@@ -103,7 +103,7 @@ async fn places_where_a_plain_stream_may_begin_are_not_those_of_one_with_overrid
     let job = clients.submit(program).await.job.name;
     let request = StreamSetpointsRequest {
         job,
-        overrides: vec![at_time(10.0, 80.0), at_time(20.0, 100.0)],
+        overrides: vec![at_time(10.0, 0.8), at_time(20.0, 1.0)],
         columns: vec![ColumnKind::PathPosition.into()],
         ..StreamSetpointsRequest::default()
     };
@@ -125,8 +125,8 @@ async fn a_change_counts_interpolation_periods_in_every_mode_and_at_every_period
         ..request
     };
     let expanded = ServoOutput::Expanded.into();
-    let by_index = StreamSetpointsRequest { overrides: vec![at_index(5_000, 40.0)], ..request.clone() };
-    let by_time = StreamSetpointsRequest { overrides: vec![at_time(10.0, 40.0)], ..request };
+    let by_index = StreamSetpointsRequest { overrides: vec![at_index(5_000, 0.4)], ..request.clone() };
+    let by_time = StreamSetpointsRequest { overrides: vec![at_time(10.0, 0.4)], ..request };
     let conditions = read(&mut clients, by_index.clone()).await;
     assert!(read(&mut clients, by_time.clone()).await.bits_from(0) == conditions.bits_from(0));
     let by_index = read(&mut clients, StreamSetpointsRequest { servo_output: expanded, ..by_index }).await;
@@ -139,13 +139,13 @@ async fn a_change_counts_interpolation_periods_in_every_mode_and_at_every_period
 }
 
 #[tokio::test]
-async fn an_override_of_100_percent_changes_nothing() {
+async fn an_override_of_1_changes_nothing() {
     let (_server, mut clients, request) = ready_job().await;
     let plain = read(&mut clients, request.clone()).await;
-    let late = vec![at_index(plain.len() as u64 + 7, 30.0)];
+    let late = vec![at_index(plain.len() as u64 + 7, 0.3)];
     let late = read(&mut clients, StreamSetpointsRequest { overrides: late, ..request.clone() }).await;
     assert!(late.bits_from(0) == plain.bits_from(0), "a change after the end has no effect");
-    let start = read(&mut clients, StreamSetpointsRequest { overrides: vec![at_index(0, 100.0)], ..request }).await;
+    let start = read(&mut clients, StreamSetpointsRequest { overrides: vec![at_index(0, 1.0)], ..request }).await;
     assert_eq!(start.len(), plain.len());
 }
 
@@ -153,12 +153,13 @@ async fn an_override_of_100_percent_changes_nothing() {
 async fn overrides_that_cannot_be_are_refused_with_every_reason() {
     let (_server, mut clients, request) = ready_job().await;
     let overrides = vec![
-        FeedOverrideChange { at: None, percent: 50.0 },
-        at_time(f64::NAN, 50.0),
-        at_time(5.0, 200.5),
-        at_index(4_999, 100.0),
+        FeedOverrideChange { at: None, ratio: Some(0.5) },
+        at_time(f64::NAN, 0.5),
+        at_time(5.0, 2.005),
+        at_index(4_999, 1.0),
         at_time(6.0, f64::NAN),
-        at_index((1 << 32) + 1, 10.0),
+        at_index((1 << 32) + 1, 0.1),
+        FeedOverrideChange { at: Some(At::TimeS(6.5)), ratio: None },
         at_time(7.0, 0.0),
     ];
     let status = stream(&mut clients, StreamSetpointsRequest { overrides, ..request.clone() }).await.unwrap_err();
@@ -166,11 +167,12 @@ async fn overrides_that_cannot_be_are_refused_with_every_reason() {
     let expected = [
         "overrides[0].at",
         "overrides[1].time_s",
-        "overrides[2].percent",
+        "overrides[2].ratio",
         "overrides[3].setpoint_index",
-        "overrides[4].percent",
+        "overrides[4].ratio",
         "overrides[5].setpoint_index",
-        "overrides[6].percent",
+        "overrides[6].ratio",
+        "overrides[7].ratio",
     ];
     assert_eq!(violated_fields(&status), expected);
 
@@ -181,7 +183,7 @@ async fn overrides_that_cannot_be_are_refused_with_every_reason() {
     let not_listed: usize = info.metadata["violations_not_listed"].parse().expect("a number");
     let listed = violated_fields(&status).len();
     assert!(listed > 0 && listed + not_listed == 10_000, "{status:?}");
-    let overrides = vec![at_time(0.0, 100.0); 10_001];
+    let overrides = vec![at_time(0.0, 1.0); 10_001];
     let status = stream(&mut clients, StreamSetpointsRequest { overrides, ..request }).await.unwrap_err();
     assert_eq!(violated_fields(&status), ["overrides"]);
 }
@@ -196,7 +198,7 @@ async fn a_validation_with_overrides_gives_the_times_with_them() {
         ..ValidateProgramRequest::default()
     };
     let mut summaries = Vec::new();
-    for overrides in [vec![], vec![at_index(0, 50.0)]] {
+    for overrides in [vec![], vec![at_index(0, 0.5)]] {
         let response = clients.jobs.validate_program(request(overrides)).await.unwrap().into_inner();
         summaries.push(response.report.unwrap().summary.unwrap());
     }
@@ -210,5 +212,5 @@ async fn a_validation_with_overrides_gives_the_times_with_them() {
         assert!((jerk.time_s - jerk.setpoint_index as f64 * 1e-3).abs() < 1e-9 && jerk.line > 0, "{jerk:?}");
     }
     let wrong = clients.jobs.validate_program(request(vec![at_time(1.0, 0.0)])).await.unwrap_err();
-    assert_eq!(violated_fields(&wrong), ["overrides[0].percent"]);
+    assert_eq!(violated_fields(&wrong), ["overrides[0].ratio"]);
 }

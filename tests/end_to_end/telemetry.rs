@@ -95,7 +95,7 @@ async fn ingest(server: &Server, job: &str, heard: &mut Heard, messages: usize) 
     let mut client = TelemetryClient::new(server.connect().await.channel);
     let (requests, outgoing) = mpsc::channel(16);
     let target = if heard.run.is_empty() { Target::Job(job.to_owned()) } else { Target::Run(heard.run.clone()) };
-    let start = Request::Start(IngestStart { target: Some(target), clock_ns: None });
+    let start = Request::Start(IngestStart { target: Some(target), sensor_time_ns: None });
     requests.send(IngestRequest { message: Some(start) }).await.expect("a first message");
     let mut responses = client.ingest(ReceiverStream::new(outgoing)).await.expect("a session").into_inner();
     let mut sender = None;
@@ -230,6 +230,6 @@ async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad
         let request = ReplayRunRequest { run: run.clone() };
         let mut runs = RunsClient::new(server.connect().await.channel);
         let replayed = runs.replay_run(request).await.expect("a replay").into_inner();
-        assert!(replayed.identical && replayed.decisions == log.len() as u64, "{replayed:?}");
+        assert!(replayed.identical && replayed.decision_count == log.len() as u64, "{replayed:?}");
     }
 }

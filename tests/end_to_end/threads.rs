@@ -142,7 +142,7 @@ async fn program_a_is_judged_with_the_numbers_of_the_page() {
     let outcome = clients.submit(PROGRAM_A).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.codes());
     let section = only_thread(&outcome);
-    assert_eq!(section.ratio, Some(1.2));
+    assert_eq!(section.amplitude_ratio, Some(1.2));
     let thread = section.thread.as_ref().expect("a thread");
     let amplitudes: Vec<f64> = thread.passes.iter().map(|pass| 2.0 * pass.amplitude_mm).collect();
     for (amplitude_mm, expected_mm) in amplitudes.iter().zip([2.4, 0.9936, 0.7632, 0.0]) {
@@ -157,7 +157,7 @@ async fn program_a_is_judged_with_the_numbers_of_the_page() {
     let chips: Vec<_> = reports[..3].iter().map(broken).collect();
     assert_eq!(chips, [(true, true), (true, false), (true, false)]);
     let report = section.report.as_ref().expect("a report");
-    assert_near(report.least_section_ratio.expect("a ratio"), 2.0, 0.01);
+    assert_near(report.least_section_amplitude_ratio.expect("a ratio"), 2.0, 0.01);
     let crests = report.crests.expect("crests");
     assert_near(crests.crest_mm, 0.35, 0.005);
     assert_near(crests.finishing_infeed_mm, 0.018, 1e-9);

@@ -70,11 +70,11 @@ async fn a_large_program_is_uploaded_and_becomes_a_job() {
     assert_eq!(name, format!("programs/{}", sha256_hex(&program)));
     let state = progress(&mut clients, &name).await.unwrap();
     assert!(state.complete);
-    assert_eq!((state.received_bytes, state.size_bytes), (program.len() as u64, program.len() as u64));
+    assert_eq!((state.received_bytes, state.program_bytes), (program.len() as u64, program.len() as u64));
     let job = clients.create_from(Source::Program(name.clone()), "").await.unwrap();
     let outcome = clients.validated(&job.name).await;
     assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings.first());
-    assert_eq!(outcome.report.summary.unwrap().bytes, program.len() as u64);
+    assert_eq!(outcome.report.summary.unwrap().program_bytes, program.len() as u64);
     // The same content has the same address: a second upload has nothing to do.
     assert_eq!(upload(&mut clients, &program).await.unwrap(), name);
 }
@@ -92,7 +92,7 @@ async fn acknowledged_bytes_survive_a_killed_server_and_the_upload_goes_on() {
     let state = progress(&mut clients, &name).await.unwrap();
     assert!(!state.complete);
     assert!(state.received_bytes >= acknowledged, "{} of {acknowledged} acknowledged bytes", state.received_bytes);
-    assert_eq!(state.size_bytes, program.len() as u64);
+    assert_eq!(state.program_bytes, program.len() as u64);
     let early = clients.create_from(Source::Program(name.clone()), "").await.unwrap_err();
     assert!(matches!(early.code(), Code::FailedPrecondition | Code::NotFound), "{early:?}");
 

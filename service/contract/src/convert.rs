@@ -19,7 +19,7 @@ use feedwave_cutting::{GenerationMode, VibrationEnvelope};
 use prost_types::Timestamp;
 
 pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
-pub use feed_override::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
+pub use feed_override::{MAX_FEED_OVERRIDE, overrides_from_proto};
 pub use lobes::{StabilityModel, pocket_search_from_proto, stability_model_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
 pub use oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};

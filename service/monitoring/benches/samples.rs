@@ -14,8 +14,8 @@ struct Columns {
     time_ns: Vec<u64>,
     x: Vec<f64>,
     y: Vec<f64>,
-    angle_rad: Vec<f64>,
-    rpm: Vec<f64>,
+    angle_deg: Vec<f64>,
+    rev_per_min: Vec<f64>,
     contact: Vec<bool>,
 }
 
@@ -26,8 +26,8 @@ fn columns() -> Columns {
         time_ns: (0..SAMPLES as u64).map(|index| index * 50_000).collect(),
         x: (0..SAMPLES).map(|index| 1.0 + push(index) + noise(index)).collect(),
         y: (0..SAMPLES).map(|index| 1.0 - noise(index + 3)).collect(),
-        angle_rad: (0..SAMPLES).map(|index| TAU * 50.0 * index as f64 / 20_000.0).collect(),
-        rpm: vec![3000.0; SAMPLES],
+        angle_deg: (0..SAMPLES).map(|index| 360.0 * 50.0 * index as f64 / 20_000.0).collect(),
+        rev_per_min: vec![3000.0; SAMPLES],
         contact: (0..SAMPLES).map(|index| index >= 5000).collect(),
     }
 }
@@ -60,15 +60,15 @@ fn samples(criterion: &mut Criterion) {
                     black_box(decision);
                     decisions += 1;
                 };
-                monitor.note(Event::ProgrammedSpindle { rpm: 3000.0 }, &mut sink).expect("a possible speed");
+                monitor.note(Event::ProgrammedSpindle { rev_per_min: 3000.0 }, &mut sink).expect("a possible speed");
                 for (sequence, from) in (0..SAMPLES).step_by(2000).enumerate() {
                     let part = from..from + 2000;
                     let batch = Batch {
                         sequence: sequence as u64,
                         time_ns: &columns.time_ns[part.clone()],
                         tool: Some(Pair { x: &columns.x[part.clone()], y: &columns.y[part.clone()] }),
-                        spindle_angle_rad: Some(&columns.angle_rad[part.clone()]),
-                        spindle_rpm: Some(&columns.rpm[part.clone()]),
+                        spindle_angle_deg: Some(&columns.angle_deg[part.clone()]),
+                        spindle_rev_per_min: Some(&columns.rev_per_min[part.clone()]),
                         contact: Some(&columns.contact[part]),
                         ..Batch::default()
                     };
@@ -83,7 +83,9 @@ fn samples(criterion: &mut Criterion) {
         let mut copies = [vec![0.0; SAMPLES], vec![0.0; SAMPLES], vec![0.0; SAMPLES], vec![0.0; SAMPLES]];
         bencher.iter(|| {
             let mut largest = f64::MIN;
-            for (copy, column) in copies.iter_mut().zip([&columns.x, &columns.y, &columns.angle_rad, &columns.rpm]) {
+            for (copy, column) in
+                copies.iter_mut().zip([&columns.x, &columns.y, &columns.angle_deg, &columns.rev_per_min])
+            {
                 copy.copy_from_slice(column);
                 largest = black_box(&*copy).iter().copied().fold(largest, f64::max);
             }

@@ -28,10 +28,10 @@ pub struct Batch<'a> {
     pub work: Option<Pair<'a>>,
     /// Acceleration of the commanded motion in the sensors' axes, mm/s²; subtracted from accelerations.
     pub commanded: Option<Pair<'a>>,
-    /// Spindle angle in rad, any number of turns.
-    pub spindle_angle_rad: Option<&'a [f64]>,
+    /// Spindle angle in degrees, any number of turns.
+    pub spindle_angle_deg: Option<&'a [f64]>,
     /// Independently measured spindle speed in rev/min.
-    pub spindle_rpm: Option<&'a [f64]>,
+    pub spindle_rev_per_min: Option<&'a [f64]>,
     /// Whether tool and work touch.
     pub contact: Option<&'a [bool]>,
 }
@@ -47,8 +47,8 @@ impl Batch<'_> {
         let pairs = pairs.into_iter().filter_map(|(name, pair)| pair.map(|pair| (name, pair)));
         let lengths = pairs
             .flat_map(|(name, pair)| [(name, pair.x.len()), (name, pair.y.len())])
-            .chain(self.spindle_angle_rad.map(|column| ("spindle_angle_rad", column.len())))
-            .chain(self.spindle_rpm.map(|column| ("spindle_rpm", column.len())))
+            .chain(self.spindle_angle_deg.map(|column| ("spindle_angle_deg", column.len())))
+            .chain(self.spindle_rev_per_min.map(|column| ("spindle_rev_per_min", column.len())))
             .chain(self.contact.map(|column| ("contact", column.len())));
         for (column, length) in lengths {
             if length != samples {
@@ -107,7 +107,7 @@ pub enum Event {
     /// The programmed spindle speed, before any override, is now this.
     ProgrammedSpindle {
         /// rev/min, 0 when the spindle is stopped.
-        rpm: f64,
+        rev_per_min: f64,
     },
     /// The overrides in force are now these, for instance because the operator set them.
     Overrides {

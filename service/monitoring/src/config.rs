@@ -69,7 +69,7 @@ pub struct ToolCheck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IdleRunUp {
     /// Speeds of the steps in rev/min, rising.
-    pub speeds_rpm: Vec<f64>,
+    pub spindle_rev_per_min: Vec<f64>,
     /// A sample belongs to a step when its speed is this close, as a fraction.
     pub speed_tolerance: f64,
     /// How long each step is collected.
@@ -81,8 +81,8 @@ pub struct IdleRunUp {
 impl IdleRunUp {
     /// A run-up over these speeds with the defaults: three series at each, speeds within 2 %, a healthy machine within
     /// 0.001 mm.
-    pub const fn over(speeds_rpm: Vec<f64>) -> Self {
-        Self { speeds_rpm, speed_tolerance: 0.02, length: Length::Series(3), max_difference: 0.001 }
+    pub const fn over(spindle_rev_per_min: Vec<f64>) -> Self {
+        Self { spindle_rev_per_min, speed_tolerance: 0.02, length: Length::Series(3), max_difference: 0.001 }
     }
 }
 

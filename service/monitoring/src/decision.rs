@@ -68,7 +68,7 @@ pub struct Span {
 pub struct Properties {
     /// max D, mm (mm/s² with accelerations).
     pub max_deviation: f64,
-    /// Circular mean of α in rad and the length of its mean resultant (1 = all alike); `None` without a direction.
+    /// Circular mean of α in degrees and the length of its mean resultant (1 = all alike); `None` without a direction.
     pub mean_angle: Option<(f64, f64)>,
     /// Dominant spectral line.
     pub line: Option<SpectralLine>,
@@ -120,7 +120,7 @@ pub enum Evidence {
     /// One step of the idle run-up.
     IdleCheck {
         /// Speed of the step, rev/min.
-        speed_rpm: f64,
+        spindle_rev_per_min: f64,
         /// Largest |X_i¹ − X_i⁰|, |Y_i¹ − Y_i⁰|.
         difference: f64,
         /// Limit of the machine.
@@ -147,9 +147,9 @@ pub struct Inputs {
     /// Overrides before.
     pub before: Overrides,
     /// Programmed spindle speed, rev/min.
-    pub programmed_rpm: Option<f64>,
+    pub programmed_rev_per_min: Option<f64>,
     /// Spindle speed of the window, rev/min: measured, or programmed times override.
-    pub current_rpm: Option<f64>,
+    pub current_rev_per_min: Option<f64>,
     /// Whether a thread is being cut, or was at some time of the window.
     pub threading: bool,
     /// Windows in a row before this one in which the property was above its limit at the lower feed bound.
@@ -350,11 +350,11 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
     }
     let wanted = match &rules.spindle {
         SpindleRule::None => None,
-        SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => match properties.mean_angle {
+        SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => match properties.mean_angle {
             Some((angle, concentration)) if concentration >= *min_concentration => {
-                if angle < *lower_rad {
+                if angle < *lower_deg {
                     Some((inputs.before.spindle * (1.0 + step), Reason::AngleBelowLimit))
-                } else if angle > *upper_rad {
+                } else if angle > *upper_deg {
                     Some((inputs.before.spindle * (1.0 - step), Reason::AngleAboveLimit))
                 } else {
                     None
@@ -363,12 +363,15 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
             _ => None,
         },
         SpindleRule::Milling { limit, table } if value >= *limit => {
-            let known = inputs.current_rpm.zip(inputs.programmed_rpm.filter(|&rpm| rpm > 0.0));
-            let Some((current_rpm, programmed_rpm)) = known else { return outcome(Action::Hold, Reason::SpeedUnknown) };
-            let Some(speed_rpm) = table.speed_rpm(current_rpm) else {
+            let known =
+                inputs.current_rev_per_min.zip(inputs.programmed_rev_per_min.filter(|&rev_per_min| rev_per_min > 0.0));
+            let Some((current_rev_per_min, programmed_rev_per_min)) = known else {
+                return outcome(Action::Hold, Reason::SpeedUnknown);
+            };
+            let Some(spindle_rev_per_min) = table.spindle_rev_per_min(current_rev_per_min) else {
                 return outcome(Action::Hold, Reason::SpeedNotInTable);
             };
-            Some((speed_rpm / programmed_rpm, Reason::SpeedFromTable))
+            Some((spindle_rev_per_min / programmed_rev_per_min, Reason::SpeedFromTable))
         }
         SpindleRule::Milling { .. } => None,
     };

@@ -81,10 +81,10 @@ pub enum LobeError {
         most: f64,
     },
     /// The speeds asked for lie on lobes of too high an order.
-    #[error("{lowest_rpm} rev/min lies on lobe {lobe}, at most {limit} are computed: start at a higher speed")]
+    #[error("{lowest_rev_per_min} rev/min lies on lobe {lobe}, at most {limit} are computed: start at a higher speed")]
     TooManyLobes {
         /// Lowest speed asked for.
-        lowest_rpm: f64,
+        lowest_rev_per_min: f64,
         /// Its lobe.
         lobe: u32,
         /// Most lobes.
@@ -92,27 +92,27 @@ pub enum LobeError {
     },
     /// All speeds of the first or last band are closer to the end of the range than speeds are sure.
     #[error(
-        "between {above_rpm} and {up_to_rpm} rev/min no speed is surely inside the range when speeds may be off by \
+        "between {above_rev_per_min} and {up_to_rev_per_min} rev/min no speed is surely inside the range when speeds may be off by \
          {speed_tolerance} of themselves: ask for fewer bands or a wider range"
     )]
     BandTooNarrow {
         /// Start of the band.
-        above_rpm: f64,
+        above_rev_per_min: f64,
         /// End of the band.
-        up_to_rpm: f64,
+        up_to_rev_per_min: f64,
         /// How far speeds may be off, as a fraction.
         speed_tolerance: f64,
     },
     /// No pocket of a band is deep enough.
     #[error(
-        "between {above_rpm} and {up_to_rpm} rev/min at most {stable_mm} mm are stable with the margin of {margin}, \
+        "between {above_rev_per_min} and {up_to_rev_per_min} rev/min at most {stable_mm} mm are stable with the margin of {margin}, \
          {required_mm} mm are required: cut less deep or leave the band out"
     )]
     TooDeep {
         /// Start of the band.
-        above_rpm: f64,
+        above_rev_per_min: f64,
         /// End of the band.
-        up_to_rpm: f64,
+        up_to_rev_per_min: f64,
         /// Stable depth or width of its best pocket, margin taken off.
         stable_mm: f64,
         /// Depth or width asked for.
@@ -387,7 +387,7 @@ impl Lobes {
     }
 
     /// Spindle speed in rev/min of a point on lobe k: S = 60·ω_c/(z·(ε + 2πk)).
-    pub fn speed_rpm(&self, point: &LobePoint, lobe: u32) -> f64 {
+    pub fn spindle_rev_per_min(&self, point: &LobePoint, lobe: u32) -> f64 {
         60.0 * TAU * point.frequency_hz / (self.model.edges() * (point.phase_rad + TAU * f64::from(lobe)))
     }
 }

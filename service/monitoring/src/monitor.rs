@@ -61,7 +61,7 @@ struct Run {
     held_feed: Option<f64>,
     /// Windows in a row with the property above its limit at the lower feed bound.
     windows_at_bound: u32,
-    programmed_rpm: Option<f64>,
+    programmed_rev_per_min: Option<f64>,
     threading: bool,
     /// A thread was being cut at some time of the window in progress.
     threaded: bool,
@@ -131,7 +131,7 @@ impl Monitor {
             overrides: Overrides::FULL,
             held_feed: None,
             windows_at_bound: 0,
-            programmed_rpm: None,
+            programmed_rev_per_min: None,
             threading: false,
             threaded: false,
             newest_batch: None,
@@ -212,11 +212,11 @@ impl Monitor {
     /// [`EventError`] when the event is impossible; nothing changes.
     pub fn note(&mut self, event: Event, sink: &mut dyn FnMut(Decision)) -> Result<(), EventError> {
         match event {
-            Event::ProgrammedSpindle { rpm } => {
-                if !(0.0..=1e6).contains(&rpm) {
-                    return Err(EventError::SpindleSpeed(rpm));
+            Event::ProgrammedSpindle { rev_per_min } => {
+                if !(0.0..=1e6).contains(&rev_per_min) {
+                    return Err(EventError::SpindleSpeed(rev_per_min));
                 }
-                self.run.programmed_rpm = Some(rpm);
+                self.run.programmed_rev_per_min = Some(rev_per_min);
             }
             Event::Overrides { feed, spindle } => {
                 let rules = &self.config.rules;
@@ -325,7 +325,7 @@ impl Monitor {
         let index = self.run.samples;
         self.run.samples += 1;
         let valid = sample.worth == Worth::Good && !sample.missing;
-        let point = if valid { self.run.window.points.index(sample.angle_rad) } else { 0 };
+        let point = if valid { self.run.window.points.index(sample.angle_deg) } else { 0 };
         let working = matches!(self.run.state, State::WaitingForContact | State::Settling | State::Measuring);
         if working {
             let touched = self.run.contact.touching;
@@ -341,7 +341,7 @@ impl Monitor {
         match self.run.state {
             State::Baseline => {}
             State::IdleRunUp { step } => {
-                if !self.runs_at_step(step, sample.rpm) {
+                if !self.runs_at_step(step, sample.rev_per_min) {
                     self.run.window.interrupt();
                     return;
                 }
@@ -371,11 +371,13 @@ impl Monitor {
     }
 
     /// Whether the spindle turns at the speed of a step of the run-up.
-    fn runs_at_step(&self, step: u32, measured_rpm: Option<f64>) -> bool {
+    fn runs_at_step(&self, step: u32, measured_rev_per_min: Option<f64>) -> bool {
         let Some(idle) = &self.config.idle_run_up else { return false };
-        let programmed = self.run.programmed_rpm.map(|rpm| rpm * self.run.overrides.spindle);
-        let speed = idle.speeds_rpm[step as usize];
-        measured_rpm.or(programmed).is_some_and(|rpm| (rpm - speed).abs() <= idle.speed_tolerance * speed)
+        let programmed = self.run.programmed_rev_per_min.map(|rev_per_min| rev_per_min * self.run.overrides.spindle);
+        let speed = idle.spindle_rev_per_min[step as usize];
+        measured_rev_per_min
+            .or(programmed)
+            .is_some_and(|rev_per_min| (rev_per_min - speed).abs() <= idle.speed_tolerance * speed)
     }
 
     #[inline]
@@ -390,8 +392,8 @@ impl Monitor {
                 record.repeat(dropped);
             }
         }
-        if let Some(rpm) = sample.rpm {
-            window.measured_speed(rpm);
+        if let Some(rev_per_min) = sample.rev_per_min {
+            window.measured_speed(rev_per_min);
         }
         if valid {
             window.span.valid += 1;
@@ -444,7 +446,7 @@ impl Monitor {
                 self.enter(if run_up { State::IdleRunUp { step: 0 } } else { State::WaitingForContact });
             }
             State::IdleRunUp { step } => {
-                let steps = self.config.idle_run_up.as_ref().map_or(0, |idle| idle.speeds_rpm.len());
+                let steps = self.config.idle_run_up.as_ref().map_or(0, |idle| idle.spindle_rev_per_min.len());
                 let last = step as usize + 1 >= steps;
                 self.enter(if last { State::WaitingForContact } else { State::IdleRunUp { step: step + 1 } });
             }
@@ -466,12 +468,12 @@ impl Monitor {
                 }
             }
             State::IdleRunUp { step } => {
-                let (speed_rpm, max_difference) = self
+                let (spindle_rev_per_min, max_difference) = self
                     .config
                     .idle_run_up
                     .as_ref()
-                    .map_or((0.0, 0.0), |idle| (idle.speeds_rpm[step as usize], idle.max_difference));
-                Evidence::IdleCheck { speed_rpm, difference: summary.max_difference, max_difference }
+                    .map_or((0.0, 0.0), |idle| (idle.spindle_rev_per_min[step as usize], idle.max_difference));
+                Evidence::IdleCheck { spindle_rev_per_min, difference: summary.max_difference, max_difference }
             }
             _ => Evidence::Process(Properties {
                 max_deviation: summary.max_deviation,
@@ -483,18 +485,18 @@ impl Monitor {
 
     /// Dominant spectral line of the window.
     fn line(&mut self) -> Option<SpectralLine> {
-        let current_rpm = self.current_rpm();
+        let current_rev_per_min = self.current_rev_per_min();
         let (config, analyser) = (self.config.spectrum.as_ref()?, self.analyser.as_mut()?);
         let record = self.run.window.record.as_ref()?;
         let (frequency_hz, amplitude) = analyser.line(record, config, self.config.sample_rate_hz)?;
-        let origin: LineOrigin = spectrum::origin(frequency_hz, amplitude, current_rpm, config);
+        let origin: LineOrigin = spectrum::origin(frequency_hz, amplitude, current_rev_per_min, config);
         Some(SpectralLine { frequency_hz, amplitude, origin })
     }
 
     /// Spindle speed of the window, rev/min.
-    fn current_rpm(&self) -> Option<f64> {
-        let programmed = self.run.programmed_rpm.map(|rpm| rpm * self.run.overrides.spindle);
-        self.run.window.spindle_rpm().or(programmed)
+    fn current_rev_per_min(&self) -> Option<f64> {
+        let programmed = self.run.programmed_rev_per_min.map(|rev_per_min| rev_per_min * self.run.overrides.spindle);
+        self.run.window.spindle_rev_per_min().or(programmed)
     }
 
     /// Makes one record and carries it out.
@@ -505,8 +507,8 @@ impl Monitor {
             evidence,
             rules: self.config.rules.clone(),
             before: self.run.overrides,
-            programmed_rpm: self.run.programmed_rpm,
-            current_rpm: self.current_rpm(),
+            programmed_rev_per_min: self.run.programmed_rev_per_min,
+            current_rev_per_min: self.current_rev_per_min(),
             threading,
             windows_at_bound: self.run.windows_at_bound,
             held: self.run.held_feed.is_some(),

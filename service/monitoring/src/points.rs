@@ -3,7 +3,7 @@
 
 use crate::config::{Grouping, MonitoringConfig};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
+use std::f64::consts::PI;
 
 /// Sums of one point.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
@@ -81,13 +81,13 @@ impl Summary {
         }
     }
 
-    /// Circular mean of α_i = atan2(Ȳ_i − Y_i⁰, X̄_i − X_i⁰) in rad and the length of the mean resultant.
+    /// Circular mean of α_i = atan2(Ȳ_i − Y_i⁰, X̄_i − X_i⁰) in degrees and the length of the mean resultant.
     pub fn mean_angle(&self) -> Option<(f64, f64)> {
         let [x, y] = self.direction;
         if self.directions == 0 || (x == 0.0 && y == 0.0) {
             return None;
         }
-        Some((libm::atan2(y, x), (x * x + y * y).sqrt() / f64::from(self.directions)))
+        Some((libm::atan2(y, x) * (180.0 / PI), (x * x + y * y).sqrt() / f64::from(self.directions)))
     }
 }
 
@@ -136,11 +136,11 @@ impl Points {
 
     /// Point A_i of a spindle angle: i counts sectors from angle 0 in the positive direction.
     #[inline]
-    pub fn index(&self, angle_rad: f64) -> usize {
+    pub fn index(&self, angle_deg: f64) -> usize {
         if self.per_group > 0 {
             return 0;
         }
-        let turns = angle_rad / TAU;
+        let turns = angle_deg / 360.0;
         let fraction = turns - turns.floor();
         ((fraction * self.points.len() as f64) as usize).min(self.points.len() - 1)
     }

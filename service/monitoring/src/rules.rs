@@ -45,10 +45,10 @@ pub enum SpindleRule {
     None,
     /// The workpiece rotates: the mean angle of the tool's deflection decides.
     Turning {
-        /// α* in rad: below it the speed goes up.
-        lower_rad: f64,
-        /// α** in rad: above it the speed goes down.
-        upper_rad: f64,
+        /// α* in degrees: below it the speed goes up.
+        lower_deg: f64,
+        /// α** in degrees: above it the speed goes down.
+        upper_deg: f64,
         /// Step q as a fraction of the current speed.
         step: f64,
         /// Shortest mean resultant (0..1) of the window's angles for which their mean means anything.
@@ -70,15 +70,15 @@ impl SpindleRule {
     pub const MIN_CONCENTRATION: f64 = 0.5;
 }
 
-/// One band of the spindle table: a current speed in (`above_rpm`, `up_to_rpm`] is changed to `speed_rpm`.
+/// One band of the spindle table: a current speed in (`above_rev_per_min`, `up_to_rev_per_min`] is changed to `spindle_rev_per_min`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TableRow {
     /// B of the row before, rev/min, exclusive.
-    pub above_rpm: f64,
+    pub above_rev_per_min: f64,
     /// B of this row, rev/min, inclusive.
-    pub up_to_rpm: f64,
+    pub up_to_rev_per_min: f64,
     /// F, rev/min.
-    pub speed_rpm: f64,
+    pub spindle_rev_per_min: f64,
 }
 
 /// Spindle table (B_j, F_j): bands that follow each other without gap or overlap.
@@ -95,15 +95,22 @@ impl SpindleTable {
         let rows = starts.zip(pairs);
         Self {
             rows: rows
-                .map(|(above_rpm, &(up_to_rpm, speed_rpm))| TableRow { above_rpm, up_to_rpm, speed_rpm })
+                .map(|(above_rev_per_min, &(up_to_rev_per_min, spindle_rev_per_min))| TableRow {
+                    above_rev_per_min,
+                    up_to_rev_per_min,
+                    spindle_rev_per_min,
+                })
                 .collect(),
         }
     }
 
     /// Speed for a current speed; `None` outside all bands.
-    pub fn speed_rpm(&self, current_rpm: f64) -> Option<f64> {
-        let row = self.rows.iter().find(|row| current_rpm > row.above_rpm && current_rpm <= row.up_to_rpm)?;
-        Some(row.speed_rpm)
+    pub fn spindle_rev_per_min(&self, current_rev_per_min: f64) -> Option<f64> {
+        let row = self
+            .rows
+            .iter()
+            .find(|row| current_rev_per_min > row.above_rev_per_min && current_rev_per_min <= row.up_to_rev_per_min)?;
+        Some(row.spindle_rev_per_min)
     }
 }
 

@@ -49,13 +49,13 @@ impl SpectralLine {
 pub(crate) fn origin(
     frequency_hz: f64,
     amplitude: f64,
-    spindle_rpm: Option<f64>,
+    spindle_rev_per_min: Option<f64>,
     config: &SpectrumConfig,
 ) -> LineOrigin {
     if amplitude <= config.noise_floor {
         return LineOrigin::Noise;
     }
-    let Some(rotation_hz) = spindle_rpm.map(|rpm| rpm / 60.0).filter(|&hz| hz > 0.0) else {
+    let Some(rotation_hz) = spindle_rev_per_min.map(|rev_per_min| rev_per_min / 60.0).filter(|&hz| hz > 0.0) else {
         return LineOrigin::Undetermined;
     };
     let tolerance_hz = config.harmonic_tolerance_hz;

@@ -35,7 +35,7 @@ fn too_many_values_that_are_no_numbers() {
         assert_eq!(decisions[1].span.removed.non_finite, 150);
         assert_eq!(decisions[1].span.valid, 850);
     }
-    holds_then_recovers(HoldReason::NotFinite, |columns| columns.angle_rad[INSIDE..INSIDE + 150].fill(f64::NAN));
+    holds_then_recovers(HoldReason::NotFinite, |columns| columns.angle_deg[INSIDE..INSIDE + 150].fill(f64::NAN));
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn a_missing_column_holds_and_returns() {
             if sequence == 1 {
                 batch = match lacking {
                     0 => Batch { tool: None, ..batch },
-                    1 => Batch { spindle_angle_rad: None, ..batch },
+                    1 => Batch { spindle_angle_deg: None, ..batch },
                     _ => Batch { contact: None, ..batch },
                 };
             }
@@ -282,9 +282,9 @@ fn unreadable_batches_and_impossible_events_change_nothing() {
     let times = vec![0; MAX_BATCH_SAMPLES + 1];
     let huge = Batch { time_ns: &times, ..Batch::default() };
     assert!(matches!(monitor.push(&huge, &mut |_| {}), Err(BatchError::TooLarge { .. })));
-    for rpm in [f64::NAN, -1.0, f64::INFINITY] {
+    for rev_per_min in [f64::NAN, -1.0, f64::INFINITY] {
         assert!(matches!(
-            monitor.note(Event::ProgrammedSpindle { rpm }, &mut |_| {}),
+            monitor.note(Event::ProgrammedSpindle { rev_per_min }, &mut |_| {}),
             Err(EventError::SpindleSpeed(_))
         ));
     }

@@ -34,13 +34,17 @@ fn the_swapped_limits_of_the_source_are_refused_with_both_numbers() {
 
 #[test]
 fn table_gaps_and_overlaps_name_their_row() {
-    let row = |above_rpm, up_to_rpm| TableRow { above_rpm, up_to_rpm, speed_rpm: 900.0 };
+    let row = |above_rev_per_min, up_to_rev_per_min| TableRow {
+        above_rev_per_min,
+        up_to_rev_per_min,
+        spindle_rev_per_min: 900.0,
+    };
     let table = |rows: Vec<TableRow>| {
         fields(|config| config.rules.spindle = SpindleRule::Milling { limit: 0.02, table: SpindleTable { rows } })
     };
-    assert_eq!(table(vec![row(0.0, 800.0), row(900.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rpm"]);
-    assert_eq!(table(vec![row(0.0, 800.0), row(700.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rpm"]);
-    assert_eq!(table(vec![row(800.0, 800.0)]), ["rules.spindle.table.rows[0].up_to_rpm"]);
+    assert_eq!(table(vec![row(0.0, 800.0), row(900.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rev_per_min"]);
+    assert_eq!(table(vec![row(0.0, 800.0), row(700.0, 1200.0)]), ["rules.spindle.table.rows[1].above_rev_per_min"]);
+    assert_eq!(table(vec![row(800.0, 800.0)]), ["rules.spindle.table.rows[0].up_to_rev_per_min"]);
     assert_eq!(table(Vec::new()), ["rules.spindle.table"]);
 }
 
@@ -65,7 +69,7 @@ fn everything_wrong_is_said_at_once() {
         config.rules.feed.step = 0.0;
         config.rules.feed_bounds = Bounds { lower: 1.2, upper: 1.1 };
         config.rules.spindle =
-            SpindleRule::Turning { lower_rad: 1.0, upper_rad: -1.0, step: 2.0, min_concentration: 0.1 };
+            SpindleRule::Turning { lower_deg: 1.0, upper_deg: -1.0, step: 2.0, min_concentration: 0.1 };
         config.rules.property = Property::VibrationAmplitude;
         config.contact = ContactSource::Detected { threshold: f64::NAN, on_samples: 0, off_samples: 1 };
     });
@@ -77,7 +81,7 @@ fn everything_wrong_is_said_at_once() {
         "rules.property",
         "rules.feed.step",
         "rules.feed_bounds",
-        "rules.spindle.lower_rad",
+        "rules.spindle.lower_deg",
         "rules.spindle.step",
     ] {
         assert_eq!(found.iter().filter(|name| *name == field).count(), 1, "{field} in {found:?}");
@@ -99,10 +103,17 @@ fn sensors_that_do_not_fit_together() {
 
 #[test]
 fn run_ups_and_spectra() {
-    let idle =
-        |speeds_rpm| IdleRunUp { speeds_rpm, speed_tolerance: 0.02, length: Length::Series(3), max_difference: 0.001 };
-    assert_eq!(fields(|config| config.idle_run_up = Some(idle(vec![]))), ["idle_run_up.speeds_rpm"]);
-    assert_eq!(fields(|config| config.idle_run_up = Some(idle(vec![900.0, 600.0]))), ["idle_run_up.speeds_rpm"]);
+    let idle = |spindle_rev_per_min| IdleRunUp {
+        spindle_rev_per_min,
+        speed_tolerance: 0.02,
+        length: Length::Series(3),
+        max_difference: 0.001,
+    };
+    assert_eq!(fields(|config| config.idle_run_up = Some(idle(vec![]))), ["idle_run_up.spindle_rev_per_min"]);
+    assert_eq!(
+        fields(|config| config.idle_run_up = Some(idle(vec![900.0, 600.0]))),
+        ["idle_run_up.spindle_rev_per_min"]
+    );
     let spectrum = SpectrumConfig {
         samples: 2048,
         min_frequency_hz: 600.0,

@@ -10,8 +10,8 @@ fn inputs(max_deviation: f64) -> Inputs {
         evidence: Evidence::Process(Properties { max_deviation, mean_angle: None, line: None }),
         rules: Rules::default(),
         before: Overrides::FULL,
-        programmed_rpm: Some(1000.0),
-        current_rpm: Some(1000.0),
+        programmed_rev_per_min: Some(1000.0),
+        current_rev_per_min: Some(1000.0),
         threading: false,
         windows_at_bound: 0,
         held: false,
@@ -24,18 +24,18 @@ fn with_spindle(max_deviation: f64, spindle: SpindleRule) -> Inputs {
     inputs
 }
 
-fn turning(angle_rad: f64) -> Inputs {
-    let rule = SpindleRule::Turning { lower_rad: -0.5, upper_rad: 0.5, step: 0.1, min_concentration: 0.1 };
+fn turning(angle_deg: f64) -> Inputs {
+    let rule = SpindleRule::Turning { lower_deg: -0.5, upper_deg: 0.5, step: 0.1, min_concentration: 0.1 };
     let mut inputs = with_spindle(0.02, rule);
     inputs.evidence =
-        Evidence::Process(Properties { max_deviation: 0.02, mean_angle: Some((angle_rad, 0.9)), line: None });
+        Evidence::Process(Properties { max_deviation: 0.02, mean_angle: Some((angle_deg, 0.9)), line: None });
     inputs
 }
 
-fn milling(max_deviation: f64, current_rpm: f64) -> Inputs {
+fn milling(max_deviation: f64, current_rev_per_min: f64) -> Inputs {
     let table = SpindleTable::from_pairs(&[(800.0, 700.0), (1200.0, 1100.0)]);
     let mut inputs = with_spindle(max_deviation, SpindleRule::Milling { limit: 0.02, table });
-    inputs.current_rpm = Some(current_rpm);
+    inputs.current_rev_per_min = Some(current_rev_per_min);
     inputs
 }
 
@@ -129,7 +129,7 @@ fn milling_takes_the_speed_from_the_band() {
 fn speeds_outside_the_table_or_unknown_hold() {
     keeps(&decide(&milling(0.02, 1200.1)), Action::Hold, Reason::SpeedNotInTable);
     let mut unknown = milling(0.02, 1000.0);
-    unknown.current_rpm = None;
+    unknown.current_rev_per_min = None;
     keeps(&decide(&unknown), Action::Hold, Reason::SpeedUnknown);
 }
 
@@ -146,7 +146,7 @@ fn stops_win_and_threads_hold() {
     keeps(&check(0.0, 0.0, Some(0.02), None), Action::Stop, Reason::ReplaceTool);
     // Machine limit 0.001 mm.
     let idle = |difference| {
-        let evidence = Evidence::IdleCheck { speed_rpm: 6000.0, difference, max_difference: 0.001 };
+        let evidence = Evidence::IdleCheck { spindle_rev_per_min: 6000.0, difference, max_difference: 0.001 };
         decide(&Inputs { evidence, ..inputs(0.0) })
     };
     keeps(&idle(0.001), Action::Keep, Reason::MachineFit);

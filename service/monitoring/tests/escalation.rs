@@ -29,8 +29,8 @@ fn more(before: &Columns, fill: impl FnOnce(&mut Columns)) -> Columns {
         time_ns: columns.time_ns.split_off(from),
         x: columns.x.split_off(from),
         y: columns.y.split_off(from),
-        angle_rad: columns.angle_rad.split_off(from),
-        rpm: columns.rpm.split_off(from),
+        angle_deg: columns.angle_deg.split_off(from),
+        rev_per_min: columns.rev_per_min.split_off(from),
         contact: columns.contact.split_off(from),
     }
 }

@@ -118,21 +118,21 @@ impl Reference {
     }
 
     /// −1/(eigenvalue · (1 − e^(−iωT))): the depth, where it is real.
-    fn depth(&self, value: Complex, hz: f64, speed_rpm: f64) -> Complex {
-        let turn = TAU * hz * 60.0 / (self.edges * speed_rpm);
+    fn depth(&self, value: Complex, hz: f64, spindle_rev_per_min: f64) -> Complex {
+        let turn = TAU * hz * 60.0 / (self.edges * spindle_rev_per_min);
         scale(inverse(mul(value, (1.0 - turn.cos(), turn.sin()))), -1.0)
     }
 
-    fn limit_mm(&self, speed_rpm: f64) -> f64 {
+    fn limit_mm(&self, spindle_rev_per_min: f64) -> f64 {
         let mut best = f64::INFINITY;
         let values = if matches!(self.cut, Cut::Turning(_)) { 0..1 } else { 0..2 };
         for which in values {
-            let mut before = self.depth(self.grid[0].1[which], self.grid[0].0, speed_rpm);
+            let mut before = self.depth(self.grid[0].1[which], self.grid[0].0, spindle_rev_per_min);
             for pair in self.grid.windows(2) {
-                let after = self.depth(pair[1].1[which], pair[1].0, speed_rpm);
+                let after = self.depth(pair[1].1[which], pair[1].0, spindle_rev_per_min);
                 let crosses = (before.1 < 0.0) != (after.1 < 0.0);
                 if crosses && (before.0 > 0.0 || after.0 > 0.0) && before.0.min(after.0) < 2.0 * best {
-                    best = best.min(self.crossing([pair[0], pair[1]], which, before.1 < 0.0, speed_rpm));
+                    best = best.min(self.crossing([pair[0], pair[1]], which, before.1 < 0.0, spindle_rev_per_min));
                 }
                 before = after;
             }
@@ -140,7 +140,7 @@ impl Reference {
         best
     }
 
-    fn crossing(&self, ends: [(f64, [Complex; 2]); 2], which: usize, rises: bool, speed_rpm: f64) -> f64 {
+    fn crossing(&self, ends: [(f64, [Complex; 2]); 2], which: usize, rises: bool, spindle_rev_per_min: f64) -> f64 {
         let [(mut low, start), (mut high, end)] = ends;
         let (width, from) = (high - low, low);
         let mut depth = (f64::INFINITY, 0.0);
@@ -151,7 +151,7 @@ impl Reference {
             let apart = |a: &Complex| (a.0 - expected.0).hypot(a.1 - expected.1);
             let values = self.cut.eigenvalues(middle);
             let value = if apart(&values[0]) <= apart(&values[1]) { values[0] } else { values[1] };
-            depth = self.depth(value, middle, speed_rpm);
+            depth = self.depth(value, middle, spindle_rev_per_min);
             if (depth.1 < 0.0) == rises { low = middle } else { high = middle }
         }
         if depth.0 > 0.0 && depth.1.abs() < 1e-3 * depth.0 { depth.0 } else { f64::INFINITY }
@@ -227,10 +227,11 @@ fn cuts() -> Vec<(Cut, [f64; 2])> {
 }
 
 /// What lines between the points of a chart show at a speed.
-fn drawn_mm(chart: &[ChartPoint], speed_rpm: f64) -> f64 {
-    let after = chart.partition_point(|point| point.speed_rpm < speed_rpm).clamp(1, chart.len() - 1);
+fn drawn_mm(chart: &[ChartPoint], spindle_rev_per_min: f64) -> f64 {
+    let after =
+        chart.partition_point(|point| point.spindle_rev_per_min < spindle_rev_per_min).clamp(1, chart.len() - 1);
     let [from, to] = [&chart[after - 1], &chart[after]];
-    let share = (speed_rpm - from.speed_rpm) / (to.speed_rpm - from.speed_rpm);
+    let share = (spindle_rev_per_min - from.spindle_rev_per_min) / (to.spindle_rev_per_min - from.spindle_rev_per_min);
     let [start, end] = [from, to].map(|point| point.limit.unwrap().limit_mm);
     start + share * (end - start)
 }
@@ -241,9 +242,13 @@ fn the_limit_at_a_speed_is_exact() {
         let (lobes, reference) = (cut.lobes(), Reference::new(cut));
         let mut numbers = Numbers(case as u64);
         for _ in 0..60 {
-            let speed_rpm = numbers.between(lowest, highest);
-            let (found, exact) = (lobes.limit_mm(speed_rpm).unwrap().unwrap(), reference.limit_mm(speed_rpm));
-            assert!((found - exact).abs() < 1e-7 * exact, "case {case}, {speed_rpm} rev/min: {found} for {exact} mm");
+            let spindle_rev_per_min = numbers.between(lowest, highest);
+            let (found, exact) =
+                (lobes.limit_mm(spindle_rev_per_min).unwrap().unwrap(), reference.limit_mm(spindle_rev_per_min));
+            assert!(
+                (found - exact).abs() < 1e-7 * exact,
+                "case {case}, {spindle_rev_per_min} rev/min: {found} for {exact} mm"
+            );
         }
     }
 }
@@ -254,24 +259,36 @@ fn the_chart_never_shows_more_than_the_exact_limit() {
         let (lobes, reference) = (cut.lobes(), Reference::new(cut));
         for speeds in [2, 200] {
             let chart = lobes.chart(lowest, highest, speeds).unwrap();
-            assert!(chart.windows(2).all(|pair| pair[0].speed_rpm < pair[1].speed_rpm), "case {case}");
+            assert!(
+                chart.windows(2).all(|pair| pair[0].spindle_rev_per_min < pair[1].spindle_rev_per_min),
+                "case {case}"
+            );
             assert!(chart.len() < 10_000, "case {case}: {} points", chart.len());
             for asked in 0..speeds {
-                let speed_rpm = lowest + (highest - lowest) * f64::from(asked) / f64::from(speeds - 1);
-                let nearest = chart.iter().map(|point| (point.speed_rpm / speed_rpm - 1.0).abs()).fold(1.0, f64::min);
-                assert!(nearest < 1e-12, "case {case}: {speed_rpm} rev/min is missing");
+                let spindle_rev_per_min = lowest + (highest - lowest) * f64::from(asked) / f64::from(speeds - 1);
+                let nearest = chart
+                    .iter()
+                    .map(|point| (point.spindle_rev_per_min / spindle_rev_per_min - 1.0).abs())
+                    .fold(1.0, f64::min);
+                assert!(nearest < 1e-12, "case {case}: {spindle_rev_per_min} rev/min is missing");
             }
             let mut numbers = Numbers(case as u64);
             let random = (0..40).map(|_| numbers.between(lowest, highest));
-            let points = chart.iter().map(|point| point.speed_rpm).step_by(chart.len() / 20 + 1);
-            for speed_rpm in random.chain(points.collect::<Vec<_>>()) {
-                let (drawn, exact) = (drawn_mm(&chart, speed_rpm), reference.limit_mm(speed_rpm));
-                assert!(drawn <= exact * (1.0 + 1e-8), "case {case}, {speed_rpm} rev/min: {drawn} above {exact} mm");
+            let points = chart.iter().map(|point| point.spindle_rev_per_min).step_by(chart.len() / 20 + 1);
+            for spindle_rev_per_min in random.chain(points.collect::<Vec<_>>()) {
+                let (drawn, exact) = (drawn_mm(&chart, spindle_rev_per_min), reference.limit_mm(spindle_rev_per_min));
+                assert!(
+                    drawn <= exact * (1.0 + 1e-8),
+                    "case {case}, {spindle_rev_per_min} rev/min: {drawn} above {exact} mm"
+                );
                 // Where a lobe turns back in speed the limit jumps, and the grid of the reference is too wide for its last
                 // stretch: there the limit is that of a speed beside it.
-                let beside = [1.0 - 1e-4, 1.0 + 1e-4].map(|share| reference.limit_mm(speed_rpm * share));
+                let beside = [1.0 - 1e-4, 1.0 + 1e-4].map(|share| reference.limit_mm(spindle_rev_per_min * share));
                 let lower = if drawn < 0.999 * exact { exact.min(beside[0]).min(beside[1]) } else { exact };
-                assert!(drawn >= lower * (1.0 - 1e-3), "case {case}, {speed_rpm} rev/min: {drawn} of {exact} mm");
+                assert!(
+                    drawn >= lower * (1.0 - 1e-3),
+                    "case {case}, {spindle_rev_per_min} rev/min: {drawn} of {exact} mm"
+                );
             }
         }
     }
@@ -279,17 +296,25 @@ fn the_chart_never_shows_more_than_the_exact_limit() {
 
 #[test]
 fn a_depth_of_the_table_holds_within_the_tolerance_of_its_speed() {
-    for (case, (cut, [lowest_rpm, highest_rpm])) in cuts().into_iter().enumerate() {
+    for (case, (cut, [lowest_rev_per_min, highest_rev_per_min])) in cuts().into_iter().enumerate() {
         let (lobes, reference) = (cut.lobes(), Reference::new(cut));
         for (speed_tolerance, margin) in [(0.01, 0.15), (0.04, 0.0), (0.0, 0.1)] {
-            let request =
-                PocketRequest { lowest_rpm, highest_rpm, bands: 4, margin, speed_tolerance, required_mm: None };
+            let request = PocketRequest {
+                lowest_rev_per_min,
+                highest_rev_per_min,
+                bands: 4,
+                margin,
+                speed_tolerance,
+                required_mm: None,
+            };
             for Pocket { row, stable_mm } in lobes.pockets(&request).unwrap() {
                 let promised = stable_mm.unwrap() / (1.0 - margin);
                 let least = (-5..=5)
-                    .map(|step| reference.limit_mm(row.speed_rpm * (1.0 + speed_tolerance * f64::from(step) / 5.0)))
+                    .map(|step| {
+                        reference.limit_mm(row.spindle_rev_per_min * (1.0 + speed_tolerance * f64::from(step) / 5.0))
+                    })
                     .fold(f64::INFINITY, f64::min);
-                let at = format!("case {case}, {} rev/min ± {speed_tolerance}", row.speed_rpm);
+                let at = format!("case {case}, {} rev/min ± {speed_tolerance}", row.spindle_rev_per_min);
                 assert!(promised <= least * (1.0 + 1e-8), "{at}: {promised} promised, {least} mm hold");
                 assert!(promised >= least * 0.97, "{at}: {promised} promised, {least} mm hold");
             }
@@ -306,9 +331,12 @@ fn the_turning_tool_that_was_promised_too_much_is_not() {
     assert!((lobes.least_limit_mm().unwrap() - least).abs() < 1e-12);
     let chart = lobes.chart(10_000.0, 40_000.0, 1_000).unwrap();
     for step in 0..300 {
-        let speed_rpm = 10_050.0 + 99.7 * f64::from(step);
-        let (drawn, exact) = (drawn_mm(&chart, speed_rpm), reference.limit_mm(speed_rpm));
-        assert!(drawn <= exact * (1.0 + 1e-9) && drawn >= exact * (1.0 - 1e-3), "{speed_rpm}: {drawn} {exact}");
+        let spindle_rev_per_min = 10_050.0 + 99.7 * f64::from(step);
+        let (drawn, exact) = (drawn_mm(&chart, spindle_rev_per_min), reference.limit_mm(spindle_rev_per_min));
+        assert!(
+            drawn <= exact * (1.0 + 1e-9) && drawn >= exact * (1.0 - 1e-3),
+            "{spindle_rev_per_min}: {drawn} {exact}"
+        );
         assert!(drawn >= least * (1.0 - 1e-9));
     }
 }

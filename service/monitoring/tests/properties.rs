@@ -37,8 +37,8 @@ fn columns(stretches: &[Stretch]) -> Columns {
             3 => columns.time_ns[at] = columns.time_ns[at - 1],
             4 => columns.time_ns[at] -= 20 * PERIOD_NS,
             5 => *columns.time_ns.last_mut().unwrap() += 900 * PERIOD_NS,
-            6 => columns.angle_rad[at] = f64::NEG_INFINITY,
-            7 => columns.rpm[at] = f64::NAN,
+            6 => columns.angle_deg[at] = f64::NEG_INFINITY,
+            7 => columns.rev_per_min[at] = f64::NAN,
             8 => columns.y[at] = 1e300,
             _ => {}
         }
@@ -62,7 +62,7 @@ fn configuration(kind: u8) -> MonitoringConfig {
     });
     config.rules.spindle = match kind % 4 {
         0 => SpindleRule::None,
-        1 => SpindleRule::Turning { lower_rad: -1.0, upper_rad: 1.0, step: 0.1, min_concentration: 0.1 },
+        1 => SpindleRule::Turning { lower_deg: -1.0, upper_deg: 1.0, step: 0.1, min_concentration: 0.1 },
         _ => SpindleRule::Milling { limit: 0.02, table: SpindleTable::from_pairs(&[(500.0, 450.0), (2000.0, 1500.0)]) },
     };
     if kind.is_multiple_of(5) {
@@ -77,7 +77,7 @@ fn configuration(kind: u8) -> MonitoringConfig {
 
 fn started(kind: u8) -> Monitor {
     let mut monitor = monitor(configuration(kind));
-    monitor.note(Event::ProgrammedSpindle { rpm: 600.0 }, &mut |_| {}).unwrap();
+    monitor.note(Event::ProgrammedSpindle { rev_per_min: 600.0 }, &mut |_| {}).unwrap();
     monitor
 }
 

@@ -1,16 +1,19 @@
 //! Messages of the contract as documents of the store, which keeps their JSON without looking inside.
 
+mod former;
+
 use feedwave_contract::json;
+pub(crate) use former::decision_from_stored;
 use prost::Name;
 
 use crate::error::{Error, Result};
 
-/// A stored document; a fault of the service where it cannot be read.
+/// A stored document, of an earlier version too; a fault of the service where it cannot be read.
 ///
 /// # Errors
 /// [`Error::Internal`] when the text is not the JSON of such a message.
 pub(crate) fn from_stored<M: Name + Default>(text: &str) -> Result<M> {
-    json::from_str(text)
+    former::document(text)
         .map_err(|error| Error::internal(format!("a stored {} cannot be read: {error}", M::full_name())))
 }
 

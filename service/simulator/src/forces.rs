@@ -24,7 +24,7 @@ pub(crate) struct Motion {
     pub frame: [[f64; 2]; 2],
     /// 1 forwards, −1 backwards.
     pub rotation: f64,
-    pub rpm: f64,
+    pub rev_per_min: f64,
     radial_ratio: f64,
     /// Time between two edges at one place, samples.
     delay_samples: f64,
@@ -117,10 +117,10 @@ impl Forces {
             }
             Process::Turning => [[1.0, 0.0], [0.0, -1.0]],
         };
-        let rpm = spindle_rad_per_s.abs() * (60.0 / TAU);
-        let speed_m_per_min = TAU * self.tool.radius_mm * 1e-3 * rpm;
+        let rev_per_min = spindle_rad_per_s.abs() * (60.0 / TAU);
+        let speed_m_per_min = TAU * self.tool.radius_mm * 1e-3 * rev_per_min;
         let exponent = self.material.radial_speed_exponent;
-        let falling = if exponent == 0.0 || rpm < STANDSTILL_RPM {
+        let falling = if exponent == 0.0 || rev_per_min < STANDSTILL_RPM {
             1.0
         } else {
             libm::pow(speed_m_per_min / self.material.reference_speed_m_per_min, -exponent)
@@ -128,15 +128,15 @@ impl Forces {
         Motion {
             frame,
             rotation,
-            rpm,
+            rev_per_min,
             radial_ratio: self.material.radial_ratio * falling,
-            delay_samples: self.sample_rate_hz * 60.0 / (self.edges.len() as f64 * rpm.max(STANDSTILL_RPM)),
+            delay_samples: self.sample_rate_hz * 60.0 / (self.edges.len() as f64 * rev_per_min.max(STANDSTILL_RPM)),
         }
     }
 
     /// Whether the spindle turns.
     pub fn turns(motion: &Motion) -> bool {
-        motion.rpm >= STANDSTILL_RPM
+        motion.rev_per_min >= STANDSTILL_RPM
     }
 
     /// Force on the tool in N in the sensors' directions. `depth_mm` is `None` while tool and work do not touch.
@@ -156,7 +156,7 @@ impl Forces {
         let [along, across] = motion.frame;
         let [x, y] = deflection_mm;
         let deflection_mm = [x * along[0] + y * along[1], x * across[0] + y * across[1]];
-        let per_edge_mm = feed_mm_per_min / (self.edges.len() as f64 * motion.rpm);
+        let per_edge_mm = feed_mm_per_min / (self.edges.len() as f64 * motion.rev_per_min);
         let mut force = [0.0; 2];
         match self.process {
             Process::Milling { .. } => {

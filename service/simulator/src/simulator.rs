@@ -151,7 +151,12 @@ impl Simulator {
     ///
     /// # Errors
     /// [`SetpointError`] for a time or speed that is not possible; nothing happens.
-    pub fn idle(&mut self, seconds: f64, rpm: f64, sink: &mut dyn FnMut(&Batch<'_>)) -> Result<(), SetpointError> {
+    pub fn idle(
+        &mut self,
+        seconds: f64,
+        rev_per_min: f64,
+        sink: &mut dyn FnMut(&Batch<'_>),
+    ) -> Result<(), SetpointError> {
         if !(0.0..=MAX_IDLE_S).contains(&seconds) {
             return Err(SetpointError::Value {
                 index: self.next_index.unwrap_or(0),
@@ -159,12 +164,12 @@ impl Simulator {
                 value: seconds,
             });
         }
-        if !(-1e6..=1e6).contains(&rpm) {
-            return Err(SetpointError::Spindle(rpm));
+        if !(-1e6..=1e6).contains(&rev_per_min) {
+            return Err(SetpointError::Spindle(rev_per_min));
         }
         let still = Setpoint { feed_mm_per_min: 0.0, ..self.at };
         self.at = still;
-        let turned = TAU * rpm / 60.0 * seconds;
+        let turned = TAU * rev_per_min / 60.0 * seconds;
         self.go(still, self.at_ns + (seconds * 1e9).round() as u64, turned, sink);
         Ok(())
     }
@@ -287,7 +292,7 @@ impl Simulator {
             pairs,
             commanded: segment.acceleration,
             angle_rad,
-            rpm: spindle_rad_per_s.abs() * (60.0 / TAU),
+            rev_per_min: spindle_rad_per_s.abs() * (60.0 / TAU),
             contact: depth_mm.is_some(),
         };
         let dropped = self.description.drop_rate > 0.0 && self.drops.uniform() < self.description.drop_rate;

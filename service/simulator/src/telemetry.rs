@@ -1,5 +1,7 @@
 //! Columns of a batch on their path to the monitor, and the faults applied to them.
 
+use std::f64::consts::PI;
+
 use feedwave_monitoring::{Batch, Pair};
 
 /// Faults that hold at one sample.
@@ -24,7 +26,7 @@ pub(crate) struct Reading {
     pub pairs: [[f64; 2]; 2],
     pub commanded: [f64; 2],
     pub angle_rad: f64,
-    pub rpm: f64,
+    pub rev_per_min: f64,
     pub contact: bool,
 }
 
@@ -41,8 +43,8 @@ struct Columns {
     time_ns: Vec<u64>,
     pairs: [[Vec<f64>; 2]; 2],
     commanded: [Vec<f64>; 2],
-    angle_rad: Vec<f64>,
-    rpm: Vec<f64>,
+    angle_deg: Vec<f64>,
+    rev_per_min: Vec<f64>,
     contact: Vec<bool>,
     lost: [bool; 2],
     duplicate: bool,
@@ -58,8 +60,8 @@ impl Columns {
             time_ns: Vec::with_capacity(capacity),
             pairs: [[column(), column()], [column(), column()]],
             commanded: [column(), column()],
-            angle_rad: column(),
-            rpm: column(),
+            angle_deg: column(),
+            rev_per_min: column(),
             contact: Vec::with_capacity(capacity),
             lost: [false; 2],
             duplicate: false,
@@ -71,7 +73,7 @@ impl Columns {
     fn clear(&mut self) {
         self.time_ns.clear();
         let pairs = self.pairs.as_flattened_mut().iter_mut();
-        pairs.chain(&mut self.commanded).chain([&mut self.angle_rad, &mut self.rpm]).for_each(Vec::clear);
+        pairs.chain(&mut self.commanded).chain([&mut self.angle_deg, &mut self.rev_per_min]).for_each(Vec::clear);
         self.contact.clear();
         self.lost = [false; 2];
         (self.duplicate, self.swap, self.lose) = (false, false, false);
@@ -82,8 +84,8 @@ impl Columns {
         let values = reading.pairs.as_flattened().iter().chain(&reading.commanded);
         let columns = self.pairs.as_flattened_mut().iter_mut().chain(&mut self.commanded);
         columns.zip(values).for_each(|(column, &value)| column.push(value));
-        self.angle_rad.push(reading.angle_rad);
-        self.rpm.push(reading.rpm);
+        self.angle_deg.push(reading.angle_rad * (180.0 / PI));
+        self.rev_per_min.push(reading.rev_per_min);
         self.contact.push(reading.contact);
         for (lost, now) in self.lost.iter_mut().zip(faulty.lost) {
             *lost |= now;
@@ -104,8 +106,8 @@ impl Columns {
             tool: pair(0),
             work: pair(1),
             commanded: has.commanded.then_some(Pair { x: &self.commanded[0], y: &self.commanded[1] }),
-            spindle_angle_rad: Some(&self.angle_rad),
-            spindle_rpm: Some(&self.rpm),
+            spindle_angle_deg: Some(&self.angle_deg),
+            spindle_rev_per_min: Some(&self.rev_per_min),
             contact: Some(&self.contact),
         }
     }

@@ -114,8 +114,11 @@ fn the_surface_run_out_is_seen_where_it_rotates() {
     description.work_sensors = exact(Quantity::Displacement);
     let path = Path::default().add(200, 200.0, 1000.0, [1.0, 0.0]).clone();
     let log = follow(description.clone(), &path);
-    for ((x, y), angle) in log.tool[0].iter().zip(&log.tool[1]).zip(&log.angle_rad) {
-        assert!((x - 0.004 * libm::cos(*angle)).abs() < 1e-15 && (y + 0.004 * libm::sin(*angle)).abs() < 1e-15);
+    for ((x, y), angle) in log.tool[0].iter().zip(&log.tool[1]).zip(&log.spindle_angle_deg) {
+        assert!(
+            (x - 0.004 * libm::cos(angle.to_radians())).abs() < 1e-15
+                && (y + 0.004 * libm::sin(angle.to_radians())).abs() < 1e-15
+        );
     }
     assert!(log.work[0].iter().all(|&value| value == 0.0));
     description.process = Process::Turning;
@@ -176,10 +179,10 @@ fn speed_fluctuates_sway_is_shared_and_chatter_comes_on_demand() {
     }];
     let path = Path::default().add(300, 100.0, 1000.0, [1.0, 0.0]).clone();
     let log = follow(description, &path);
-    let most = log.rpm.iter().copied().fold(0.0, f64::max);
-    let least = log.rpm.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = log.rev_per_min.iter().copied().fold(0.0, f64::max);
+    let least = log.rev_per_min.iter().copied().fold(f64::INFINITY, f64::min);
     assert!((most - 1020.0).abs() < 0.1 && (least - 980.0).abs() < 0.1, "{least}..{most}");
-    let turned = log.angle_rad[4000] - log.angle_rad[0];
+    let turned = log.spindle_angle_deg[4000] - log.spindle_angle_deg[0];
     assert!((turned - TAU * 1000.0 / 60.0 * 0.2).abs() < 1e-9, "whole periods of the fluctuation cancel");
     assert!((log.work[0][200] - 0.01).abs() < 1e-12, "10 ms are a quarter of the sway's period");
     for at in 100..5800 {
@@ -244,9 +247,9 @@ fn regenerative(depth_mm: f64) -> Description {
 fn regeneration_chatters_above_the_stability_limit_and_not_below() {
     let lobes = regenerative(1.0).milling_model().unwrap().lobes().unwrap();
     // Difference of the deflection from one revolution to the next: what is periodic with the spindle cancels.
-    let unsteady = |depth_mm: f64, rpm: f64| {
-        let revolution = (50_000.0 * 60.0 / rpm) as usize;
-        let mut path = Path::default().add(1500, 0.05 * 4.0 * rpm, rpm, [1.0, 0.0]).clone();
+    let unsteady = |depth_mm: f64, rev_per_min: f64| {
+        let revolution = (50_000.0 * 60.0 / rev_per_min) as usize;
+        let mut path = Path::default().add(1500, 0.05 * 4.0 * rev_per_min, rev_per_min, [1.0, 0.0]).clone();
         // Half a sample clear of entry and exit.
         path.angle_deg.iter_mut().for_each(|angle| *angle += 180.0 / revolution as f64);
         let log = follow(regenerative(depth_mm), &path);
@@ -254,12 +257,12 @@ fn regeneration_chatters_above_the_stability_limit_and_not_below() {
         let difference = |pair: (&f64, &f64)| (pair.0 - pair.1).abs();
         last.iter().zip(&last[revolution..]).map(difference).fold(0.0, f64::max)
     };
-    // 50 kHz · 60/rpm is a whole number of samples.
-    for rpm in [6000.0, 7500.0, 10_000.0] {
-        let limit_mm = lobes.limit_mm(rpm).unwrap().unwrap();
-        let (stable, unstable) = (unsteady(0.7 * limit_mm, rpm), unsteady(1.4 * limit_mm, rpm));
-        assert!(stable < 1e-4, "{rpm} rev/min, {limit_mm} mm: {stable} mm below the limit");
+    // 50 kHz · 60/rev_per_min is a whole number of samples.
+    for rev_per_min in [6000.0, 7500.0, 10_000.0] {
+        let limit_mm = lobes.limit_mm(rev_per_min).unwrap().unwrap();
+        let (stable, unstable) = (unsteady(0.7 * limit_mm, rev_per_min), unsteady(1.4 * limit_mm, rev_per_min));
+        assert!(stable < 1e-4, "{rev_per_min} rev/min, {limit_mm} mm: {stable} mm below the limit");
         // Edges that jump out of the cut keep the vibration bounded: to some chips, not some tools.
-        assert!((0.01..1.0).contains(&unstable), "{rpm} rev/min, {limit_mm} mm: {unstable} mm above the limit");
+        assert!((0.01..1.0).contains(&unstable), "{rev_per_min} rev/min, {limit_mm} mm: {unstable} mm above the limit");
     }
 }

@@ -93,7 +93,7 @@ proptest! {
         edges in 1u32..9,
         depth in 0.0..100.0f64,
         feed in 0.0..20_000.0f64,
-        rpm in -30_000.0..30_000.0f64,
+        rev_per_min in -30_000.0..30_000.0f64,
         damping in 1e-4..0.7f64,
         frequency in 1.0..20_000.0f64,
     ) {
@@ -102,7 +102,7 @@ proptest! {
         description.tool.edges = edges;
         (description.tool.x.damping_ratio, description.tool.y.frequency_hz) = (damping, frequency);
         let mut path = Path::default();
-        path.add(100, feed, rpm, [1.0, 0.0]);
+        path.add(100, feed, rev_per_min, [1.0, 0.0]);
         let log = follow(description, &path);
         prop_assert!(log.tool.iter().chain(&log.work).flatten().all(|value| value.is_finite()));
     }
@@ -183,14 +183,14 @@ fn idling_turns_the_spindle_and_the_program_starts_afterwards() {
     machine.flush(&mut |batch| log.take(batch));
     assert_eq!((machine.next_index(), machine.clock_ns()), (Some(100), 349_000_000));
     assert!(!log.contact[..5000].iter().any(|&contact| contact) && log.contact[5000..].iter().all(|&contact| contact));
-    assert!((log.angle_rad[4999] - 2.0 * PI * 2.5 * 4999.0 / 5000.0).abs() < 1e-9);
-    assert_eq!(log.angle_rad[5000], 0.0, "the setpoints' angle counts from the program's start");
-    assert!((log.rpm[100] - 600.0).abs() < 1e-9 && (log.rpm[5100] - 3000.0).abs() < 1e-9);
+    assert!((log.spindle_angle_deg[4999] - 360.0 * 2.5 * 4999.0 / 5000.0).abs() < 1e-9);
+    assert_eq!(log.spindle_angle_deg[5000], 0.0, "the setpoints' angle counts from the program's start");
+    assert!((log.rev_per_min[100] - 600.0).abs() < 1e-9 && (log.rev_per_min[5100] - 3000.0).abs() < 1e-9);
     assert!(machine.take_peak_deflection_mm() > 1e-4 && machine.take_peak_deflection_mm() == 0.0);
     machine.set_spindle_override(0.5).unwrap();
-    let from = log.rpm.len();
+    let from = log.rev_per_min.len();
     machine.push(&path().block(100, 200), &mut |batch| log.take(batch)).unwrap();
-    assert!((log.rpm[from + 100] - 1250.0).abs() < 1e-9);
+    assert!((log.rev_per_min[from + 100] - 1250.0).abs() < 1e-9);
 }
 
 #[test]

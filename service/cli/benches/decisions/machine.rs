@@ -33,7 +33,7 @@ pub fn config(options: &Options) -> MonitoringConfig {
     MonitoringConfig {
         sample_rate_hz: Some(options.rate_hz as f64),
         tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Default::default() }),
-        window: Some(WindowLength { length: Some(Length::Seconds(options.window_ms as f64 / 1e3)) }),
+        window: Some(WindowLength { length: Some(Length::DurationS(options.window_ms as f64 / 1e3)) }),
         settling_s: Some(0.0),
         // A busy computer must not look like a broken sensor.
         quality: Some(DataQuality { silence_s: Some(60.0), stale_s: Some(60.0), ..Default::default() }),
@@ -56,7 +56,7 @@ fn batch(sequence: u64, length: u64, options: &Options) -> TelemetryBatch {
     TelemetryBatch {
         sequence,
         events: if sequence == 0 {
-            vec![MachineEvent { event: Some(Event::ProgrammedRpm(60.0 * SPINDLE_HZ)) }]
+            vec![MachineEvent { event: Some(Event::ProgrammedRevPerMin(60.0 * SPINDLE_HZ)) }]
         } else {
             Vec::new()
         },
@@ -68,7 +68,7 @@ fn batch(sequence: u64, length: u64, options: &Options) -> TelemetryBatch {
                 .collect(),
             y: samples.clone().map(|sample| 1.5 + 0.001 * turn(sample).sin() + noise(sample + 500)).collect(),
         }),
-        spindle_angle_rad: samples.clone().map(turn).collect(),
+        spindle_angle_deg: samples.clone().map(turn).collect(),
         contact: samples.map(|sample| sample >= idle).collect(),
         ..Default::default()
     }
@@ -85,7 +85,7 @@ pub async fn run(
     // Never full: a machine does not wait for the service.
     let (requests, messages) = mpsc::unbounded_channel();
     let send = |message| requests.send(IngestRequest { message: Some(message) }).expect("a service that listens");
-    send(Request::Start(IngestStart { target: Some(Target::Job(job)), clock_ns: None }));
+    send(Request::Start(IngestStart { target: Some(Target::Job(job)), sensor_time_ns: None }));
     let responses = client.ingest(UnboundedReceiverStream::new(messages)).await.expect("a stream");
     let mut responses = responses.into_inner();
     let length = batch_ms * options.rate_hz / 1_000;

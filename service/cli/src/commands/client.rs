@@ -148,7 +148,7 @@ impl Client {
     ) -> Result<Result<(), Status>, CliError> {
         let (sender, receiver) = tokio::sync::mpsc::channel(4);
         let messages = tokio_stream::wrappers::ReceiverStream::new(receiver);
-        let header = UploadHeader { sha256: sha256.to_owned(), size_bytes: source.size, offset };
+        let header = UploadHeader { sha256: sha256.to_owned(), program_bytes: source.size, offset };
         source.seek(offset)?;
         let sending = send_program(source, header, sender, bar);
         let (sent, answer) = tokio::join!(sending, self.jobs.upload_program(messages));

@@ -73,11 +73,11 @@ pub struct Args {
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0, help_heading = "Cut")]
     exit: f64,
     /// Lowest spindle speed
-    #[arg(long, value_name = "REV/MIN", help_heading = "Spindle table")]
-    lowest_rpm: f64,
+    #[arg(long = "lowest-rpm", value_name = "REV/MIN", help_heading = "Spindle table")]
+    lowest_rev_per_min: f64,
     /// Highest spindle speed
-    #[arg(long, value_name = "REV/MIN", help_heading = "Spindle table")]
-    highest_rpm: f64,
+    #[arg(long = "highest-rpm", value_name = "REV/MIN", help_heading = "Spindle table")]
+    highest_rev_per_min: f64,
     /// Bands of equal width, each with its best speed
     #[arg(long, value_name = "COUNT", default_value_t = PocketRequest::BANDS, help_heading = "Spindle table")]
     bands: u32,
@@ -116,7 +116,7 @@ fn mode(text: &str) -> Result<VibrationMode, String> {
 
 impl Args {
     fn model(&self) -> StabilityModel {
-        let milling = MillingCut { entry_deg: self.entry, exit_deg: self.exit, edges: self.edges };
+        let milling = MillingCut { entry_deg: self.entry, exit_deg: self.exit, edge_count: self.edges };
         StabilityModel {
             tool: self.tool.clone().unwrap_or_default(),
             dynamics: Some(ToolDynamics {
@@ -133,8 +133,8 @@ impl Args {
 
     const fn search(&self) -> PocketSearch {
         PocketSearch {
-            lowest_rpm: self.lowest_rpm,
-            highest_rpm: self.highest_rpm,
+            lowest_rev_per_min: self.lowest_rev_per_min,
+            highest_rev_per_min: self.highest_rev_per_min,
             bands: Some(self.bands),
             margin: Some(self.margin),
             speed_tolerance: Some(self.speed_tolerance),
@@ -224,8 +224,8 @@ fn text(heading: &str, lobes: &StabilityLobes, style: Style) -> Result<String, C
     for pocket in &lobes.pockets {
         let band = pocket.band.unwrap_or_default();
         let stable = pocket.stable_mm.map_or_else(|| "any".to_owned(), rounded_down);
-        let range = format!("{:.1} to {:.1}", band.above_rpm, band.up_to_rpm);
-        let _ = writeln!(text, "{range:>24}  {:>12.1}  {stable:>10}", band.speed_rpm);
+        let range = format!("{:.1} to {:.1}", band.above_rev_per_min, band.up_to_rev_per_min);
+        let _ = writeln!(text, "{range:>24}  {:>12.1}  {stable:>10}", band.spindle_rev_per_min);
     }
     if !lobes.findings.is_empty() {
         text.push('\n');

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_contract::convert::{MAX_OVERRIDE_PERCENT, overrides_from_proto};
+use feedwave_contract::convert::{MAX_FEED_OVERRIDE, overrides_from_proto};
 use feedwave_contract::proto::FeedOverrideChange;
 use feedwave_contract::proto::feed_override_change::At;
 use feedwave_contract::violations::Violations;
@@ -10,6 +10,9 @@ use feedwave_cutting::PipelineConfig;
 
 use super::CliError;
 use super::plan::time;
+
+/// Highest feed override, %.
+const MAX_PERCENT: f64 = 100.0 * MAX_FEED_OVERRIDE;
 
 /// Options that change the feed override.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,20 +24,28 @@ pub(super) struct OverrideArgs {
     /// before the first one the feed is as programmed. The path stays the same and every axis within its limits; rapid
     /// moves are held but not slowed down, dwells and the spindle go on as they are.
     #[arg(long = "override", value_name = "SECONDS:PERCENT", value_parser = change)]
-    changes: Vec<FeedOverrideChange>,
+    changes: Vec<Change>,
+}
+
+/// One change, with what was typed.
+#[derive(Clone, Debug)]
+struct Change {
+    text: String,
+    change: FeedOverrideChange,
 }
 
 impl OverrideArgs {
     /// The changes as a request has them.
     pub(super) fn into_request(self) -> Vec<FeedOverrideChange> {
-        self.changes
+        self.changes.into_iter().map(|change| change.change).collect()
     }
 
     /// The configuration with the changes.
     pub(super) fn apply(&self, mut config: Arc<PipelineConfig>) -> Result<Arc<PipelineConfig>, CliError> {
         let mut violations = Violations::default();
         let period_us = config.interpolation_period_us;
-        let overrides = overrides_from_proto(&mut violations, "--override", &self.changes, period_us);
+        let changes = self.clone().into_request();
+        let overrides = overrides_from_proto(&mut violations, "--override", &changes, period_us);
         if violations.is_empty() {
             Arc::make_mut(&mut config).overrides = overrides;
             return Ok(config);
@@ -43,7 +54,7 @@ impl OverrideArgs {
             // Fields are counted from 0; people see what they have typed.
             let number = violation.field.split(['[', ']']).nth(1).and_then(|number| number.parse::<usize>().ok());
             match number.and_then(|number| self.changes.get(number)) {
-                Some(change) => format!("--override {}: {}", text(change), violation.description),
+                Some(change) => format!("--override {}: {}", change.text, violation.description),
                 None => format!("--override: {}", violation.description),
             }
         });
@@ -56,24 +67,17 @@ impl OverrideArgs {
 }
 
 /// One change on the command line.
-fn change(text: &str) -> Result<FeedOverrideChange, String> {
+fn change(text: &str) -> Result<Change, String> {
     let (seconds, percent) = text
         .split_once(':')
         .ok_or("must be a time and a percentage with a colon between them, such as 2.5:40 for 40 % from 2.5 s on")?;
     let time_s = time(seconds).map_err(|reason| format!("the time {seconds:?} {reason}"))?;
     match percent.trim_end_matches('%').parse::<f64>() {
-        Ok(value) if (0.0..=MAX_OVERRIDE_PERCENT).contains(&value) => {
-            Ok(FeedOverrideChange { at: Some(At::TimeS(time_s)), percent: value })
+        Ok(value) if (0.0..=MAX_PERCENT).contains(&value) => {
+            let change = FeedOverrideChange { at: Some(At::TimeS(time_s)), ratio: Some(value / 100.0) };
+            Ok(Change { text: text.to_owned(), change })
         }
-        _ => Err(format!("the percentage {percent:?} must be a number from 0 (feed hold) to {MAX_OVERRIDE_PERCENT}")),
-    }
-}
-
-fn text(change: &FeedOverrideChange) -> String {
-    match change.at {
-        Some(At::TimeS(time_s)) => format!("{time_s}:{}", change.percent),
-        Some(At::SetpointIndex(index)) => format!("setpoint {index}:{}", change.percent),
-        None => format!(":{}", change.percent),
+        _ => Err(format!("the percentage {percent:?} must be a number from 0 (feed hold) to {MAX_PERCENT}")),
     }
 }
 

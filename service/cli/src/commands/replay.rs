@@ -49,7 +49,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
 /// The verdict, and what differs.
 fn text(run: &str, replayed: &ReplayRunResponse) -> String {
     let style = Style::stdout();
-    let counts = format!("{} decisions and {} setpoints", replayed.decisions, replayed.setpoints);
+    let counts = format!("{} decisions and {} setpoints", replayed.decision_count, replayed.setpoint_count);
     if replayed.identical {
         let digest = if replayed.digest.is_empty() { String::new() } else { format!(", SHA-256 {}", replayed.digest) };
         return format!("{run}: {}: {counts}{digest}\n", style.good("identical"));

@@ -135,7 +135,7 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         "size",
         format!(
             "{}, {}, {} ({} cutting){tools}",
-            counted(summary.bytes, "byte"),
+            counted(summary.program_bytes, "byte"),
             counted(summary.lines, "line"),
             counted(summary.moves, "move"),
             count(summary.cutting_moves),

@@ -78,8 +78,8 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     let mut run = Drive::begin(&client, &job, limits_mm(&monitoring), machine).await?;
     print(&format!("{}\n{}\n", run.name, heading()))?;
     let mut show = |decision: &Decision| print(&format!("{}\n", line(decision)));
-    let idle_speeds = monitoring.idle_run_up.map(|run_up| run_up.speeds_rpm).unwrap_or_default();
-    run.idle(args.machine.idle_rpm, &idle_speeds, &mut show).await?;
+    let idle_speeds = monitoring.idle_run_up.map(|run_up| run_up.spindle_rev_per_min).unwrap_or_default();
+    run.idle(args.machine.idle_rev_per_min, &idle_speeds, &mut show).await?;
     run.follow(u64::MAX, &mut show).await?;
     print(&run.summary.text(&run.name, run.period_us))?;
     if let Some(directory) = &args.plots {

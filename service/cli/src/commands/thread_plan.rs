@@ -271,7 +271,7 @@ impl Args {
             amplitude_margin: Some(self.amplitude_margin),
             interpolation_period_us: period_us,
             clearance_mm: Some(self.clearance),
-            ratio: Some(self.ratio),
+            amplitude_ratio: Some(self.ratio),
             advance: advance.into_iter().flatten().next(),
         }
     }

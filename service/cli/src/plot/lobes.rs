@@ -34,8 +34,8 @@ pub fn write_lobes(picture: &LobesPicture<'_>, directory: &Path) -> Result<[Path
 
 /// Speed and stable depth of a row of the table, and where its band ends.
 struct Mark {
-    speed_rpm: f64,
-    up_to_rpm: f64,
+    spindle_rev_per_min: f64,
+    up_to_rev_per_min: f64,
     stable_mm: Option<f64>,
 }
 
@@ -49,7 +49,11 @@ impl LobesPicture<'_> {
         pockets
             .filter_map(|pocket| {
                 let band = pocket.band?;
-                Some(Mark { speed_rpm: band.speed_rpm, up_to_rpm: band.up_to_rpm, stable_mm: pocket.stable_mm })
+                Some(Mark {
+                    spindle_rev_per_min: band.spindle_rev_per_min,
+                    up_to_rev_per_min: band.up_to_rev_per_min,
+                    stable_mm: pocket.stable_mm,
+                })
             })
             .collect()
     }
@@ -64,7 +68,9 @@ impl LobesPicture<'_> {
     /// The limit over the speed, times `share`; `unlimited` where nothing chatters.
     fn curve(&self, share: f64, unlimited: f64) -> Vec<Place> {
         let chart = self.lobes.chart.iter();
-        chart.map(|point| (point.speed_rpm, point.limit_mm.map_or(unlimited, |limit| share * limit))).collect()
+        chart
+            .map(|point| (point.spindle_rev_per_min, point.limit_mm.map_or(unlimited, |limit| share * limit)))
+            .collect()
     }
 
     fn depths(&self, speeds: Axis) -> Panel {
@@ -83,16 +89,24 @@ impl LobesPicture<'_> {
         let marks = self.marks();
         // The last band ends with the picture.
         for mark in marks.iter().rev().skip(1) {
-            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), mark.up_to_rpm);
+            panel.upright(&Ink::dashed("border of a band of speeds", theme::MUTED, 1.2), mark.up_to_rev_per_min);
         }
         let name = "best speed of its band, rev/min, with its depth";
         for mark in &marks {
             let depth = mark.stable_mm.unwrap_or(top_mm).min(top_mm);
-            panel.endless(&Ink::line(name, theme::COMMAND, 2.0), vec![(mark.speed_rpm, 0.0), (mark.speed_rpm, depth)]);
-            panel.dots(&Ink::dot(name, theme::COMMAND, 5.5), vec![(mark.speed_rpm, depth)]);
+            panel.endless(
+                &Ink::line(name, theme::COMMAND, 2.0),
+                vec![(mark.spindle_rev_per_min, 0.0), (mark.spindle_rev_per_min, depth)],
+            );
+            panel.dots(&Ink::dot(name, theme::COMMAND, 5.5), vec![(mark.spindle_rev_per_min, depth)]);
             // At the foot of its line, where no curve passes.
-            let text = super::figure::short(mark.speed_rpm, 0);
-            panel.label((mark.speed_rpm, 0.0), text, theme::INK, Beside { by: (6.0, -5.0), ..Beside::INSIDE_BOTTOM });
+            let text = super::figure::short(mark.spindle_rev_per_min, 0);
+            panel.label(
+                (mark.spindle_rev_per_min, 0.0),
+                text,
+                theme::INK,
+                Beside { by: (6.0, -5.0), ..Beside::INSIDE_BOTTOM },
+            );
         }
         panel
     }
@@ -107,7 +121,7 @@ impl LobesPicture<'_> {
         let mut lines: Vec<Vec<Place>> = Vec::new();
         let mut lobe = None;
         for point in points {
-            let place = (point.speed_rpm, point.chatter_hz);
+            let place = (point.spindle_rev_per_min, point.chatter_hz);
             let goes_on = lobe.replace(point.lobe) == Some(point.lobe);
             match lines.last_mut() {
                 Some(line) if goes_on && line.last().is_some_and(|last| continues(*last, place)) => line.push(place),
@@ -122,8 +136,9 @@ impl LobesPicture<'_> {
     }
 
     pub(super) fn figure(&self) -> Figure {
-        let speed =
-            |point: Option<&feedwave_contract::proto::StabilityPoint>| point.map_or(0.0, |point| point.speed_rpm);
+        let speed = |point: Option<&feedwave_contract::proto::StabilityPoint>| {
+            point.map_or(0.0, |point| point.spindle_rev_per_min)
+        };
         let range = speed(self.lobes.chart.first())..speed(self.lobes.chart.last());
         let speeds = || Axis::new("spindle speed", REV_PER_MIN, range.clone());
         let panels = vec![self.depths(speeds()), self.frequencies(speeds())];

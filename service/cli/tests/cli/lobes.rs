@@ -49,7 +49,7 @@ fn json_has_the_documented_keys() {
     let chart = lobes["chart"].as_array().unwrap();
     assert_eq!(lobes["pockets"].as_array().unwrap().len(), 5);
     // Those asked for, and others where the limit bends.
-    let speeds: Vec<_> = chart.iter().map(|point| point["speedRpm"].as_f64().unwrap()).collect();
+    let speeds: Vec<_> = chart.iter().map(|point| point["spindleRevPerMin"].as_f64().unwrap()).collect();
     for asked in 0..11 {
         assert!(speeds.contains(&(2_000.0 + 1_000.0 * f64::from(asked))), "{asked}");
     }

@@ -184,5 +184,5 @@ fn a_stream_with_overrides_is_what_plan_writes_with_them() {
 
     let refused = service.run(&["stream", job, "--override", "3:0"]);
     assert_eq!(code(&refused), 2);
-    assert!(stderr(&refused).contains("overrides[0].percent"), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("overrides[0].ratio"), "{}", stderr(&refused));
 }

@@ -97,13 +97,13 @@ fn inputs_to_proto(inputs: &Inputs) -> proto::DecisionInputs {
                 max_run_out,
             })
         }
-        Evidence::IdleCheck { speed_rpm, difference, max_difference } => {
-            ProtoEvidence::IdleCheck(proto::IdleCheckEvidence { speed_rpm, difference, max_difference })
+        Evidence::IdleCheck { spindle_rev_per_min, difference, max_difference } => {
+            ProtoEvidence::IdleCheck(proto::IdleCheckEvidence { spindle_rev_per_min, difference, max_difference })
         }
         Evidence::Process(Properties { max_deviation, mean_angle, line }) => {
             ProtoEvidence::Process(proto::ProcessEvidence {
                 max_deviation,
-                mean_angle: mean_angle.map(|(angle_rad, concentration)| proto::MeanAngle { angle_rad, concentration }),
+                mean_angle: mean_angle.map(|(angle_deg, concentration)| proto::MeanAngle { angle_deg, concentration }),
                 line: line.map(line_to_proto),
             })
         }
@@ -114,8 +114,8 @@ fn inputs_to_proto(inputs: &Inputs) -> proto::DecisionInputs {
         evidence: Some(evidence),
         rules: Some(rules_to_proto(&inputs.rules)),
         before: Some(overrides_to_proto(inputs.before)),
-        programmed_rpm: inputs.programmed_rpm,
-        current_rpm: inputs.current_rpm,
+        programmed_rev_per_min: inputs.programmed_rev_per_min,
+        current_rev_per_min: inputs.current_rev_per_min,
         threading: inputs.threading,
         windows_at_bound: inputs.windows_at_bound,
         feed_held: inputs.held,
@@ -195,13 +195,13 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
             max_run_out: check.max_run_out,
         },
         ProtoEvidence::IdleCheck(check) => Evidence::IdleCheck {
-            speed_rpm: check.speed_rpm,
+            spindle_rev_per_min: check.spindle_rev_per_min,
             difference: check.difference,
             max_difference: check.max_difference,
         },
         ProtoEvidence::Process(process) => Evidence::Process(Properties {
             max_deviation: process.max_deviation,
-            mean_angle: process.mean_angle.map(|mean| (mean.angle_rad, mean.concentration)),
+            mean_angle: process.mean_angle.map(|mean| (mean.angle_deg, mean.concentration)),
             line: match &process.line {
                 Some(line) => Some(line_from_proto(line)?),
                 None => None,
@@ -223,8 +223,8 @@ pub fn decision_from_proto(decision: &proto::Decision) -> Option<(Inputs, Outcom
         evidence,
         rules,
         before: overrides_from_message(inputs.before)?,
-        programmed_rpm: inputs.programmed_rpm,
-        current_rpm: inputs.current_rpm,
+        programmed_rev_per_min: inputs.programmed_rev_per_min,
+        current_rev_per_min: inputs.current_rev_per_min,
         threading: inputs.threading,
         windows_at_bound: inputs.windows_at_bound,
         held: inputs.feed_held,
@@ -267,8 +267,8 @@ mod tests {
             evidence,
             rules,
             before: Overrides { feed: 0.1 + 0.2, spindle: 1.0 / 3.0 },
-            programmed_rpm: Some(1.0 / 7.0),
-            current_rpm: None,
+            programmed_rev_per_min: Some(1.0 / 7.0),
+            current_rev_per_min: None,
             threading: false,
             windows_at_bound: 4,
             held: false,
@@ -286,8 +286,8 @@ mod tests {
         let milling = monitoring_from_proto(&mut violations, "config", &full()).expect("valid").rules;
         let turning = Rules {
             spindle: monitoring::SpindleRule::Turning {
-                lower_rad: -0.1,
-                upper_rad: 0.3,
+                lower_deg: -0.1,
+                upper_deg: 0.3,
                 step: 0.05,
                 min_concentration: 0.4,
             },
@@ -304,7 +304,7 @@ mod tests {
         ];
         let mut evidence = vec![
             Evidence::ToolCheck { least: [1.0, 2.0], most: [1.1, 2.2], max_ratio: Some(0.02), max_run_out: None },
-            Evidence::IdleCheck { speed_rpm: 1e4, difference: 0.002, max_difference: 0.001 },
+            Evidence::IdleCheck { spindle_rev_per_min: 1e4, difference: 0.002, max_difference: 0.001 },
             Evidence::Silence { tolerated_ns: 500_000_000 },
             process(None),
         ];

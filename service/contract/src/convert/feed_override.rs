@@ -8,8 +8,8 @@ use crate::violations::Violations;
 
 /// Changes of the feed override in one request.
 pub const MAX_OVERRIDES: usize = 10_000;
-/// Highest feed override, %.
-pub const MAX_OVERRIDE_PERCENT: f64 = 200.0;
+/// Highest feed override, as a ratio (1 = programmed).
+pub const MAX_FEED_OVERRIDE: f64 = 2.0;
 
 /// The changes as the pipeline needs them at this interpolation period; a violation for each field that is wrong. A
 /// time becomes the first setpoint at or after it.
@@ -26,9 +26,12 @@ pub fn overrides_from_proto(
     let mut converted: Vec<OverrideChange> = Vec::with_capacity(changes.len());
     for (number, change) in changes.iter().enumerate() {
         let name = |part: &str| format!("{field}[{number}].{part}");
-        let percent = change.percent;
-        if !(0.0..=MAX_OVERRIDE_PERCENT).contains(&percent) {
-            violations.add(name("percent"), format!("must be 0 to {MAX_OVERRIDE_PERCENT}, is {percent}"));
+        // Absent is not 0: that would hold the feed.
+        let ratio = change.ratio.unwrap_or(f64::NAN);
+        if change.ratio.is_none() {
+            violations.add(name("ratio"), "must be set");
+        } else if !(0.0..=MAX_FEED_OVERRIDE).contains(&ratio) {
+            violations.add(name("ratio"), format!("must be 0 to {MAX_FEED_OVERRIDE}, is {ratio}"));
         }
         let index = match change.at {
             None => Err(("at", "time_s or setpoint_index must be set".to_owned())),
@@ -49,12 +52,12 @@ pub fn overrides_from_proto(
             }
         });
         match index {
-            Ok(index) => converted.push(OverrideChange { index, ratio: percent / 100.0 }),
+            Ok(index) => converted.push(OverrideChange { index, ratio }),
             Err((part, description)) => violations.add(name(part), description),
         }
     }
-    if changes.last().is_some_and(|last| last.percent == 0.0) {
-        let name = format!("{field}[{}].percent", changes.len() - 1);
+    if changes.last().is_some_and(|last| last.ratio == Some(0.0)) {
+        let name = format!("{field}[{}].ratio", changes.len() - 1);
         violations.add(name, "must be above 0 in the last change: held for ever, the program would not end");
     }
     converted
@@ -64,12 +67,12 @@ pub fn overrides_from_proto(
 mod tests {
     use super::*;
 
-    fn at_time(time_s: f64, percent: f64) -> FeedOverrideChange {
-        FeedOverrideChange { at: Some(At::TimeS(time_s)), percent }
+    fn at_time(time_s: f64, ratio: f64) -> FeedOverrideChange {
+        FeedOverrideChange { at: Some(At::TimeS(time_s)), ratio: Some(ratio) }
     }
 
-    fn at_index(index: u64, percent: f64) -> FeedOverrideChange {
-        FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent }
+    fn at_index(index: u64, ratio: f64) -> FeedOverrideChange {
+        FeedOverrideChange { at: Some(At::SetpointIndex(index)), ratio: Some(ratio) }
     }
 
     fn convert(changes: &[FeedOverrideChange], period_us: u32) -> Result<Vec<OverrideChange>, Vec<String>> {
@@ -81,7 +84,7 @@ mod tests {
 
     #[test]
     fn times_become_the_first_setpoint_at_or_after_them() {
-        let changes = [at_time(0.0, 50.0), at_time(0.1, 0.0), at_time(0.100_1, 100.0), at_index(401, 200.0)];
+        let changes = [at_time(0.0, 0.5), at_time(0.1, 0.0), at_time(0.100_1, 1.0), at_index(401, 2.0)];
         let converted: Vec<_> = convert(&changes, 250).unwrap().iter().map(|c| (c.index, c.ratio)).collect();
         assert_eq!(converted, [(0, 0.5), (400, 0.0), (401, 1.0), (401, 2.0)]);
         let converted: Vec<_> = convert(&changes[..3], 20_000).unwrap().iter().map(|c| c.index).collect();
@@ -92,37 +95,39 @@ mod tests {
     #[test]
     fn everything_wrong_is_reported_with_its_field() {
         let changes = [
-            FeedOverrideChange { at: None, percent: 50.0 },
-            at_time(f64::NAN, 50.0),
+            FeedOverrideChange { at: None, ratio: Some(0.5) },
+            at_time(f64::NAN, 0.5),
             at_time(f64::INFINITY, f64::NAN),
             at_time(-1.0, -0.1),
-            at_time(2.0, 200.1),
-            at_time(1.0, 100.0),
-            at_index(1_999, 100.0),
-            at_index(MAX_SETPOINTS + 1, 100.0),
-            at_time(1e300, 100.0),
+            at_time(2.0, 2.001),
+            at_time(1.0, 1.0),
+            at_index(1_999, 1.0),
+            at_index(MAX_SETPOINTS + 1, 1.0),
+            at_time(1e300, 1.0),
+            FeedOverrideChange { at: Some(At::SetpointIndex(2_000)), ratio: None },
             at_index(2_000, 0.0),
         ];
         let expected = [
             "overrides[0].at",
             "overrides[1].time_s",
-            "overrides[2].percent",
+            "overrides[2].ratio",
             "overrides[2].time_s",
-            "overrides[3].percent",
+            "overrides[3].ratio",
             "overrides[3].time_s",
-            "overrides[4].percent",
+            "overrides[4].ratio",
             "overrides[5].time_s",
             "overrides[6].setpoint_index",
             "overrides[7].setpoint_index",
             "overrides[8].time_s",
-            "overrides[9].percent",
+            "overrides[9].ratio",
+            "overrides[10].ratio",
         ];
         assert_eq!(convert(&changes, 1_000).unwrap_err(), expected);
     }
 
     #[test]
     fn a_list_without_end_is_refused() {
-        let many: Vec<_> = (0..=MAX_OVERRIDES as u64).map(|index| at_index(index, 100.0)).collect();
+        let many: Vec<_> = (0..=MAX_OVERRIDES as u64).map(|index| at_index(index, 1.0)).collect();
         assert_eq!(convert(&many, 1_000), Err(vec!["overrides".to_owned()]));
         assert_eq!(convert(&many[1..], 1_000).unwrap().len(), MAX_OVERRIDES);
     }

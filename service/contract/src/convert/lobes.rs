@@ -55,7 +55,7 @@ fn add(violations: &mut Violations, prefix: &str, problem: &LobeError) {
         LobeError::Value { field, value, least, most } => {
             violations.add(format!("{prefix}{field}"), format!("must be {least} to {most}, is {value}"));
         }
-        LobeError::TooManyLobes { .. } => violations.add(format!("{prefix}lowest_rpm"), problem.to_string()),
+        LobeError::TooManyLobes { .. } => violations.add(format!("{prefix}lowest_rev_per_min"), problem.to_string()),
         LobeError::BandTooNarrow { .. } => violations.add(format!("{prefix}bands"), problem.to_string()),
         LobeError::TooDeep { .. } => violations.add(format!("{prefix}required_mm"), problem.to_string()),
     }
@@ -86,7 +86,7 @@ pub fn stability_model_from_proto(
             let tangential = own.tangential_n_per_mm2.or(tools.tangential_n_per_mm2);
             let tangential_n_per_mm2 = needed("dynamics.tangential_n_per_mm2", tangential);
             let radial_ratio = needed("dynamics.radial_ratio", own.radial_ratio.or(tools.radial_ratio));
-            let edges = cut.edges.or_else(|| tool.and_then(|tool| tool.edge_count));
+            let edges = cut.edge_count.or_else(|| tool.and_then(|tool| tool.edge_count));
             needed("milling.edges", edges.map(f64::from));
             Some(StabilityModel::Milling(MillingModel {
                 modes_x: modes(&own.modes_x, &tools.modes_x),
@@ -160,8 +160,8 @@ pub fn pocket_search_from_proto(
         return None;
     };
     let request = PocketRequest {
-        lowest_rpm: search.lowest_rpm,
-        highest_rpm: search.highest_rpm,
+        lowest_rev_per_min: search.lowest_rev_per_min,
+        highest_rev_per_min: search.highest_rev_per_min,
         bands: search.bands.unwrap_or(PocketRequest::BANDS),
         margin: search.margin.unwrap_or(PocketRequest::MARGIN),
         speed_tolerance: search.speed_tolerance.unwrap_or(PocketRequest::SPEED_TOLERANCE),
@@ -202,14 +202,14 @@ impl StabilityModel {
         chart_speeds: Option<u32>,
     ) -> Result<proto::StabilityLobes, Violations> {
         let lobes = self.lobes().map_err(|problem| refused("model.", &problem))?;
-        let chart = lobes.chart(search.lowest_rpm, search.highest_rpm, chart_speeds.unwrap_or(Lobes::CHART_SPEEDS));
+        let chart = lobes.chart(search.lowest_rev_per_min, search.highest_rev_per_min, chart_speeds.unwrap_or(Lobes::CHART_SPEEDS));
         let chart = chart.map_err(|problem| match &problem {
             LobeError::Value { .. } => refused("chart_", &problem),
             _ => refused("search.", &problem),
         })?;
         let pockets = lobes.pockets(search).map_err(|problem| refused("search.", &problem))?;
         let point = |point: &feedwave_monitoring::ChartPoint| proto::StabilityPoint {
-            speed_rpm: point.speed_rpm,
+            spindle_rev_per_min: point.spindle_rev_per_min,
             limit_mm: point.limit.map(|limit| limit.limit_mm),
             chatter_hz: point.limit.map_or(0.0, |limit| limit.frequency_hz),
             lobe: point.limit.map_or(0, |limit| limit.lobe),
@@ -226,8 +226,8 @@ impl StabilityModel {
             radial_immersion: immersion,
             pockets: pockets.iter().map(pocket).collect(),
             search: Some(proto::PocketSearch {
-                lowest_rpm: search.lowest_rpm,
-                highest_rpm: search.highest_rpm,
+                lowest_rev_per_min: search.lowest_rev_per_min,
+                highest_rev_per_min: search.highest_rev_per_min,
                 bands: Some(search.bands),
                 margin: Some(search.margin),
                 speed_tolerance: Some(search.speed_tolerance),
@@ -249,7 +249,11 @@ fn refused(prefix: &str, problem: &LobeError) -> Violations {
 }
 
 const fn band(row: &TableRow) -> proto::SpindleBand {
-    proto::SpindleBand { above_rpm: row.above_rpm, up_to_rpm: row.up_to_rpm, speed_rpm: row.speed_rpm }
+    proto::SpindleBand {
+        above_rev_per_min: row.above_rev_per_min,
+        up_to_rev_per_min: row.up_to_rev_per_min,
+        spindle_rev_per_min: row.spindle_rev_per_min,
+    }
 }
 
 /// Warning about a cut that is much interrupted (docs/functions/adaptive-feed.md, "Spindle table from

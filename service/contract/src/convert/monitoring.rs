@@ -35,7 +35,7 @@ pub fn monitoring_from_proto(
     let baseline = length(&mut found, "baseline", config.baseline.as_ref(), default.baseline);
     let window = length(&mut found, "window", config.window.as_ref(), default.window);
     let idle_run_up = config.idle_run_up.as_ref().map(|idle| {
-        let default = IdleRunUp::over(idle.speeds_rpm.clone());
+        let default = IdleRunUp::over(idle.spindle_rev_per_min.clone());
         IdleRunUp {
             speed_tolerance: idle.speed_tolerance.unwrap_or(default.speed_tolerance),
             length: length(&mut found, "idle_run_up.length", idle.length.as_ref(), default.length),
@@ -55,7 +55,7 @@ pub fn monitoring_from_proto(
             min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(default.min_frequency_hz),
             noise_floor: spectrum.noise_floor.unwrap_or(default.noise_floor),
             harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(default.harmonic_tolerance_hz),
-            edges: spectrum.edges.unwrap_or(default.edges),
+            edges: spectrum.edge_count.unwrap_or(default.edges),
         }
     });
     if config.rules.is_none() {
@@ -121,7 +121,7 @@ fn sensors(found: &mut Violations, field: &str, sensors: &proto::Sensors) -> mon
 fn length(found: &mut Violations, field: &str, length: Option<&proto::WindowLength>, default: Length) -> Length {
     match length.map(|length| length.length) {
         None => default,
-        Some(Some(ProtoLength::Seconds(seconds))) => Length::Seconds(seconds),
+        Some(Some(ProtoLength::DurationS(seconds))) => Length::Seconds(seconds),
         Some(Some(ProtoLength::Series(series))) => Length::Series(series),
         Some(None) => {
             found.add(field, "seconds or series must be set");
@@ -168,16 +168,16 @@ pub(super) fn rules_from_proto(found: &mut Violations, rules: &proto::DecisionRu
     let spindle = match rules.spindle.as_ref().map(|spindle| &spindle.rule) {
         None => SpindleRule::None,
         Some(Some(Rule::Turning(rule))) => SpindleRule::Turning {
-            lower_rad: rule.lower_rad,
-            upper_rad: rule.upper_rad,
+            lower_deg: rule.lower_deg,
+            upper_deg: rule.upper_deg,
             step: rule.step.unwrap_or(SpindleRule::STEP),
             min_concentration: rule.min_concentration.unwrap_or(SpindleRule::MIN_CONCENTRATION),
         },
         Some(Some(Rule::Milling(rule))) => {
             let row = |band: &proto::SpindleBand| TableRow {
-                above_rpm: band.above_rpm,
-                up_to_rpm: band.up_to_rpm,
-                speed_rpm: band.speed_rpm,
+                above_rev_per_min: band.above_rev_per_min,
+                up_to_rev_per_min: band.up_to_rev_per_min,
+                spindle_rev_per_min: band.spindle_rev_per_min,
             };
             let table = SpindleTable { rows: rule.table.iter().map(row).collect() };
             SpindleRule::Milling { limit: rule.limit, table }
@@ -238,7 +238,7 @@ pub fn monitoring_to_proto(config: &MonitoringConfig) -> proto::MonitoringConfig
             max_run_out: config.tool_check.max_run_out,
         }),
         idle_run_up: config.idle_run_up.as_ref().map(|idle| proto::IdleRunUp {
-            speeds_rpm: idle.speeds_rpm.clone(),
+            spindle_rev_per_min: idle.spindle_rev_per_min.clone(),
             speed_tolerance: Some(idle.speed_tolerance),
             length: Some(length_to_proto(idle.length)),
             max_difference: Some(idle.max_difference),
@@ -251,7 +251,7 @@ pub fn monitoring_to_proto(config: &MonitoringConfig) -> proto::MonitoringConfig
             min_frequency_hz: Some(spectrum.min_frequency_hz),
             noise_floor: Some(spectrum.noise_floor),
             harmonic_tolerance_hz: Some(spectrum.harmonic_tolerance_hz),
-            edges: Some(spectrum.edges),
+            edge_count: Some(spectrum.edges),
         }),
         quality: Some(proto::DataQuality {
             max_step: quality.spikes.map(|spikes| spikes.max_step),
@@ -279,7 +279,7 @@ fn sensors_to_proto(sensors: &monitoring::Sensors) -> proto::Sensors {
 
 const fn length_to_proto(length: Length) -> proto::WindowLength {
     let length = match length {
-        Length::Seconds(seconds) => ProtoLength::Seconds(seconds),
+        Length::Seconds(seconds) => ProtoLength::DurationS(seconds),
         Length::Series(series) => ProtoLength::Series(series),
     };
     proto::WindowLength { length: Some(length) }
@@ -288,19 +288,19 @@ const fn length_to_proto(length: Length) -> proto::WindowLength {
 pub(super) fn rules_to_proto(rules: &Rules) -> proto::DecisionRules {
     let rule = match &rules.spindle {
         SpindleRule::None => None,
-        SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {
+        SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => {
             Some(Rule::Turning(proto::TurningRule {
-                lower_rad: *lower_rad,
-                upper_rad: *upper_rad,
+                lower_deg: *lower_deg,
+                upper_deg: *upper_deg,
                 step: Some(*step),
                 min_concentration: Some(*min_concentration),
             }))
         }
         SpindleRule::Milling { limit, table } => {
             let band = |row: &TableRow| proto::SpindleBand {
-                above_rpm: row.above_rpm,
-                up_to_rpm: row.up_to_rpm,
-                speed_rpm: row.speed_rpm,
+                above_rev_per_min: row.above_rev_per_min,
+                up_to_rev_per_min: row.up_to_rev_per_min,
+                spindle_rev_per_min: row.spindle_rev_per_min,
             };
             let table = table.rows.iter().map(band).collect();
             Some(Rule::Milling(proto::MillingRule { limit: *limit, table, table_from: None }))
@@ -345,12 +345,12 @@ pub(super) mod tests {
 
     /// A configuration with everything in it.
     pub(in crate::convert) fn full() -> proto::MonitoringConfig {
-        let length = ProtoLength::Seconds(0.5);
+        let length = ProtoLength::DurationS(0.5);
         proto::MonitoringConfig {
             tool: Some(proto::Sensors { quantity: 1, max: 10.0, ..Default::default() }),
             work: Some(proto::Sensors { quantity: 2, mm_per_strain: 400.0, min: -1.0, max: 1.0 }),
             tool_check: Some(proto::ToolCheck { max_ratio: None, max_run_out: Some(0.05) }),
-            idle_run_up: Some(proto::IdleRunUp { speeds_rpm: vec![1_000.0, 2_000.0], ..Default::default() }),
+            idle_run_up: Some(proto::IdleRunUp { spindle_rev_per_min: vec![1_000.0, 2_000.0], ..Default::default() }),
             contact: Some(proto::ContactDetection { threshold: 0.002, ..Default::default() }),
             window: Some(proto::WindowLength { length: Some(length) }),
             spectrum: Some(proto::SpectrumSettings::default()),
@@ -363,8 +363,16 @@ pub(super) mod tests {
                         limit: 0.02,
                         table_from: None,
                         table: vec![
-                            proto::SpindleBand { above_rpm: 0.0, up_to_rpm: 3_000.0, speed_rpm: 2_800.0 },
-                            proto::SpindleBand { above_rpm: 3_000.0, up_to_rpm: 9_000.0, speed_rpm: 7_000.0 },
+                            proto::SpindleBand {
+                                above_rev_per_min: 0.0,
+                                up_to_rev_per_min: 3_000.0,
+                                spindle_rev_per_min: 2_800.0,
+                            },
+                            proto::SpindleBand {
+                                above_rev_per_min: 3_000.0,
+                                up_to_rev_per_min: 9_000.0,
+                                spindle_rev_per_min: 7_000.0,
+                            },
                         ],
                     })),
                 }),
@@ -407,7 +415,7 @@ pub(super) mod tests {
         let Some(Rule::Milling(rule)) = rules.spindle.as_mut().and_then(|spindle| spindle.rule.as_mut()) else {
             panic!("milling")
         };
-        rule.table[1].above_rpm = 3_500.0;
+        rule.table[1].above_rev_per_min = 3_500.0;
         let found = fields(&config);
         for expected in [
             "config.sample_rate_hz",
@@ -417,7 +425,7 @@ pub(super) mod tests {
             "config.grouping.angular_points",
             "config.quality.max_step",
             "config.rules.feed.lower",
-            "config.rules.spindle.milling.table[1].above_rpm",
+            "config.rules.spindle.milling.table[1].above_rev_per_min",
         ] {
             assert!(found.iter().any(|field| field == expected), "{expected} is not in {found:?}");
         }

@@ -27,7 +27,7 @@ pub(super) fn oscillation_section_to_proto(section: &OscillationSectionReport) -
         periods_per_rev: report.periods_per_rev,
         edges_per_period: report.edges_per_period,
         period_s: report.period_s,
-        feed_per_period_mm: report.feed_per_period_mm,
+        feed_mm_per_period: report.feed_per_period_mm,
         hold_share: report.hold_share,
         required_hold_share: report.required_hold_share,
         phase_error_deg: report.phase_error_deg,

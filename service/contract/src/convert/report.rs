@@ -39,7 +39,7 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         thread_passes: summary.thread_passes,
         oscillation_count: summary.oscillation_count,
         oscillating_cutting_time_s: summary.oscillating_cutting_time_s,
-        bytes: summary.bytes,
+        program_bytes: summary.bytes,
         lines: summary.lines,
         moves: summary.moves,
         cutting_moves: summary.cutting_moves,
@@ -170,7 +170,7 @@ const fn override_report(report: &OverrideReport) -> proto::OverrideReport {
         breaking_margin: report.breaking_margin,
         line: report.line,
         largest_breaking_override: report.largest_breaking_override,
-        largest_breaking_feed_per_rev_mm: report.largest_breaking_feed_per_rev_mm,
+        largest_breaking_feed_mm_per_rev: report.largest_breaking_feed_per_rev_mm,
         min_amplitude_mm: report.min_amplitude_mm,
     }
 }
@@ -211,7 +211,7 @@ fn chip(chip: &ChipReport) -> proto::ChipReport {
         FeedCoupling::PerMinute => proto::FeedCoupling::PerMinute,
     };
     proto::ChipReport {
-        feed_per_rev_mm: chip.condition.feed_per_rev_mm,
+        feed_mm_per_rev: chip.condition.feed_per_rev_mm,
         spindle_rev_per_min: chip.condition.spindle_rev_per_min,
         diameter_mm: chip.condition.diameter_mm,
         feed_coupling: feed_coupling.into(),
@@ -250,7 +250,7 @@ const fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
         length_mm: span.length_mm,
         share: span.share,
         feed_override: span.feed_override,
-        feed_per_rev_mm: span.feed_per_rev_mm,
+        feed_mm_per_rev: span.feed_per_rev_mm,
         spindle_rev_per_min: span.spindle_rev_per_min,
         vibrations_per_rev: span.vibrations_per_rev,
         breaking_margin: span.breaking_margin,
@@ -284,7 +284,7 @@ const fn following(report: &FollowingReport) -> proto::FollowingReport {
     proto::FollowingReport {
         filter_gain: report.filter_gain,
         loop_gain: report.loop_gain,
-        phase_lag_rad: report.phase_lag_rad,
+        phase_lag_deg: report.phase_lag_rad.to_degrees(),
         arriving_amplitude_mm: report.arriving_amplitude_mm,
         amplitude_to_command_mm: report.amplitude_to_command_mm,
     }

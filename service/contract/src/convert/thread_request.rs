@@ -84,7 +84,7 @@ fn convert(
     let default = ThreadTextOptions::default();
     let options = ThreadTextOptions {
         clearance_mm: checked.or("clearance_mm", given.clearance_mm, default.clearance_mm, 0.0..=1e3),
-        ratio: checked.or("ratio", given.ratio, default.ratio, ABOVE_ONE),
+        ratio: checked.or("amplitude_ratio", given.amplitude_ratio, default.ratio, ABOVE_ONE),
     };
     let request = ThreadRequest {
         hand,
@@ -308,7 +308,7 @@ mod tests {
             finishing_allowance_mm: Some(3.0),
             spindle_rev_per_min: 1e9,
             vibrations_per_rev: Some(0.0),
-            ratio: Some(1.0),
+            amplitude_ratio: Some(1.0),
             interpolation_period_us: 7,
             infeed: 77,
             ..request()
@@ -319,13 +319,13 @@ mod tests {
             fields,
             [
                 "advance",
+                "amplitude_ratio",
                 "depth_mm",
                 "end_z_mm",
                 "finishing_allowance_mm",
                 "infeed",
                 "interpolation_period_us",
                 "machine",
-                "ratio",
                 "side",
                 "spindle_rev_per_min",
                 "starts",

@@ -19,7 +19,7 @@ pub fn check_tool(tool: &proto::Tool) -> Violations {
     check_display_name(&mut violations, "display_name", &tool.display_name);
     enumeration::<proto::ToolKind>(&mut violations, "kind", tool.kind);
     let positive = [
-        ("max_rev_per_min", tool.max_rev_per_min),
+        ("max_spindle_rev_per_min", tool.max_spindle_rev_per_min),
         ("nose_radius_mm", tool.nose_radius_mm),
         ("diameter_mm", tool.diameter_mm),
         ("length_mm", tool.length_mm),
@@ -47,7 +47,7 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
     feedwave_cutting::Tool {
         number: tool.number,
         name: tool.display_name.clone(),
-        max_rev_per_min: tool.max_rev_per_min,
+        max_rev_per_min: tool.max_spindle_rev_per_min,
         length_mm: tool.length_mm,
         geometry: tool.geometry.as_ref().map(geometry_from_proto),
     }
@@ -63,7 +63,7 @@ mod tests {
             number: 0,
             kind: 77,
             display_name: "x".repeat(201),
-            max_rev_per_min: Some(-1.0),
+            max_spindle_rev_per_min: Some(-1.0),
             nose_radius_mm: Some(f64::NAN),
             edge_count: Some(0),
             length_mm: Some(0.0),
@@ -73,7 +73,7 @@ mod tests {
         let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
         assert_eq!(
             fields,
-            ["number", "display_name", "kind", "max_rev_per_min", "nose_radius_mm", "length_mm", "edge_count"]
+            ["number", "display_name", "kind", "max_spindle_rev_per_min", "nose_radius_mm", "length_mm", "edge_count"]
         );
     }
 
@@ -125,8 +125,12 @@ mod tests {
 
     #[test]
     fn a_valid_tool_passes() {
-        let tool =
-            proto::Tool { number: 1, max_rev_per_min: Some(4_000.0), length_mm: Some(120.5), ..Default::default() };
+        let tool = proto::Tool {
+            number: 1,
+            max_spindle_rev_per_min: Some(4_000.0),
+            length_mm: Some(120.5),
+            ..Default::default()
+        };
         assert!(check_tool(&tool).is_empty());
         assert_eq!(tool_for_pipeline(&tool).length_mm, Some(120.5));
         assert_eq!(tool_for_pipeline(&tool).max_rev_per_min, Some(4_000.0));

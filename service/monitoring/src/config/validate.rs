@@ -5,7 +5,6 @@ use super::{
 };
 use crate::rules::{Bounds, Rules, SpindleRule, SpindleTable};
 use crate::spectrum::MAX_SAMPLES;
-use std::f64::consts::PI;
 
 /// Most windows before an escalation.
 const MAX_ESCALATION_WINDOWS: f64 = 10_000.0;
@@ -146,8 +145,8 @@ fn length(check: &mut Check, field: &str, length: Length, config: &MonitoringCon
 }
 
 fn idle_run_up(check: &mut Check, idle: &IdleRunUp, config: &MonitoringConfig) {
-    let speeds = &idle.speeds_rpm;
-    let field = "idle_run_up.speeds_rpm";
+    let speeds = &idle.spindle_rev_per_min;
+    let field = "idle_run_up.spindle_rev_per_min";
     check.require(!speeds.is_empty() && speeds.len() <= MAX_IDLE_STEPS, field, || {
         format!("{} steps; between 1 and {MAX_IDLE_STEPS} are possible", speeds.len())
     });
@@ -241,11 +240,11 @@ fn rules(check: &mut Check, rules: &Rules, has_spectrum: bool) {
     }
     match &rules.spindle {
         SpindleRule::None => {}
-        SpindleRule::Turning { lower_rad, upper_rad, step, min_concentration } => {
-            check.within("rules.spindle.lower_rad", *lower_rad, -PI, PI);
-            check.within("rules.spindle.upper_rad", *upper_rad, -PI, PI);
-            check.require(lower_rad < upper_rad, "rules.spindle.lower_rad", || {
-                format!("the lower limit {lower_rad} rad is not below the upper limit {upper_rad} rad")
+        SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => {
+            check.within("rules.spindle.lower_deg", *lower_deg, -180.0, 180.0);
+            check.within("rules.spindle.upper_deg", *upper_deg, -180.0, 180.0);
+            check.require(lower_deg < upper_deg, "rules.spindle.lower_deg", || {
+                format!("the lower limit {lower_deg}° is not below the upper limit {upper_deg}°")
             });
             check.within("rules.spindle.step", *step, 1e-6, 0.5);
             check.within("rules.spindle.min_concentration", *min_concentration, 1e-6, 1.0);
@@ -262,21 +261,24 @@ fn table(check: &mut Check, table: &SpindleTable) {
     check.require(!rows.is_empty() && rows.len() <= MAX_TABLE_ROWS, "rules.spindle.table", || {
         format!("{} rows; between 1 and {MAX_TABLE_ROWS} are possible", rows.len())
     });
-    let mut end_rpm = None;
+    let mut end_rev_per_min = None;
     for (index, row) in rows.iter().take(MAX_TABLE_ROWS).enumerate() {
         let field = |name: &str| format!("rules.spindle.table.rows[{index}].{name}");
-        check.within(&field("above_rpm"), row.above_rpm, 0.0, MAX_RPM);
-        check.within(&field("up_to_rpm"), row.up_to_rpm, 0.0, MAX_RPM);
-        check.within(&field("speed_rpm"), row.speed_rpm, 1.0, MAX_RPM);
-        check.require(row.above_rpm < row.up_to_rpm, &field("up_to_rpm"), || {
-            format!("the band {}..{} rev/min is empty", row.above_rpm, row.up_to_rpm)
+        check.within(&field("above_rev_per_min"), row.above_rev_per_min, 0.0, MAX_RPM);
+        check.within(&field("up_to_rev_per_min"), row.up_to_rev_per_min, 0.0, MAX_RPM);
+        check.within(&field("spindle_rev_per_min"), row.spindle_rev_per_min, 1.0, MAX_RPM);
+        check.require(row.above_rev_per_min < row.up_to_rev_per_min, &field("up_to_rev_per_min"), || {
+            format!("the band {}..{} rev/min is empty", row.above_rev_per_min, row.up_to_rev_per_min)
         });
-        if let Some(end_rpm) = end_rpm {
-            check.require(row.above_rpm == end_rpm, &field("above_rpm"), || {
-                let fault = if row.above_rpm > end_rpm { "leaves a gap after" } else { "overlaps" };
-                format!("{} rev/min {fault} the row before, which ends at {end_rpm} rev/min", row.above_rpm)
+        if let Some(end_rev_per_min) = end_rev_per_min {
+            check.require(row.above_rev_per_min == end_rev_per_min, &field("above_rev_per_min"), || {
+                let fault = if row.above_rev_per_min > end_rev_per_min { "leaves a gap after" } else { "overlaps" };
+                format!(
+                    "{} rev/min {fault} the row before, which ends at {end_rev_per_min} rev/min",
+                    row.above_rev_per_min
+                )
             });
         }
-        end_rpm = Some(row.up_to_rpm);
+        end_rev_per_min = Some(row.up_to_rev_per_min);
     }
 }

@@ -21,7 +21,7 @@ const NARROW: f64 = 1e-10;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ChartPoint {
     /// Spindle speed, rev/min.
-    pub speed_rpm: f64,
+    pub spindle_rev_per_min: f64,
     /// Limit; `None` where nothing chatters.
     pub limit: Option<ChartLimit>,
 }
@@ -29,14 +29,14 @@ pub struct ChartPoint {
 /// A speed with its exact limit.
 #[derive(Debug, Clone, Copy)]
 struct Vertex<'a> {
-    speed_rpm: f64,
+    spindle_rev_per_min: f64,
     exact: Option<Exact<'a>>,
     slope: f64,
 }
 
 impl Vertex<'_> {
     fn point(&self) -> ChartPoint {
-        ChartPoint { speed_rpm: self.speed_rpm, limit: self.exact.map(|exact| exact.limit) }
+        ChartPoint { spindle_rev_per_min: self.spindle_rev_per_min, limit: self.exact.map(|exact| exact.limit) }
     }
 }
 
@@ -71,37 +71,46 @@ impl Lobes {
     ///
     /// # Errors
     /// [`LobeError`] for an impossible range or number of speeds (2 to 20 000).
-    pub fn chart(&self, lowest_rpm: f64, highest_rpm: f64, speeds: u32) -> Result<Vec<ChartPoint>, LobeError> {
+    pub fn chart(
+        &self,
+        lowest_rev_per_min: f64,
+        highest_rev_per_min: f64,
+        speeds: u32,
+    ) -> Result<Vec<ChartPoint>, LobeError> {
         let mut check = Check::default();
-        check.speeds(lowest_rpm, highest_rpm);
+        check.speeds(lowest_rev_per_min, highest_rev_per_min);
         check.within("speeds", f64::from(speeds), 2.0, MAX_CHART_SPEEDS);
         check.finish()?;
-        let last_lobe = self.last_lobe(lowest_rpm)?;
+        let last_lobe = self.last_lobe(lowest_rev_per_min)?;
         let chart = Chart { lobes: self, last_lobe, least_mm: self.least_limit_mm().unwrap_or_default() };
-        let step = (highest_rpm - lowest_rpm) / f64::from(speeds - 1);
-        let mut speeds_rpm: Vec<f64> = (0..speeds - 1).map(|index| lowest_rpm + step * f64::from(index)).collect();
-        speeds_rpm.push(highest_rpm);
+        let step = (highest_rev_per_min - lowest_rev_per_min) / f64::from(speeds - 1);
+        let mut spindle_rev_per_min: Vec<f64> =
+            (0..speeds - 1).map(|index| lowest_rev_per_min + step * f64::from(index)).collect();
+        spindle_rev_per_min.push(highest_rev_per_min);
         let lows = self.low_speeds(last_lobe);
-        let inside = |&&(speed_rpm, _): &&(f64, f64)| speed_rpm > lowest_rpm && speed_rpm < highest_rpm;
-        let shown = lows.iter().filter(inside).filter(|&&(speed_rpm, limit_mm)| {
-            let exact = self.exact(speed_rpm, last_lobe);
+        let inside = |&&(spindle_rev_per_min, _): &&(f64, f64)| {
+            spindle_rev_per_min > lowest_rev_per_min && spindle_rev_per_min < highest_rev_per_min
+        };
+        let shown = lows.iter().filter(inside).filter(|&&(spindle_rev_per_min, limit_mm)| {
+            let exact = self.exact(spindle_rev_per_min, last_lobe);
             exact.is_some_and(|exact| exact.limit.limit_mm >= limit_mm * (1.0 - 1e-9))
         });
-        speeds_rpm.extend(shown.map(|low| low.0).take(FULL));
-        speeds_rpm.sort_by(f64::total_cmp);
-        speeds_rpm.dedup_by(|next, before| *next <= *before * (1.0 + NARROW));
-        Ok(chart.draw(&speeds_rpm))
+        spindle_rev_per_min.extend(shown.map(|low| low.0).take(FULL));
+        spindle_rev_per_min.sort_by(f64::total_cmp);
+        spindle_rev_per_min.dedup_by(|next, before| *next <= *before * (1.0 + NARROW));
+        Ok(chart.draw(&spindle_rev_per_min))
     }
 }
 
 impl<'a> Chart<'a> {
-    fn vertex(&self, speed_rpm: f64) -> Vertex<'a> {
-        let exact = self.lobes.exact(speed_rpm, self.last_lobe);
-        Vertex { speed_rpm, exact, slope: exact.map_or(f64::NAN, |exact| self.lobes.slope(&exact)) }
+    fn vertex(&self, spindle_rev_per_min: f64) -> Vertex<'a> {
+        let exact = self.lobes.exact(spindle_rev_per_min, self.last_lobe);
+        Vertex { spindle_rev_per_min, exact, slope: exact.map_or(f64::NAN, |exact| self.lobes.slope(&exact)) }
     }
 
-    fn draw(&self, speeds_rpm: &[f64]) -> Vec<ChartPoint> {
-        let vertices: Vec<_> = speeds_rpm.iter().map(|&speed_rpm| self.vertex(speed_rpm)).collect();
+    fn draw(&self, spindle_rev_per_min: &[f64]) -> Vec<ChartPoint> {
+        let vertices: Vec<_> =
+            spindle_rev_per_min.iter().map(|&spindle_rev_per_min| self.vertex(spindle_rev_per_min)).collect();
         let mut points: Vec<_> = vertices.iter().map(Vertex::point).collect();
         let mut open: Vec<[Vertex<'a>; 2]> = vertices.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         while !open.is_empty() && points.len() + open.len() <= FULL {
@@ -111,7 +120,7 @@ impl<'a> Chart<'a> {
                     Between::Line => {}
                     Between::Corner(corner) => points.push(corner),
                     Between::More => {
-                        let middle = self.vertex(0.5 * (from.speed_rpm + to.speed_rpm));
+                        let middle = self.vertex(0.5 * (from.spindle_rev_per_min + to.spindle_rev_per_min));
                         points.push(middle.point());
                         halves.extend([[from, middle], [middle, to]]);
                     }
@@ -121,15 +130,15 @@ impl<'a> Chart<'a> {
         }
         let lows = if open.is_empty() { Vec::new() } else { self.lobes.low_speeds(self.last_lobe) };
         points.extend(open.iter().flat_map(|[from, to]| flat(from, to, &lows)).flatten());
-        points.sort_by(|a, b| a.speed_rpm.total_cmp(&b.speed_rpm));
+        points.sort_by(|a, b| a.spindle_rev_per_min.total_cmp(&b.spindle_rev_per_min));
         points
     }
 
     fn between(&self, from: &Vertex<'_>, to: &Vertex<'_>) -> Between {
-        let width = to.speed_rpm - from.speed_rpm;
+        let width = to.spindle_rev_per_min - from.spindle_rev_per_min;
         let (start, end) = match (from.exact, to.exact) {
             (None, None) => return Between::Line,
-            _ if width <= NARROW * to.speed_rpm => return Between::Line,
+            _ if width <= NARROW * to.spindle_rev_per_min => return Between::Line,
             (Some(start), Some(end)) => (start, end),
             _ => return Between::More,
         };
@@ -137,33 +146,38 @@ impl<'a> Chart<'a> {
         let chord = (end_mm - start_mm) / width;
         if from.slope < chord && chord < to.slope && (start.branch, start.limit.lobe) == (end.branch, end.limit.lobe) {
             let share = (to.slope - chord) / (to.slope - from.slope);
-            let at_rpm = from.speed_rpm + share * width;
+            let at_rev_per_min = from.spindle_rev_per_min + share * width;
             let corner_mm = ((start_mm + share * width * from.slope) * (1.0 - TANGENT)).max(self.least_mm);
-            let drawn = |speed_rpm: f64| {
-                if speed_rpm < at_rpm {
-                    start_mm + (corner_mm - start_mm) * (speed_rpm - from.speed_rpm) / (at_rpm - from.speed_rpm)
+            let drawn = |spindle_rev_per_min: f64| {
+                if spindle_rev_per_min < at_rev_per_min {
+                    start_mm
+                        + (corner_mm - start_mm) * (spindle_rev_per_min - from.spindle_rev_per_min)
+                            / (at_rev_per_min - from.spindle_rev_per_min)
                 } else {
-                    end_mm + (corner_mm - end_mm) * (to.speed_rpm - speed_rpm) / (to.speed_rpm - at_rpm)
+                    end_mm
+                        + (corner_mm - end_mm) * (to.spindle_rev_per_min - spindle_rev_per_min)
+                            / (to.spindle_rev_per_min - at_rev_per_min)
                 }
             };
-            let at = self.lobes.exact(at_rpm, self.last_lobe);
+            let at = self.lobes.exact(at_rev_per_min, self.last_lobe);
             let fits = at.is_some_and(|at| fits(corner_mm, at.limit.limit_mm, BELOW));
             if let Some(at) = at.filter(|_| fits && self.holds(from, to, BELOW, drawn)) {
                 let limit = ChartLimit { limit_mm: corner_mm, ..at.limit };
-                return Between::Corner(ChartPoint { speed_rpm: at_rpm, limit: Some(limit) });
+                return Between::Corner(ChartPoint { spindle_rev_per_min: at_rev_per_min, limit: Some(limit) });
             }
         }
         // Between two of the places that are examined it may lie twice as far below.
-        let line = |speed_rpm: f64| start_mm + chord * (speed_rpm - from.speed_rpm);
+        let line = |spindle_rev_per_min: f64| start_mm + chord * (spindle_rev_per_min - from.spindle_rev_per_min);
         if self.holds(from, to, 0.5 * BELOW, line) { Between::Line } else { Between::More }
     }
 
     /// Whether lines lie where they may.
     fn holds(&self, from: &Vertex<'_>, to: &Vertex<'_>, below: f64, drawn: impl Fn(f64) -> f64) -> bool {
         [0.5, 0.25, 0.75].into_iter().all(|share| {
-            let speed_rpm = from.speed_rpm + share * (to.speed_rpm - from.speed_rpm);
-            let exact = self.lobes.exact(speed_rpm, self.last_lobe);
-            exact.is_some_and(|exact| fits(drawn(speed_rpm), exact.limit.limit_mm, below))
+            let spindle_rev_per_min =
+                from.spindle_rev_per_min + share * (to.spindle_rev_per_min - from.spindle_rev_per_min);
+            let exact = self.lobes.exact(spindle_rev_per_min, self.last_lobe);
+            exact.is_some_and(|exact| fits(drawn(spindle_rev_per_min), exact.limit.limit_mm, below))
         })
     }
 }
@@ -174,13 +188,14 @@ fn fits(drawn_mm: f64, exact_mm: f64, below: f64) -> bool {
 
 /// A flat line at the least limit between two speeds.
 fn flat(from: &Vertex<'_>, to: &Vertex<'_>, lows: &[(f64, f64)]) -> [Option<ChartPoint>; 2] {
-    let within = lows.partition_point(|low| low.0 < from.speed_rpm)..lows.partition_point(|low| low.0 <= to.speed_rpm);
+    let within = lows.partition_point(|low| low.0 < from.spindle_rev_per_min)
+        ..lows.partition_point(|low| low.0 <= to.spindle_rev_per_min);
     let ends = [from, to].map(|end| end.exact.map(|exact| exact.limit));
     let least = ends.into_iter().flatten().min_by(|a, b| a.limit_mm.total_cmp(&b.limit_mm));
     let limit = least.map(|least| {
         let limit_mm = lows[within].iter().map(|low| low.1).fold(least.limit_mm, f64::min);
         ChartLimit { limit_mm, ..least }
     });
-    let beside = [from.speed_rpm * (1.0 + NARROW), to.speed_rpm * (1.0 - NARROW)];
-    beside.map(|speed_rpm| limit.map(|limit| ChartPoint { speed_rpm, limit: Some(limit) }))
+    let beside = [from.spindle_rev_per_min * (1.0 + NARROW), to.spindle_rev_per_min * (1.0 - NARROW)];
+    beside.map(|spindle_rev_per_min| limit.map(|limit| ChartPoint { spindle_rev_per_min, limit: Some(limit) }))
 }

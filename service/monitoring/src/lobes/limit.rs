@@ -60,10 +60,10 @@ impl Lobes {
     ///
     /// # Errors
     /// [`LobeError::TooManyLobes`].
-    pub(super) fn last_lobe(&self, lowest_rpm: f64) -> Result<u32, LobeError> {
-        let last = (60.0 * self.model.highest_hz() / (self.model.edges() * lowest_rpm)).ceil();
+    pub(super) fn last_lobe(&self, lowest_rev_per_min: f64) -> Result<u32, LobeError> {
+        let last = (60.0 * self.model.highest_hz() / (self.model.edges() * lowest_rev_per_min)).ceil();
         if last > f64::from(MAX_LOBES) {
-            return Err(LobeError::TooManyLobes { lowest_rpm, lobe: last as u32, limit: MAX_LOBES });
+            return Err(LobeError::TooManyLobes { lowest_rev_per_min, lobe: last as u32, limit: MAX_LOBES });
         }
         Ok(last as u32)
     }
@@ -72,17 +72,18 @@ impl Lobes {
     ///
     /// # Errors
     /// [`LobeError`] for a speed below what is computed.
-    pub fn limit_mm(&self, speed_rpm: f64) -> Result<Option<f64>, LobeError> {
+    pub fn limit_mm(&self, spindle_rev_per_min: f64) -> Result<Option<f64>, LobeError> {
         let mut check = Check::default();
-        check.within("speed_rpm", speed_rpm, 1.0, MAX_RPM);
+        check.within("spindle_rev_per_min", spindle_rev_per_min, 1.0, MAX_RPM);
         check.finish()?;
-        let exact = self.exact(speed_rpm, self.last_lobe(speed_rpm)?);
+        let exact = self.exact(spindle_rev_per_min, self.last_lobe(spindle_rev_per_min)?);
         Ok(exact.map(|exact| exact.limit.limit_mm))
     }
 
     /// The least limit of the lobes up to `last_lobe`.
-    pub(super) fn exact(&self, speed_rpm: f64, last_lobe: u32) -> Option<Exact<'_>> {
-        let waves = Waves { per_hz: 60.0 / (self.model.edges() * speed_rpm), last_lobe: f64::from(last_lobe) };
+    pub(super) fn exact(&self, spindle_rev_per_min: f64, last_lobe: u32) -> Option<Exact<'_>> {
+        let waves =
+            Waves { per_hz: 60.0 / (self.model.edges() * spindle_rev_per_min), last_lobe: f64::from(last_lobe) };
         let mut best: Option<Exact<'_>> = None;
         for (index, branch) in self.branches.iter().enumerate() {
             for block in &branch.blocks {
@@ -199,13 +200,13 @@ impl Lobes {
         let [before, after] =
             [frequency_hz - step, frequency_hz + step].map(|frequency_hz| self.model.between(exact.ends, frequency_hz));
         let Some((before, after)) = before.zip(after) else { return f64::NAN };
-        let speed = |point: &LobePoint| self.speed_rpm(point, exact.limit.lobe);
+        let speed = |point: &LobePoint| self.spindle_rev_per_min(point, exact.limit.lobe);
         (after.limit_mm - before.limit_mm) / (speed(&after) - speed(&before))
     }
 
     /// Speeds at which a lobe is lowest, or ends, by rising speed, with its limit there.
     pub(super) fn low_speeds(&self, last_lobe: u32) -> Vec<(f64, f64)> {
-        let lobes = |point| (0..=last_lobe).map(move |lobe| (self.speed_rpm(point, lobe), point.limit_mm));
+        let lobes = |point| (0..=last_lobe).map(move |lobe| (self.spindle_rev_per_min(point, lobe), point.limit_mm));
         let mut lows: Vec<_> = self.lows.iter().flat_map(lobes).collect();
         lows.sort_by(|a, b| a.0.total_cmp(&b.0));
         lows

@@ -19,8 +19,8 @@ fn milling() -> MillingModel {
 
 fn request() -> PocketRequest {
     PocketRequest {
-        lowest_rpm: 2000.0,
-        highest_rpm: 12_000.0,
+        lowest_rev_per_min: 2000.0,
+        highest_rev_per_min: 12_000.0,
         bands: 5,
         margin: 0.15,
         speed_tolerance: 0.01,
@@ -120,11 +120,14 @@ fn pockets_fill_a_table_without_gaps_and_beat_the_least_limit() {
     for pocket in &pockets {
         let stable = pocket.stable_mm.unwrap();
         assert!(stable >= 0.85 * least);
-        let limit = lobes.limit_mm(pocket.row.speed_rpm).unwrap().unwrap();
+        let limit = lobes.limit_mm(pocket.row.spindle_rev_per_min).unwrap().unwrap();
         assert!(stable <= 0.85 * limit * (1.0 + 1e-9), "{stable} {limit}");
-        assert!(pocket.row.above_rpm < pocket.row.speed_rpm && pocket.row.speed_rpm <= pocket.row.up_to_rpm);
+        assert!(
+            pocket.row.above_rev_per_min < pocket.row.spindle_rev_per_min
+                && pocket.row.spindle_rev_per_min <= pocket.row.up_to_rev_per_min
+        );
     }
-    assert!(pockets.windows(2).all(|pair| pair[0].row.up_to_rpm == pair[1].row.above_rpm));
+    assert!(pockets.windows(2).all(|pair| pair[0].row.up_to_rev_per_min == pair[1].row.above_rev_per_min));
     // Between 8000 and 10 000 rev/min lies the pocket of edge passing at a natural frequency: 60·600/4 = 9000 rev/min.
     assert!(pockets[3].stable_mm.unwrap() > 2.0 * least, "{pockets:?}");
     let config = crate::MonitoringConfig {
@@ -151,10 +154,11 @@ fn impossible_data_is_refused_with_numbers() {
     let soft = Mode { stiffness_n_per_mm: -1.0, ..mode() };
     let all = MillingModel { modes_x: vec![mode(), soft], edges: 0, tangential_n_per_mm2: 0.0, ..milling() };
     assert_eq!(refused(all.problems()), ["modes_x[1].stiffness_n_per_mm", "edges", "tangential_n_per_mm2"]);
-    let pockets = PocketRequest { lowest_rpm: 9.0, highest_rpm: 8.0, bands: 0, margin: 1.0, ..request() };
-    assert_eq!(refused(pockets.problems()), ["highest_rpm", "bands", "margin"]);
+    let pockets =
+        PocketRequest { lowest_rev_per_min: 9.0, highest_rev_per_min: 8.0, bands: 0, margin: 1.0, ..request() };
+    assert_eq!(refused(pockets.problems()), ["highest_rev_per_min", "bands", "margin"]);
     let lobes = milling().lobes().unwrap();
-    assert!(matches!(lobes.limit_mm(2.0), Err(LobeError::TooManyLobes { lowest_rpm: 2.0, .. })));
+    assert!(matches!(lobes.limit_mm(2.0), Err(LobeError::TooManyLobes { lowest_rev_per_min: 2.0, .. })));
     let deep = PocketRequest { required_mm: Some(1000.0), ..request() };
     assert!(matches!(lobes.pockets(&deep), Err(LobeError::TooDeep { required_mm: 1000.0, .. })));
 }
@@ -163,12 +167,12 @@ fn impossible_data_is_refused_with_numbers() {
 fn a_pocket_at_the_end_of_the_range_keeps_away_from_it() {
     let lobes = milling().lobes().unwrap();
     // The deepest pocket lies above 9000 rev/min; of this range it is the end that is best.
-    let narrow = PocketRequest { lowest_rpm: 8000.0, highest_rpm: 8800.0, bands: 1, ..request() };
-    let best_rpm = lobes.pockets(&narrow).unwrap()[0].row.speed_rpm;
-    assert!(best_rpm * 1.01 <= 8800.0 && best_rpm * 1.01 > 8797.0, "{best_rpm}");
-    let none = PocketRequest { lowest_rpm: 8000.0, highest_rpm: 8100.0, ..narrow };
+    let narrow = PocketRequest { lowest_rev_per_min: 8000.0, highest_rev_per_min: 8800.0, bands: 1, ..request() };
+    let best_rev_per_min = lobes.pockets(&narrow).unwrap()[0].row.spindle_rev_per_min;
+    assert!(best_rev_per_min * 1.01 <= 8800.0 && best_rev_per_min * 1.01 > 8797.0, "{best_rev_per_min}");
+    let none = PocketRequest { lowest_rev_per_min: 8000.0, highest_rev_per_min: 8100.0, ..narrow };
     let refused = lobes.pockets(&none);
-    assert!(matches!(refused, Err(LobeError::BandTooNarrow { up_to_rpm: 8100.0, .. })), "{refused:?}");
+    assert!(matches!(refused, Err(LobeError::BandTooNarrow { up_to_rev_per_min: 8100.0, .. })), "{refused:?}");
 }
 
 #[test]
@@ -177,27 +181,28 @@ fn the_chart_is_the_limit_with_its_lobe_and_chatter_frequency() {
     let chart = lobes.chart(2000.0, 12_000.0, 501).unwrap();
     // Those asked for, and others between them.
     assert!(chart.len() > 501 && chart.len() < 2_000, "{}", chart.len());
-    assert_eq!((chart[0].speed_rpm, chart[chart.len() - 1].speed_rpm), (2000.0, 12_000.0));
+    assert_eq!((chart[0].spindle_rev_per_min, chart[chart.len() - 1].spindle_rev_per_min), (2000.0, 12_000.0));
     for index in 0..501 {
-        let speed_rpm = 2000.0 + 20.0 * f64::from(index);
-        let point = chart[chart.partition_point(|point| point.speed_rpm < speed_rpm * (1.0 - 1e-9))];
-        assert!((point.speed_rpm - speed_rpm).abs() < 1e-6, "{speed_rpm}");
-        assert_eq!(Some(point.limit.unwrap().limit_mm), lobes.limit_mm(point.speed_rpm).unwrap());
+        let spindle_rev_per_min = 2000.0 + 20.0 * f64::from(index);
+        let point =
+            chart[chart.partition_point(|point| point.spindle_rev_per_min < spindle_rev_per_min * (1.0 - 1e-9))];
+        assert!((point.spindle_rev_per_min - spindle_rev_per_min).abs() < 1e-6, "{spindle_rev_per_min}");
+        assert_eq!(Some(point.limit.unwrap().limit_mm), lobes.limit_mm(point.spindle_rev_per_min).unwrap());
     }
     for point in &chart {
         let limit = point.limit.unwrap();
-        let exact = lobes.limit_mm(point.speed_rpm).unwrap().unwrap();
+        let exact = lobes.limit_mm(point.spindle_rev_per_min).unwrap().unwrap();
         assert!(limit.limit_mm <= exact && limit.limit_mm >= 0.999 * exact, "{point:?}: {exact}");
         // Between two edges lie k whole waves and a part of one.
-        let waves = limit.frequency_hz * 60.0 / (4.0 * point.speed_rpm);
+        let waves = limit.frequency_hz * 60.0 / (4.0 * point.spindle_rev_per_min);
         assert!((f64::from(limit.lobe)..f64::from(limit.lobe) + 1.0).contains(&waves), "{point:?}: {waves}");
         assert!((550.0..1000.0).contains(&limit.frequency_hz), "{point:?}");
     }
     let lobes_of: Vec<_> = chart.iter().map(|point| point.limit.unwrap().lobe).collect();
     assert!(lobes_of.last() == Some(&0) && lobes_of[0] >= 4);
     assert!(lobes_of.windows(2).all(|pair| pair[1] <= pair[0] + 1));
-    let chart = |highest_rpm, speeds| refused(lobes.chart(2000.0, highest_rpm, speeds).err());
-    assert_eq!((chart(12_000.0, 1), chart(f64::NAN, 9)), (vec!["speeds".into()], vec!["highest_rpm".into()]));
+    let chart = |highest_rev_per_min, speeds| refused(lobes.chart(2000.0, highest_rev_per_min, speeds).err());
+    assert_eq!((chart(12_000.0, 1), chart(f64::NAN, 9)), (vec!["speeds".into()], vec!["highest_rev_per_min".into()]));
 }
 
 #[test]

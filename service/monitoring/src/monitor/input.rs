@@ -15,12 +15,12 @@ pub(super) struct Sample {
     /// Vector in mm or mm/s²; meaningful when `worth` is good.
     pub value: [f64; 2],
     /// Spindle angle, 0 when points are in time.
-    pub angle_rad: f64,
+    pub angle_deg: f64,
     pub worth: Worth,
     /// A needed column is missing.
     pub missing: bool,
     /// Measured spindle speed, where it is a number.
-    pub rpm: Option<f64>,
+    pub rev_per_min: Option<f64>,
     pub contact: Option<bool>,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn lacks_column(batch: &Batch<'_>, config: &MonitoringConfig) -> bool
     let acceleration = sensors.iter().any(|(sensors, _)| sensors.is_some_and(|s| s.quantity == Quantity::Acceleration));
     sensors.iter().any(|(sensors, pair)| sensors.is_some() && pair.is_none())
         || (acceleration && batch.commanded.is_none())
-        || (matches!(config.grouping, Grouping::Angle { .. }) && batch.spindle_angle_rad.is_none())
+        || (matches!(config.grouping, Grouping::Angle { .. }) && batch.spindle_angle_deg.is_none())
         || (config.contact == ContactSource::Flag && batch.contact.is_none())
 }
 
@@ -59,10 +59,13 @@ pub(super) fn read(
     let mut sample = Sample {
         time_ns: batch.time_ns[index],
         value: [0.0; 2],
-        angle_rad: 0.0,
+        angle_deg: 0.0,
         worth: Worth::Good,
         missing,
-        rpm: batch.spindle_rpm.map(|column| column[index]).filter(|rpm| (0.0..=1e6).contains(rpm)),
+        rev_per_min: batch
+            .spindle_rev_per_min
+            .map(|column| column[index])
+            .filter(|rev_per_min| (0.0..=1e6).contains(rev_per_min)),
         contact: batch.contact.map(|column| column[index]),
     };
     if missing {
@@ -77,9 +80,9 @@ pub(super) fn read(
         (Some(_), None) => tool,
         (None, _) => work,
     };
-    if let (Grouping::Angle { .. }, Some(column)) = (config.grouping, batch.spindle_angle_rad) {
-        sample.angle_rad = column[index];
-        if !sample.angle_rad.is_finite() {
+    if let (Grouping::Angle { .. }, Some(column)) = (config.grouping, batch.spindle_angle_deg) {
+        sample.angle_deg = column[index];
+        if !sample.angle_deg.is_finite() {
             sample.worth = Worth::NonFinite;
         }
     }

@@ -2,11 +2,14 @@
 
 use super::{Monitor, Run, State};
 use crate::config::MonitoringConfig;
+use crate::rules::SpindleRule;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Changes whenever the layout of a snapshot does.
-const VERSION: u32 = 4;
+/// Changes whenever the layout of a snapshot does, or the meaning of a value in it.
+const VERSION: u32 = 5;
+/// As [`VERSION`], with the limits of [`SpindleRule::Turning`] in radians.
+const VERSION_IN_RADIANS: u32 = 4;
 
 #[derive(Serialize)]
 struct SnapshotRef<'a> {
@@ -56,11 +59,16 @@ impl Monitor {
     /// [`SnapshotError`] when the bytes are not a whole and consistent snapshot of this version.
     pub fn restore(bytes: &[u8]) -> Result<Self, SnapshotError> {
         let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
-        if found != VERSION {
+        if ![VERSION, VERSION_IN_RADIANS].contains(&found) {
             return Err(SnapshotError::Version { found, expected: VERSION });
         }
-        let Snapshot { config, run } = postcard::from_bytes(rest)?;
-        let steps = config.idle_run_up.as_ref().map_or(0, |idle| idle.speeds_rpm.len());
+        let Snapshot { mut config, run } = postcard::from_bytes(rest)?;
+        if let SpindleRule::Turning { lower_deg, upper_deg, .. } = &mut config.rules.spindle
+            && found == VERSION_IN_RADIANS
+        {
+            [lower_deg, upper_deg].into_iter().for_each(|limit| *limit = limit.to_degrees().clamp(-180.0, 180.0));
+        }
+        let steps = config.idle_run_up.as_ref().map_or(0, |idle| idle.spindle_rev_per_min.len());
         let step_exists = !matches!(run.state, State::IdleRunUp { step } if step as usize >= steps);
         let rules = &config.rules;
         // While the feed is held its override is 0, and what a resume takes is bounded.

@@ -21,8 +21,8 @@ pub(super) struct Window {
     elapsed_ns: u64,
     end: End,
     /// Sum and number of measured spindle speeds.
-    rpm_sum: f64,
-    rpm_count: u32,
+    rev_per_min_sum: f64,
+    rev_per_min_count: u32,
 }
 
 /// When a window is over.
@@ -44,8 +44,8 @@ impl Window {
             void: None,
             elapsed_ns: 0,
             end: End::default(),
-            rpm_sum: 0.0,
-            rpm_count: 0,
+            rev_per_min_sum: 0.0,
+            rev_per_min_count: 0,
         }
     }
 
@@ -67,8 +67,8 @@ impl Window {
             after_ns: (seconds * 1e9).round() as u64,
             after_samples: (seconds * config.sample_rate_hz * DENSITY_LIMIT).ceil() as u64 + 2,
         };
-        self.rpm_sum = 0.0;
-        self.rpm_count = 0;
+        self.rev_per_min_sum = 0.0;
+        self.rev_per_min_count = 0;
     }
 
     /// Counts a sample and the time since the one before.
@@ -84,14 +84,14 @@ impl Window {
     }
 
     #[inline]
-    pub fn measured_speed(&mut self, rpm: f64) {
-        self.rpm_sum += rpm;
-        self.rpm_count += 1;
+    pub fn measured_speed(&mut self, rev_per_min: f64) {
+        self.rev_per_min_sum += rev_per_min;
+        self.rev_per_min_count += 1;
     }
 
     /// Mean of the measured spindle speeds, rev/min.
-    pub fn spindle_rpm(&self) -> Option<f64> {
-        (self.rpm_count > 0).then(|| self.rpm_sum / f64::from(self.rpm_count))
+    pub fn spindle_rev_per_min(&self) -> Option<f64> {
+        (self.rev_per_min_count > 0).then(|| self.rev_per_min_sum / f64::from(self.rev_per_min_count))
     }
 
     /// Contact or data paused: nothing incomplete is continued.

@@ -4,7 +4,6 @@
 use feedwave_monitoring::{
     Batch, Decision, Event, Grouping, Length, Monitor, MonitoringConfig, Pair, Quality, Rules, ToolCheck,
 };
-use std::f64::consts::TAU;
 
 /// Columns that grow sample by sample.
 #[derive(Debug, Clone, Default)]
@@ -12,8 +11,8 @@ pub struct Columns {
     pub time_ns: Vec<u64>,
     pub x: Vec<f64>,
     pub y: Vec<f64>,
-    pub angle_rad: Vec<f64>,
-    pub rpm: Vec<f64>,
+    pub angle_deg: Vec<f64>,
+    pub rev_per_min: Vec<f64>,
     pub contact: Vec<bool>,
 }
 
@@ -31,8 +30,8 @@ impl Columns {
             self.time_ns.push(last);
             self.x.push(1.0 + deflection[0] + noise);
             self.y.push(1.0 + deflection[1] - noise);
-            self.angle_rad.push(TAU * (RPM / 60.0) * 1e-3 * index as f64 + 1e-4);
-            self.rpm.push(RPM);
+            self.angle_deg.push(360.0 * (RPM / 60.0) * 1e-3 * index as f64 + 0.005);
+            self.rev_per_min.push(RPM);
             self.contact.push(contact);
         }
         self
@@ -47,8 +46,8 @@ impl Columns {
             sequence,
             time_ns: &self.time_ns[from..to],
             tool: Some(Pair { x: &self.x[from..to], y: &self.y[from..to] }),
-            spindle_angle_rad: Some(&self.angle_rad[from..to]),
-            spindle_rpm: Some(&self.rpm[from..to]),
+            spindle_angle_deg: Some(&self.angle_deg[from..to]),
+            spindle_rev_per_min: Some(&self.rev_per_min[from..to]),
             contact: Some(&self.contact[from..to]),
             ..Batch::default()
         }

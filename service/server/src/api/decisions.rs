@@ -8,12 +8,12 @@ use feedwave_contract::proto::{
 };
 use feedwave_store::{DecisionFilter, DecisionRecord, Store};
 use futures_util::{Stream, stream};
-use prost::Message as _;
 use tokio::sync::watch;
 
 use super::{Api, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
+use crate::stored::decision_from_stored;
 
 /// Decisions read together for a watcher.
 const DECISION_PAGE: u32 = 100;
@@ -23,7 +23,7 @@ const DECISION_PAGE: u32 = 100;
 /// # Errors
 /// [`Error::Internal`] when it cannot be read.
 pub(crate) fn decision_from_record(record: &DecisionRecord) -> Result<Decision> {
-    let mut decision = Decision::decode(record.body.clone()).map_err(Error::internal)?;
+    let mut decision = decision_from_stored(record.body.clone()).map_err(Error::internal)?;
     name_decision(&mut decision, record);
     Ok(decision)
 }

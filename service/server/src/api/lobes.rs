@@ -79,7 +79,8 @@ impl Api {
             Err(found) => {
                 violations.extend(FIELD, found);
                 // In place of the table, so that only its cause is reported.
-                rule.table = vec![SpindleBand { above_rpm: 0.0, up_to_rpm: 1.0, speed_rpm: 1.0 }];
+                rule.table =
+                    vec![SpindleBand { above_rev_per_min: 0.0, up_to_rev_per_min: 1.0, spindle_rev_per_min: 1.0 }];
             }
         }
         Ok(Some(from.clone()))

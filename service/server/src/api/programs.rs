@@ -37,7 +37,7 @@ impl Api {
             None => return Err(Error::invalid("header", "must be set")),
         };
         let expected = self.check_header(&header)?;
-        let upload = match self.store.begin_upload(expected, header.size_bytes).await? {
+        let upload = match self.store.begin_upload(expected, header.program_bytes).await? {
             UploadStart::Unfinished(upload) => upload,
             UploadStart::Complete(program) => {
                 return Ok(UploadProgramResponse {
@@ -50,7 +50,7 @@ impl Api {
             return Err(wrong_offset(upload.received_bytes, header.offset));
         }
         let received_bytes = self.receive(&mut messages, &upload).await?;
-        if received_bytes < header.size_bytes {
+        if received_bytes < header.program_bytes {
             return Ok(UploadProgramResponse { program: String::new(), received_bytes });
         }
         let program = self.store.finish_upload(upload.id).await?;
@@ -62,11 +62,11 @@ impl Api {
         let mut violations = Violations::default();
         let id = violations.check("header.sha256", header.sha256.parse::<ProgramId>());
         let limit = self.limits.upload_bytes;
-        if header.size_bytes > limit {
-            let reason = format!("is {}, more than the {limit} allowed", header.size_bytes);
-            violations.add("header.size_bytes", reason);
-        } else if header.offset > header.size_bytes {
-            let reason = format!("is {}, beyond the size of {}", header.offset, header.size_bytes);
+        if header.program_bytes > limit {
+            let reason = format!("is {}, more than the {limit} allowed", header.program_bytes);
+            violations.add("header.program_bytes", reason);
+        } else if header.offset > header.program_bytes {
+            let reason = format!("is {}, beyond the size of {}", header.offset, header.program_bytes);
             violations.add("header.offset", reason);
         }
         violations.finish()?;
@@ -119,7 +119,7 @@ impl Api {
         match self.store.program_info(id).await {
             Ok(program) => {
                 let bytes = program.size_bytes;
-                return Ok(GetUploadResponse { received_bytes: bytes, size_bytes: bytes, complete: true });
+                return Ok(GetUploadResponse { received_bytes: bytes, program_bytes: bytes, complete: true });
             }
             Err(StoreError::NotFound { .. }) => {}
             Err(error) => return Err(error.into()),
@@ -127,7 +127,7 @@ impl Api {
         Ok(match self.unfinished(id).await? {
             Some(upload) => GetUploadResponse {
                 received_bytes: upload.received_bytes,
-                size_bytes: upload.size_bytes,
+                program_bytes: upload.size_bytes,
                 complete: false,
             },
             None => GetUploadResponse::default(),

@@ -114,7 +114,7 @@ impl Api {
         let columns = ColumnSet::select(&mut violations, &start.columns, machine, conditions, directions, encoding);
         violations.finish()?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
-        let plan = LivePlan { config, columns, first_index: start.start_index, clock_ns: start.clock_ns };
+        let plan = LivePlan { config, columns, first_index: start.start_index, sensor_time_ns: start.sensor_time_ns };
         let (intake, run) = self.engine.drive(&detail, &attached, plan, guard)?;
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));

@@ -216,7 +216,7 @@ impl Api {
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
         let attached = self.attach(target, job).await?;
-        let (intake, ingestion) = self.engine.ingest(&attached, start.clock_ns, guard)?;
+        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard)?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;
         self.engine.spawn(take_in(messages, intake));

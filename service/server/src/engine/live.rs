@@ -68,7 +68,7 @@ pub(crate) struct LivePlan {
     /// First setpoint to hand out.
     pub(crate) first_index: u64,
     /// Time of the sensors' clock now, ns.
-    pub(crate) clock_ns: Option<u64>,
+    pub(crate) sensor_time_ns: Option<u64>,
 }
 
 /// Where the client's words go in.
@@ -130,7 +130,7 @@ impl Engine {
         guard: JobGuard,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, plan.clock_ns, inner.commit_grid)?;
+        let session = Session::new(inner.store.clone(), attached, plan.sensor_time_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
         let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;

@@ -91,9 +91,14 @@ impl std::fmt::Debug for Session {
 }
 
 impl Session {
-    /// Goes on with a run; `clock_ns` is the time of the sensors' clock now, where the client knows it. Sessions with the
+    /// Goes on with a run; `sensor_time_ns` is the time of the sensors' clock now, where the client knows it. Sessions with the
     /// same `grid` commit together what can wait.
-    pub(super) fn new(store: Store, attached: &AttachedRun, clock_ns: Option<u64>, grid: Instant) -> Result<Self> {
+    pub(super) fn new(
+        store: Store,
+        attached: &AttachedRun,
+        sensor_time_ns: Option<u64>,
+        grid: Instant,
+    ) -> Result<Self> {
         let unreadable = |error: SnapshotError| {
             Error::internal(format!("the state of run {} cannot be read: {error}", attached.run.id))
         };
@@ -103,7 +108,7 @@ impl Session {
             run: attached.run.id,
             attachment: attached.attachment,
             monitor: Monitor::restore(&attached.monitor).map_err(unreadable)?,
-            clock: clock_ns.map(|at_ns| SensorClock { at_ns, since: now }),
+            clock: sensor_time_ns.map(|at_ns| SensorClock { at_ns, since: now }),
             last_arrival: None,
             silence_told: false,
             pass: None,
@@ -174,8 +179,8 @@ impl Session {
         if let Some(&last_ns) = batch.time_ns.last() {
             if let Some(clock) = &self.clock {
                 // Shows the monitor telemetry that is late.
-                let clock_ns = clock.now_ns(now);
-                let noted = self.monitor.note(Event::Clock(clock_ns), &mut |decision| decisions.push(decision));
+                let sensor_time_ns = clock.now_ns(now);
+                let noted = self.monitor.note(Event::Clock(sensor_time_ns), &mut |decision| decisions.push(decision));
                 noted.map_err(Error::internal)?;
             }
             if self.clock.is_none_or(|clock| clock.now_ns(now) < last_ns) {
@@ -325,8 +330,8 @@ fn columns(batch: &proto::TelemetryBatch) -> Batch<'_> {
         tool: pair(&batch.tool),
         work: pair(&batch.work),
         commanded: pair(&batch.commanded),
-        spindle_angle_rad: column(&batch.spindle_angle_rad),
-        spindle_rpm: column(&batch.spindle_rpm),
+        spindle_angle_deg: column(&batch.spindle_angle_deg),
+        spindle_rev_per_min: column(&batch.spindle_rev_per_min),
         contact: column(&batch.contact),
     }
 }
@@ -349,7 +354,7 @@ fn event_from_proto(index: usize, event: &proto::MachineEvent, live: bool) -> Re
         Some(ProtoEvent::Resume(true)) => Ok(Event::Resume),
         Some(ProtoEvent::Rebaseline(false)) => invalid("rebaseline", "must be true"),
         Some(ProtoEvent::Rebaseline(true)) => Ok(Event::Rebaseline),
-        Some(ProtoEvent::ProgrammedRpm(rpm)) => Ok(Event::ProgrammedSpindle { rpm }),
+        Some(ProtoEvent::ProgrammedRevPerMin(rev_per_min)) => Ok(Event::ProgrammedSpindle { rev_per_min }),
         Some(ProtoEvent::Overrides(overrides)) => {
             Ok(Event::Overrides { feed: overrides.feed, spindle: overrides.spindle })
         }

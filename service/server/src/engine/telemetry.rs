@@ -118,11 +118,11 @@ impl Engine {
     pub(crate) fn ingest(
         &self,
         attached: &AttachedRun,
-        clock_ns: Option<u64>,
+        sensor_time_ns: Option<u64>,
         guard: JobGuard,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, clock_ns, inner.commit_grid)?;
+        let session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
         let limit = inner.limits.concurrent_runs as u64;
         let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
         let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;

@@ -42,12 +42,12 @@ async fn with_mill() -> TestServer {
 }
 
 fn milling(entry_deg: f64, exit_deg: f64) -> StabilityModel {
-    let cut = Cut::Milling(MillingCut { entry_deg, exit_deg, edges: None });
+    let cut = Cut::Milling(MillingCut { entry_deg, exit_deg, edge_count: None });
     StabilityModel { tool: "tools/em12".to_owned(), dynamics: None, cut: Some(cut) }
 }
 
 fn search() -> PocketSearch {
-    PocketSearch { lowest_rpm: 2_000.0, highest_rpm: 12_000.0, bands: Some(5), ..Default::default() }
+    PocketSearch { lowest_rev_per_min: 2_000.0, highest_rev_per_min: 12_000.0, bands: Some(5), ..Default::default() }
 }
 
 async fn compute(server: &TestServer, model: StabilityModel, search: PocketSearch) -> Result<StabilityLobes, Status> {
@@ -60,7 +60,7 @@ async fn compute(server: &TestServer, model: StabilityModel, search: PocketSearc
 async fn a_stored_tool_gives_chart_and_table_with_the_stated_margin() {
     let server = with_mill().await;
     let lobes = compute(&server, milling(90.0, 180.0), search()).await.unwrap();
-    let ends = [lobes.chart.first(), lobes.chart.last()].map(|point| point.unwrap().speed_rpm);
+    let ends = [lobes.chart.first(), lobes.chart.last()].map(|point| point.unwrap().spindle_rev_per_min);
     assert!(lobes.chart.len() > 501 && ends == [2_000.0, 12_000.0], "{} {ends:?}", lobes.chart.len());
     assert_eq!(lobes.search.unwrap().margin, Some(0.15));
     assert!((lobes.radial_immersion.unwrap() - 0.5).abs() < 1e-12);
@@ -68,8 +68,8 @@ async fn a_stored_tool_gives_chart_and_table_with_the_stated_margin() {
     let least = lobes.least_limit_mm.unwrap();
     assert!(lobes.chart.iter().all(|point| point.limit_mm.unwrap() >= least * (1.0 - 1e-9)));
     let bands: Vec<_> = lobes.pockets.iter().map(|pocket| pocket.band.unwrap()).collect();
-    assert_eq!((bands.len(), bands[0].above_rpm, bands[4].up_to_rpm), (5, 2_000.0, 12_000.0));
-    assert!(bands.windows(2).all(|pair| pair[0].up_to_rpm == pair[1].above_rpm));
+    assert_eq!((bands.len(), bands[0].above_rev_per_min, bands[4].up_to_rev_per_min), (5, 2_000.0, 12_000.0));
+    assert!(bands.windows(2).all(|pair| pair[0].up_to_rev_per_min == pair[1].above_rev_per_min));
     // Edge passing at a natural frequency, 60·600/4 = 9000 rev/min: the deepest pocket. The margin is taken off every one.
     let plain = compute(&server, milling(90.0, 180.0), PocketSearch { margin: Some(0.0), ..search() }).await.unwrap();
     for (pocket, plain) in lobes.pockets.iter().zip(&plain.pockets) {
@@ -129,7 +129,7 @@ async fn everything_impossible_and_everything_missing_is_named() {
             "model.dynamics.modes_x[1].frequency_hz",
             "model.dynamics.modes_x[1].stiffness_n_per_mm",
             "model.milling.exit_deg",
-            "search.lowest_rpm",
+            "search.lowest_rev_per_min",
             "search.bands",
             "search.margin"
         ]
@@ -137,13 +137,13 @@ async fn everything_impossible_and_everything_missing_is_named() {
     let nothing = StabilityModel { tool: String::new(), ..milling(0.0, 90.0) };
     let missing = ["tangential_n_per_mm2", "radial_ratio", "modes_x"].map(|field| format!("model.dynamics.{field}"));
     let (_, _, fields) = refused(nothing, search()).await;
-    assert_eq!(fields, [&missing[..2], &["model.milling.edges".to_owned()], &missing[2..]].concat());
+    assert_eq!(fields, [&missing[..2], &["model.milling.edge_count".to_owned()], &missing[2..]].concat());
     let (_, _, fields) = refused(StabilityModel::default(), search()).await;
     assert_eq!(fields, ["model.cut"]);
     let (_, _, fields) = refused(milling(0.0, 180.0), PocketSearch { required_mm: Some(100.0), ..search() }).await;
     assert_eq!(fields, ["search.required_mm"]);
-    let (_, _, fields) = refused(milling(0.0, 180.0), PocketSearch { lowest_rpm: 1.0, ..search() }).await;
-    assert_eq!(fields, ["search.lowest_rpm"]);
+    let (_, _, fields) = refused(milling(0.0, 180.0), PocketSearch { lowest_rev_per_min: 1.0, ..search() }).await;
+    assert_eq!(fields, ["search.lowest_rev_per_min"]);
     let unknown = StabilityModel { tool: "tools/none".to_owned(), ..milling(0.0, 180.0) };
     assert_eq!(compute(&server, unknown, search()).await.unwrap_err().code(), Code::NotFound);
 }

@@ -97,7 +97,7 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     assert_eq!((section.leading_edge, section.finishing_edges.as_slice()), (1, &[4][..]));
     let axial = section.loads.iter().find(|load| load.direction() == OscillationDirection::Axial).unwrap();
     assert_near(axial.acceleration_step_mm_per_s2, 740.22, 0.01);
-    assert_near(section.feed_per_period_mm, 1.0, 1e-12);
+    assert_near(section.feed_mm_per_period, 1.0, 1e-12);
     // Lower and upper end of every layer, where its edge meets it and where it leaves it.
     let expected: [&[[f64; 4]]; 4] = [
         &[[0.0, 0.03, -0.5, 0.0], [0.03, 1.0, -0.35, 0.0]],

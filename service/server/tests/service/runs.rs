@@ -141,25 +141,19 @@ fn bits(chunks: &[SetpointChunk]) -> Vec<Vec<u64>> {
     (0..columns).map(|index| column(chunks, index).iter().map(|value| value.to_bits()).collect()).collect()
 }
 
-/// Monitoring with a step of an eighth: every ratio of this test is a percentage to the bit.
+/// Monitoring with a step of a twentieth: most of its ratios are no percentage to the bit.
 fn config() -> MonitoringConfig {
     let mut config = telemetry::config();
     let rules = config.rules.as_mut().unwrap();
-    rules.feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.125) });
+    rules.feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.05) });
     config
-}
-
-fn percent(ratio: f64) -> f64 {
-    let percent = 100.0 * ratio;
-    assert_eq!(percent / 100.0, ratio);
-    percent
 }
 
 /// The setpoints that a stream of the job gives under these changes.
 async fn streamed(server: &TestServer, job: &str, changes: &[RunFeedChange]) -> Vec<Vec<u64>> {
     let overrides = changes.iter().map(|change| FeedOverrideChange {
         at: Some(At::SetpointIndex(change.setpoint_index)),
-        percent: percent(change.ratio),
+        ratio: Some(change.ratio),
     });
     let request = StreamSetpointsRequest { job: job.to_owned(), overrides: overrides.collect(), ..Default::default() };
     bits(&server.collect(request).await.1)
@@ -185,13 +179,13 @@ async fn setpoints_come_as_far_as_the_credit_goes_and_are_those_of_the_job() {
     let change = run.change().await;
     assert_eq!((change.setpoint_index, change.ratio, change.cause()), (101, 1.0, FeedChangeCause::Resume));
     let ended = run.finish().await;
-    assert_eq!((ended.state(), ended.setpoints), (RunState::Finished, run.next_index));
+    assert_eq!((ended.state(), ended.setpoint_count), (RunState::Finished, run.next_index));
 
     let name = run.started.run.clone();
     assert_eq!(bits(&run.chunks), streamed(&server, &job.name, &run.changes).await);
     let replayed = replay(&mut client, &name).await;
     assert!(replayed.identical, "{replayed:?}");
-    assert_eq!((replayed.setpoints, &replayed.digest), (ended.setpoints, &ended.digest));
+    assert_eq!((replayed.setpoint_count, &replayed.digest), (ended.setpoint_count, &ended.digest));
 
     // A run that nothing changes is the job's own stream.
     let mut plain = LiveRun::begin(&mut client, &job.name).await;
@@ -207,7 +201,7 @@ async fn a_decision_slows_down_the_very_stream_it_came_on() {
     let mut client = RunsClient::new(server.channel.clone());
     let mut run = LiveRun::begin(&mut client, &job.name).await;
     let mut feed = 1.0;
-    // Idle, then too large a deflection: each window takes an eighth off, from the first setpoint not handed out.
+    // Idle, then too large a deflection: each window takes a twentieth off, from the first setpoint not handed out.
     for sequence in 0..10 {
         run.telemetry(batch(sequence, 0.0)).await;
     }
@@ -223,17 +217,19 @@ async fn a_decision_slows_down_the_very_stream_it_came_on() {
         assert!(run.changes.len() as u64 >= expected, "{:?}", run.changes);
     }
     for change in &run.changes {
-        feed *= 1.0 - 0.125;
+        feed *= 1.0 - 0.05;
         assert_eq!((change.ratio, change.cause()), (feed, FeedChangeCause::Decision));
         assert_eq!(change.setpoint_index % 150, 0, "the earliest that was not handed out: {change:?}");
     }
     assert!(run.changes.len() >= 9);
+    let third = run.changes[2].ratio;
+    assert_eq!(third, 0.857_374_999_999_999_9);
     run.finish().await;
     assert_eq!(bits(&run.chunks), streamed(&server, &job.name, &run.changes).await);
     let plain = server.collect(stream_of(&job)).await.1;
     assert!(run.next_index > plain.iter().map(|chunk| u64::from(chunk.count)).sum::<u64>(), "slower");
     let replayed = replay(&mut client, &run.started.run).await;
-    assert!(replayed.identical && replayed.decisions >= 10, "{replayed:?}");
+    assert!(replayed.identical && replayed.decision_count >= 10, "{replayed:?}");
 }
 
 #[tokio::test]
@@ -367,7 +363,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     run.command(RunCommandKind::Abort).await;
     let ended = run.finish().await;
     assert_eq!(ended.state(), RunState::Aborted);
-    assert!((2_010..2_200).contains(&ended.setpoints), "{ended:?}");
+    assert!((2_010..2_200).contains(&ended.setpoint_count), "{ended:?}");
     let feed_column = run.started.header.as_ref().unwrap().columns.iter().position(|c| c.name == "feed_mm_per_min");
     let feed = column(&run.chunks, feed_column.unwrap());
     assert_eq!(feed.last(), Some(&0.0));
@@ -387,14 +383,14 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     for sequence in 0..11 {
         let samples = sequence * 10..sequence * 10 + 10;
         let angles = samples.map(|sample| sample as f64 * 0.7).collect();
-        run.telemetry(TelemetryBatch { spindle_angle_rad: angles, ..batch(sequence, 0.0) }).await;
+        run.telemetry(TelemetryBatch { spindle_angle_deg: angles, ..batch(sequence, 0.0) }).await;
     }
     let ended = loop {
         if let Some(ended) = run.next().await.unwrap() {
             break ended;
         }
     };
-    assert_eq!((ended.state(), ended.setpoints), (RunState::Stopped, 0), "{ended:?}");
+    assert_eq!((ended.state(), ended.setpoint_count), (RunState::Stopped, 0), "{ended:?}");
     let list = feedwave_contract::proto::ListDecisionsRequest { run: run.started.run.clone(), ..Default::default() };
     let decisions = monitoring.list_decisions(list).await.unwrap().into_inner().decisions;
     let outcome = decisions.last().unwrap().outcome.unwrap();
@@ -422,7 +418,7 @@ async fn what_a_run_cannot_do_is_refused_before_anything_moves() {
     let mut unjudged = config();
     unjudged.rules.as_mut().unwrap().feed_bounds = Some(OverrideBounds { lower: 0.1, upper: 1.6 });
     let mut spindle = config();
-    let rule = TurningRule { lower_rad: -0.1, upper_rad: 0.1, ..Default::default() };
+    let rule = TurningRule { lower_deg: -0.1, upper_deg: 0.1, ..Default::default() };
     spindle.rules.as_mut().unwrap().spindle = Some(SpindleRule { rule: Some(Rule::Turning(rule)) });
     for unfit in [too_fast, unjudged, spindle] {
         let request = SetMonitoringRequest { job: job.name.clone(), config: Some(unfit) };

@@ -28,7 +28,7 @@ const RATE_HZ: u64 = 1_000;
 const BATCH: u64 = 10;
 
 pub fn seconds(seconds: f64) -> Option<WindowLength> {
-    Some(WindowLength { length: Some(Length::Seconds(seconds)) })
+    Some(WindowLength { length: Some(Length::DurationS(seconds)) })
 }
 
 pub fn config() -> MonitoringConfig {
@@ -89,7 +89,7 @@ struct Session {
 impl Session {
     async fn open(client: &mut TelemetryClient<Channel>, target: Target) -> Result<Self, Status> {
         let (requests, messages) = mpsc::channel(64);
-        let start = IngestStart { target: Some(target), clock_ns: None };
+        let start = IngestStart { target: Some(target), sensor_time_ns: None };
         requests.send(IngestRequest { message: Some(Request::Start(start)) }).await.unwrap();
         let mut responses = client.ingest(ReceiverStream::new(messages)).await?.into_inner();
         match responses.message().await?.and_then(|response| response.message) {
@@ -459,7 +459,10 @@ async fn what_makes_no_sense_is_refused_with_its_fields() {
     short.contact.pop();
     let cases = [
         (short, "batch.contact"),
-        (TelemetryBatch { events: vec![event(Event::ProgrammedRpm(f64::NAN))], ..batch(0, 0.0) }, "batch.events[0]"),
+        (
+            TelemetryBatch { events: vec![event(Event::ProgrammedRevPerMin(f64::NAN))], ..batch(0, 0.0) },
+            "batch.events[0]",
+        ),
         (TelemetryBatch { events: vec![event(Event::Resume(false))], ..batch(0, 0.0) }, "batch.events[0].resume"),
         (TelemetryBatch { events: vec![MachineEvent::default()], ..batch(0, 0.0) }, "batch.events[0].event"),
         (TelemetryBatch { time_ns: vec![1; 100_001], ..Default::default() }, "batch.time_ns"),

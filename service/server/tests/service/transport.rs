@@ -254,7 +254,7 @@ async fn fifty_bad_tools_and_ten_thousand_bad_changes_are_invalid_arguments() {
     assert_eq!(details.error_info().unwrap().metadata["violations_not_listed"], (50 - listed).to_string());
 
     let job = test.ready(lathe_job(TURNING)).await;
-    let change = FeedOverrideChange { at: Some(feed_override_change::At::TimeS(0.0)), percent: 300.0 };
+    let change = FeedOverrideChange { at: Some(feed_override_change::At::TimeS(0.0)), ratio: Some(3.0) };
     let request = StreamSetpointsRequest { overrides: vec![change; 10_000], ..stream_of(&job) };
     let status = test.stream(request).await.unwrap_err();
     let info = status.get_error_details().error_info().unwrap().clone();

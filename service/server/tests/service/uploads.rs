@@ -33,7 +33,7 @@ async fn upload(
     bytes: std::ops::Range<usize>,
 ) -> Result<UploadProgramResponse, Status> {
     let offset = bytes.start as u64;
-    let header = UploadHeader { sha256, size_bytes: program.len() as u64, offset };
+    let header = UploadHeader { sha256, program_bytes: program.len() as u64, offset };
     let mut messages = vec![UploadProgramRequest { message: Some(Message::Header(header)) }];
     let mut offset = offset;
     for piece in program[bytes].chunks(100_000) {
@@ -60,7 +60,7 @@ async fn a_broken_upload_is_continued_and_becomes_a_job() {
     let cut = 350_000;
     let response = upload(&test, &program, sha256.clone(), 0..cut).await.unwrap();
     assert_eq!((response.program.as_str(), response.received_bytes), ("", cut as u64));
-    assert_eq!((progress().await.received_bytes, progress().await.size_bytes), (cut as u64, program.len() as u64));
+    assert_eq!((progress().await.received_bytes, progress().await.program_bytes), (cut as u64, program.len() as u64));
 
     // Continuing elsewhere is refused and says where to continue.
     let status = upload(&test, &program, sha256.clone(), 0..program.len()).await.unwrap_err();
@@ -97,7 +97,7 @@ async fn uploads_that_cannot_be_are_refused() {
     let test = TestServer::with_limits(Limits { upload_bytes: 1_000, ..Limits::default() }).await;
     let program = vec![b' '; 1_001];
     let status = upload(&test, &program, "abc".to_owned(), 0..1).await.unwrap_err();
-    assert_eq!(told(&status).2, ["header.sha256", "header.size_bytes"]);
+    assert_eq!(told(&status).2, ["header.sha256", "header.program_bytes"]);
 
     let chunk = UploadProgramRequest { message: Some(Message::Chunk(UploadChunk::default())) };
     let status = test.jobs().upload_program(futures_util::stream::iter([chunk])).await.unwrap_err();
@@ -105,7 +105,7 @@ async fn uploads_that_cannot_be_are_refused() {
     let status = test.jobs().upload_program(futures_util::stream::iter([])).await.unwrap_err();
     assert_eq!(told(&status).2, ["header"]);
 
-    let header = UploadHeader { sha256: sha256(b"12"), size_bytes: 2, offset: 0 };
+    let header = UploadHeader { sha256: sha256(b"12"), program_bytes: 2, offset: 0 };
     let too_much = UploadChunk { offset: 0, data: b"123".to_vec().into() };
     let messages = [
         UploadProgramRequest { message: Some(Message::Header(header)) },

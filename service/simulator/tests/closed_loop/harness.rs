@@ -46,8 +46,8 @@ struct Stored {
     sequence: u64,
     time_ns: Vec<u64>,
     pairs: [Option<[Vec<f64>; 2]>; 3],
-    angle_rad: Vec<f64>,
-    rpm: Vec<f64>,
+    angle_deg: Vec<f64>,
+    rev_per_min: Vec<f64>,
     contact: Vec<bool>,
 }
 
@@ -72,14 +72,14 @@ pub struct Live {
 }
 
 /// Runs a program on a mill with 0.2 s of idling before, to its end or to where an escalation holds the feed.
-pub fn run(program: &'static str, rpm: f64, description: Description, monitoring: MonitoringConfig) -> Live {
-    run_on(MachineProfile::mill(), program, rpm, description, monitoring)
+pub fn run(program: &'static str, rev_per_min: f64, description: Description, monitoring: MonitoringConfig) -> Live {
+    run_on(MachineProfile::mill(), program, rev_per_min, description, monitoring)
 }
 
 pub fn run_on(
     profile: MachineProfile,
     program: &'static str,
-    rpm: f64,
+    rev_per_min: f64,
     description: Description,
     monitoring: MonitoringConfig,
 ) -> Live {
@@ -93,8 +93,8 @@ pub fn run_on(
         truth: Vec::new(),
         log: Vec::new(),
     };
-    live.note(Event::ProgrammedSpindle { rpm });
-    live.listen(|machine, sink| machine.idle(0.2, rpm, sink).unwrap());
+    live.note(Event::ProgrammedSpindle { rev_per_min });
+    live.listen(|machine, sink| machine.idle(0.2, rev_per_min, sink).unwrap());
     live.follow();
     live
 }
@@ -209,8 +209,8 @@ impl Stored {
             sequence: batch.sequence,
             time_ns: batch.time_ns.to_vec(),
             pairs: [batch.tool, batch.work, batch.commanded].map(pair),
-            angle_rad: batch.spindle_angle_rad.unwrap().to_vec(),
-            rpm: batch.spindle_rpm.unwrap().to_vec(),
+            angle_deg: batch.spindle_angle_deg.unwrap().to_vec(),
+            rev_per_min: batch.spindle_rev_per_min.unwrap().to_vec(),
             contact: batch.contact.unwrap().to_vec(),
         }
     }
@@ -223,8 +223,8 @@ impl Stored {
             tool,
             work,
             commanded,
-            spindle_angle_rad: Some(&self.angle_rad),
-            spindle_rpm: Some(&self.rpm),
+            spindle_angle_deg: Some(&self.angle_deg),
+            spindle_rev_per_min: Some(&self.rev_per_min),
             contact: Some(&self.contact),
         }
     }

@@ -25,7 +25,7 @@ pub struct Path {
 
 impl Path {
     /// Adds periods at a steady feed along a direction and a steady speed.
-    pub fn add(&mut self, periods: usize, feed: f64, rpm: f64, direction: [f64; 2]) -> &mut Self {
+    pub fn add(&mut self, periods: usize, feed: f64, rev_per_min: f64, direction: [f64; 2]) -> &mut Self {
         for _ in 0..periods {
             let step = feed / 60_000.0;
             for (axis, component) in self.axes.iter_mut().zip(direction) {
@@ -33,7 +33,7 @@ impl Path {
             }
             self.path.push(self.path.last().map_or(0.0, |last| last + step));
             self.feed.push(feed);
-            self.angle_deg.push(self.angle_deg.last().map_or(0.0, |last| last + rpm * 0.006));
+            self.angle_deg.push(self.angle_deg.last().map_or(0.0, |last| last + rev_per_min * 0.006));
             self.line.push(1);
         }
         self
@@ -64,8 +64,8 @@ pub struct Log {
     pub tool: [Vec<f64>; 2],
     pub work: [Vec<f64>; 2],
     pub commanded: [Vec<f64>; 2],
-    pub angle_rad: Vec<f64>,
-    pub rpm: Vec<f64>,
+    pub spindle_angle_deg: Vec<f64>,
+    pub rev_per_min: Vec<f64>,
     pub contact: Vec<bool>,
 }
 
@@ -82,15 +82,15 @@ impl Log {
                 to[1].extend(pair.y);
             }
         }
-        self.angle_rad.extend(batch.spindle_angle_rad.unwrap());
-        self.rpm.extend(batch.spindle_rpm.unwrap());
+        self.spindle_angle_deg.extend(batch.spindle_angle_deg.unwrap());
+        self.rev_per_min.extend(batch.spindle_rev_per_min.unwrap());
         self.contact.extend(batch.contact.unwrap());
     }
 
     /// Every number as its bits: equal means identical.
     pub fn bits(&self) -> Vec<u64> {
         let pairs = self.tool.iter().chain(&self.work).chain(&self.commanded);
-        let columns = pairs.chain([&self.angle_rad, &self.rpm]);
+        let columns = pairs.chain([&self.spindle_angle_deg, &self.rev_per_min]);
         let mut bits: Vec<u64> = columns.flatten().map(|value| value.to_bits()).collect();
         bits.extend(self.sequence.iter().chain(&self.time_ns));
         bits.extend(self.contact.iter().map(|&contact| u64::from(contact)));

@@ -127,8 +127,8 @@ async fn prove(stage: &mut Stage, client: &Client, run: &Drive, heard: &[Decisio
         end.state() == RunState::Finished && replayed.identical && replayed.digest == end.digest,
         &format!(
             "replayed from the log: {} decisions and {} setpoints are the same, SHA-256 {}…",
-            replayed.decisions,
-            count(replayed.setpoints),
+            replayed.decision_count,
+            count(replayed.setpoint_count),
             replayed.digest.get(..16).unwrap_or_default()
         ),
     )?;

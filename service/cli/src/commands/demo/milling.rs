@@ -26,7 +26,7 @@ const EXACT: &str = "G61";
 const TOLERANCE_MM: f64 = 0.02;
 /// Feed hold, for a second, and then one and a half times the feed.
 const HOLD: (u64, u64) = (2_000, 3_000);
-const FASTER_PERCENT: f64 = 150.0;
+const FASTER: f64 = 1.5;
 
 /// All of them; the pictures drawn.
 pub(super) async fn all(stage: &mut Stage, client: &mut Client, out: &Path) -> Result<Vec<PathBuf>, CliError> {
@@ -120,8 +120,8 @@ async fn override_feed(
     plain: &[SetpointBlock],
 ) -> Result<(), CliError> {
     stage.step("The feed override is part of the plan")?;
-    let change = |index, percent| FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent };
-    let (blocks, _) = read(client, &rounded.job, 0, vec![change(HOLD.0, 0.0), change(HOLD.1, FASTER_PERCENT)]).await?;
+    let change = |index, ratio| FeedOverrideChange { at: Some(At::SetpointIndex(index)), ratio: Some(ratio) };
+    let (blocks, _) = read(client, &rounded.job, 0, vec![change(HOLD.0, 0.0), change(HOLD.1, FASTER)]).await?;
     let rows = HOLD.0 as usize;
     stage.check(
         bits(&blocks, 0).take(rows).eq(bits(plain, 0).take(rows)),
@@ -139,7 +139,7 @@ async fn override_feed(
 fn draw(profile: &MachineProfile, out: &Path) -> Result<Vec<PathBuf>, CliError> {
     let path = out.join(NAME);
     std::fs::write(&path, CONTOUR).map_err(|error| CliError::file(&path, &error))?;
-    let overrides = [(HOLD.0, 0.0), (HOLD.1, FASTER_PERCENT / 100.0)];
+    let overrides = [(HOLD.0, 0.0), (HOLD.1, FASTER)];
     let overrides = overrides.map(|(index, ratio)| OverrideChange { index, ratio }).to_vec();
     let config = Arc::new(PipelineConfig { overrides, ..PipelineConfig::new(profile.clone()) });
     let mut source = Source::of_text(NAME, CONTOUR)?;

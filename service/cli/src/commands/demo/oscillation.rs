@@ -44,8 +44,8 @@ const RAMP_MM: f64 = 2.0;
 /// Amplitudes of the condition, mm.
 const FEED_MM: f64 = 0.4;
 const AXIAL_MM: f64 = 0.03;
-/// Feed override while it runs: setpoint and percentage.
-const OVERRIDES: [(u64, f64); 3] = [(4_000, 40.0), (9_000, 0.0), (10_000, 150.0)];
+/// Feed override while it runs: setpoint and ratio.
+const OVERRIDES: [(u64, f64); 3] = [(4_000, 0.4), (9_000, 0.0), (10_000, 1.5)];
 
 /// All of them; the files written.
 pub(super) async fn all(stage: &mut Stage, client: &mut Client, out: &Path) -> Result<Vec<PathBuf>, CliError> {
@@ -235,7 +235,7 @@ async fn follow(stage: &mut Stage, client: &mut Client, checked: &Checked) -> Re
         ),
     )?;
     stage.check(found.beyond_mm < 1e-9, "the tool never passes the ends of the cut in the feed direction")?;
-    let change = |(index, percent)| FeedOverrideChange { at: Some(At::SetpointIndex(index)), percent };
+    let change = |(index, ratio)| FeedOverrideChange { at: Some(At::SetpointIndex(index)), ratio: Some(ratio) };
     let (blocks, _) = read(client, &checked.job, 0, OVERRIDES.map(change).to_vec()).await?;
     let found = followed(&blocks);
     stage.check(

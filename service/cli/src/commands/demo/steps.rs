@@ -178,7 +178,7 @@ async fn trap(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> {
     stage.check(!chip.broken && chip.min_amplitude_mm.is_none(), "no amplitude would break the chip")?;
     let thickness = number(chip.largest_thickness_mm, 4);
     stage.check(
-        (chip.largest_thickness_mm - chip.feed_per_rev_mm).abs() < 1e-9,
+        (chip.largest_thickness_mm - chip.feed_mm_per_rev).abs() < 1e-9,
         &format!("the chip is {thickness} mm thick everywhere: the feed per revolution"),
     )?;
     stage.check(checked.finding(UNBROKEN).is_some(), &format!("the service says so: {UNBROKEN}"))

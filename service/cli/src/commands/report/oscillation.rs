@@ -47,7 +47,7 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
             number(section.period_s * 1e3, 5),
             section.periods_per_rev,
             number(section.edges_per_period, 4),
-            number(section.feed_per_period_mm, 4)
+            number(section.feed_mm_per_period, 4)
         ),
     );
     rows.row(

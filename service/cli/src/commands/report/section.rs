@@ -126,7 +126,7 @@ fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
         format!(
             "{} rev/min, feed {} mm/rev{}: D = {:.3} vibrations per revolution, Q = 2A/f = {}",
             number(chip.spindle_rev_per_min, 6),
-            number(chip.feed_per_rev_mm, 4),
+            number(chip.feed_mm_per_rev, 4),
             if feed_override == 1.0 {
                 String::new()
             } else {
@@ -203,7 +203,7 @@ fn spans(rows: &mut Rows, spans: &[ChipSpan]) {
         vec![
             lines(span.first_line, span.last_line),
             number(span.length_mm, 4),
-            number(span.feed_per_rev_mm, 4),
+            number(span.feed_mm_per_rev, 4),
             number(span.spindle_rev_per_min, 5),
             format!("{:.3}", span.vibrations_per_rev),
             if span.broken { "breaks" } else { "unbroken" }.to_owned(),

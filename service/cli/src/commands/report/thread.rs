@@ -15,7 +15,7 @@ const LISTED_PASSES: usize = 40;
 pub(super) fn section_text(position: usize, section: &ThreadSectionReport, style: Style) -> String {
     let switched = section.on_line.map_or_else(
         || "without vibration".to_owned(),
-        |line| match section.ratio {
+        |line| match section.amplitude_ratio {
             Some(ratio) => format!("vibration on in line {line}, ratio {}", number(ratio, 4)),
             None => format!("vibration on in line {line}"),
         },
@@ -187,7 +187,10 @@ fn chip_cells(chip: &ThreadChip) -> [String; 4] {
 
 fn ratio_row(rows: &mut Rows, report: &ThreadReport) {
     let part = |ratio: Option<f64>, what: &str| ratio.map(|ratio| format!("{} {what}", number(ratio, 4)));
-    let parts = [part(report.least_ratio, "for the depth"), part(report.least_section_ratio, "for the full section")];
+    let parts = [
+        part(report.least_amplitude_ratio, "for the depth"),
+        part(report.least_section_amplitude_ratio, "for the full section"),
+    ];
     let parts: Vec<_> = parts.into_iter().flatten().collect();
     if !parts.is_empty() {
         rows.row("least ratio", format!("amplitude over infeed from {} on", parts.join(" and ")));

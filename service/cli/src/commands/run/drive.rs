@@ -188,17 +188,17 @@ impl Drive {
     /// Idles until the monitoring waits for contact: baseline, then the steps of the run-up.
     pub(in crate::commands) async fn idle(
         &mut self,
-        baseline_rpm: f64,
-        run_up_rpm: &[f64],
+        baseline_rev_per_min: f64,
+        run_up_rev_per_min: &[f64],
         on: OnDecision<'_>,
     ) -> Result<(), CliError> {
         let mut slices = 0_usize;
         while self.summary.end.is_none() {
             let rpm = match self.state {
-                MonitorState::Baseline => baseline_rpm,
+                MonitorState::Baseline => baseline_rev_per_min,
                 // Speeds in turn: each step collects what belongs to it.
                 MonitorState::IdleRunUp => {
-                    run_up_rpm.get(slices % run_up_rpm.len().max(1)).copied().unwrap_or_default()
+                    run_up_rev_per_min.get(slices % run_up_rev_per_min.len().max(1)).copied().unwrap_or_default()
                 }
                 _ => return Ok(()),
             };
@@ -351,8 +351,8 @@ fn batch_to_proto(batch: &Batch<'_>) -> TelemetryBatch {
         tool: pair(batch.tool),
         work: pair(batch.work),
         commanded: pair(batch.commanded),
-        spindle_angle_rad: batch.spindle_angle_rad.unwrap_or_default().to_vec(),
-        spindle_rpm: batch.spindle_rpm.unwrap_or_default().to_vec(),
+        spindle_angle_deg: batch.spindle_angle_deg.unwrap_or_default().to_vec(),
+        spindle_rev_per_min: batch.spindle_rev_per_min.unwrap_or_default().to_vec(),
         contact: batch.contact.unwrap_or_default().to_vec(),
     }
 }

@@ -25,8 +25,8 @@ pub(super) struct MachineArgs {
     #[arg(long, value_name = "FIRST-LAST:DEPTH", requires = "simulate", value_parser = cut)]
     cut: Vec<Cut>,
     /// Spindle speed at which the machine idles for the baseline, rev/min
-    #[arg(long, value_name = "RPM", default_value_t = 1000.0, requires = "simulate", value_parser = speed)]
-    pub(super) idle_rpm: f64,
+    #[arg(long = "idle-rpm", value_name = "RPM", default_value_t = 1000.0, requires = "simulate", value_parser = speed)]
+    pub(super) idle_rev_per_min: f64,
 }
 
 /// Lines in which the tool cuts, and how deep.

@@ -77,7 +77,7 @@ impl Summary {
         if let Some(end) = &self.end {
             let state = end.state().as_str_name().trim_start_matches("RUN_STATE_").to_lowercase();
             let why = if end.message.is_empty() { String::new() } else { format!(" ({})", end.message) };
-            let (setpoints, seconds) = (end.setpoints, time_s(end.setpoints));
+            let (setpoints, seconds) = (end.setpoint_count, time_s(end.setpoint_count));
             let _ =
                 writeln!(text, "{run}: {state}{why}: {setpoints} setpoints, {seconds:.3} s, SHA-256 {}", end.digest);
         }

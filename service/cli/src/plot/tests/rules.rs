@@ -90,15 +90,19 @@ fn five_axis(interpolated_direction_tolerance_deg: Option<f64>) -> Vec<Figure> {
 fn lobes() -> Figure {
     let limit = |speed: f64| 4.0 + 3.0 * (speed / 300.0).sin();
     let speeds = || (0..200).map(|step| 2_000.0 + 50.0 * f64::from(step));
-    let point = |speed_rpm: f64| StabilityPoint {
-        speed_rpm,
-        limit_mm: (speed_rpm < 11_000.0).then(|| limit(speed_rpm)),
-        chatter_hz: 600.0 + 0.01 * speed_rpm,
+    let point = |spindle_rev_per_min: f64| StabilityPoint {
+        spindle_rev_per_min,
+        limit_mm: (spindle_rev_per_min < 11_000.0).then(|| limit(spindle_rev_per_min)),
+        chatter_hz: 600.0 + 0.01 * spindle_rev_per_min,
         ..StabilityPoint::default()
     };
-    let pocket = |speed_rpm: f64| StabilityPocket {
-        band: Some(SpindleBand { above_rpm: speed_rpm - 1_000.0, up_to_rpm: speed_rpm + 1_000.0, speed_rpm }),
-        stable_mm: Some(0.8 * limit(speed_rpm)),
+    let pocket = |spindle_rev_per_min: f64| StabilityPocket {
+        band: Some(SpindleBand {
+            above_rev_per_min: spindle_rev_per_min - 1_000.0,
+            up_to_rev_per_min: spindle_rev_per_min + 1_000.0,
+            spindle_rev_per_min,
+        }),
+        stable_mm: Some(0.8 * limit(spindle_rev_per_min)),
     };
     let lobes = StabilityLobes {
         search: Some(PocketSearch { margin: Some(0.15), ..PocketSearch::default() }),

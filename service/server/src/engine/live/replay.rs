@@ -50,7 +50,7 @@ impl Engine {
         check_changes(&overrides, &feeds, &mut differences)?;
         let stored_digest = run.setpoints.digest.filter(|_| config.is_some());
         let mut response = ReplayRunResponse {
-            decisions,
+            decision_count: decisions,
             stored_digest: stored_digest.map_or_else(String::new, hex),
             ..ReplayRunResponse::default()
         };
@@ -63,7 +63,7 @@ impl Engine {
                 false,
                 proto::Encoding::PackedDouble,
             );
-            let plan = LivePlan { config, columns, first_index: run.setpoints.sent, clock_ns: None };
+            let plan = LivePlan { config, columns, first_index: run.setpoints.sent, sensor_time_ns: None };
             let setpoints = self.generator(detail, plan, Feed::new(&overrides)?.changes());
             let draining = inner.draining.clone();
             let generated = inner.tasks.spawn_blocking(move || {
@@ -77,7 +77,7 @@ impl Engine {
             differences.require(stored_digest.is_none_or(|stored| stored == digest), || {
                 format!("the digest of the first {count} setpoints differs")
             });
-            response.setpoints = count;
+            response.setpoint_count = count;
             response.digest = hex(digest);
         }
         response.identical = differences.0.is_empty();

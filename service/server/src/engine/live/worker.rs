@@ -300,7 +300,7 @@ impl Worker {
         let Some((state, message)) = end else { return Ok(()) };
         let digest = setpoints.digest.unwrap_or_default().iter().map(|byte| format!("{byte:02x}")).collect();
         let state = crate::api::run_state_to_proto(state).into();
-        self.tell(Message::Ended(proto::RunEnded { state, message, setpoints: progress.sent, digest }), None)
+        self.tell(Message::Ended(proto::RunEnded { state, message, setpoint_count: progress.sent, digest }), None)
     }
 
     fn tell(&self, message: Message, place: Option<OwnedSemaphorePermit>) -> Result<()> {
