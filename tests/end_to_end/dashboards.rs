@@ -15,12 +15,12 @@ async fn jobs_and_their_reports_are_the_messages_of_the_contract_as_json() {
     let job = clients.submit(SHAFT).await.job;
     let web = server.web();
 
-    let list = web.get("/v1/jobs?state=ready").await;
+    let list = web.get("/v1/jobs?states=ready").await;
     assert_eq!((list.status, list.header("content-type")), (StatusCode::OK, "application/json"));
     let list = list.json();
     assert_eq!(list["jobs"][0]["name"], job.name);
     assert_eq!(list["jobs"][0]["state"], "JOB_STATE_READY");
-    assert_eq!(web.get("/v1/jobs?state=rejected").await.json()["jobs"].as_array().map_or(0, Vec::len), 0);
+    assert_eq!(web.get("/v1/jobs?states=rejected").await.json()["jobs"].as_array().map_or(0, Vec::len), 0);
 
     let one = web.get(&format!("/v1/{}", job.name)).await.json();
     assert_eq!(one["machine"], "machines/lathe");
@@ -51,7 +51,8 @@ async fn what_has_not_changed_is_not_sent_again_and_cursors_name_what_is_new() {
         assert_eq!((again.status, again.body.len()), (StatusCode::NOT_MODIFIED, 0), "{path}");
     }
     let before = web.get("/v1/events").await.json();
-    let cursor = before["nextAfter"].as_str().expect("a cursor").to_owned();
+    let last = before["events"].as_array().and_then(|events| events.last()).expect("an event");
+    let cursor = last["sequence"].as_str().expect("a cursor").to_owned();
     let old_tag = web.get("/v1/jobs").await.header("etag").to_owned();
 
     let job = clients.submit("G0 X2. Z1.\nM30\n").await.job;
@@ -68,7 +69,7 @@ async fn what_cannot_be_answered_is_refused_in_the_same_vocabulary() {
     let server = Server::start(FEEDWAVE).await;
     let web = server.web();
     let cases = [
-        ("/v1/jobs?page_size=many&colour=red", StatusCode::BAD_REQUEST),
+        ("/v1/jobs?pageSize=many&colour=red", StatusCode::BAD_REQUEST),
         ("/v1/jobs/7", StatusCode::BAD_REQUEST),
         ("/v1/jobs/01900000-0000-7000-8000-000000000001", StatusCode::NOT_FOUND),
         ("/v1/nothing", StatusCode::NOT_FOUND),

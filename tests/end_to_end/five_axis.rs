@@ -148,7 +148,7 @@ fn unit(a: Vec3) -> Vec3 {
 fn farthest(program: &str, machine: &Setpoints, directions: Directions) -> (f64, f64) {
     let places = places(program);
     let is_on = |line: usize| program.lines().nth(line - 1).is_some_and(|text| !text.starts_with('G'));
-    let columns = ["x_mm", "y_mm", "z_mm", "a_deg", "c_deg"].map(|name| machine.column(name));
+    let columns = ["X_mm", "Y_mm", "Z_mm", "A_deg", "C_deg"].map(|name| machine.column(name));
     let (mut before, mut line, mut start) = (0, 0, 0);
     let (mut off_mm, mut off_rad) = (0.0_f64, 0.0_f64);
     for row in 0..machine.len() {
@@ -210,11 +210,11 @@ async fn angles_and_vectors_are_thinned_and_lead_the_tool_along_the_path() {
         let of = |setpoints: &Setpoints, names: [&str; 3], row: usize| names.map(|name| setpoints.column(name)[row]);
         let guided = |row: &usize| (8..=program.lines().count() as u32 - 5).contains(&machine.lines[*row]);
         for row in (0..machine.len()).filter(guided) {
-            let axes = ["x_mm", "y_mm", "z_mm", "a_deg", "c_deg"].map(|name| machine.column(name)[row]);
+            let axes = ["X_mm", "Y_mm", "Z_mm", "A_deg", "C_deg"].map(|name| machine.column(name)[row]);
             let (tip, direction) = forward(axes);
             let (shown, shown_direction) = (
-                of(&work, ["x_mm", "y_mm", "z_mm"], row),
-                of(&work, ["tool_direction_x", "tool_direction_y", "tool_direction_z"], row),
+                of(&work, ["X_mm", "Y_mm", "Z_mm"], row),
+                of(&work, ["tool_direction_X", "tool_direction_Y", "tool_direction_Z"], row),
             );
             assert!(norm(sub(tip, shown)) < 1e-9, "setpoint {row}: {tip:?}, {shown:?}");
             assert!(norm(sub(direction, shown_direction)) < 1e-12, "setpoint {row}");

@@ -196,7 +196,25 @@ async fn events_tell_the_life_of_a_job_in_order() {
             .windows(2)
             .all(|pair| { pair[0].sequence < pair[1].sequence && pair[0].state() == pair[1].previous_state() })
     );
-    assert_eq!(events.next_after, events.events[2].sequence);
+    assert_eq!(events.next_page_token, "");
+
+    // The same in pages, and after a cursor.
+    let (mut paged, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = ListJobEventsRequest { job: job.name.clone(), page_size: 2, page_token, ..Default::default() };
+        let page = clients.jobs.list_job_events(request).await.unwrap().into_inner();
+        paged.extend(page.events);
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            break;
+        }
+        let elsewhere = ListJobEventsRequest { page_token: page_token.clone(), ..Default::default() };
+        assert_eq!(violated_fields(&clients.jobs.list_job_events(elsewhere).await.unwrap_err()), ["page_token"]);
+    }
+    assert_eq!(paged, events.events);
+    let after = events.events[0].sequence;
+    let request = ListJobEventsRequest { after, job: job.name.clone(), ..Default::default() };
+    assert_eq!(clients.jobs.list_job_events(request).await.unwrap().into_inner().events, events.events[1..]);
 }
 
 #[tokio::test]
@@ -281,6 +299,6 @@ async fn a_look_ahead_too_wide_for_checkpoints_only_makes_late_streams_begin_lat
     let request = StreamSetpointsRequest { job: job.name, start, ..StreamSetpointsRequest::default() };
     let setpoints = stream(&mut clients, request).await.unwrap();
     assert_eq!(setpoints.len() as u64, count - 131_500);
-    let end = setpoints.column("x_mm").last().copied().unwrap();
+    let end = setpoints.column("X_mm").last().copied().unwrap();
     assert!((end - 130.0).abs() < 1e-6, "{end}");
 }

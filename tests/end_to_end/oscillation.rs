@@ -96,7 +96,7 @@ fn retraction_mm(turns: f64) -> f64 {
 /// spindle angle; returns how many there are.
 #[track_caller]
 fn assert_in_step(setpoints: &Setpoints) -> usize {
-    let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));
+    let (x, z) = (setpoints.column("X_mm"), setpoints.column("Z_mm"));
     let path = setpoints.of_kind(ColumnKind::PathPosition);
     let spindle = setpoints.of_kind(ColumnKind::SpindleAngle);
     let start_mm = path.last().expect("setpoints") - LENGTH_MM;

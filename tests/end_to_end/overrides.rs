@@ -68,7 +68,7 @@ async fn the_feed_follows_the_override_and_the_path_does_not() {
     assert!(vibration[20_100..22_000].iter().any(|offset| *offset > 0.029));
 
     // It ends where the program says, to the last bit, and along the same path: z = 10 + 5·(x − 3) on line 6.
-    let (x, z) = (changed.column("x_mm"), changed.column("z_mm"));
+    let (x, z) = (changed.column("X_mm"), changed.column("Z_mm"));
     assert_eq!(x.last().copied().map(f64::to_bits), Some(SHAFT_END_X_MM.to_bits()));
     assert_eq!(z.last().copied().map(f64::to_bits), Some(SHAFT_END_Z_MM.to_bits()));
     assert_eq!(path.last(), plain.of_kind(ColumnKind::PathPosition).last());

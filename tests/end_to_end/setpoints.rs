@@ -35,7 +35,7 @@ async fn a_turning_program_comes_out_as_setpoints_that_end_where_it_says() {
     assert!(summary.limit_use.iter().all(|axis| axis.velocity_share <= 1.0), "{:?}", summary.limit_use);
 
     // The end, to the last bit.
-    let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));
+    let (x, z) = (setpoints.column("X_mm"), setpoints.column("Z_mm"));
     assert_eq!(x.last().copied().map(f64::to_bits), Some(SHAFT_END_X_MM.to_bits()));
     assert_eq!(z.last().copied().map(f64::to_bits), Some(SHAFT_END_Z_MM.to_bits()));
 
@@ -132,10 +132,10 @@ async fn columns_can_be_chosen_and_another_period_asked_for() {
     let columns = vec![ColumnKind::AxisPosition.into()];
     let axes = read(&mut clients, StreamSetpointsRequest { columns, ..request.clone() }).await;
     let names: Vec<&str> = axes.header.columns.iter().map(|column| column.name.as_str()).collect();
-    assert_eq!(names, ["x_mm", "z_mm"]);
+    assert_eq!(names, ["X_mm", "Z_mm"]);
     let slow = read(&mut clients, StreamSetpointsRequest { interpolation_period_us: 2_000, ..request }).await;
     assert_eq!(slow.header.period_us, 2000.0);
-    assert_eq!(slow.column("z_mm").last().copied(), Some(SHAFT_END_Z_MM));
+    assert_eq!(slow.column("Z_mm").last().copied(), Some(SHAFT_END_Z_MM));
     assert!(slow.len().abs_diff(axes.len() / 2) < 100, "{} and {}", slow.len(), axes.len());
 }
 

@@ -137,15 +137,15 @@ async fn ingest(server: &Server, job: &str, heard: &mut Heard, messages: usize) 
 
 async fn listed(server: &Server, run: &str) -> Vec<Decision> {
     let mut client = TelemetryClient::new(server.connect().await.channel);
-    let (mut all, mut after) = (Vec::new(), 0);
+    let (mut all, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = ListDecisionsRequest { run: run.to_owned(), after, page_size: 7, ..Default::default() };
+        let request = ListDecisionsRequest { run: run.to_owned(), page_token, page_size: 7, ..Default::default() };
         let page = client.list_decisions(request).await.expect("a page").into_inner();
-        if page.decisions.is_empty() {
+        all.extend(page.decisions);
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
             return all;
         }
-        after = page.next_after;
-        all.extend(page.decisions);
     }
 }
 

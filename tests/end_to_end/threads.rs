@@ -193,7 +193,7 @@ async fn work_setpoints(clients: &mut Clients, job: &str) -> Setpoints {
 
 /// The setpoints of one line: spindle angle, X on the radius, Z.
 fn of_line(setpoints: &Setpoints, line: u32) -> Vec<[f64; 3]> {
-    let (x, z) = (setpoints.column("x_mm"), setpoints.column("z_mm"));
+    let (x, z) = (setpoints.column("X_mm"), setpoints.column("Z_mm"));
     let angle_deg = setpoints.of_kind(ColumnKind::SpindleAngle);
     let rows = (0..setpoints.len()).filter(|row| setpoints.lines[*row] == line);
     rows.map(|row| [angle_deg[row], x[row], z[row]]).collect()

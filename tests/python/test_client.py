@@ -100,7 +100,7 @@ def test_setpoints_are_evenly_timed_and_end_on_the_programmed_point(cured):
     _, report, (header, columns, lines) = cured
     assert header.period_us == 1000.0 and header.first_index == 0
     assert len(lines) == header.setpoint_count == report.summary.setpoint_count
-    assert columns["x_mm"][-1] == 14.0 / 2 and columns["z_mm"][-1] == 23.5
+    assert columns["X_mm"][-1] == 14.0 / 2 and columns["Z_mm"][-1] == 23.5
     path = columns["path_position_mm"]
     assert all(later >= earlier for earlier, later in zip(path, path[1:]))
     # Line 0: where the machine is before the first block.
@@ -123,7 +123,7 @@ def test_the_vibration_is_a_sine_of_the_programmed_amplitude_and_frequency(cured
         expected = amplitude_mm * math.sin(2 * math.pi * CURED_FREQUENCY_HZ * sample * PERIOD_S)
         assert abs(offset[start + sample - 1] - expected) < 1e-9, sample
     # The displacement is along the path: the straight line from (3, 10) to (5, 20), back and forth.
-    x, z = columns["x_mm"], columns["z_mm"]
+    x, z = columns["X_mm"], columns["Z_mm"]
     length = math.hypot(2, 10)
     for index in (start + 5_000, start + 12_345):
         along = path[index] - path[start - 1] + offset[index]

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use feedwave_cutting::SetpointBlock;
 
-pub use columns::{AxisColumn, Column, Layout};
+pub use columns::{Column, Layout};
 pub use csv::CsvWriter;
 pub use file::{FileFormat, OutputFile, create};
 pub use parquet::ParquetWriter;

@@ -9,6 +9,7 @@
 pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
 pub mod code;
+pub mod columns;
 pub mod convert;
 pub mod delta;
 pub mod document;

@@ -126,3 +126,17 @@ fn run_ups_and_spectra() {
         ["spectrum.samples", "spectrum.min_frequency_hz", "spectrum.edges"]
     );
 }
+
+#[test]
+fn a_snapshot_with_limits_in_radians_is_continued_in_degrees() {
+    let with = |lower_deg, upper_deg| {
+        let mut config = config();
+        config.rules.spindle = SpindleRule::Turning { lower_deg, upper_deg, step: 0.05, min_concentration: 0.4 };
+        Monitor::new(config).expect("a possible configuration")
+    };
+    // The layout has not changed with the unit, only the version that the bytes begin with.
+    let mut bytes = with(-std::f64::consts::FRAC_PI_4, std::f64::consts::PI).snapshot().unwrap();
+    assert_eq!(std::mem::replace(&mut bytes[0], 4), 5);
+    let continued = Monitor::restore(&bytes).unwrap();
+    assert_eq!(continued.config(), with(-45.0, 180.0).config());
+}

@@ -17,7 +17,7 @@ mod tools;
 
 use std::sync::Arc;
 
-use feedwave_store::{PageRequest, Store, StoreError};
+use feedwave_store::{Page, PageRequest, Scope, Store, StoreError};
 use tonic::{Request, Response, Status};
 
 pub(crate) use decisions::decision_from_record;
@@ -87,6 +87,48 @@ fn page_request(violations: &mut Violations, page_size: i32, page_token: String)
         0
     });
     PageRequest { size, token: page_token }
+}
+
+/// A page of a log: records in the order of their sequence numbers, after a cursor.
+struct LogPage {
+    request: PageRequest,
+    scope: Scope,
+    /// Sequence number that the page begins after.
+    after: i64,
+}
+
+impl LogPage {
+    /// The page of the log `name` that a request with these filters asks for.
+    ///
+    /// # Errors
+    /// [`StoreError::InvalidPageToken`].
+    fn new(request: PageRequest, name: &str, after: u64, filters: &[&str]) -> Result<Self> {
+        let cursor_bytes = after.to_be_bytes();
+        let parts = [name.as_bytes(), &cursor_bytes].into_iter().chain(filters.iter().map(|filter| filter.as_bytes()));
+        let scope = Scope::of(parts);
+        let after = match scope.position(&request.token)? {
+            Some(position) => i64::from_be_bytes(position.try_into().map_err(|_| StoreError::InvalidPageToken)?),
+            None => cursor(after),
+        };
+        Ok(Self { request, scope, after })
+    }
+
+    /// Records to read: one more than the page has tells whether there is another.
+    fn limit(&self) -> u32 {
+        u32::try_from(self.request.bounded_size()).unwrap_or(u32::MAX - 1) + 1
+    }
+
+    /// The page of what was read, and the token of the next one.
+    fn cut<T>(&self, records: Vec<T>, sequence: impl Fn(&T) -> i64) -> (Vec<T>, String) {
+        let token = |last: &T| self.scope.token(&sequence(last).to_be_bytes());
+        let page = Page::cut(records, self.request.bounded_size(), token);
+        (page.items, page.next_token.unwrap_or_default())
+    }
+}
+
+/// A cursor of a log as the store counts; one beyond its range is beyond every record.
+fn cursor(after: u64) -> i64 {
+    i64::try_from(after).unwrap_or(i64::MAX)
 }
 
 /// An etag as the store wants it: empty means any.

@@ -84,12 +84,12 @@ type Answer = Result<Response, HttpError>;
 async fn list_jobs(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListJobsRequest {
-        page_size: query.number("page_size"),
-        page_token: query.text("page_token"),
-        states: query.states("state"),
+        page_size: query.number("pageSize"),
+        page_token: query.text("pageToken"),
+        states: query.states("states"),
         machine: query.text("machine"),
-        created_from: query.time("created_from"),
-        created_before: query.time("created_before"),
+        created_from: query.time("createdFrom"),
+        created_before: query.time("createdBefore"),
     };
     query.finish()?;
     Ok(message(&headers, &state.api.list_jobs(request).await?))
@@ -119,7 +119,8 @@ async fn list_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, he
     let mut query = Query::parse(raw.as_deref());
     let request = ListJobEventsRequest {
         after: query.number("after"),
-        page_size: query.number("page_size"),
+        page_size: query.number("pageSize"),
+        page_token: query.text("pageToken"),
         job: query.text("job"),
     };
     query.finish()?;
@@ -130,8 +131,8 @@ async fn list_runs(State(state): State<HttpState>, RawQuery(raw): RawQuery, head
     let mut query = Query::parse(raw.as_deref());
     let request = ListRunsRequest {
         job: query.text("job"),
-        page_size: query.number("page_size"),
-        page_token: query.text("page_token"),
+        page_size: query.number("pageSize"),
+        page_token: query.text("pageToken"),
     };
     query.finish()?;
     Ok(message(&headers, &state.api.list_runs(request).await?))
@@ -141,7 +142,8 @@ async fn list_decisions(State(state): State<HttpState>, RawQuery(raw): RawQuery,
     let mut query = Query::parse(raw.as_deref());
     let request = ListDecisionsRequest {
         after: query.number("after"),
-        page_size: query.number("page_size"),
+        page_size: query.number("pageSize"),
+        page_token: query.text("pageToken"),
         job: query.text("job"),
         run: query.text("run"),
     };

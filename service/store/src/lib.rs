@@ -37,7 +37,7 @@ pub use jobs::{
     StoredReport, UnknownJobState,
 };
 pub use machines::{MachineRecord, Machines};
-pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest};
+pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };

@@ -22,7 +22,9 @@ pub struct PageRequest {
 }
 
 impl PageRequest {
-    pub(crate) fn bounded_size(&self) -> usize {
+    /// Most records of the page.
+    #[must_use]
+    pub fn bounded_size(&self) -> usize {
         match self.size {
             0 => DEFAULT_PAGE_SIZE as usize,
             size => size.min(MAX_PAGE_SIZE) as usize,
@@ -46,10 +48,12 @@ const SCOPE_BYTES: usize = 16;
 
 /// What a page token belongs to: one list with its filters. A token carries a digest of its scope,
 /// so that it is refused elsewhere instead of silently skipping records.
-pub(crate) struct Scope([u8; SCOPE_BYTES]);
+#[derive(Debug)]
+pub struct Scope([u8; SCOPE_BYTES]);
 
 impl Scope {
-    pub(crate) fn of<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Self {
+    /// The scope of a list and its filters, told apart by their bytes.
+    pub fn of<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Self {
         let digest = Fingerprint::of(parts);
         let mut scope = [0; SCOPE_BYTES];
         scope.copy_from_slice(&digest.as_bytes()[..SCOPE_BYTES]);
@@ -57,12 +61,16 @@ impl Scope {
     }
 
     /// The token of the page after `position`, the place of its last record in the order of the list.
-    pub(crate) fn token(&self, position: &[u8]) -> String {
+    #[must_use]
+    pub fn token(&self, position: &[u8]) -> String {
         URL_SAFE_NO_PAD.encode([&self.0, position].concat())
     }
 
     /// The position in a token of this scope; `None` for the first page.
-    pub(crate) fn position(&self, token: &str) -> Result<Option<Vec<u8>>> {
+    ///
+    /// # Errors
+    /// `InvalidPageToken` where it is none.
+    pub fn position(&self, token: &str) -> Result<Option<Vec<u8>>> {
         if token.is_empty() {
             return Ok(None);
         }
@@ -81,7 +89,7 @@ impl Scope {
 impl<T> Page<T> {
     /// The page made of `items`, of which one more than `size` was asked for: that one tells whether
     /// there is a following page.
-    pub(crate) fn cut(mut items: Vec<T>, size: usize, token: impl FnOnce(&T) -> String) -> Self {
+    pub fn cut(mut items: Vec<T>, size: usize, token: impl FnOnce(&T) -> String) -> Self {
         let more = items.len() > size;
         items.truncate(size);
         let next_token = if more { items.last().map(token) } else { None };

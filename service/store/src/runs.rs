@@ -238,8 +238,10 @@ pub struct DecisionFilter {
     pub job_id: Option<Uuid>,
 }
 
-/// Most decisions that [`Runs::decisions_after`] returns at a time, and most gaps that are listed of a run.
-pub const MAX_DECISIONS: u32 = 500;
+/// Most gaps and conditions that are listed of a run.
+pub const MAX_LISTED: u32 = 500;
+/// Most decisions that [`Runs::decisions_after`] returns at a time.
+pub const MAX_DECISIONS: u32 = 1000;
 
 /// Keeps runs.
 #[async_trait]
@@ -287,7 +289,7 @@ pub trait Runs {
     /// `InvalidPageToken`, `Unavailable`.
     async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>>;
 
-    /// Conditions of a run in the order in which they were raised, at most [`MAX_DECISIONS`].
+    /// Conditions of a run in the order in which they were raised, at most [`MAX_LISTED`].
     ///
     /// # Errors
     /// `Unavailable`.
@@ -318,7 +320,7 @@ pub trait Runs {
     /// `Unavailable`.
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>>;
 
-    /// Missing batches of a run, by number, at most [`MAX_DECISIONS`].
+    /// Missing batches of a run, by number, at most [`MAX_LISTED`].
     ///
     /// # Errors
     /// `Unavailable`.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use feedwave_contract::columns::{self, Column};
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::machines_client::MachinesClient;
 use feedwave_contract::proto::runs_client::RunsClient;
@@ -11,11 +12,11 @@ use feedwave_contract::proto::threads_client::ThreadsClient;
 use feedwave_contract::proto::tools_client::ToolsClient;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
-    Column, ColumnInfo, ColumnKind, Encoding, GetJobRequest, GetReportRequest, GetUploadRequest, Job, JobState,
-    SetpointChunk, StreamHeader, UploadChunk, UploadHeader, UploadProgramRequest, ValidationReport, WatchJobsRequest,
+    ColumnInfo, ColumnKind, Encoding, GetJobRequest, GetReportRequest, GetUploadRequest, Job, JobState, SetpointChunk,
+    StreamHeader, UploadChunk, UploadHeader, UploadProgramRequest, ValidationReport, WatchJobsRequest,
 };
 use feedwave_contract::{MAX_MESSAGE_BYTES, delta};
-use feedwave_cutting::{ServoColumns, SetpointBlock};
+use feedwave_cutting::SetpointBlock;
 use sha2::{Digest, Sha256};
 use tonic::Status;
 use tonic::transport::{Channel, Endpoint};
@@ -25,7 +26,7 @@ use super::CliError;
 use super::source::Source;
 use super::terminal::{Unit, progress};
 use crate::client_tls::{ClientTls, chain};
-use crate::output::{AxisColumn, Layout};
+use crate::output::Layout;
 
 /// How long a connection may take.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -252,19 +253,17 @@ fn sha256_hex(source: &mut Source) -> Result<String, CliError> {
 /// Turns the chunks of a stream into setpoint blocks.
 #[derive(Debug)]
 pub(super) struct Decoder {
-    columns: Vec<ColumnInfo>,
-    axes: Vec<AxisColumn>,
+    columns: Vec<Column>,
+    infos: Vec<ColumnInfo>,
     encoding: Encoding,
     period_us: f64,
 }
 
 impl Decoder {
     pub(super) fn new(header: &StreamHeader) -> Self {
-        let axes = header.columns.iter().filter(|column| column.kind() == ColumnKind::AxisPosition);
-        let axes = axes.map(|column| AxisColumn { name: column.axis.clone(), rotary: column.unit == "deg" });
         Self {
-            axes: axes.collect(),
-            columns: header.columns.clone(),
+            columns: columns::of_header(&header.columns),
+            infos: header.columns.clone(),
             encoding: header.encoding(),
             period_us: header.period_us,
         }
@@ -272,20 +271,15 @@ impl Decoder {
 
     /// The columns of a file for this stream.
     pub(super) fn layout(&self) -> Layout {
-        let layout = Layout::new(&self.axes, self.period_us);
-        let has_direction = self.columns.iter().any(|column| column.kind() == ColumnKind::ToolDirection);
-        let layout = if has_direction { layout.with_tool_direction() } else { layout };
-        if self.has_servo_conditions() { layout.with_servo_conditions(&self.axes) } else { layout }
+        let known = self.columns.iter().filter(|column| column.kind != ColumnKind::Unspecified);
+        Layout::new(known.cloned().collect(), self.period_us)
     }
 
     /// Where the linear axes X and Y are among the axes, where there are both.
     pub(super) fn xy(&self) -> Option<[usize; 2]> {
-        let of = |name: &str| self.axes.iter().position(|axis| !axis.rotary && axis.name == name);
-        Some([of("X")?, of("Y")?])
-    }
-
-    fn has_servo_conditions(&self) -> bool {
-        self.columns.iter().any(|column| column.kind() == ColumnKind::ServoFrequency)
+        let linear = |column: &&Column| column.kind == ColumnKind::AxisPosition && column.unit == "mm";
+        let of = |name: &str| self.columns.iter().filter(linear).find(|column| column.axis == name);
+        Some([of("X")?.index, of("Y")?.index])
     }
 
     /// A chunk as a block; says what is wrong with a chunk that breaks the contract.
@@ -295,29 +289,16 @@ impl Decoder {
             return Err(format!("a chunk has {} columns instead of {}", chunk.columns.len(), self.columns.len()));
         }
         let mut block = SetpointBlock { first_index: chunk.first_index, ..SetpointBlock::default() };
-        let mut servo = ServoColumns::default();
-        for (info, column) in self.columns.iter().zip(&chunk.columns) {
-            let values = self.values(info, column);
+        for ((column, info), sent) in self.columns.iter().zip(&self.infos).zip(&chunk.columns) {
+            let values = match self.encoding {
+                Encoding::FixedPointDelta => delta::decode(&sent.deltas, info.resolution),
+                Encoding::PackedDouble | Encoding::Unspecified => sent.values.clone(),
+            };
             if values.len() != count {
                 return Err(format!("column {} has {} values instead of {count}", info.name, values.len()));
             }
-            match info.kind() {
-                ColumnKind::AxisPosition => block.axes.push(values),
-                ColumnKind::PathPosition => block.path_position_mm = values,
-                ColumnKind::Feed => block.feed_mm_per_min = values,
-                ColumnKind::VibrationOffset => block.vibration_offset_mm = values,
-                ColumnKind::SpindleAngle => block.spindle_angle_deg = values,
-                ColumnKind::ToolDirection => block.tool_direction.push(values),
-                ColumnKind::ServoAmplitude => servo.amplitude_mm.push(values),
-                ColumnKind::ServoFrequency => servo.frequency_hz = values,
-                ColumnKind::ServoPhase => servo.phase_turns = values,
-                ColumnKind::ServoClampLow => servo.clamp_low_mm.push(values),
-                ColumnKind::ServoClampHigh => servo.clamp_high_mm.push(values),
-                // A later version's column.
-                ColumnKind::Unspecified => {}
-            }
+            column.put(&mut block, values);
         }
-        block.servo = self.has_servo_conditions().then_some(servo);
         for run in &chunk.line_runs {
             block.line.extend(std::iter::repeat_n(run.line, (run.count as usize).min(count)));
         }
@@ -325,12 +306,5 @@ impl Decoder {
             return Err(format!("a chunk states the lines of {} setpoints instead of {count}", block.line.len()));
         }
         Ok(block)
-    }
-
-    fn values(&self, info: &ColumnInfo, column: &Column) -> Vec<f64> {
-        match self.encoding {
-            Encoding::FixedPointDelta => delta::decode(&column.deltas, info.resolution),
-            Encoding::PackedDouble | Encoding::Unspecified => column.values.clone(),
-        }
     }
 }

@@ -55,10 +55,10 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
                 Format::Json => print(&format!("{}\n", json::to_string(decision)))?,
             }
         }
-        if page.decisions.is_empty() {
-            return Ok(ExitCode::SUCCESS);
+        match page.decisions.last() {
+            Some(last) if !page.next_page_token.is_empty() => after = last.sequence,
+            _ => return Ok(ExitCode::SUCCESS),
         }
-        after = page.next_after;
     }
 }
 
@@ -67,7 +67,7 @@ pub(super) async fn page(client: &Client, of: &str, after: u64) -> Result<ListDe
     let of_run = of.starts_with("runs/");
     let name = if of.contains('/') { of.to_owned() } else { format!("jobs/{of}") };
     let (job, run) = if of_run { (String::new(), name) } else { (name, String::new()) };
-    let request = ListDecisionsRequest { after, page_size: PAGE, job, run };
+    let request = ListDecisionsRequest { after, page_size: PAGE, page_token: String::new(), job, run };
     let response = client.telemetry().list_decisions(request).await;
     Ok(response.map_err(|status| client.failed(&status))?.into_inner())
 }

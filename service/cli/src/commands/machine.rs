@@ -15,7 +15,6 @@ use feedwave_cutting::{DEFAULT_PERIOD_US, Frame, MAX_PERIOD_US, MIN_PERIOD_US, M
 use super::oscillation::OscillationArgs;
 use super::tools::ToolArgs;
 use super::{CliError, data_file};
-use crate::output::AxisColumn;
 
 /// Options that say which machine.
 #[derive(Clone, Debug, clap::Args)]
@@ -198,12 +197,6 @@ fn complete(
         }
     }
     Ok(completed)
-}
-
-/// The axis columns of a machine's setpoints.
-pub(super) fn axis_columns(profile: &MachineProfile) -> Vec<AxisColumn> {
-    let axes = profile.machine.axes.iter();
-    axes.map(|axis| AxisColumn { name: axis.name.clone(), rotary: axis.axis.is_rotary() }).collect()
 }
 
 #[cfg(test)]

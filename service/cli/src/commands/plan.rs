@@ -5,13 +5,14 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use feedwave_contract::columns::Extras;
 use feedwave_contract::convert::report_to_proto;
 use feedwave_cutting::ServoExpander;
 use feedwave_cutting::{Frame, GenerationMode, MAX_SERVO_SUBSTEPS, PipelineConfig, SetpointBlock, ValidationReport};
 use indicatif::ProgressBar;
 
 use super::local::Progress;
-use super::machine::{MachineArgs, axis_columns};
+use super::machine::MachineArgs;
 use super::overrides::OverrideArgs;
 use super::pictures::{self, FirstVibration};
 use super::source::Source;
@@ -191,15 +192,13 @@ fn write(
     path: &Path,
     format: FileFormat,
 ) -> Result<(), CliError> {
-    let axes = axis_columns(&config.profile);
     let divisor = substeps.unwrap_or(1);
-    let mut layout = Layout::new(&axes, f64::from(config.interpolation_period_us) / f64::from(divisor));
-    if config.frame == Frame::Work && config.profile.kinematics.is_some() {
-        layout = layout.with_tool_direction();
-    }
-    if config.generation_mode == GenerationMode::ServoSide && substeps.is_none() {
-        layout = layout.with_servo_conditions(&axes);
-    }
+    let extras = Extras {
+        conditions: config.generation_mode == GenerationMode::ServoSide && substeps.is_none(),
+        directions: config.frame == Frame::Work && config.profile.kinematics.is_some(),
+    };
+    let period_us = f64::from(config.interpolation_period_us) / f64::from(divisor);
+    let layout = Layout::of_machine(&config.profile.machine, extras, period_us);
     let from = args.from_time.map_or(args.from_index, |time_s| layout.index_at(time_s));
     let periods = report.summary.setpoint_count;
     let available = periods.saturating_sub(1) * u64::from(divisor) + u64::from(periods > 0);

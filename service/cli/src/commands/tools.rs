@@ -109,7 +109,7 @@ mod tests {
         }
     }
 
-    const CUTTER: &str = "[[tools]]\nnumber = 4\ndisplay_name = \"face mill\"\nlength_mm = 80.5\nmax_rev_per_min = 4000\n\
+    const CUTTER: &str = "[[tools]]\nnumber = 4\ndisplay_name = \"face mill\"\nlength_mm = 80.5\nmax_spindle_rev_per_min = 4000\n\
                           [tools.geometry]\nradius_mm = 60\nradial_edge_length_mm = 1.5\naxial_edge_height_mm = 5\n\
                           edges = [{angle_deg = 0, finishing = true}, {angle_deg = 180, axial_set_over_mm = 0.02}]\n";
 

@@ -67,7 +67,7 @@ impl<W: Write> SetpointWriter for CsvWriter<W> {
                 if position > 0 {
                     self.text.push(',');
                 }
-                match column.source {
+                match &column.source {
                     Source::Index => append(&mut self.text, index),
                     Source::Line => append(&mut self.text, block.line[row]),
                     Source::Time => append(&mut self.text, self.layout.time_s(index)),

@@ -36,7 +36,7 @@ enum Values {
 }
 
 impl Values {
-    fn of(source: Source) -> Self {
+    fn of(source: &Source) -> Self {
         match source {
             Source::Index => Self::Indices(Vec::new()),
             Source::Line => Self::Lines(Vec::new()),
@@ -67,7 +67,7 @@ impl<W: Write + Send> ParquetWriter<W> {
     /// # Errors
     /// When the underlying writer fails.
     pub fn new(inner: W, layout: Layout) -> io::Result<Self> {
-        let pending: Vec<Values> = layout.columns().iter().map(|column| Values::of(column.source)).collect();
+        let pending: Vec<Values> = layout.columns().iter().map(|column| Values::of(&column.source)).collect();
         let schema = schema(layout.columns(), &pending).map_err(io::Error::other)?;
         let properties = properties(layout.columns(), &pending).map_err(io::Error::other)?;
         let file = SerializedFileWriter::new(inner, schema, Arc::new(properties)).map_err(into_io)?;
@@ -142,7 +142,7 @@ fn schema(columns: &[Column], values: &[Values]) -> Result<TypePtr, ParquetError
 }
 
 fn properties(columns: &[Column], values: &[Values]) -> Result<WriterProperties, ParquetError> {
-    let units = columns.iter().map(|column| KeyValue::new(format!("unit:{}", column.name), column.unit.to_owned()));
+    let units = columns.iter().map(|column| KeyValue::new(format!("unit:{}", column.name), column.unit.clone()));
     let mut builder = WriterProperties::builder()
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
         .set_dictionary_enabled(false)

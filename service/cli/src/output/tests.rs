@@ -1,14 +1,24 @@
 use std::fs::File;
 use std::path::Path;
 
+use feedwave_contract::columns::Extras;
 use feedwave_cutting::SetpointBlock;
+use feedwave_motion::Machine;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 
-use super::{AxisColumn, FileFormat, Layout, create};
+use super::{FileFormat, Layout, create};
 
-fn axes() -> Vec<AxisColumn> {
-    vec![AxisColumn { name: "X".to_owned(), rotary: false }, AxisColumn { name: "C".to_owned(), rotary: true }]
+/// A machine with the axes X and C.
+fn machine() -> Machine {
+    let mut machine = Machine::lathe();
+    machine.axes[1].name = "C".to_owned();
+    machine.axes[1].axis = feedwave_program::Axis::C;
+    machine
+}
+
+fn layout(extras: Extras, period_us: f64) -> Layout {
+    Layout::of_machine(&machine(), extras, period_us)
 }
 
 #[allow(clippy::cast_precision_loss)]
@@ -28,7 +38,7 @@ fn block(first_index: u64, rows: u32) -> SetpointBlock {
 }
 
 fn write(path: &Path, format: FileFormat, blocks: &[SetpointBlock]) {
-    let mut writer = create(path, format, Layout::new(&axes(), 250.0)).unwrap();
+    let mut writer = create(path, format, layout(Extras::default(), 250.0)).unwrap();
     for block in blocks {
         writer.write(block, 0..block.len()).unwrap();
     }
@@ -90,7 +100,7 @@ fn an_unfinished_file_leaves_nothing_and_keeps_what_was_there() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.csv");
     std::fs::write(&path, "before").unwrap();
-    let mut writer = create(&path, FileFormat::Csv, Layout::new(&axes(), 1_000.0)).unwrap();
+    let mut writer = create(&path, FileFormat::Csv, layout(Extras::default(), 1_000.0)).unwrap();
     let block = block(0, 1_000);
     for _ in 0..10 {
         writer.write(&block, 0..1_000).unwrap();
@@ -102,23 +112,27 @@ fn an_unfinished_file_leaves_nothing_and_keeps_what_was_there() {
 
 #[test]
 fn servo_conditions_are_columns_of_their_own() {
-    let layout = Layout::new(&axes(), 1_000.0).with_servo_conditions(&axes());
+    let layout = layout(Extras { conditions: true, directions: false }, 1_000.0);
     let names: Vec<_> = layout.columns().iter().map(|column| column.name.as_str()).collect();
     assert_eq!(
-        names[9..],
+        names[8..],
         [
+            "X_vibration_amplitude_mm",
+            "C_vibration_amplitude_deg",
             "vibration_frequency_hz",
             "vibration_phase_turns",
-            "X_vibration_amplitude_mm",
             "X_clamp_low_mm",
-            "X_clamp_high_mm"
+            "C_clamp_low_deg",
+            "X_clamp_high_mm",
+            "C_clamp_high_deg",
+            "source_line"
         ]
     );
 }
 
 #[test]
 fn times_are_the_decimals_a_person_would_write_and_find_their_index() {
-    let layout = Layout::new(&axes(), 100.0);
+    let layout = layout(Extras::default(), 100.0);
     for index in [0, 1, 3, 7, 1_000_003] {
         let time_s = layout.time_s(index);
         assert_eq!(time_s, format!("{index}e-4").parse::<f64>().unwrap());

@@ -33,7 +33,7 @@ fn work_coordinates_are_the_tool_centre_point_and_its_direction() {
     let csv = stdout(&output);
     let header: Vec<_> = csv.lines().next().unwrap().split(',').collect();
     assert_eq!(header[2..7], ["X_mm", "Y_mm", "Z_mm", "A_deg", "C_deg"]);
-    assert_eq!(header[11..], ["source_line", "tool_direction_x", "tool_direction_y", "tool_direction_z"]);
+    assert_eq!(header[11..], ["tool_direction_X", "tool_direction_Y", "tool_direction_Z", "source_line"]);
 
     // Where each line of the program ends: words are modal.
     let program = std::fs::read_to_string(fixture("freeform.nc")).unwrap();
@@ -53,14 +53,14 @@ fn work_coordinates_are_the_tool_centre_point_and_its_direction() {
     // Thinned blocks: each setpoint is on the segment from the end of the kept block before to the end of its own.
     let (mut lines, mut farthest_mm, mut turned_deg) = (Vec::new(), 0.0_f64, 0.0_f64);
     for row in rows(&csv) {
-        let line = row[11] as usize;
+        let line = row[14] as usize;
         if !guided.contains(&line) {
             continue;
         }
         if lines.last() != Some(&line) {
             lines.push(line);
         }
-        let direction: [f64; 3] = std::array::from_fn(|axis| row[12 + axis]);
+        let direction: [f64; 3] = std::array::from_fn(|axis| row[11 + axis]);
         assert!((norm(direction) - 1.0).abs() < 1e-12);
         // v = Rz(C)·Rx(A)·z
         let ((a_sine, a_cosine), (c_sine, c_cosine)) = (row[5].to_radians().sin_cos(), row[6].to_radians().sin_cos());

@@ -87,7 +87,7 @@ pub fn stability_model_from_proto(
             let tangential_n_per_mm2 = needed("dynamics.tangential_n_per_mm2", tangential);
             let radial_ratio = needed("dynamics.radial_ratio", own.radial_ratio.or(tools.radial_ratio));
             let edges = cut.edge_count.or_else(|| tool.and_then(|tool| tool.edge_count));
-            needed("milling.edges", edges.map(f64::from));
+            needed("milling.edge_count", edges.map(f64::from));
             Some(StabilityModel::Milling(MillingModel {
                 modes_x: modes(&own.modes_x, &tools.modes_x),
                 modes_y: modes(&own.modes_y, &tools.modes_y),

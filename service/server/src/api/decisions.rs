@@ -10,7 +10,7 @@ use feedwave_store::{DecisionFilter, DecisionRecord, Store};
 use futures_util::{Stream, stream};
 use tokio::sync::watch;
 
-use super::{Api, page_request};
+use super::{Api, LogPage, cursor, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
 use crate::stored::decision_from_stored;
@@ -35,18 +35,14 @@ impl Api {
     /// As the contract says.
     pub async fn list_decisions(&self, request: ListDecisionsRequest) -> Result<ListDecisionsResponse> {
         let mut violations = Violations::default();
-        let size = page_request(&mut violations, request.page_size, String::new()).size;
+        let page = page_request(&mut violations, request.page_size, request.page_token);
         let filter = filter(&mut violations, &request.job, &request.run);
         violations.finish()?;
-        let limit = match size {
-            0 => feedwave_store::DEFAULT_PAGE_SIZE,
-            size => size.min(feedwave_store::MAX_DECISIONS),
-        };
-        let records = self.store.decisions_after(cursor(request.after), &filter, limit).await?;
-        Ok(ListDecisionsResponse {
-            next_after: records.last().map_or(request.after, |record| record.sequence.unsigned_abs()),
-            decisions: records.iter().map(decision_from_record).collect::<Result<_>>()?,
-        })
+        let page = LogPage::new(page, "decisions", request.after, &[&request.job, &request.run])?;
+        let records = self.store.decisions_after(page.after, &filter, page.limit()).await?;
+        let (records, next_page_token) = page.cut(records, |record| record.sequence);
+        let decisions = records.iter().map(decision_from_record).collect::<Result<_>>()?;
+        Ok(ListDecisionsResponse { decisions, next_page_token })
     }
 
     /// Decisions from a cursor on, without end.
@@ -74,11 +70,6 @@ fn filter(violations: &mut Violations, job: &str, run: &str) -> DecisionFilter {
     let job_id = if job.is_empty() { None } else { violations.check("job", names::parse_job(job)) };
     let run_id = if run.is_empty() { None } else { violations.check("run", names::parse_run(run)) };
     DecisionFilter { run_id, job_id }
-}
-
-/// A cursor as the store counts; one beyond its range is beyond every decision.
-fn cursor(after: u64) -> i64 {
-    i64::try_from(after).unwrap_or(i64::MAX)
 }
 
 /// Reads decisions as they come.

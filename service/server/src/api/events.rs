@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::jobs::state_to_proto;
-use super::{Api, page_request};
+use super::{Api, LogPage, cursor, page_request};
 use crate::error::{Result, Violations};
 
 /// Events read together for a watcher.
@@ -38,19 +38,13 @@ impl Api {
     /// As the contract says.
     pub async fn list_job_events(&self, request: ListJobEventsRequest) -> Result<ListJobEventsResponse> {
         let mut violations = Violations::default();
-        let size = page_request(&mut violations, request.page_size, String::new()).size;
+        let page = page_request(&mut violations, request.page_size, request.page_token);
         let job = event_filter(&mut violations, &request.job);
         violations.finish()?;
-        let limit = match size {
-            0 => feedwave_store::DEFAULT_PAGE_SIZE,
-            size => size.min(feedwave_store::MAX_PAGE_SIZE),
-        };
-        let after = cursor(request.after);
-        let events = self.store.events_after(after, job, limit).await?;
-        Ok(ListJobEventsResponse {
-            next_after: events.last().map_or(request.after, |event| event.sequence.unsigned_abs()),
-            events: events.iter().map(event_to_proto).collect(),
-        })
+        let page = LogPage::new(page, "events", request.after, &[&request.job])?;
+        let events = self.store.events_after(page.after, job, page.limit()).await?;
+        let (events, next_page_token) = page.cut(events, |event| event.sequence);
+        Ok(ListJobEventsResponse { events: events.iter().map(event_to_proto).collect(), next_page_token })
     }
 
     /// State changes from a cursor on, without end.
@@ -76,11 +70,6 @@ impl Api {
 
 fn event_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {
     if job.is_empty() { None } else { violations.check("job", names::parse_job(job)) }
-}
-
-/// A cursor as the store counts; one beyond its range is beyond every event.
-fn cursor(after: u64) -> i64 {
-    i64::try_from(after).unwrap_or(i64::MAX)
 }
 
 /// Reads events as they come.

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use feedwave_contract::columns::{self, Column, Extras};
 use feedwave_contract::{delta, proto};
 use feedwave_cutting::SetpointBlock;
 use feedwave_motion::Machine;
@@ -23,43 +24,12 @@ const USUAL_CHUNK_BYTES: usize = 256 << 10;
 /// Largest chunk, bytes as packed doubles: well below the 4 MiB that clients accept by default.
 const MAX_CHUNK_BYTES: usize = 2 << 20;
 
-/// Kinds that every stream has, in the order in which they are sent.
-const USUAL_KINDS: [Kind; 5] =
-    [Kind::AxisPosition, Kind::PathPosition, Kind::Feed, Kind::VibrationOffset, Kind::SpindleAngle];
-/// Kinds that conditions for the drives have in addition.
-const SERVO_KINDS: [Kind; 5] =
-    [Kind::ServoAmplitude, Kind::ServoFrequency, Kind::ServoPhase, Kind::ServoClampLow, Kind::ServoClampHigh];
-
-/// Axes of a vector in work coordinates.
-const VECTOR_AXES: [&str; 3] = ["x", "y", "z"];
-
-/// One column: its kind and, where the kind comes once per axis (of the machine, or of a vector), the axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct ColumnSource {
-    kind: Kind,
-    axis: usize,
-}
-
 /// The columns of a stream and their encoding.
 #[derive(Clone, Debug)]
 pub struct ColumnSet {
-    sources: Vec<ColumnSource>,
+    columns: Vec<Column>,
     infos: Vec<proto::ColumnInfo>,
-    /// Steps per unit of each column in fixed-point encoding.
-    steps_per_unit: Vec<f64>,
     encoding: proto::Encoding,
-}
-
-const fn is_per_axis(kind: Kind) -> bool {
-    matches!(kind, Kind::AxisPosition | Kind::ServoAmplitude | Kind::ServoClampLow | Kind::ServoClampHigh)
-}
-
-/// Steps per unit: a nanometre, a microdegree, a microhertz, a billionth of a turn or of a unit vector.
-const fn steps_per_unit(kind: Kind) -> f64 {
-    match kind {
-        Kind::ServoPhase | Kind::ToolDirection => 1e9,
-        _ => 1e6,
-    }
 }
 
 impl ColumnSet {
@@ -73,36 +43,24 @@ impl ColumnSet {
         directions: bool,
         encoding: proto::Encoding,
     ) -> Self {
-        let servo_kinds: &[Kind] = if conditions { &SERVO_KINDS } else { &[] };
-        let direction_kind = directions.then_some(Kind::ToolDirection);
-        let available: Vec<Kind> = USUAL_KINDS.iter().chain(servo_kinds).copied().chain(direction_kind).collect();
+        let extras = Extras { conditions, directions };
         for (index, value) in wanted.iter().enumerate() {
             let field = format!("columns[{index}]");
-            match Kind::try_from(*value) {
-                Ok(kind) if available.contains(&kind) => {}
-                Ok(kind) if SERVO_KINDS.contains(&kind) => {
+            match Kind::try_from(*value).ok().and_then(columns::needs) {
+                Some(needed) if needed.conditions && !conditions => {
                     violations.add(field, "only servo-side mode with conditions as its output has this column");
                 }
-                Ok(Kind::ToolDirection) => {
+                Some(needed) if needed.directions && !directions => {
                     violations.add(field, "only work coordinates of a machine with kinematics have this column");
                 }
-                _ => violations.add(field, format!("{value} is not a column")),
+                Some(_) => {}
+                None => violations.add(field, format!("{value} is not a column")),
             }
         }
-        let kinds = available.into_iter().filter(|kind| wanted.is_empty() || wanted.contains(&i32::from(*kind)));
-        let sources: Vec<ColumnSource> = kinds
-            .flat_map(|kind| {
-                let count = match kind {
-                    Kind::ToolDirection => VECTOR_AXES.len(),
-                    _ if is_per_axis(kind) => machine.axes.len(),
-                    _ => 1,
-                };
-                (0..count).map(move |axis| ColumnSource { kind, axis })
-            })
-            .collect();
-        let infos = sources.iter().map(|source| source.info(machine, encoding)).collect();
-        let steps_per_unit = sources.iter().map(|source| steps_per_unit(source.kind)).collect();
-        Self { sources, infos, steps_per_unit, encoding }
+        let mut columns = columns::of_machine(machine, extras);
+        columns.retain(|column| wanted.is_empty() || wanted.contains(&column.kind.into()));
+        let infos = columns.iter().map(|column| column.info(encoding)).collect();
+        Self { columns, infos, encoding }
     }
 
     /// What the header says about the columns.
@@ -114,58 +72,12 @@ impl ColumnSet {
     /// Setpoints per chunk when the client asks for `wanted`, 0 for no wish.
     #[must_use]
     pub fn chunk_size(&self, wanted: u32) -> usize {
-        let setpoint_bytes = 8 * self.sources.len().max(1);
+        let setpoint_bytes = 8 * self.columns.len().max(1);
         match wanted {
             0 => USUAL_CHUNK_SIZE.min(USUAL_CHUNK_BYTES / setpoint_bytes),
             wanted => (wanted as usize).min(MAX_CHUNK_BYTES / setpoint_bytes),
         }
         .max(1)
-    }
-}
-
-impl ColumnSource {
-    fn info(self, machine: &Machine, encoding: proto::Encoding) -> proto::ColumnInfo {
-        let axis = is_per_axis(self.kind).then(|| &machine.axes[self.axis]);
-        let axis_unit = if axis.is_some_and(|axis| axis.axis.is_rotary()) { "deg" } else { "mm" };
-        let axis_name = axis.map(|axis| axis.name.clone()).unwrap_or_default();
-        let lower = axis_name.to_ascii_lowercase();
-        let (name, unit) = match self.kind {
-            Kind::AxisPosition => (format!("{lower}_{axis_unit}"), axis_unit),
-            Kind::PathPosition => ("path_position_mm".to_owned(), "mm"),
-            Kind::Feed => ("feed_mm_per_min".to_owned(), "mm/min"),
-            Kind::VibrationOffset => ("vibration_offset_mm".to_owned(), "mm"),
-            Kind::SpindleAngle => ("spindle_angle_deg".to_owned(), "deg"),
-            Kind::ServoAmplitude => (format!("{lower}_amplitude_mm"), "mm"),
-            Kind::ServoFrequency => ("vibration_frequency_hz".to_owned(), "Hz"),
-            Kind::ServoPhase => ("vibration_phase_turns".to_owned(), "turns"),
-            Kind::ServoClampLow => (format!("{lower}_clamp_low_mm"), "mm"),
-            Kind::ServoClampHigh => (format!("{lower}_clamp_high_mm"), "mm"),
-            Kind::ToolDirection => (format!("tool_direction_{}", VECTOR_AXES[self.axis]), ""),
-            Kind::Unspecified => (String::new(), ""),
-        };
-        let resolution = match encoding {
-            proto::Encoding::FixedPointDelta => 1.0 / steps_per_unit(self.kind),
-            _ => 0.0,
-        };
-        proto::ColumnInfo { kind: self.kind.into(), name, axis: axis_name, unit: unit.to_owned(), resolution }
-    }
-
-    fn values(self, block: &SetpointBlock) -> &[f64] {
-        match (self.kind, &block.servo) {
-            (Kind::AxisPosition, _) => &block.axes[self.axis],
-            (Kind::PathPosition, _) => &block.path_position_mm,
-            (Kind::Feed, _) => &block.feed_mm_per_min,
-            (Kind::VibrationOffset, _) => &block.vibration_offset_mm,
-            (Kind::SpindleAngle, _) => &block.spindle_angle_deg,
-            (Kind::ToolDirection, _) => &block.tool_direction[self.axis],
-            (Kind::ServoAmplitude, Some(servo)) => &servo.amplitude_mm[self.axis],
-            (Kind::ServoFrequency, Some(servo)) => &servo.frequency_hz,
-            (Kind::ServoPhase, Some(servo)) => &servo.phase_turns,
-            (Kind::ServoClampLow, Some(servo)) => &servo.clamp_low_mm[self.axis],
-            (Kind::ServoClampHigh, Some(servo)) => &servo.clamp_high_mm[self.axis],
-            // Selection lets these through only where blocks have conditions.
-            (_, None) | (Kind::Unspecified, _) => &[],
-        }
     }
 }
 
@@ -220,13 +132,14 @@ impl<'a> ChunkWriter<'a> {
     fn append(&mut self, block: &SetpointBlock, rows: Range<usize>) {
         let columns = self.columns;
         let fixed_point = columns.encoding == proto::Encoding::FixedPointDelta;
-        for (index, (source, column)) in columns.sources.iter().zip(&mut self.chunk.columns).enumerate() {
-            let values = &source.values(block)[rows.clone()];
+        for (index, (column, into)) in columns.columns.iter().zip(&mut self.chunk.columns).enumerate() {
+            // Selection permits a column only where blocks have it.
+            let values = &column.values(block).unwrap_or_default()[rows.clone()];
             if fixed_point {
                 let last = &mut self.last_steps[index];
-                *last = delta::encode(values, columns.steps_per_unit[index], *last, &mut column.deltas);
+                *last = delta::encode(values, column.steps_per_unit, *last, &mut into.deltas);
             } else {
-                column.values.extend_from_slice(values);
+                into.values.extend_from_slice(values);
             }
         }
         let lines = &block.line[rows.clone()];
@@ -256,11 +169,11 @@ impl<'a> ChunkWriter<'a> {
         };
         self.chunk = proto::SetpointChunk {
             first_index,
-            columns: self.columns.sources.iter().map(|_| column()).collect(),
+            columns: self.columns.columns.iter().map(|_| column()).collect(),
             ..Default::default()
         };
         self.last_steps.clear();
-        self.last_steps.resize(self.columns.sources.len(), 0);
+        self.last_steps.resize(self.columns.columns.len(), 0);
     }
 }
 

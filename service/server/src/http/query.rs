@@ -1,4 +1,4 @@
-//! Query parameters as fields of a request: every wrong one is reported, unknown ones included.
+//! Query parameters as fields of a request, by their names in JSON: every wrong one is reported, unknown ones included.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -94,11 +94,11 @@ mod tests {
     #[test]
     fn parameters_become_fields() {
         let mut query = Query::parse(Some(
-            "page_size=7&state=ready&state=JOB_STATE_FAILED&created_from=2026-01-02T03:04:05Z&machine=machines%2Flathe",
+            "pageSize=7&states=ready&states=JOB_STATE_FAILED&createdFrom=2026-01-02T03:04:05Z&machine=machines%2Flathe",
         ));
-        assert_eq!(query.number::<i32>("page_size"), 7);
-        assert_eq!(query.states("state"), [i32::from(JobState::Ready), i32::from(JobState::Failed)]);
-        assert_eq!(query.time("created_from").unwrap().seconds, 1_767_323_045);
+        assert_eq!(query.number::<i32>("pageSize"), 7);
+        assert_eq!(query.states("states"), [i32::from(JobState::Ready), i32::from(JobState::Failed)]);
+        assert_eq!(query.time("createdFrom").unwrap().seconds, 1_767_323_045);
         assert_eq!(query.text("machine"), "machines/lathe");
         assert_eq!(query.number::<u64>("after"), 0);
         assert!(query.finish().is_ok());
@@ -106,12 +106,12 @@ mod tests {
 
     #[test]
     fn everything_wrong_is_reported_at_once() {
-        let mut query = Query::parse(Some("page_size=many&state=lost&created_from=yesterday&colour=red"));
-        query.number::<i32>("page_size");
-        query.states("state");
-        query.time("created_from");
+        let mut query = Query::parse(Some("pageSize=many&states=lost&createdFrom=yesterday&colour=red"));
+        query.number::<i32>("pageSize");
+        query.states("states");
+        query.time("createdFrom");
         let Err(Error::Invalid(violations)) = query.finish() else { panic!("accepted") };
         let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
-        assert_eq!(fields, ["page_size", "state", "created_from", "colour"]);
+        assert_eq!(fields, ["pageSize", "states", "createdFrom", "colour"]);
     }
 }

@@ -35,7 +35,7 @@ const FORMER: [Former; 21] = [
     renamed("IdleRunUp", "speedsRpm", "spindleRevPerMin"),
     renamed("SpindleBand", "aboveRpm", "aboveRevPerMin"),
     renamed("SpindleBand", "upToRpm", "upToRevPerMin"),
-    renamed("SpindleBand", "spindleRevPerMin", "spindleRevPerMin"),
+    renamed("SpindleBand", "speedRpm", "spindleRevPerMin"),
     renamed("PocketSearch", "lowestRpm", "lowestRevPerMin"),
     renamed("PocketSearch", "highestRpm", "highestRevPerMin"),
     renamed("Tool", "maxRevPerMin", "maxSpindleRevPerMin"),

@@ -52,7 +52,7 @@ async fn dashboards_poll_jobs_reports_events_and_state() {
     let job = test.ready(lathe_job(TURNING)).await;
     let id = job.name.strip_prefix("jobs/").unwrap();
 
-    let list = get(&test, "/v1/jobs?state=ready&machine=machines/lathe&page_size=10").await;
+    let list = get(&test, "/v1/jobs?states=ready&machine=machines/lathe&pageSize=10").await;
     assert_eq!(list.status, 200, "{}", list.body);
     assert_eq!(list.json()["jobs"][0]["name"], job.name);
     let one = get(&test, &format!("/v1/jobs/{id}")).await;
@@ -65,7 +65,7 @@ async fn dashboards_poll_jobs_reports_events_and_state() {
     assert_eq!(events.json()["events"].as_array().unwrap().len(), 2);
     let state = get(&test, "/v1/state").await;
     assert_eq!(state.json()["jobs"][0], serde_json::json!({ "state": "JOB_STATE_READY", "count": "1" }));
-    assert_eq!(state.json()["lastEvent"], events.json()["nextAfter"]);
+    assert_eq!(state.json()["lastEvent"], events.json()["events"][1]["sequence"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -93,7 +93,7 @@ async fn http_errors_are_statuses_in_json() {
     let missing = get(&test, "/v1/jobs/01900000-0000-7000-8000-000000000000").await;
     assert_eq!((missing.status, &missing.json()["code"]), (404, &serde_json::json!(5)));
     assert_eq!(get(&test, "/nothing").await.status, 404);
-    let wrong = get(&test, "/v1/jobs?colour=red&page_size=x").await;
+    let wrong = get(&test, "/v1/jobs?colour=red&pageSize=x").await;
     assert_eq!((wrong.status, &wrong.json()["code"]), (400, &serde_json::json!(3)));
     let post = http(&test, "POST", "/v1/jobs", "content-length: 0\r\n").await;
     assert_eq!((post.status, post.header("allow")), (405, "GET,HEAD"));

@@ -24,7 +24,7 @@ async fn the_stream_ends_on_the_programmed_end_point_and_tells_lines() {
     let job = test.ready(lathe_job(TURNING)).await;
     let (header, chunks) = test.collect(stream_of(&job)).await;
     let names: Vec<_> = header.columns.iter().map(|column| column.name.as_str()).collect();
-    let expected = ["x_mm", "z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
+    let expected = ["X_mm", "Z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
     assert_eq!(names, expected);
     let count: u64 = chunks.iter().map(|chunk| u64::from(chunk.count)).sum();
     assert_eq!(header.setpoint_count, Some(count));
@@ -117,7 +117,7 @@ async fn only_the_columns_wanted_are_sent() {
     let request = StreamSetpointsRequest { columns, frame: Frame::Work.into(), ..stream_of(&job) };
     let (header, chunks) = test.collect(request).await;
     let names: Vec<_> = header.columns.iter().map(|column| column.name.as_str()).collect();
-    assert_eq!(names, ["x_mm", "z_mm", "feed_mm_per_min"]);
+    assert_eq!(names, ["X_mm", "Z_mm", "feed_mm_per_min"]);
     assert!(chunks.iter().all(|chunk| chunk.columns.len() == 3));
 }
 

@@ -213,11 +213,11 @@ async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound_an
     let mut request = ListDecisionsRequest { run: run.clone(), page_size: 25, ..Default::default() };
     loop {
         let page = client.list_decisions(request.clone()).await.unwrap().into_inner();
-        if page.decisions.is_empty() {
+        listed.extend(page.decisions);
+        request.page_token = page.next_page_token;
+        if request.page_token.is_empty() {
             break;
         }
-        request.after = page.next_after;
-        listed.extend(page.decisions);
     }
     assert_eq!(listed, decisions);
     let watch = WatchDecisionsRequest { after: Some(0), job: job.name.clone(), run: String::new() };

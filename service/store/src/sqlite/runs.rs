@@ -15,8 +15,8 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest, Scope};
 use crate::runs::{
-    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit,
-    RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,
+    RunCommit, RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
 };
 
 /// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
@@ -340,7 +340,7 @@ impl Runs for SqliteStore {
     async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {
         let rows = sqlx::query("SELECT * FROM run_conditions WHERE run_id = ? ORDER BY decision_number LIMIT ?")
             .bind(id.to_string())
-            .bind(MAX_DECISIONS)
+            .bind(MAX_LISTED)
             .fetch_all(&mut *self.reader().await?)
             .await?;
         rows.iter().map(condition).collect()
@@ -408,7 +408,7 @@ impl Runs for SqliteStore {
     async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>> {
         let rows = sqlx::query("SELECT * FROM telemetry_gaps WHERE run_id = ? ORDER BY first_batch LIMIT ?")
             .bind(id.to_string())
-            .bind(MAX_DECISIONS)
+            .bind(MAX_LISTED)
             .fetch_all(&mut *self.reader().await?)
             .await?;
         let gap = |row: &SqliteRow| {

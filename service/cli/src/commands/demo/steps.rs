@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use feedwave_contract::columns::Extras;
 use feedwave_contract::convert::profile_to_proto;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
 use feedwave_contract::proto::stream_setpoints_request::Start;
@@ -305,8 +306,8 @@ async fn stream_all(
         &format!("the tool swings by ±{} mm of the ±{amplitude_mm} mm programmed", number(peak_mm, 3)),
     )?;
     let path = out.join("turning-demo-cured.csv");
-    let axes = super::super::machine::axis_columns(profile);
-    let layout = crate::output::Layout::new(&axes, f64::from(summary.interpolation_period_us));
+    let period_us = f64::from(summary.interpolation_period_us);
+    let layout = crate::output::Layout::of_machine(&profile.machine, Extras::default(), period_us);
     let failed = |error: std::io::Error| CliError::file(&path, &error);
     let mut writer = create(&path, FileFormat::Csv, layout).map_err(failed)?;
     for block in &blocks {

@@ -210,7 +210,7 @@ fn text(tool: &Tool) -> String {
         ("diameter", of(tool.diameter_mm.or(geometry.map(|geometry| 2.0 * geometry.radius_mm)), "mm")),
         ("nose radius", of(tool.nose_radius_mm, "mm")),
         ("edges", edges.map_or_else(String::new, |edges| edges.to_string())),
-        ("spindle", of(tool.max_rev_per_min, "rev/min at most")),
+        ("spindle", of(tool.max_spindle_rev_per_min, "rev/min at most")),
         ("dynamics", tool.dynamics.as_ref().map_or_else(String::new, |_| "known, for stability lobes".to_owned())),
         ("created", time(tool.create_time.as_ref())),
         ("changed", time(tool.update_time.as_ref())),

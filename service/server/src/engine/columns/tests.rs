@@ -37,7 +37,7 @@ fn names(set: &ColumnSet) -> Vec<&str> {
 #[test]
 fn without_a_wish_all_columns_are_sent_in_their_order() {
     let set = select(&[], false, proto::Encoding::PackedDouble).unwrap();
-    let default = ["x_mm", "z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
+    let default = ["X_mm", "Z_mm", "path_position_mm", "feed_mm_per_min", "vibration_offset_mm", "spindle_angle_deg"];
     assert_eq!(names(&set), default);
     let with_conditions = select(&[], true, proto::Encoding::PackedDouble).unwrap();
     assert_eq!(names(&with_conditions)[..6], default);
@@ -50,7 +50,7 @@ fn work_coordinates_of_a_five_axis_machine_have_the_tool_direction() {
     let encoding = proto::Encoding::PackedDouble;
     let set = ColumnSet::select(&mut violations, &[], &Machine::lathe(), false, true, encoding);
     assert!(violations.is_empty());
-    assert_eq!(names(&set)[6..], ["tool_direction_x", "tool_direction_y", "tool_direction_z"]);
+    assert_eq!(names(&set)[6..], ["tool_direction_X", "tool_direction_Y", "tool_direction_Z"]);
     let without = select(&[Kind::ToolDirection], false, encoding).unwrap_err();
     assert_eq!(without.as_slice()[0].field, "columns[0]");
 }
