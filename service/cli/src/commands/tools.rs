@@ -118,7 +118,7 @@ mod tests {
         let tools = read("t.toml", &format!("{CUTTER}[[tools]]\nnumber = 5\n"), &["7=100"]).unwrap();
         assert_eq!(tools.iter().map(|tool| tool.number).collect::<Vec<_>>(), [4, 5, 7]);
         assert_eq!((tools[0].display_name.as_str(), tools[0].length_mm), ("face mill", Some(80.5)));
-        assert_eq!((tools[0].max_rev_per_min, tools[2].length_mm), (Some(4_000.0), Some(100.0)));
+        assert_eq!((tools[0].max_spindle_rev_per_min, tools[2].length_mm), (Some(4_000.0), Some(100.0)));
         let geometry = tools[0].geometry.as_ref().unwrap();
         assert_eq!((geometry.edges.len(), geometry.radius_mm), (2, 60.0));
         assert!(geometry.edges[0].finishing && geometry.edges[1].axial_set_over_mm == 0.02);

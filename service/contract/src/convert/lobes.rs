@@ -202,7 +202,11 @@ impl StabilityModel {
         chart_speeds: Option<u32>,
     ) -> Result<proto::StabilityLobes, Violations> {
         let lobes = self.lobes().map_err(|problem| refused("model.", &problem))?;
-        let chart = lobes.chart(search.lowest_rev_per_min, search.highest_rev_per_min, chart_speeds.unwrap_or(Lobes::CHART_SPEEDS));
+        let chart = lobes.chart(
+            search.lowest_rev_per_min,
+            search.highest_rev_per_min,
+            chart_speeds.unwrap_or(Lobes::CHART_SPEEDS),
+        );
         let chart = chart.map_err(|problem| match &problem {
             LobeError::Value { .. } => refused("chart_", &problem),
             _ => refused("search.", &problem),
