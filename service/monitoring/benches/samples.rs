@@ -4,7 +4,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use feedwave_monitoring::{
     Batch, Event, Length, Monitor, MonitoringConfig, Pair, SpectrumConfig, SpikeFilter, SpindleRule, SpindleTable,
 };
-use std::f64::consts::TAU;
 use std::hint::black_box;
 
 /// Ten seconds at 20 kHz.
