@@ -42,8 +42,8 @@ pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
 pub use runs::{
-    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, NewDecision, NewRun, Run, RunCommit,
-    RunCondition, RunKind, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,
+    RunCommit, RunCondition, RunKind, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use store::{Database, Store};
