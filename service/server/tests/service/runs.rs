@@ -382,7 +382,7 @@ async fn an_abort_comes_to_rest_on_the_path_before_the_run_ends() {
     let mut run = LiveRun::begin(&mut client, &job.name).await;
     for sequence in 0..11 {
         let samples = sequence * 10..sequence * 10 + 10;
-        let angles = samples.map(|sample| sample as f64 * 0.7).collect();
+        let angles = samples.map(|sample| sample as f64 * 40.0).collect();
         run.telemetry(TelemetryBatch { spindle_angle_deg: angles, ..batch(sequence, 0.0) }).await;
     }
     let ended = loop {
