@@ -1,11 +1,13 @@
 //! The codes of the program language's findings.
 
+mod expression;
 mod motion;
 mod text;
 mod thread;
 mod tool;
 mod words;
 
+pub use self::expression::*;
 pub use self::motion::*;
 pub use self::text::*;
 pub use self::thread::*;
@@ -15,7 +17,7 @@ pub use self::words::*;
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 5] = [TEXT_CODES, WORDS_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES];
+pub const TABLES: [CodeTable; 6] = [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES];
 
 /// Whether the program language makes findings of this code.
 pub(crate) fn is_of_language(code: FindingCode) -> bool {

@@ -10,6 +10,8 @@ mod block;
 pub mod code;
 mod consequence;
 mod dialect;
+#[allow(dead_code, unused_imports, reason = "the block parser and control flow are about to read values through it")]
+mod expression;
 mod finding;
 mod foreign;
 mod guided;
@@ -34,7 +36,7 @@ pub use operation::{
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadMove,
 };
 pub use settings::{
-    DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
+    AngleRange, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
     MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
 };
 pub use state::InterpreterState;

@@ -17,6 +17,10 @@ const HAS_POINT: u32 = 1 << 16;
 /// Bit of [`Number::is_spaced`].
 const SPACED: u32 = 1 << 17;
 
+/// Bit of [`Number::is_computed`].
+#[allow(dead_code, reason = "words take it next")]
+const COMPUTED: u32 = 1 << 18;
+
 impl Number {
     /// Zero, as a placeholder in reused storage.
     pub(crate) const ZERO: Self = Self { value: 0.0, form: 0 };
@@ -26,6 +30,24 @@ impl Number {
         let digits = integer_digits.min(usize::from(u16::MAX)) as u32;
         let form = digits | if has_point { HAS_POINT } else { 0 } | if spaced { SPACED } else { 0 };
         Self { value, form }
+    }
+
+    /// The value of an expression, which is finite. It counts as written with a decimal point, so that it is never scaled, and with as
+    /// many digits before the point as it has.
+    #[must_use]
+    #[allow(dead_code, reason = "words take it next")]
+    pub(crate) fn computed(value: f64) -> Self {
+        let digits = value.abs().max(1.0).log10() as u32 + 1;
+        // Adding zero turns a negative zero into zero.
+        Self { value: value + 0.0, form: digits | HAS_POINT | COMPUTED }
+    }
+
+    /// Whether it is the value of an expression.
+    #[inline]
+    #[must_use]
+    #[allow(dead_code, reason = "words take it next")]
+    pub(crate) const fn is_computed(self) -> bool {
+        self.form & COMPUTED != 0
     }
 
     /// The nearest double; never NaN, infinite or negative zero.
@@ -145,6 +167,22 @@ pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
     Scan::new(at, read_long(&line[start..at], false))
 }
 
+/// Reads the number without a sign that starts at `start` in an expression, where a sign behind it is an operator.
+#[inline]
+pub(crate) fn scan_operand(line: &[u8], start: usize) -> Scan {
+    let mut end = start;
+    let mut at = start;
+    while let Some(&byte) = line.get(at) {
+        match byte {
+            b'0'..=b'9' | b'.' => end = at + 1,
+            b' ' | b'\t' => {}
+            _ => break,
+        }
+        at += 1;
+    }
+    scan_number(&line[..end], start)
+}
+
 #[inline]
 fn digit_at(line: &[u8], at: usize) -> Option<u64> {
     let digit = line.get(at)?.wrapping_sub(b'0');
@@ -224,6 +262,25 @@ mod tests {
         check("00012.50", Ok(12.5), 8);
         check("0.30000000000000004441", Ok(0.300_000_000_000_000_04), 22);
         check("123456789012345678901234567890", Ok(123_456_789_012_345_678_901_234_567_890.0), 30);
+    }
+
+    #[test]
+    fn operands_end_before_a_sign() {
+        for (text, value, end) in [("10-5]", 10.0, 2), ("1 0 - 5", 10.0, 3), (".5+1", 0.5, 2), ("7]", 7.0, 1)] {
+            let scan = scan_operand(text.as_bytes(), 0);
+            assert_eq!((scan.number.value, scan.end, scan.defect), (value, end, None), "{text}");
+        }
+        assert_eq!(scan_operand(b"1.2.3", 0).defect, Some(NumberDefect::Malformed));
+    }
+
+    #[test]
+    fn computed_numbers_are_never_scaled() {
+        for (value, digits) in [(0.0, 1), (9.99, 1), (101.0, 3), (-1000.0, 4)] {
+            let number = Number::computed(value);
+            assert_eq!((number.value, number.integer_digits()), (value, digits));
+            assert!(number.has_point() && number.is_computed() && !number.is_spaced());
+        }
+        assert!(Number::computed(-0.0).value.is_sign_positive());
     }
 
     #[test]

@@ -128,6 +128,17 @@ pub enum ThreadEWord {
     PreciseLead,
 }
 
+/// Range of the angles that `ASIN` and `ATAN[a]/[b]` of Macro B give, which a parameter of the control chooses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AngleRange {
+    /// `ATAN` from 0 to 360 degrees, `ASIN` from 270 over 0 to 90.
+    #[default]
+    Positive,
+    /// `ATAN` from -180 to 180 degrees, `ASIN` from -90 to 90.
+    Signed,
+}
+
 /// How programs for one machine are written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
