@@ -5,6 +5,7 @@ mod decision;
 mod feed_override;
 mod five_axis;
 mod lobes;
+mod machine_codes;
 mod monitoring;
 mod oscillation;
 mod oscillation_report;

@@ -1,11 +1,17 @@
 //! Parser: one line in, one [`Block`] of words out, recovering from whatever is wrong with it.
 
+mod machine;
+
 use crate::code;
 use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
 use crate::{Finding, FindingCode, FindingLog, SourceSpan};
+
+use machine::MachineWords;
+
+pub(crate) use machine::MachineWord;
 
 /// Numbers beyond this are mistakes: a thousand kilometres. It keeps all later arithmetic finite.
 const LARGEST_NUMBER: f64 = 1e9;
@@ -58,6 +64,8 @@ pub(crate) struct Block {
     /// Groups present, one bit each.
     groups: u32,
     codes: [CodeWord; GROUP_COUNT],
+    /// M codes of the machine.
+    machine: MachineWords,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
@@ -77,6 +85,7 @@ impl Default for Block {
             words: [word; 26],
             groups: 0,
             codes: [code; GROUP_COUNT],
+            machine: MachineWords::default(),
             percent: None,
             unclear: false,
             unread: 0,
@@ -122,7 +131,7 @@ impl Block {
                 }
                 TokenKind::Word => self.add_word(token, table, findings),
                 TokenKind::Comment => self.check_comment(line, token, findings),
-                TokenKind::BlockDelete if !slash_seen && self.letters & !letter_bit(b'N') == 0 && self.groups == 0 => {
+                TokenKind::BlockDelete if !slash_seen && self.letters & !letter_bit(b'N') == 0 && !self.has_codes() => {
                     slash_seen = true;
                     if block_delete {
                         break;
@@ -144,6 +153,7 @@ impl Block {
         self.extent = (u32::MAX, 0);
         self.letters = 0;
         self.groups = 0;
+        self.machine.clear();
         self.percent = None;
         self.unclear = false;
         self.unread = 0;
@@ -193,16 +203,16 @@ impl Block {
         self.span_of(code.start, code.end)
     }
 
-    /// Whether any group has a code.
+    /// Whether there is any code.
     #[inline]
     pub(crate) const fn has_codes(&self) -> bool {
-        self.groups != 0
+        self.groups != 0 || !self.machine.is_empty()
     }
 
-    /// Whether any group but motion has a code.
+    /// Whether there is any code but one of motion.
     #[inline]
     pub(crate) const fn has_codes_besides_motion(&self) -> bool {
-        self.groups & !(1 << Group::Motion as u32) != 0
+        self.groups & !(1 << Group::Motion as u32) != 0 || !self.machine.is_empty()
     }
 
     #[inline]
@@ -246,6 +256,9 @@ impl Block {
     fn add_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
         let Token { letter, number, .. } = token;
         let name = || format!("{}{}", char::from(letter), number.value());
+        if letter == b'M' && self.add_machine_code(token, table, findings) {
+            return;
+        }
         let Some(place) = table.find(letter, number.value()) else {
             return self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
                 finding.message = format!("{} is not a code of this dialect", name());
@@ -260,7 +273,7 @@ impl Block {
             });
         }
         let bit = 1 << group as u32;
-        if self.groups & bit != 0 {
+        if self.has_group(group) {
             return self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {
                 finding.message = format!("{} is the second {} code of the block", name(), group.name());
                 finding.suggest("keep one of them, or write them in two blocks")

@@ -3,10 +3,12 @@
 //! A new dialect is a new [`Dialect`] table; the parser and the interpreter know letters and codes only by what
 //! these tables say. Codes that a machine profile assigns to machining functions are merged in per interpreter.
 
+mod machine_codes;
 mod tables;
 
 use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, LINUXCNC, MILL, code};
 
+pub(crate) use machine_codes::{MachineAction, MachineRule, MachineStep};
 pub(crate) use tables::{FunctionWordRule, function_words};
 
 use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane, XWord};
@@ -41,6 +43,10 @@ pub(crate) enum Group {
     Coolant,
     Tapping,
     Overrides,
+    /// LinuxCNC's outputs and inputs.
+    Signal,
+    /// LinuxCNC's `M100` to `M199`.
+    UserCode,
     Subprogram,
 }
 
@@ -77,6 +83,8 @@ impl Group {
             Self::Spindle => "spindle",
             Self::Coolant => "coolant",
             Self::Tapping => "tapping",
+            Self::Signal => "output",
+            Self::UserCode => "user",
             Self::Subprogram => "subprogram",
         }
     }
@@ -271,6 +279,12 @@ pub(crate) struct Dialect {
     m_codes: &'static [&'static [Code]],
     /// A `T` word changes the tool at once, its last two digits being the offset; otherwise `M6` does.
     pub(crate) tool_word_changes: bool,
+    /// A tool change stops the spindle and leaves the tool selected.
+    pub(crate) tool_stays_selected: bool,
+    /// Most M codes in a block.
+    pub(crate) max_m_codes: u8,
+    /// The dialect knows all of its M codes, so that an unlisted one is no code of the machine.
+    pub(crate) m_codes_closed: bool,
     /// `U` in a dwell is a time like `X`.
     pub(crate) dwell_takes_u: bool,
     /// The `F` of a threading block is its lead; otherwise it is a feed, and leads have letters of their own.
@@ -335,6 +349,8 @@ pub(crate) struct CodeTable {
     /// Mask of the letters that name an axis.
     pub(crate) axis_letters: u32,
     codes: Vec<Code>,
+    /// M codes of the machine, ascending.
+    machine: Vec<MachineRule>,
     /// Place in `codes` by number in tenths, G codes first, then M codes.
     index: Box<[u8]>,
 }
@@ -352,6 +368,7 @@ impl CodeTable {
             dialect,
             axis_letters: dialect.axis_letters(),
             codes: Vec::new(),
+            machine: machine_codes::rules(settings),
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
@@ -378,6 +395,12 @@ impl CodeTable {
     #[inline]
     pub(crate) fn code(&self, place: u8) -> &Code {
         &self.codes[usize::from(place)]
+    }
+
+    /// The M code of the machine with this number.
+    pub(crate) fn machine_rule(&self, number: f64) -> Option<&MachineRule> {
+        let place = self.machine.binary_search_by(|rule| f64::from(rule.number).total_cmp(&number)).ok()?;
+        Some(&self.machine[place])
     }
 
     /// The supported codes of this letter, ascending, for suggestions.

@@ -4,7 +4,9 @@ mod arc;
 mod doubt;
 mod execute;
 mod length;
+mod machine_code;
 mod motion;
+mod saved;
 mod spindle;
 mod spline;
 #[cfg(test)]
@@ -22,6 +24,8 @@ use crate::state::Phase;
 use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, SourceSpan};
 
 use execute::Execution;
+
+pub(crate) use saved::SavedModes;
 
 /// What [`Interpreter::read_line`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

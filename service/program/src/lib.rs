@@ -18,6 +18,7 @@ mod guided;
 mod interpreter;
 pub mod lexer;
 mod lookalike;
+mod machine_code;
 mod number;
 mod operation;
 mod settings;
@@ -30,6 +31,9 @@ pub use finding::{
 };
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, ToolLength, interpret};
+pub use machine_code::{
+    MachineCode, MachineCommand, MachineEffect, MachineTiming, UnlistedMachineCodes, machine_code_problems,
+};
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{GuidedMove, Plane, Position, SourceSpan};
+use crate::{GuidedMove, MachineCommand, Plane, Position, SourceSpan};
 
 /// One step of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,6 +42,8 @@ pub enum OperationKind {
     Coolant(Coolant),
     /// A machining function is switched by its configured code (such as `G200`, `G201`).
     Function(FunctionCommand),
+    /// An M code that the machine carries out itself.
+    MachineCode(MachineCommand),
     /// Program stop: `M0`, or `M1` when `optional`.
     Stop {
         /// Whether the stop is taken only when the operator asks for it.
@@ -311,12 +313,12 @@ impl FunctionCommand {
     }
 }
 
-/// One word of a [`FunctionCommand`].
+/// One word of a [`FunctionCommand`] or a [`MachineCommand`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FunctionWord {
     /// Upper-case address letter.
     pub letter: char,
-    /// Value; lengths in mm.
+    /// Value; lengths of a machining function in mm.
     pub value: f64,
     /// Its place.
     pub span: SourceSpan,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{PathControl, Position};
+use crate::{MachineCode, PathControl, Position, UnlistedMachineCodes};
 
 /// Which table of codes a program is read with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -167,6 +167,12 @@ pub struct LanguageSettings {
     pub tool_oscillation: FunctionCodes,
     /// M codes of the thinning of five-axis blocks, which `G43.4 P1` and `G43.4 P0` switch as well.
     pub thinning: FunctionCodes,
+    /// M codes that the machine carries out itself.
+    pub machine_codes: Vec<MachineCode>,
+    /// M codes that neither the dialect nor `machine_codes` lists.
+    pub unlisted_machine_codes: UnlistedMachineCodes,
+    /// What a wait for an input (`M66` of LinuxCNC, #5399) is taken to bring: -1 for a time that ran out.
+    pub input_result: f64,
     /// Code of vibration in threads.
     pub thread_vibration: FunctionSwitch,
     /// `E` in threads.
@@ -199,6 +205,9 @@ impl Default for LanguageSettings {
             path_vibration: FunctionCodes { on: 200.0, off: 201.0 },
             tool_oscillation: FunctionCodes { on: 202.0, off: 203.0 },
             thinning: FunctionCodes { on: 33.0, off: 34.0 },
+            machine_codes: Vec::new(),
+            unlisted_machine_codes: UnlistedMachineCodes::Note,
+            input_result: -1.0,
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,
             work_offsets: [[0.0; 9]; 6],

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
+use crate::interpreter::SavedModes;
 use crate::{
     AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
     SpindleDirection, SpindleSpeed, TiltedPlane,
@@ -39,6 +40,8 @@ pub struct InterpreterState {
     /// A code was read that G-code system A does not have.
     pub(crate) not_system_a: bool,
     pub(crate) absolute: bool,
+    /// `G90.1`: centres of arcs are absolute.
+    pub(crate) arc_absolute: bool,
     pub(crate) feed_unit: FeedUnit,
     /// Modal feed with lengths in mm; 0 until programmed in the present feed mode.
     pub(crate) feed: f64,
@@ -68,10 +71,23 @@ pub struct InterpreterState {
     /// The tilted plane, in its mode.
     pub(crate) plane_tilted: Option<TiltedPlane>,
     pub(crate) length: LengthCompensation,
+    /// What M codes of the machine leave for the blocks behind them.
+    pub(crate) machine: MachineModes,
     /// Machining functions that a block without errors has switched on.
     pub(crate) functions_on: FunctionSet,
     /// Machining functions that are off because the block that should have switched them on has an error.
     pub(crate) functions_refused: FunctionSet,
+}
+
+/// What M codes of the machine leave for the blocks behind them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct MachineModes {
+    /// `M29`: the next tapping cycle is rigid, until the end of the cycles.
+    pub(crate) rigid_tapping: bool,
+    /// Numbers of the unlisted M codes that have been noted.
+    pub(crate) noted: Vec<u32>,
+    /// The modes that `M70` or `M73` has saved.
+    pub(crate) saved: Option<Box<SavedModes>>,
 }
 
 /// A set of machining functions.
@@ -269,6 +285,7 @@ impl InterpreterState {
             inch: settings.initial_inch,
             not_system_a: false,
             absolute: true,
+            arc_absolute: false,
             feed_unit: match settings.initial_feed_mode {
                 FeedMode::PerMinute => FeedUnit::PerMinute,
                 FeedMode::PerRevolution => FeedUnit::PerRevolution,
@@ -291,6 +308,7 @@ impl InterpreterState {
             tool_control: ToolControl::default(),
             plane_tilted: None,
             length: LengthCompensation::default(),
+            machine: MachineModes::default(),
             functions_on: FunctionSet::default(),
             functions_refused: FunctionSet::default(),
         }

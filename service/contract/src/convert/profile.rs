@@ -9,6 +9,7 @@ use feedwave_program::{
 };
 
 use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
+use super::machine_codes::{machine_code_to_proto, machine_codes_from_proto, unlisted_from_proto, unlisted_to_proto};
 use super::oscillation::{condition_to_proto, conditions_from_proto, floor_from_proto, floor_to_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{
@@ -166,6 +167,8 @@ fn language_from_proto(
     let dwell_unit = enumeration(violations, "language.dwell_p_unit", language.dwell_p_unit);
     let path_control = enumeration(violations, "language.initial_path_control", language.initial_path_control);
     let thread_e_word = enumeration(violations, "language.thread_e_word", language.thread_e_word);
+    let unlisted = enumeration(violations, "language.unlisted_machine_codes", language.unlisted_machine_codes);
+    let machine_codes = machine_codes_from_proto(violations, &language.machine_codes);
     let mut work_offsets = default.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
@@ -223,6 +226,9 @@ fn language_from_proto(
         tool_oscillation: language
             .tool_oscillation
             .map_or(default.tool_oscillation, |codes| FunctionCodes { on: codes.on, off: codes.off }),
+        machine_codes: machine_codes?,
+        unlisted_machine_codes: unlisted_from_proto(unlisted?),
+        input_result: language.input_result.unwrap_or(default.input_result),
         work_offsets,
         reference_position: position(&language.reference_position, default.reference_position),
         initial_position: position(&language.initial_position, default.initial_position),
@@ -405,6 +411,9 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
             on: language.tool_oscillation.on,
             off: language.tool_oscillation.off,
         }),
+        machine_codes: language.machine_codes.iter().map(machine_code_to_proto).collect(),
+        unlisted_machine_codes: unlisted_to_proto(language.unlisted_machine_codes).into(),
+        input_result: Some(language.input_result),
     }
 }
 

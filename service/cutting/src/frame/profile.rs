@@ -2,7 +2,7 @@
 
 use feedwave_motion::kinematics::KinematicsDescription;
 use feedwave_motion::{Machine, ProfileProblem};
-use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM};
+use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_code_problems};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::pipeline::MAX_OVERRIDE_RATIO;
@@ -150,6 +150,8 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
             problems.push(problem(format!("{field}[{axis}]"), "must be finite"));
         }
     }
+    let machine_codes = machine_code_problems(language).into_iter();
+    problems.extend(machine_codes.map(|(field, message)| problem(&field, message)));
     require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
     let tolerance_mm = language.default_path_tolerance_mm;
     if !(0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {

@@ -97,10 +97,40 @@ crate::finding_codes! {
         example: lathe("G165 P7"),
     }
 
-    "PRG-TOOL-MISSING" [TOOL_MISSING: Error] {
-        meaning: "a tool change before any T word",
-        cause: "No T word since the tool change before this `M6` names the next tool.",
+    "PRG-TOOL-MISSING" [TOOL_MISSING: Error, TOOL_NONE: Warning] {
+        meaning: "a tool change before any T word: an error, and in LinuxCNC, where the spindle is left empty, a warning",
+        cause: "No T word since the tool change before this `M6` (in LinuxCNC: none at all) names the next tool.",
         cure: "Write the tool number in the block of `M6` or before it.",
         example: mill("M6"),
+    }
+
+    "PRG-MACHINE-CODE" [MACHINE_CODE_REFUSED: Error, MACHINE_CODE_UNLISTED: Info] {
+        meaning: "an M code of the machine that nobody has listed: what it does is not known",
+        cause: "Clamps, chucks, conveyors and the like have M codes of the machine's builder. Without an entry the code \
+              is handed on without an effect on the path, or refused where the profile says so.",
+        cure: "List the code in `machine_codes` of the profile's language: whether it does nothing to the path, stops \
+              for the operator, takes a time, or lets the path rest.",
+        example: lathe("M10"),
+    }
+
+    "PRG-MACHINE-WORD" [MACHINE_WORD: Error] {
+        meaning: "an M code without a word that it needs, or with one out of its range",
+        cause: "An output without its number or its value, a wait without its time, a spindle angle beyond 360 degrees.",
+        cure: "Write the word that the finding names.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "M62"),
+    }
+
+    "PRG-MODES-NOT-SAVED" [MODES_NOT_SAVED: Error] {
+        meaning: "saved modes are to be restored, but none are saved",
+        cause: "`M72` comes without `M70` or `M73` before it, or `M71` has made the saved modes invalid.",
+        cure: "Save the modes with `M70` first.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "M72"),
+    }
+
+    "PRG-INPUT-UNKNOWN" [INPUT_UNKNOWN: Info] {
+        meaning: "the program reads an input of the machine, whose state is not known",
+        cause: "`M66` waits for an input. The path rests; its result (#5399) is what the profile says, as delivered -1.",
+        cure: "Say in `input_result` of the profile's language which result the program is to be judged with.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "M66 P1 L0"),
     }
 }

@@ -124,10 +124,10 @@ const FANUC_G_CODES: &[Code] = &[
 ];
 
 /// M codes of FANUC controls and the like.
-const FANUC_M_CODES: &[Code] = &[
-    code(290, Group::Tapping, Meaning::Unsupported("rigid tapping")),
-    code(970, Group::Subprogram, Meaning::Unsupported("local subprogram call")),
-];
+const FANUC_M_CODES: &[Code] = &[code(970, Group::Subprogram, Meaning::Unsupported("local subprogram call"))];
+
+/// FANUC: one, or up to three by a parameter.
+const FANUC_M_CODES_IN_A_BLOCK: u8 = 3;
 
 /// M codes all dialects share.
 pub(super) const COMMON_M_CODES: &[Code] = &[
@@ -141,7 +141,6 @@ pub(super) const COMMON_M_CODES: &[Code] = &[
     code(70, Group::Coolant, Meaning::Mist),
     code(80, Group::Coolant, Meaning::Flood),
     code(90, Group::Coolant, Meaning::CoolantOff),
-    code(190, Group::Spindle, Meaning::Unsupported("spindle orientation")),
     code(980, Group::Subprogram, Meaning::Unsupported("subprogram call")),
     code(990, Group::Subprogram, Meaning::Unsupported("return from a subprogram")),
 ];
@@ -199,6 +198,9 @@ pub(super) static LATHE: Dialect = Dialect {
     // The T word has changed the tool already; some posts write M6 after it all the same.
     m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::AlreadySo)]],
     tool_word_changes: true,
+    tool_stays_selected: false,
+    max_m_codes: FANUC_M_CODES_IN_A_BLOCK,
+    m_codes_closed: false,
     dwell_takes_u: true,
     f_is_lead: true,
     order: Order::FANUC,
@@ -240,6 +242,9 @@ pub(super) static MILL: Dialect = Dialect {
     g_codes: &[FANUC_G_CODES, MILL_G_CODES],
     m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::ToolChange)]],
     tool_word_changes: false,
+    tool_stays_selected: false,
+    max_m_codes: FANUC_M_CODES_IN_A_BLOCK,
+    m_codes_closed: false,
     dwell_takes_u: false,
     f_is_lead: true,
     order: Order::FANUC,
@@ -281,6 +286,9 @@ pub(super) static LINUXCNC: Dialect = Dialect {
     g_codes: &[LINUXCNC_G_CODES],
     m_codes: &[LINUXCNC_M_CODES],
     tool_word_changes: false,
+    tool_stays_selected: true,
+    max_m_codes: 4,
+    m_codes_closed: true,
     dwell_takes_u: false,
     f_is_lead: false,
     order: Order::LINUXCNC,
@@ -326,12 +334,7 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
 ];
 
-const LINUXCNC_M_CODES: &[Code] = &[
-    code(60, Group::ToolChange, Meaning::ToolChange),
-    code(480, Group::Overrides, Meaning::Unsupported("switching overrides")),
-    code(490, Group::Overrides, Meaning::Unsupported("switching overrides")),
-    code(600, Group::Stop, Meaning::Unsupported("pallet change stop")),
-];
+const LINUXCNC_M_CODES: &[Code] = &[code(60, Group::ToolChange, Meaning::ToolChange)];
 
 /// A word of a machining function.
 #[derive(Clone, Copy, Debug)]

@@ -3,7 +3,7 @@
 use super::doubt::Doubt;
 use crate::block::{Block, CodeWord, Word};
 use crate::code;
-use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, Meaning, function_words, letter_bit};
+use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, MachineStep, Meaning, function_words, letter_bit};
 use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
@@ -50,7 +50,14 @@ impl Execution<'_> {
         let order = &self.table.dialect.order;
         let unit_first = order.unit_before_feed || self.block.code(Group::Function).is_some();
         let mut function = None;
+        let mut machine = Vec::new();
         if other_codes {
+            if self.block.code(Group::Cycle).is_some() {
+                self.state.machine.rigid_tapping = false;
+            }
+            if !self.block.machine_codes().is_empty() {
+                machine = self.machine_codes();
+            }
             self.doubt = self.doubt();
             if unit_first {
                 self.units();
@@ -62,10 +69,12 @@ impl Execution<'_> {
         self.feed();
         let speed_or_tool = letter_bit(b'S') | letter_bit(b'T');
         if other_codes || self.block.letters & speed_or_tool != 0 {
+            self.machine_step(&mut machine, MachineStep::Signals);
             self.tool();
             self.spindle();
         }
         if other_codes {
+            self.machine_step(&mut machine, MachineStep::Spindle);
             if !order.stops_after_motion {
                 self.spindle_stop();
             }
@@ -73,6 +82,7 @@ impl Execution<'_> {
             if !unit_first {
                 self.units();
             }
+            self.machine_step(&mut machine, MachineStep::Before);
             self.dwell();
             self.modes();
             self.length_compensation();
@@ -89,6 +99,7 @@ impl Execution<'_> {
             self.spindle_stop();
             self.coolant(true);
         }
+        self.machine_step(&mut machine, MachineStep::After);
         self.unused_words();
         if other_codes { self.stop() } else { None }
     }
@@ -313,16 +324,7 @@ impl Execution<'_> {
             }
         }
         if let Some((Meaning::ToolChange, span)) = self.code(Group::ToolChange) {
-            match self.state.next_tool.take() {
-                Some(number) => {
-                    self.state.tool = number;
-                    self.emit(span, OperationKind::Tool { number, offset: 0 });
-                }
-                None => self.findings.push_with(code::TOOL_MISSING, |code| {
-                    Finding::new(code, span, "a tool change, but no T word says to which tool")
-                        .suggest("write the tool number in this block or before it")
-                }),
-            }
+            self.change_tool(span);
         }
     }
 
@@ -408,15 +410,8 @@ impl Execution<'_> {
                 self.path_tolerances();
             }
         }
-        if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset)
-            && index != self.state.work_offset
-        {
-            let old = &self.settings.work_offsets[usize::from(self.state.work_offset)];
-            let new = &self.settings.work_offsets[usize::from(index)];
-            for (value, (old, new)) in self.state.position.iter_mut().zip(old.iter().zip(new)) {
-                *value += old - new;
-            }
-            self.state.work_offset = index;
+        if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset) {
+            self.select_work_offset(index);
         }
         if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
             self.state.absolute = absolute;
@@ -434,6 +429,19 @@ impl Execution<'_> {
                     .suggest(format!("let x_word of the profile's language say {name}, and use {mode} throughout"))
             });
         }
+    }
+
+    /// `G54` to `G59`: the machine stands where it is.
+    pub(super) fn select_work_offset(&mut self, index: u8) {
+        if index == self.state.work_offset {
+            return;
+        }
+        let old = &self.settings.work_offsets[usize::from(self.state.work_offset)];
+        let new = &self.settings.work_offsets[usize::from(index)];
+        for (value, (old, new)) in self.state.position.iter_mut().zip(old.iter().zip(new)) {
+            *value += old - new;
+        }
+        self.state.work_offset = index;
     }
 
     /// `P` and `Q` of `G64`, which without them has the default tolerance.

@@ -37,7 +37,8 @@ impl Execution<'_> {
         self.emit_spindle(before, span);
     }
 
-    fn emit_spindle(&mut self, before: Spindle, span: SourceSpan) {
+    /// Emits the spindle if it differs from what it was.
+    pub(super) fn emit_spindle(&mut self, before: Spindle, span: SourceSpan) {
         let after = self.state.spindle();
         let stays_stopped = [before, after].iter().all(|spindle| spindle.direction == SpindleDirection::Stopped);
         if after != before && !stays_stopped {

@@ -8,6 +8,7 @@ mod framing;
 mod hostile;
 mod language;
 mod length;
+mod machine_codes;
 mod misread;
 mod order;
 mod path_control;
@@ -130,6 +131,11 @@ fn render_operation(operation: &Operation) -> String {
             let words = command.words.iter().map(|word| format!(" {}{}", word.letter, number(word.value)));
             let words: String = words.collect();
             format!("{:?} {}{words}", command.function, if command.on { "on" } else { "off" })
+        }
+        OperationKind::MachineCode(command) => {
+            let words: String =
+                command.words.iter().map(|word| format!(" {}{}", word.letter, number(word.value))).collect();
+            format!("M{}{words} {:?}", command.number, command.effect)
         }
         OperationKind::Stop { optional } => format!("stop {optional}"),
         OperationKind::End => "end".to_owned(),

@@ -29,12 +29,43 @@ fn profiles_survive_the_round_trip() {
     lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
     lathe.language.thread_vibration = FunctionSwitch { code: 165.1, on_p: 1, off_p: 2 };
     lathe.language.thread_e_word = ThreadEWord::PreciseLead;
+    lathe.language.unlisted_machine_codes = feedwave_program::UnlistedMachineCodes::Error;
+    lathe.language.input_result = 1.0;
+    lathe.language.machine_codes = machine_codes();
     lathe.following.filter_length_s = Some(0.02);
     lathe.look_ahead_blocks = 100;
     lathe.max_feed_override = 1.2;
     for profile in [lathe, five_axis_mill(), oscillating_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
         assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
     }
+}
+
+/// M codes with every effect.
+fn machine_codes() -> Vec<feedwave_program::MachineCode> {
+    use feedwave_program::{MachineCode, MachineEffect, MachineTiming};
+    let code = |number, effect, timing, words: &str| MachineCode { number, effect, timing, words: words.to_owned() };
+    vec![
+        code(10, MachineEffect::None, MachineTiming::Before, ""),
+        code(11, MachineEffect::Stop, MachineTiming::After, "PQ"),
+        code(19, MachineEffect::Dwell { seconds: 1.5 }, MachineTiming::Before, "R"),
+        code(1_234, MachineEffect::Barrier, MachineTiming::After, ""),
+    ]
+}
+
+#[test]
+fn violations_of_machine_codes_have_their_fields() {
+    let mut lathe = profile_to_proto(&MachineProfile::lathe());
+    let language = lathe.language.as_mut().expect("it is stated");
+    let code = |number| proto::MachineCode { number, ..proto::MachineCode::default() };
+    let barrier = proto::MachineCodeEffect::Barrier.into();
+    language.machine_codes = vec![code(10), code(3), proto::MachineCode { dwell_s: 1.0, effect: barrier, ..code(11) }];
+    let fields = |profile: &proto::MachineProfile| {
+        let violations = from_proto(profile).expect_err("it is refused");
+        violations.into_iter().map(|(field, _)| field).collect::<Vec<_>>()
+    };
+    assert_eq!(fields(&lathe), ["profile.language.machine_codes[2].dwell_s"]);
+    lathe.language.as_mut().expect("it is stated").machine_codes.pop();
+    assert_eq!(fields(&lathe), ["profile.language.machine_codes[1].number"]);
 }
 
 /// A trunnion with everything that a profile can say of five axes.

@@ -13,8 +13,8 @@ use feedwave_motion::{
     limit_pieces, missing_axis, stretches, top_command,
 };
 use feedwave_program::{
-    DwellTime, Finding, FindingLog, Move, MoveKind, Operation, OperationKind, PathControl, Position, SourceSpan,
-    Spindle,
+    DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
+    PathControl, Position, SourceSpan, Spindle,
 };
 use serde::{Deserialize, Serialize};
 
@@ -170,10 +170,8 @@ impl Builder {
             }
             OperationKind::Coolant(_) => {}
             OperationKind::Function(command) => self.switch(command, span, config, planner, findings),
-            OperationKind::Stop { .. } => {
-                self.close_section(planner, findings);
-                planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
-            }
+            OperationKind::MachineCode(command) => self.machine_code(command, span, planner, findings),
+            OperationKind::Stop { .. } => self.rest(line, planner, findings),
             OperationKind::End => {
                 self.end_functions(config, planner, findings);
                 planner.push_barrier(Barrier::End);
@@ -185,6 +183,27 @@ impl Builder {
     /// Whether a rapid waits for a thread that may follow.
     fn holds_rapid(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig) -> bool {
         self.state.functions.threads.holds_rapid(mv, span, &config.profile.thread_vibration)
+    }
+
+    /// What an M code of the machine does to the path.
+    fn machine_code(
+        &mut self,
+        command: &MachineCommand,
+        span: SourceSpan,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        match command.effect {
+            MachineEffect::None => {}
+            MachineEffect::Stop | MachineEffect::Barrier => self.rest(span.line, planner, findings),
+            MachineEffect::Dwell { seconds } => self.dwell(DwellTime::Seconds(seconds), span, planner, findings),
+        }
+    }
+
+    /// The path rests, for a time that is not known.
+    fn rest(&mut self, line: u32, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
+        self.close_section(planner, findings);
+        planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
     }
 
     fn dwell(&mut self, time: DwellTime, span: SourceSpan, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {

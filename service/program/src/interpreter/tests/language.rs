@@ -282,10 +282,9 @@ fn tools_coolant_and_stops() {
 fn order_within_a_block() {
     check(
         &mill(),
-        "X1 M0 G1 M8 F10 M3 S100 T1 M6",
+        "X1 M0 G1 F10 M3 S100 T1 M6",
         "tool 1.0
          spindle cw 100
-         coolant mist false flood true
          line 0 -> X1 @10/min
          stop false",
     );
@@ -329,8 +328,8 @@ fn groups_duplicates_and_strangers() {
     check(&mill(), "G0 X1 X2", "! 1:7+2 PRG-WORD-DUPLICATE");
     check(&mill(), "G0 E5 X1", "! 1:4+2 PRG-WORD-UNKNOWN");
     // Without tool centre point control nothing is thinned, and M33 is the machine builder's.
-    check(&lathe(), "M33\nM34", "! 1:1+3 PRG-UNKNOWN-CODE\n! 2:1+3 PRG-UNKNOWN-CODE");
-    check(&mill(), "G123 M77", "! 1:1+4 PRG-UNKNOWN-CODE\n! 1:6+3 PRG-UNKNOWN-CODE");
+    check(&lathe(), "M33\nM34", "M33 None\nM34 None\ni 1:1+3 PRG-MACHINE-CODE\ni 2:1+3 PRG-MACHINE-CODE");
+    check(&mill(), "G123 M77", "! 1:1+4 PRG-UNKNOWN-CODE\ni 1:6+3 PRG-MACHINE-CODE");
     check(&mill(), "G0 X1 P2 R3", "! 1:7+2 PRG-WORD-UNUSED\n! 1:10+2 PRG-WORD-UNUSED");
     check(&mill(), "G0 X1e5", "! 1:6+2 PRG-WORD-UNKNOWN");
     check(&mill(), "G0 X1000000001", "! 1:4+11 PRG-NUMBER-RANGE");

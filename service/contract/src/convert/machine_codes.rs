@@ -1,0 +1,72 @@
+//! M codes of a machine, to and from the contract.
+
+use feedwave_program::{MachineCode, MachineEffect, MachineTiming, UnlistedMachineCodes};
+
+use super::enumeration;
+use crate::proto;
+use crate::violations::Violations;
+
+/// The M codes; those with an unknown value are violations.
+pub(super) fn machine_codes_from_proto(
+    violations: &mut Violations,
+    codes: &[proto::MachineCode],
+) -> Option<Vec<MachineCode>> {
+    let codes = codes.iter().enumerate().map(|(index, code)| {
+        let field = format!("language.machine_codes[{index}]");
+        let effect = enumeration(violations, &format!("{field}.effect"), code.effect);
+        let timing = enumeration(violations, &format!("{field}.timing"), code.timing);
+        let effect = match effect? {
+            proto::MachineCodeEffect::Unspecified | proto::MachineCodeEffect::None => MachineEffect::None,
+            proto::MachineCodeEffect::Stop => MachineEffect::Stop,
+            proto::MachineCodeEffect::Dwell => MachineEffect::Dwell { seconds: code.dwell_s },
+            proto::MachineCodeEffect::Barrier => MachineEffect::Barrier,
+        };
+        if code.dwell_s != 0.0 && !matches!(effect, MachineEffect::Dwell { .. }) {
+            violations.add(format!("{field}.dwell_s"), "must not be set where the effect is no dwell");
+        }
+        let timing = match timing? {
+            proto::MachineCodeTiming::Unspecified | proto::MachineCodeTiming::Before => MachineTiming::Before,
+            proto::MachineCodeTiming::After => MachineTiming::After,
+        };
+        Some(MachineCode { number: code.number, effect, timing, words: code.words.clone() })
+    });
+    let codes: Vec<_> = codes.collect();
+    codes.into_iter().collect()
+}
+
+/// As the contract has it.
+pub(super) fn machine_code_to_proto(code: &MachineCode) -> proto::MachineCode {
+    let (effect, dwell_s) = match code.effect {
+        MachineEffect::None => (proto::MachineCodeEffect::None, 0.0),
+        MachineEffect::Stop => (proto::MachineCodeEffect::Stop, 0.0),
+        MachineEffect::Dwell { seconds } => (proto::MachineCodeEffect::Dwell, seconds),
+        MachineEffect::Barrier => (proto::MachineCodeEffect::Barrier, 0.0),
+    };
+    let timing = match code.timing {
+        MachineTiming::Before => proto::MachineCodeTiming::Before,
+        MachineTiming::After => proto::MachineCodeTiming::After,
+    };
+    proto::MachineCode {
+        number: code.number,
+        effect: effect.into(),
+        dwell_s,
+        timing: timing.into(),
+        words: code.words.clone(),
+    }
+}
+
+/// What becomes of M codes that nobody lists.
+pub(super) const fn unlisted_from_proto(unlisted: proto::UnlistedMachineCodes) -> UnlistedMachineCodes {
+    match unlisted {
+        proto::UnlistedMachineCodes::Unspecified | proto::UnlistedMachineCodes::Note => UnlistedMachineCodes::Note,
+        proto::UnlistedMachineCodes::Error => UnlistedMachineCodes::Error,
+    }
+}
+
+/// As the contract has it.
+pub(super) const fn unlisted_to_proto(unlisted: UnlistedMachineCodes) -> proto::UnlistedMachineCodes {
+    match unlisted {
+        UnlistedMachineCodes::Note => proto::UnlistedMachineCodes::Note,
+        UnlistedMachineCodes::Error => proto::UnlistedMachineCodes::Error,
+    }
+}

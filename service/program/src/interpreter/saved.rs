@@ -1,0 +1,82 @@
+//! `M70` to `M73` of LinuxCNC: saving and restoring modes.
+
+use serde::{Deserialize, Serialize};
+
+use super::execute::Execution;
+use crate::dialect::FeedUnit;
+use crate::state::InterpreterState;
+use crate::{Coolant, OperationKind, PathControl, Plane, SourceSpan, SpindleDirection};
+
+/// The modes that `M70` saves: not the motion, nor the position.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SavedModes {
+    plane: Plane,
+    inch: bool,
+    absolute: bool,
+    arc_absolute: bool,
+    feed_unit: FeedUnit,
+    feed: f64,
+    feed_as_written: f64,
+    spindle_direction: SpindleDirection,
+    surface_speed: bool,
+    rev_per_min: f64,
+    m_per_min: f64,
+    max_rev_per_min: Option<f64>,
+    coolant: Coolant,
+    work_offset: u8,
+    path_control: PathControl,
+}
+
+impl SavedModes {
+    /// The modes in force.
+    pub(crate) fn of(state: &InterpreterState) -> Self {
+        Self {
+            plane: state.plane,
+            inch: state.inch,
+            absolute: state.absolute,
+            arc_absolute: state.arc_absolute,
+            feed_unit: state.feed_unit,
+            feed: state.feed,
+            feed_as_written: state.feed_as_written,
+            spindle_direction: state.spindle_direction,
+            surface_speed: state.surface_speed,
+            rev_per_min: state.rev_per_min,
+            m_per_min: state.m_per_min,
+            max_rev_per_min: state.max_rev_per_min,
+            coolant: state.coolant,
+            work_offset: state.work_offset,
+            path_control: state.path_control,
+        }
+    }
+}
+
+impl Execution<'_> {
+    /// Puts saved modes in force again; the spindle and the coolant follow where they differ.
+    pub(super) fn restore(&mut self, saved: &SavedModes, span: SourceSpan) {
+        let before = self.state.spindle();
+        let state = &mut *self.state;
+        if state.plane != saved.plane {
+            state.spline_exit = None;
+        }
+        state.plane = saved.plane;
+        state.inch = saved.inch;
+        state.absolute = saved.absolute;
+        state.arc_absolute = saved.arc_absolute;
+        state.feed_unit = saved.feed_unit;
+        state.feed = saved.feed;
+        state.feed_as_written = saved.feed_as_written;
+        state.spindle_direction = saved.spindle_direction;
+        state.surface_speed = saved.surface_speed;
+        state.rev_per_min = saved.rev_per_min;
+        state.m_per_min = saved.m_per_min;
+        state.max_rev_per_min = saved.max_rev_per_min;
+        state.path_control = saved.path_control;
+        (state.reported.feed, state.reported.spindle) = (false, false);
+        self.select_work_offset(saved.work_offset);
+        self.emit_spindle(before, span);
+        if self.state.coolant != saved.coolant {
+            self.state.coolant = saved.coolant;
+            self.emit(span, OperationKind::Coolant(saved.coolant));
+        }
+    }
+}
