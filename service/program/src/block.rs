@@ -227,6 +227,8 @@ impl Block {
         }
         match meaning {
             Letter::Code => return self.add_code(token, table, findings),
+            // G187 is the one code of a mill that takes E.
+            Letter::Unknown if letter == b'E' && self.has_smoothness(table) => {}
             Letter::Unknown => {
                 return self.defect(code::WORD_UNKNOWN, token, findings, |mut finding| {
                     finding.message = format!("address letter {} is not known", char::from(letter));
@@ -251,6 +253,10 @@ impl Block {
         }
         self.letters |= bit;
         self.words[place] = Word { number, start: token.start, end: token.end };
+    }
+
+    fn has_smoothness(&self, table: &CodeTable) -> bool {
+        self.code(Group::NonModal).is_some_and(|code| table.code(code.place).meaning == Meaning::Smoothness)
     }
 
     fn add_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {

@@ -144,6 +144,20 @@ pub(crate) enum Meaning {
     Distance {
         absolute: bool,
     },
+    /// `G90.1`, `G91.1`: centres of arcs from the origin or from the start.
+    ArcDistance {
+        absolute: bool,
+    },
+    /// `G62`, `G63`: cutting with overrides that the machine chooses.
+    CuttingMode,
+    /// `G8`
+    LookAhead,
+    /// `G187`
+    Smoothness,
+    /// `G31`, `G36`, `G37`: a move to a contact, for its block only.
+    Skip,
+    /// `G38.2` to `G38.5`: moves to or from a contact.
+    Probe,
     /// `G7`, `G8`
     XWord(XWord),
     Feed(FeedUnit),
@@ -279,6 +293,10 @@ pub(crate) struct Dialect {
     m_codes: &'static [&'static [Code]],
     /// A `T` word changes the tool at once, its last two digits being the offset; otherwise `M6` does.
     pub(crate) tool_word_changes: bool,
+    /// Arcs as in LinuxCNC: `P` says how many turns, and radii may differ as its interpreter has it.
+    pub(crate) arcs_take_turns: bool,
+    /// A program without an end is refused.
+    pub(crate) needs_an_end: bool,
     /// A tool change stops the spindle and leaves the tool selected.
     pub(crate) tool_stays_selected: bool,
     /// Most M codes in a block.

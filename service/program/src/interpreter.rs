@@ -6,6 +6,8 @@ mod execute;
 mod length;
 mod machine_code;
 mod motion;
+mod path_control;
+mod probe;
 mod saved;
 mod spindle;
 mod spline;
@@ -398,7 +400,8 @@ impl Interpreter {
         self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
         let column = self.state.last_line_bytes.saturating_add(1);
         let span = SourceSpan { line: self.state.lines.max(1), column, length: 0 };
-        findings.push_with(code::NO_END, |code| {
+        let code = if self.table.dialect.needs_an_end { code::NO_END_REFUSED } else { code::NO_END };
+        findings.push_with(code, |code| {
             Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
         });
         self.state.skipping_line = false;

@@ -155,6 +155,11 @@ pub struct LanguageSettings {
     pub initial_path_control: PathControlMode,
     /// Tolerance of a `G64` without `P`, mm, 0 to [`MAX_PATH_TOLERANCE_MM`].
     pub default_path_tolerance_mm: f64,
+    /// Tolerance of the levels 1 (fast) to 10 (accurate) of contour control (`G5.1 Q1 R`, `G187 P`), mm, each 0 to
+    /// [`MAX_PATH_TOLERANCE_MM`].
+    pub contour_tolerances_mm: [f64; 10],
+    /// `X` and `U` of `G4` under feed per revolution are revolutions instead of seconds.
+    pub dwell_in_revolutions: bool,
     /// Inch (`G20`) at program start instead of mm.
     pub initial_inch: bool,
     /// Unit of `G4 P`.
@@ -199,6 +204,9 @@ impl Default for LanguageSettings {
             initial_path_control: PathControlMode::ExactPath,
             // Below the tolerances of ordinary parts, and enough to carry most of the feed through a corner.
             default_path_tolerance_mm: 0.01,
+            // From roughing to finishing, the default tolerance in the middle.
+            contour_tolerances_mm: [0.05, 0.04, 0.03, 0.02, 0.01, 0.008, 0.006, 0.004, 0.003, 0.002],
+            dwell_in_revolutions: false,
             initial_inch: false,
             dwell_p_unit: DwellUnit::Milliseconds,
             block_delete: false,

@@ -62,6 +62,10 @@ pub struct InterpreterState {
     /// Index of the work offset, 0 for `G54`.
     pub(crate) work_offset: u8,
     pub(crate) path_control: PathControl,
+    /// The path control before contour control (`G5.1 Q1`, `G5 P10000`, `G8 P1`, `G187`), while it is on.
+    pub(crate) before_contour: Option<PathControl>,
+    /// Where the last probing move would have ended without a contact, in work coordinates.
+    pub(crate) probed: Option<Position>,
     /// Where a `G5` that continues the one before has its first control point: from its start along the axes of the
     /// plane, mm.
     pub(crate) spline_exit: Option<[f64; 2]>,
@@ -236,6 +240,8 @@ pub(crate) enum Motion {
     Cubic,
     Quadratic,
     Nurbs,
+    /// `G38.2` to `G38.5`
+    Probe,
     /// `G32`, `G33`
     Thread,
     /// A lathe's `G92` with axis words: further blocks with axis words are further passes.
@@ -303,6 +309,8 @@ impl InterpreterState {
             coolant: Coolant::default(),
             work_offset: 0,
             path_control: settings.path_control(settings.initial_path_control),
+            before_contour: None,
+            probed: None,
             spline_exit: None,
             nurbs: None,
             tool_control: ToolControl::default(),

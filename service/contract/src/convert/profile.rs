@@ -169,6 +169,14 @@ fn language_from_proto(
     let thread_e_word = enumeration(violations, "language.thread_e_word", language.thread_e_word);
     let unlisted = enumeration(violations, "language.unlisted_machine_codes", language.unlisted_machine_codes);
     let machine_codes = machine_codes_from_proto(violations, &language.machine_codes);
+    let contour_tolerances_mm = match language.contour_tolerances_mm.as_slice() {
+        [] => Some(default.contour_tolerances_mm),
+        given => given.try_into().ok(),
+    };
+    if contour_tolerances_mm.is_none() {
+        let count = language.contour_tolerances_mm.len();
+        violations.add("language.contour_tolerances_mm", format!("must list none or ten, lists {count}"));
+    }
     let mut work_offsets = default.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
@@ -228,6 +236,8 @@ fn language_from_proto(
             .map_or(default.tool_oscillation, |codes| FunctionCodes { on: codes.on, off: codes.off }),
         machine_codes: machine_codes?,
         unlisted_machine_codes: unlisted_from_proto(unlisted?),
+        contour_tolerances_mm: contour_tolerances_mm?,
+        dwell_in_revolutions: language.dwell_in_revolutions,
         input_result: language.input_result.unwrap_or(default.input_result),
         work_offsets,
         reference_position: position(&language.reference_position, default.reference_position),
@@ -414,6 +424,8 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         machine_codes: language.machine_codes.iter().map(machine_code_to_proto).collect(),
         unlisted_machine_codes: unlisted_to_proto(language.unlisted_machine_codes).into(),
         input_result: Some(language.input_result),
+        contour_tolerances_mm: language.contour_tolerances_mm.to_vec(),
+        dwell_in_revolutions: language.dwell_in_revolutions,
     }
 }
 

@@ -158,6 +158,15 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
         let message = format!("must lie between 0 and {MAX_PATH_TOLERANCE_MM}, is {tolerance_mm}");
         problems.push(problem("default_path_tolerance_mm", message));
     }
+    for (level, tolerance_mm) in language.contour_tolerances_mm.iter().enumerate() {
+        if !(0.0..=MAX_PATH_TOLERANCE_MM).contains(tolerance_mm) {
+            let message = format!("must lie between 0 and {MAX_PATH_TOLERANCE_MM}, is {tolerance_mm}");
+            problems.push(problem(&format!("contour_tolerances_mm[{level}]"), message));
+        }
+    }
+    if !language.input_result.is_finite() {
+        problems.push(problem("input_result", "must be finite"));
+    }
     if !(64..=65_536).contains(&language.max_line_bytes) {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
     }

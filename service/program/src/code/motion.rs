@@ -107,10 +107,17 @@ crate::finding_codes! {
         example: mill("G2 X0 Y0 R5 F100"),
     }
 
-    "PRG-PATH-TOLERANCE" [PATH_TOLERANCE: Error] {
-        meaning: "a tolerance of G64 that is negative or too large, or a Q without a P or beyond it",
-        cause: "P or Q of `G64` is outside 0 to 10 mm, often for a missing decimal point; Q, which merges lines, is \
-              part of P.",
+    "PRG-ARC-TURNS" [ARC_TURNS: Error] {
+        meaning: "an arc whose number of turns is no whole number from 1 on",
+        cause: "P of an arc of LinuxCNC says how often it passes its end; it is 0, negative, broken or beyond 10000.",
+        cure: "Write P as a whole number, or leave it out for one turn at most.",
+        example: on("mill, language.dialect = DIALECT_LINUXCNC", "G2 X0 Y0 I5 P0 F100"),
+    }
+
+    "PRG-PATH-TOLERANCE" [PATH_TOLERANCE: Error, PATH_TOLERANCE_LIMITED: Warning] {
+        meaning: "a tolerance of a path control that is negative or too large; a Q of G64 beyond its P is a warning, and P holds",
+        cause: "P or Q of `G64`, or E of `G187`, is outside 0 to 10 mm, often for a missing decimal point; Q, which merges \
+              lines, is part of P.",
         cure: "Write how far the path may leave the programmed one, such as `G64 P0.01`, and Q at most as large.",
         example: mill("G64 P50"),
     }
@@ -183,5 +190,22 @@ crate::finding_codes! {
         cause: "A NURBS is closed that was never opened, or that another code has ended.",
         cure: "Open it with `G5.2`, or remove `G5.3`.",
         example: mill("G5.3"),
+    }
+
+    "PRG-PATH-REQUEST" [PATH_REQUEST: Error, PATH_REQUEST_NOTED: Info] {
+        meaning: "a request of path control with a word that it does not know: an error; one that changes nothing here is noted",
+        cause: "`G5.1` takes Q0 and Q1 with R1 to R10, `G5` P0 and P10000, `G8` P0 and P1, `G187` P1 to P3. `G62` and \
+              `G63` ask for overrides at corners and while tapping, which are the machine's.",
+        cure: "Write the word as the control knows it; which tolerance a level stands for is in `contour_tolerances_mm` of \
+              the profile's language.",
+        example: mill("G8 P2"),
+    }
+
+    "PRG-PROBE" [PROBE: Error, PROBE_UNKNOWN: Warning] {
+        meaning: "a probing move: a warning, as where it ends is not known; an error where it cannot be one",
+        cause: "`G31`, `G36`, `G37` or `G38.2` to `G38.5` ends at a contact that only the machine finds. The whole travel is \
+              taken as the path, at the feed. A move without travel, of rotary axes or under `G93` cannot probe.",
+        cure: "Check what the program does with the result; no part of it is judged by what the probe would find.",
+        example: mill("G31 Z-10 F100"),
     }
 }

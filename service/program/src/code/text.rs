@@ -113,9 +113,10 @@ crate::finding_codes! {
         example: lathe("G0 X1 0"),
     }
 
-    "PRG-NO-END" [NO_END: Warning] {
-        meaning: "the program just stops, without M2, M30 or a closing %",
-        cause: "The end was forgotten, or the transfer broke off and blocks are missing.",
+    "PRG-NO-END" [NO_END_REFUSED: Error, NO_END: Warning] {
+        meaning: "the program just stops, without M2, M30 or a closing %: an error in LinuxCNC",
+        cause: "The end was forgotten, or the transfer broke off and blocks are missing. LinuxCNC does not run a program \
+              without M2, M30 or a pair of %.",
         cure: "Check that the program is complete, and end it with M30 (or M2) and %.",
         example: lathe("G0 X10"),
     }

@@ -88,7 +88,6 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(570, Group::WorkOffset, Meaning::WorkOffset(3)),
     code(580, Group::WorkOffset, Meaning::WorkOffset(4)),
     code(590, Group::WorkOffset, Meaning::WorkOffset(5)),
-    code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactPath)),
     code(611, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(640, Group::PathControl, Meaning::PathControl(PathControlMode::Continuous)),
     doubtful(800, Group::Cycle, Meaning::AlreadySo, &CYCLE_END),
@@ -112,15 +111,20 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
 
 /// G codes of FANUC controls and the like, lathe and mill.
 const FANUC_G_CODES: &[Code] = &[
-    code(80, Group::PathControl, Meaning::Unsupported("high-precision contour control")),
+    code(80, Group::NonModal, Meaning::LookAhead),
     code(90, Group::NonModal, Meaning::ExactStop),
     code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
     code(290, Group::NonModal, Meaning::Unsupported("return from the reference position")),
-    code(310, Group::NonModal, Meaning::Unsupported("skip motion")),
+    code(310, Group::NonModal, Meaning::Skip),
     code(541, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    // FANUC's G61 is the exact stop check; the exact path is LinuxCNC's.
+    code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
+    code(620, Group::PathControl, Meaning::CuttingMode),
+    code(630, Group::PathControl, Meaning::CuttingMode),
     code(650, Group::NonModal, Meaning::Unsupported("macro call")),
     code(660, Group::MacroCall, Meaning::Unsupported("modal macro call")),
     code(670, Group::MacroCall, Meaning::AlreadySo),
+    code(1_870, Group::NonModal, Meaning::Smoothness),
 ];
 
 /// M codes of FANUC controls and the like.
@@ -198,6 +202,8 @@ pub(super) static LATHE: Dialect = Dialect {
     // The T word has changed the tool already; some posts write M6 after it all the same.
     m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::AlreadySo)]],
     tool_word_changes: true,
+    arcs_take_turns: false,
+    needs_an_end: false,
     tool_stays_selected: false,
     max_m_codes: FANUC_M_CODES_IN_A_BLOCK,
     m_codes_closed: false,
@@ -212,6 +218,8 @@ const LATHE_G_CODES: &[Code] = &[
     code(240, Group::Motion, Meaning::Unsupported("facing cycle of G-code system C")),
     code(320, Group::Motion, Meaning::Thread),
     code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
+    code(360, Group::NonModal, Meaning::Skip),
+    code(370, Group::NonModal, Meaning::Skip),
     code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
     code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
     code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
@@ -242,6 +250,8 @@ pub(super) static MILL: Dialect = Dialect {
     g_codes: &[FANUC_G_CODES, MILL_G_CODES],
     m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::ToolChange)]],
     tool_word_changes: false,
+    arcs_take_turns: false,
+    needs_an_end: false,
     tool_stays_selected: false,
     max_m_codes: FANUC_M_CODES_IN_A_BLOCK,
     m_codes_closed: false,
@@ -253,6 +263,7 @@ pub(super) static MILL: Dialect = Dialect {
 const MILL_G_CODES: &[Code] = &[
     code(150, Group::PolarCoordinates, Meaning::AlreadySo),
     code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
+    code(370, Group::NonModal, Meaning::Skip),
     code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
     code(440, Group::LengthCompensation, Meaning::LengthCompensation { negative: true }),
     code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
@@ -286,6 +297,8 @@ pub(super) static LINUXCNC: Dialect = Dialect {
     g_codes: &[LINUXCNC_G_CODES],
     m_codes: &[LINUXCNC_M_CODES],
     tool_word_changes: false,
+    arcs_take_turns: true,
+    needs_an_end: true,
     tool_stays_selected: true,
     max_m_codes: 4,
     m_codes_closed: true,
@@ -295,15 +308,16 @@ pub(super) static LINUXCNC: Dialect = Dialect {
 };
 
 const LINUXCNC_G_CODES: &[Code] = &[
+    code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactPath)),
     code(70, Group::Diameter, Meaning::XWord(XWord::Diameter)),
     code(80, Group::Diameter, Meaning::XWord(XWord::Radius)),
     code(281, Group::NonModal, Meaning::Unsupported("storing the reference position")),
     code(301, Group::NonModal, Meaning::Unsupported("storing the second reference position")),
     code(331, Group::Motion, Meaning::Unsupported("rigid tapping")),
-    code(382, Group::Motion, Meaning::Unsupported("probing")),
-    code(383, Group::Motion, Meaning::Unsupported("probing")),
-    code(384, Group::Motion, Meaning::Unsupported("probing")),
-    code(385, Group::Motion, Meaning::Unsupported("probing")),
+    code(382, Group::Motion, Meaning::Probe),
+    code(383, Group::Motion, Meaning::Probe),
+    code(384, Group::Motion, Meaning::Probe),
+    code(385, Group::Motion, Meaning::Probe),
     code(411, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(421, Group::CutterCompensation, Meaning::Unsupported("cutter compensation")),
     code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
@@ -323,8 +337,8 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
     code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
     code(760, Group::Motion, Meaning::ThreadCycles),
-    code(901, Group::ArcDistance, Meaning::Unsupported("absolute arc centres")),
-    code(911, Group::ArcDistance, Meaning::AlreadySo),
+    code(901, Group::ArcDistance, Meaning::ArcDistance { absolute: true }),
+    code(911, Group::ArcDistance, Meaning::ArcDistance { absolute: false }),
     code(920, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
     // There is no offset that they could clear.
     code(921, Group::NonModal, Meaning::AlreadySo),

@@ -9,6 +9,24 @@ use crate::{ArcGeometry, Axis, Finding, FindingCode, Position, SourceSpan};
 /// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
 const SHORTEST_CHORD_MM: f64 = 1e-7;
 
+/// LinuxCNC: how much a radius may be too short for its chord, mm (0.00005 inch).
+const LINUXCNC_SHORT_RADIUS_MM: f64 = 0.001_27;
+
+/// LinuxCNC: an arc with a smaller radius is none, mm.
+const LINUXCNC_LEAST_RADIUS_MM: f64 = 0.001_27;
+
+/// LinuxCNC: what start and end radius may differ by in any case, 2·√2·0.01 mm.
+const LINUXCNC_SPIRAL_MM: f64 = 0.02 * core::f64::consts::SQRT_2;
+
+/// LinuxCNC: and beyond, as a share of the larger radius.
+const LINUXCNC_SPIRAL_SHARE: f64 = 0.001;
+
+/// LinuxCNC: and never more than this, mm.
+const LINUXCNC_LARGEST_SPIRAL_MM: f64 = 100.0 * LINUXCNC_SPIRAL_MM;
+
+/// Most turns of an arc; a program that asks for more has lost a decimal point.
+const MOST_TURNS: u32 = 10_000;
+
 /// Start, end and sense of an arc in its plane, mm.
 struct Chord {
     start: [f64; 2],
@@ -35,7 +53,8 @@ impl Execution<'_> {
             (Some(radius), None) => self.center_by_radius(&radius, &chord)?,
             (None, Some(word)) => {
                 let [along_first, along_second] = offsets.map(|word| word.map_or(0.0, |word| self.scaled(&word, true)));
-                let center = [start[0] + along_first, start[1] + along_second];
+                let from = if self.state.arc_absolute { self.centre_origin(offsets, &word)? } else { start };
+                let center = [from[0] + along_first, from[1] + along_second];
                 self.check_radii(&word, center, &chord)?;
                 center
             }
@@ -54,8 +73,37 @@ impl Execution<'_> {
                 })?
             }
         };
-        let sweep_rad = sweep(&chord, center);
+        let turns = self.turns()?;
+        let full_turns = f64::from(turns - 1) * core::f64::consts::TAU;
+        let sweep_rad = sweep(&chord, center) + if clockwise { -full_turns } else { full_turns };
         Some(ArcGeometry { plane, center, clockwise, sweep_rad })
+    }
+
+    /// `G90.1`: centres are counted from the origin, and both of their words are needed.
+    fn centre_origin(&mut self, words: [Option<Word>; 2], first: &Word) -> Option<[f64; 2]> {
+        if words.iter().all(Option::is_some) {
+            return Some([0.0; 2]);
+        }
+        let span = self.block.word_span(first);
+        self.arc_error(code::ARC_CENTRE_MISSING, span, |mut finding| {
+            finding.message.push_str("the absolute centre of the arc (G90.1) lacks one of its two words");
+            finding.suggest("write both, or G91.1 for centres from the start")
+        })
+    }
+
+    /// `P`: how often an arc of LinuxCNC passes its end, the last time included.
+    fn turns(&mut self) -> Option<u32> {
+        let word = if self.table.dialect.arcs_take_turns { self.take(b'P') } else { None };
+        let Some(word) = word else { return Some(1) };
+        let value = word.number.value();
+        let turns = value as u32;
+        if f64::from(turns) == value && (1..=MOST_TURNS).contains(&turns) {
+            return Some(turns);
+        }
+        self.arc_error(code::ARC_TURNS, self.block.word_span(&word), |mut finding| {
+            finding.message = format!("{value} turns: an arc has a whole number of turns, 1 to {MOST_TURNS}");
+            finding.with_value("turns", value, "").suggest("write how often the arc passes its end, such as P2")
+        })
     }
 
     /// Centre of the arc of this radius: positive for the arc of at most half a turn, negative for the other.
@@ -71,7 +119,11 @@ impl Execution<'_> {
         }
         let half = chord.length * 0.5;
         let excess = radius.abs() - half;
-        if excess < -self.settings.arc_radius_tolerance_mm {
+        let tolerance = match self.table.dialect.arcs_take_turns {
+            true => LINUXCNC_SHORT_RADIUS_MM,
+            false => self.settings.arc_radius_tolerance_mm,
+        };
+        if excess < -tolerance {
             let unit = if self.state.inch { MM_PER_INCH } else { 1.0 };
             // Rounded up to what the program's decimals can say.
             let least = (half / unit * 10_000.0).ceil() / 10_000.0;
@@ -108,9 +160,15 @@ impl Execution<'_> {
         let span = self.block.word_span(word);
         let start_radius = distance(center, chord.start);
         let end_radius = distance(center, chord.end);
-        let tolerance = self.settings.arc_radius_tolerance_mm;
-        let place = if start_radius < SHORTEST_CHORD_MM { "starts" } else { "ends" };
-        if start_radius.min(end_radius) < SHORTEST_CHORD_MM {
+        let mut tolerance = self.settings.arc_radius_tolerance_mm;
+        let mut least_radius = SHORTEST_CHORD_MM;
+        if self.table.dialect.arcs_take_turns {
+            let share = LINUXCNC_SPIRAL_SHARE * start_radius.max(end_radius);
+            tolerance = tolerance.max(share.clamp(LINUXCNC_SPIRAL_MM, LINUXCNC_LARGEST_SPIRAL_MM));
+            least_radius = LINUXCNC_LEAST_RADIUS_MM;
+        }
+        let place = if start_radius <= end_radius { "starts" } else { "ends" };
+        if start_radius.min(end_radius) < least_radius {
             return self.arc_error(code::ARC_RADIUS_ZERO, span, |mut finding| {
                 finding.message = format!("the arc {place} at its own centre");
                 let finding = finding.with_value("start_radius", start_radius, "mm");

@@ -7,8 +7,7 @@ use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, MachineStep, 
 use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
-    FunctionWord, LanguageSettings, MAX_PATH_TOLERANCE_MM, Operation, OperationKind, PathControl, PathControlMode,
-    SourceSpan, ToolLength, XWord,
+    FunctionWord, LanguageSettings, Operation, OperationKind, SourceSpan, ToolLength, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -373,13 +372,20 @@ impl Execution<'_> {
         if let (Some((word, _)), Some(_)) = (first, times.next()) {
             return self.word_conflict(&word, "a dwell takes one of P, X and U");
         }
+        let per_revolution = self.settings.dwell_in_revolutions && self.state.feed_unit == FeedUnit::PerRevolution;
+        if let Some((word, false)) = first
+            && per_revolution
+            && word.number.value() >= 0.0
+        {
+            return self.emit(span, OperationKind::Dwell(DwellTime::Revolutions(word.number.value())));
+        }
         let seconds = first.map(|(word, is_p)| {
             let value = word.number.value();
-            let thousandths = if is_p {
-                self.settings.dwell_p_unit == DwellUnit::Milliseconds
-            } else {
+            let thousandths = match is_p {
+                // A P with a decimal point is in seconds on Haas controls; FANUC takes whole milliseconds only.
+                true => self.settings.dwell_p_unit == DwellUnit::Milliseconds && !word.number.has_point(),
                 // The least increment of a time is a millisecond.
-                self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point()
+                false => self.settings.decimal_point == DecimalPointRule::LeastIncrement && !word.number.has_point(),
             };
             if thousandths { value / 1_000.0 } else { value }
         });
@@ -403,18 +409,15 @@ impl Execution<'_> {
             self.state.plane = plane;
             self.state.spline_exit = None;
         }
-        self.exact_stop = matches!(self.code(Group::NonModal), Some((Meaning::ExactStop, _)));
-        if let Some((Meaning::PathControl(mode), _)) = self.code(Group::PathControl) {
-            self.state.path_control = self.settings.path_control(mode);
-            if mode == PathControlMode::Continuous {
-                self.path_tolerances();
-            }
-        }
+        self.path_modes();
         if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset) {
             self.select_work_offset(index);
         }
         if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
             self.state.absolute = absolute;
+        }
+        if let Some((Meaning::ArcDistance { absolute }, _)) = self.code(Group::ArcDistance) {
+            self.state.arc_absolute = absolute;
         }
         if let Some((Meaning::XWord(x_word), span)) = self.code(Group::Diameter)
             && x_word != self.settings.x_word
@@ -442,71 +445,6 @@ impl Execution<'_> {
             *value += old - new;
         }
         self.state.work_offset = index;
-    }
-
-    /// `P` and `Q` of `G64`, which without them has the default tolerance.
-    fn path_tolerances(&mut self) {
-        let Some((tolerance_word, merge_word)) = self.take(b'P').map(|word| (word, self.take(b'Q'))) else {
-            if let Some(word) = self.take(b'Q') {
-                self.tolerance_error(&word, |mut finding| {
-                    finding
-                        .message
-                        .push_str("the tolerance Q for merging lines is part of the tolerance P, which is missing");
-                    finding.suggest("add P, at least as large as Q")
-                });
-            }
-            return;
-        };
-        let Some(tolerance_mm) = self.path_tolerance(&tolerance_word) else {
-            return;
-        };
-        // As in LinuxCNC, lines are merged within P where there is no Q; Q0 merges none.
-        let Some(merge_tolerance_mm) = merge_word.map_or(Some(tolerance_mm), |word| self.path_tolerance(&word)) else {
-            return;
-        };
-        if let Some(word) = merge_word
-            && merge_tolerance_mm > tolerance_mm
-        {
-            let replacement = format!("Q{}", tolerance_word.number.value());
-            return self.tolerance_error(&word, |mut finding| {
-                finding.message = format!(
-                    "Q, {merge_tolerance_mm} mm, is part of the tolerance P and cannot exceed its {tolerance_mm} mm"
-                );
-                finding
-                    .with_value("merge_tolerance", merge_tolerance_mm, "mm")
-                    .with_value("tolerance", tolerance_mm, "mm")
-                    .suggest_value("use P at most", Some(replacement), "merge_tolerance", tolerance_mm, "mm")
-            });
-        }
-        self.state.path_control = PathControl::Continuous { tolerance_mm, merge_tolerance_mm };
-    }
-
-    /// A tolerance of `G64`, mm; `None` after a finding.
-    fn path_tolerance(&mut self, word: &Word) -> Option<f64> {
-        let tolerance_mm = self.scaled(word, true);
-        if (0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {
-            return Some(tolerance_mm);
-        }
-        self.tolerance_error(word, |mut finding| {
-            finding.message =
-                format!("the tolerance is {tolerance_mm} mm, but must lie between 0 and {MAX_PATH_TOLERANCE_MM} mm");
-            finding
-                .with_value("tolerance", tolerance_mm, "mm")
-                .with_value("max_tolerance", MAX_PATH_TOLERANCE_MM, "mm")
-                .suggest("write how far the path may leave the programmed one, such as P0.01")
-        });
-        None
-    }
-
-    #[cold]
-    fn tolerance_error(&mut self, word: &Word, fill: impl FnOnce(Finding) -> Finding) {
-        let span = self.block.word_span(word);
-        self.findings.push_with(code::PATH_TOLERANCE, |code| fill(Finding::new(code, span, "")));
-    }
-
-    /// How the path runs through the end point of this block.
-    pub(super) const fn path_control(&self) -> PathControl {
-        if self.exact_stop { PathControl::ExactStop } else { self.state.path_control }
     }
 
     fn stop(&mut self) -> Option<SourceSpan> {

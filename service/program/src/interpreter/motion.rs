@@ -58,6 +58,7 @@ impl Execution<'_> {
                 Meaning::Nurbs => Motion::Nurbs,
                 Meaning::NurbsEnd => return self.close_nurbs(before),
                 Meaning::Thread => Motion::Thread,
+                Meaning::Probe => Motion::Probe,
                 // It is carried out once; the motion before it stays in force.
                 Meaning::ThreadCycles => return self.thread_cycles(),
                 _ => Motion::Unclear,
@@ -71,10 +72,24 @@ impl Execution<'_> {
             Some(Meaning::MachineCoordinates) => Frame::Machine,
             _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
-            Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference | Meaning::AlignTool) => return,
+            Some(
+                Meaning::Dwell
+                | Meaning::SpeedClamp
+                | Meaning::Reference
+                | Meaning::AlignTool
+                | Meaning::LookAhead
+                | Meaning::Smoothness,
+            ) => return,
+            Some(Meaning::Skip) => return self.probing_move(),
             Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
             _ => Frame::Work,
         };
+        if self.state.motion == Motion::Probe
+            && frame == Frame::Work
+            && self.block.letters & self.table.axis_letters & !self.used != 0
+        {
+            return self.probing_move();
+        }
         if !self.state.tool_control.is_plain() {
             return self.guided_motion(frame);
         }
@@ -138,7 +153,9 @@ impl Execution<'_> {
                 self.used |= CURVE_LETTERS;
                 self.doubtful_before(tenths, line);
             }
-            Motion::Nurbs | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => self.used |= CURVE_LETTERS,
+            Motion::Nurbs | Motion::Probe | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => {
+                self.used |= CURVE_LETTERS
+            }
         }
         self.state.position = end;
     }
@@ -203,6 +220,7 @@ impl Execution<'_> {
             | Motion::Cubic
             | Motion::Quadratic
             | Motion::Nurbs
+            | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle => "machine coordinates go with G0 or G1 only",
             _ => return false,

@@ -83,26 +83,6 @@ impl Execution<'_> {
         Some(Box::new(SplineGeometry { plane, order: points.len() as u8, points, weights }))
     }
 
-    /// `G5 P…` or `G5.1 Q…` without a curve: elsewhere these switch a contour control, and motion stays as it was
-    /// `before`. Whether that is the case, which is then reported.
-    pub(super) fn is_contour_control(&mut self, axes: u32, before: Motion) -> bool {
-        let word = |letter| self.block.letters & !self.used & letter_bit(letter) != 0;
-        let curve = word(b'I') || word(b'J') || word(b'K') || axes != 0;
-        let Some((Meaning::CubicSpline | Meaning::QuadraticSpline, span)) = self.code(Group::Motion) else {
-            return false;
-        };
-        if curve || word(b'P') == word(b'Q') {
-            return false;
-        }
-        self.used |= letter_bit(b'P') | letter_bit(b'Q');
-        self.state.motion = before;
-        self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
-            Finding::new(code, span, "high-precision contour control is not supported yet")
-                .suggest("remove it; G64 P says how far the path may leave the programmed one")
-        });
-        true
-    }
-
     /// A block in a NURBS, the first of which opens it.
     pub(super) fn nurbs(&mut self) {
         let axes = self.block.letters & self.table.axis_letters & !self.used;

@@ -1,8 +1,10 @@
 //! Tests of the interpreter through one [`check`]: program text in, one line per operation and finding out.
 
 mod arcs;
+mod arcs_of_linuxcnc;
 mod consequences;
 mod doubt;
+mod dwell;
 mod foreign_files;
 mod framing;
 mod hostile;
@@ -12,6 +14,7 @@ mod machine_codes;
 mod misread;
 mod order;
 mod path_control;
+mod requests;
 mod splines;
 mod thread_cycles;
 mod threads;

@@ -218,6 +218,7 @@ impl Execution<'_> {
             | Motion::Cubic
             | Motion::Quadratic
             | Motion::Nurbs
+            | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle => {
                 self.used = u32::MAX;

@@ -32,6 +32,8 @@ fn profiles_survive_the_round_trip() {
     lathe.language.unlisted_machine_codes = feedwave_program::UnlistedMachineCodes::Error;
     lathe.language.input_result = 1.0;
     lathe.language.machine_codes = machine_codes();
+    lathe.language.contour_tolerances_mm[3] = 0.5;
+    lathe.language.dwell_in_revolutions = true;
     lathe.following.filter_length_s = Some(0.02);
     lathe.look_ahead_blocks = 100;
     lathe.max_feed_override = 1.2;

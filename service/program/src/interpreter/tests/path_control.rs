@@ -29,9 +29,9 @@ fn modes_last_and_g9_does_not() {
         EXACT_PATH,
         EXACT_STOP,
         EXACT_STOP,
-        EXACT_PATH,
         EXACT_STOP,
-        EXACT_PATH,
+        EXACT_STOP,
+        EXACT_STOP,
         continuous(0.02, 0.01),
         EXACT_STOP,
         continuous(0.02, 0.01),
@@ -41,6 +41,8 @@ fn modes_last_and_g9_does_not() {
     ];
     assert_eq!(controls(&mill(), program), expected);
     assert_eq!(controls(&lathe(), program), expected);
+    // The exact path is LinuxCNC's.
+    assert_eq!(controls(&linuxcnc(), "G61.1 G0 X1\nG61 X2\nX3"), [EXACT_STOP, EXACT_PATH, EXACT_PATH]);
 }
 
 #[test]
@@ -71,6 +73,16 @@ fn the_profile_says_what_holds_at_first() {
 }
 
 #[test]
+fn g64_of_linuxcnc() {
+    // Checked with rs274: P0 is G64 alone, unlimited, for which the profile has a tolerance; Q alone keeps its value.
+    assert_eq!(
+        controls(&linuxcnc(), "G64 P0\nG0 X1\nG64 Q.002\nX2"),
+        [continuous(0.01, 0.01), continuous(0.01, 0.002)]
+    );
+    check(&linuxcnc(), "G64 P.1 Q.5\nG0 X1", "rapid 0 -> X1\nw 1:9+3 PRG-PATH-TOLERANCE");
+}
+
+#[test]
 fn tolerances_that_cannot_be() {
     check(
         &mill(),
@@ -78,8 +90,7 @@ fn tolerances_that_cannot_be() {
         "rapid 0 -> X1
          ! 1:5+3 PRG-PATH-TOLERANCE
          ! 2:5+7 PRG-PATH-TOLERANCE
-         ! 3:5+4 PRG-PATH-TOLERANCE
-         ! 4:10+4 PRG-PATH-TOLERANCE
+         w 4:10+4 PRG-PATH-TOLERANCE
          ! 5:10+5 PRG-PATH-TOLERANCE",
     );
     let (_, findings) = interpret(b"G64 P.01 Q.02\nM30", mill());

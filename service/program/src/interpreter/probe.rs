@@ -1,0 +1,52 @@
+//! Probing moves: the whole travel is the path, as only the machine finds the contact.
+
+use super::execute::Execution;
+use super::motion::{Frame, set_bits};
+use crate::code;
+use crate::dialect::{FeedUnit, Letter};
+use crate::{Finding, MoveKind, SourceSpan};
+
+impl Execution<'_> {
+    /// `G31`, `G36`, `G37`, and `G38.2` to `G38.5`: a move at the feed.
+    pub(super) fn probing_move(&mut self) {
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        let span = self.block.span();
+        if axes == 0 {
+            return self.probe_error(span, "a probing move names no axis");
+        }
+        if !self.state.tool_control.is_plain() {
+            self.used |= axes;
+            return self.probe_error(span, "probing under tool centre point control is not possible");
+        }
+        let is_rotary = |place| matches!(self.table.dialect.letters[place], Letter::Axis(axis) if axis.is_rotary());
+        let turns = set_bits(axes).any(is_rotary);
+        let end = self.target(axes, Frame::Work);
+        if self.block.unclear {
+            self.state.position = end;
+            return;
+        }
+        let refusal = match () {
+            () if turns => Some("rotary axes cannot move while probing"),
+            () if self.state.feed_unit == FeedUnit::InverseTime => {
+                Some("probing needs a feed per minute, not inverse time")
+            }
+            () if end == self.state.position => Some("the probing move has no travel"),
+            () => None,
+        };
+        if let Some(message) = refusal {
+            self.probe_error(span, message);
+        } else if let Some(feed) = self.cutting_feed(axes) {
+            self.findings.push_with(code::PROBE_UNKNOWN, |code| {
+                Finding::new(code, span, "where the probe finds its contact is not known: the whole travel is the path")
+            });
+            self.emit_move(MoveKind::Cutting, end, None, feed);
+        }
+        self.state.probed = Some(end);
+        self.state.position = end;
+    }
+
+    #[cold]
+    fn probe_error(&mut self, span: SourceSpan, message: &'static str) {
+        self.findings.push_with(code::PROBE, |code| Finding::new(code, span, message));
+    }
+}
