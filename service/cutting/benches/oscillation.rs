@@ -88,7 +88,7 @@ fn setpoints(criterion: &mut Criterion) {
             tables: Vec::new(),
         }];
         let geometry = Some(ToolGeometry::even(4, 60.0, 1.5, 5.0));
-        let tool = Tool { number: 4, name: String::new(), max_rev_per_min: None, length_mm: None, geometry };
+        let tool = Tool { number: 4, geometry, ..Tool::default() };
         let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) };
         let mut start = Pipeline::new(Arc::new(config));
         start.push(format!("G21 G90 G17 G94 T4 M6\nM3 S600\nG202 P1 D1\n{path}\nG203\nM30\n").as_bytes());

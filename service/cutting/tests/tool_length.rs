@@ -5,10 +5,11 @@ mod common;
 
 use common::{resume, run, snapshots, validate};
 use feedwave_cutting::{Frame, MachineProfile, PipelineConfig, Tool};
-use feedwave_program::Axis;
+use feedwave_program::{Axis, ToolOffset};
 
 fn tool(number: u32, length_mm: Option<f64>) -> Tool {
-    Tool { number, name: String::new(), max_rev_per_min: None, length_mm, geometry: None }
+    let row = ToolOffset::new(number);
+    Tool { number, offset: length_mm.map_or(row, |length_mm| row.with_length(length_mm)), ..Tool::default() }
 }
 
 fn config() -> PipelineConfig {

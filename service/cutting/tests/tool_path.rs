@@ -2,6 +2,7 @@
 
 use feedwave_cutting::{GuidedCuts, MachineProfile, OverrideChange, PathPoint, PipelineConfig, Tool};
 use feedwave_cutting::{ToolMotion, ToolPath, ToolPathSink};
+use feedwave_program::ToolOffset;
 
 #[derive(Debug, Default)]
 struct Collected {
@@ -75,7 +76,7 @@ fn a_circle_is_chords_that_stay_near_it() {
 
 #[test]
 fn cuts_with_a_guided_tool_are_counted_by_their_lines() {
-    let tool = Tool { number: 1, name: String::new(), max_rev_per_min: None, length_mm: Some(100.0), geometry: None };
+    let tool = Tool { number: 1, offset: ToolOffset::new(1).with_length(100.0), ..Tool::default() };
     let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(MachineProfile::mill()) };
     let program =
         "G21 G90 G94 G17 T1 M6\nG43.4 H1\nG0 X0 Y0 Z10 A0 C0\nG1 X5 F1000\nX10 A5\nG0 Z50\nG1 X0 F500\nG49\nM30\n";

@@ -23,7 +23,9 @@ use crate::consequence;
 use crate::dialect::{CodeTable, Group, letter_bit};
 use crate::foreign::{self, Foreign};
 use crate::state::Phase;
-use crate::{Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, SourceSpan};
+use crate::{
+    Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, SourceSpan, ToolOffset,
+};
 
 use execute::Execution;
 
@@ -61,18 +63,9 @@ pub struct Interpreter {
     settings: LanguageSettings,
     state: InterpreterState,
     table: CodeTable,
-    tool_lengths: Vec<ToolLength>,
+    tools: Vec<ToolOffset>,
     /// Storage of the present line's words, reused.
     block: Block,
-}
-
-/// The length of a tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolLength {
-    /// Number of the tool, which is also that of its length (`H`).
-    pub number: u32,
-    /// From the machine's control point to the tip, mm.
-    pub length_mm: f64,
 }
 
 /// A UTF-8 byte order mark.
@@ -90,14 +83,14 @@ impl Interpreter {
     #[must_use]
     pub fn restore(settings: LanguageSettings, state: InterpreterState) -> Self {
         let table = CodeTable::new(&settings);
-        Self { table, settings, state, tool_lengths: Vec::new(), block: Block::default() }
+        Self { table, settings, state, tools: Vec::new(), block: Block::default() }
     }
 
-    /// With the lengths of the job's tools, for `G43` and `G44`; of several with one number the first counts. A restored
-    /// interpreter goes on identically with the same ones.
+    /// With the job's table of tool offsets; of several rows with one number the first counts. A restored interpreter goes
+    /// on identically with the same ones.
     #[must_use]
-    pub fn with_tool_lengths(mut self, tool_lengths: Vec<ToolLength>) -> Self {
-        self.tool_lengths = tool_lengths;
+    pub fn with_tools(mut self, tools: Vec<ToolOffset>) -> Self {
+        self.tools = tools;
         self
     }
 
@@ -266,7 +259,7 @@ impl Interpreter {
         let mut execution = Execution {
             settings: &self.settings,
             table: &self.table,
-            tool_lengths: &self.tool_lengths,
+            tools: &self.tools,
             state: &mut self.state,
             block: &self.block,
             operations,

@@ -23,6 +23,7 @@ mod number;
 mod operation;
 mod settings;
 mod state;
+mod tool_table;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use finding::{
@@ -30,7 +31,7 @@ pub use finding::{
     Suggestion,
 };
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
-pub use interpreter::{Interpreter, LineOutcome, ToolLength, interpret};
+pub use interpreter::{Interpreter, LineOutcome, interpret};
 pub use machine_code::{
     MachineCode, MachineCommand, MachineEffect, MachineTiming, UnlistedMachineCodes, machine_code_problems,
 };
@@ -44,3 +45,4 @@ pub use settings::{
     MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
 };
 pub use state::InterpreterState;
+pub use tool_table::ToolOffset;

@@ -429,7 +429,7 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
     }
 }
 
-fn position_from_proto(position: &proto::AxisPosition) -> Position {
+pub(super) fn position_from_proto(position: &proto::AxisPosition) -> Position {
     let proto::AxisPosition { x, y, z, a, b, c, u, v, w } = *position;
     [x, y, z, a, b, c, u, v, w]
 }

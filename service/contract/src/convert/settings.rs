@@ -47,6 +47,6 @@ mod tests {
         let config = pipeline_config(profile, &settings);
         assert_eq!((config.interpolation_period_us, config.generation_mode), (250, GenerationMode::ServoSide));
         assert_eq!((config.vibration_envelope, config.oscillation.parts_before), (VibrationEnvelope::Blended, 3));
-        assert_eq!((config.tools[0].number, config.tools[0].length_mm), (7, Some(120.5)));
+        assert_eq!((config.tools[0].number, config.tools[0].offset.length_mm()), (7, Some(120.5)));
     }
 }

@@ -1,7 +1,10 @@
 //! Tools.
 
 use super::lobes::check_dynamics;
+use feedwave_program::{Axis, Position, ToolOffset};
+
 use super::oscillation::geometry_from_proto;
+use super::profile::position_from_proto;
 use crate::convert::{check_display_name, enumeration};
 use crate::proto;
 use crate::violations::Violations;
@@ -35,10 +38,69 @@ pub fn check_tool(tool: &proto::Tool) -> Violations {
     for (field, error) in tool.geometry.iter().flat_map(|geometry| geometry_from_proto(geometry).problems()) {
         violations.add(format!("geometry.{field}"), error.to_string());
     }
+    check_offset(&mut violations, tool);
     if let Some(dynamics) = &tool.dynamics {
         check_dynamics(&mut violations, "dynamics", dynamics);
     }
     violations
+}
+
+/// Largest value of a tool offset, mm.
+const MAX_OFFSET_MM: f64 = 100_000.0;
+
+/// Checks the row of the table of tool offsets.
+fn check_offset(violations: &mut Violations, tool: &proto::Tool) {
+    for (field, position) in [("offset", &tool.offset), ("wear", &tool.wear)] {
+        let Some(position) = position.as_ref().map(position_from_proto) else { continue };
+        for axis in Axis::ALL {
+            let value = position[axis.index()];
+            let field = format!("{field}.{}", axis.letter().to_ascii_lowercase());
+            if axis.is_rotary() && value != 0.0 {
+                violations.add(field, format!("must be 0, as a rotary axis has no tool offset, is {value}"));
+            } else if !(-MAX_OFFSET_MM..=MAX_OFFSET_MM).contains(&value) {
+                violations.add(field, format!("must be -{MAX_OFFSET_MM} to {MAX_OFFSET_MM}, is {value}"));
+            }
+        }
+    }
+    if tool.offset.is_some() && tool.length_mm.is_some() {
+        violations.add("offset", "must not be stated beside length_mm: z is the length");
+    }
+    if !(-MAX_OFFSET_MM..=MAX_OFFSET_MM).contains(&tool.radius_wear_mm) {
+        let wear = tool.radius_wear_mm;
+        violations.add("radius_wear_mm", format!("must be -{MAX_OFFSET_MM} to {MAX_OFFSET_MM}, is {wear}"));
+    }
+    if tool.tip > 9 {
+        violations.add("tip", format!("must be 0 to 9, is {}", tool.tip));
+    }
+    for (field, angle) in [("front_angle_deg", tool.front_angle_deg), ("back_angle_deg", tool.back_angle_deg)] {
+        if !(-360.0..=360.0).contains(&angle) {
+            violations.add(field, format!("must be -360 to 360, is {angle}"));
+        }
+    }
+}
+
+/// A tool's row of the table of tool offsets.
+fn offset_from_proto(tool: &proto::Tool) -> ToolOffset {
+    let along_z = |length_mm| {
+        let mut position = Position::default();
+        position[Axis::Z.index()] = length_mm;
+        position
+    };
+    let cutter_mm = tool.diameter_mm.map(|diameter_mm| 0.5 * diameter_mm);
+    let radius_mm = match tool.kind() {
+        proto::ToolKind::Turning | proto::ToolKind::Grooving | proto::ToolKind::Threading => tool.nose_radius_mm,
+        _ => cutter_mm.or(tool.nose_radius_mm),
+    };
+    ToolOffset {
+        number: tool.number,
+        geometry: tool.offset.as_ref().map(position_from_proto).or(tool.length_mm.map(along_z)),
+        wear: tool.wear.as_ref().map_or_else(Position::default, position_from_proto),
+        radius_mm,
+        radius_wear_mm: tool.radius_wear_mm,
+        tip: tool.tip as u8,
+        front_angle_deg: tool.front_angle_deg,
+        back_angle_deg: tool.back_angle_deg,
+    }
 }
 
 /// What validation needs to know of a tool.
@@ -48,7 +110,7 @@ pub fn tool_for_pipeline(tool: &proto::Tool) -> feedwave_cutting::Tool {
         number: tool.number,
         name: tool.display_name.clone(),
         max_rev_per_min: tool.max_spindle_rev_per_min,
-        length_mm: tool.length_mm,
+        offset: offset_from_proto(tool),
         geometry: tool.geometry.as_ref().map(geometry_from_proto),
     }
 }
@@ -124,6 +186,41 @@ mod tests {
     }
 
     #[test]
+    fn a_row_of_the_tool_table_is_checked_and_converted() {
+        let position = |x, z| Some(proto::AxisPosition { x, z, ..Default::default() });
+        let mut tool = proto::Tool {
+            number: 3,
+            kind: proto::ToolKind::Turning.into(),
+            nose_radius_mm: Some(0.8),
+            diameter_mm: Some(20.0),
+            offset: position(35.0, 120.0),
+            wear: position(-0.02, 0.05),
+            radius_wear_mm: 0.01,
+            tip: 3,
+            front_angle_deg: 95.0,
+            back_angle_deg: 30.0,
+            ..Default::default()
+        };
+        assert!(check_tool(&tool).is_empty());
+        let row = tool_for_pipeline(&tool).offset;
+        assert_eq!((row.number, row.tip, row.total_radius_mm()), (3, 3, Some(0.81)));
+        assert_eq!(row.total().map(|total| [total[0], total[2]]), Some([34.98, 120.05]));
+        assert_eq!((row.front_angle_deg, row.back_angle_deg), (95.0, 30.0));
+        tool.kind = proto::ToolKind::Mill.into();
+        assert_eq!(tool_for_pipeline(&tool).offset.radius_mm, Some(10.0));
+
+        tool.length_mm = Some(120.0);
+        tool.wear = position(f64::NAN, 0.0);
+        tool.offset.as_mut().unwrap().c = 1.0;
+        tool.tip = 10;
+        tool.radius_wear_mm = f64::INFINITY;
+        tool.back_angle_deg = 400.0;
+        let violations = check_tool(&tool);
+        let fields: Vec<_> = violations.as_slice().iter().map(|violation| violation.field.as_str()).collect();
+        assert_eq!(fields, ["offset.c", "wear.x", "offset", "radius_wear_mm", "tip", "back_angle_deg"]);
+    }
+
+    #[test]
     fn a_valid_tool_passes() {
         let tool = proto::Tool {
             number: 1,
@@ -132,7 +229,7 @@ mod tests {
             ..Default::default()
         };
         assert!(check_tool(&tool).is_empty());
-        assert_eq!(tool_for_pipeline(&tool).length_mm, Some(120.5));
+        assert_eq!(tool_for_pipeline(&tool).offset.length_mm(), Some(120.5));
         assert_eq!(tool_for_pipeline(&tool).max_rev_per_min, Some(4_000.0));
     }
 }

@@ -10,7 +10,7 @@ use feedwave_contract::document::{Document, Syntax};
 use feedwave_contract::violations::Violations;
 use feedwave_contract::{json, proto};
 use feedwave_cutting::{MachineProfile, PipelineConfig, Step, Tool, Validation, ValidationReport};
-use feedwave_program::{CodeEntry, Example};
+use feedwave_program::{CodeEntry, Example, ToolOffset};
 use prost::Name;
 use serde_json::Value;
 
@@ -140,5 +140,5 @@ fn oscillating_tools() -> Vec<Tool> {
 }
 
 fn tool(number: u32) -> Tool {
-    Tool { number, name: String::new(), max_rev_per_min: None, length_mm: Some(120.0), geometry: None }
+    Tool { number, offset: ToolOffset::new(number).with_length(120.0), ..Tool::default() }
 }

@@ -1,9 +1,10 @@
 //! A tool: its length and speed, where its cutting edges are and how far they reach.
 
+use feedwave_program::ToolOffset;
 use serde::{Deserialize, Serialize};
 
 /// What validation needs to know of a tool.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tool {
     /// Number of the `T` word.
@@ -14,9 +15,10 @@ pub struct Tool {
     /// Highest permitted spindle speed, rev/min.
     #[serde(default)]
     pub max_rev_per_min: Option<f64>,
-    /// From the gauge point of the spindle to the tool centre point, mm: what `H` with the number of the tool means.
+    /// Its row in the table of tool offsets: what `H` and `D` with the number of the tool mean. The row has the tool's number,
+    /// whatever is stated here.
     #[serde(default)]
-    pub length_mm: Option<f64>,
+    pub offset: ToolOffset,
     /// Its cutting edges, which oscillation needs.
     #[serde(default)]
     pub geometry: Option<ToolGeometry>,

@@ -4,7 +4,7 @@ use feedwave_cutting::{MachineProfile, PipelineConfig, Tool};
 use feedwave_motion::MachineAxis;
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{BranchPreference, ChainAxis, KinematicsDescription, Wrap};
-use feedwave_program::Axis;
+use feedwave_program::{Axis, ToolOffset};
 
 pub const LENGTH_MM: f64 = 120.0;
 
@@ -38,12 +38,6 @@ pub fn config() -> PipelineConfig {
     }
     profile.kinematics = Some(trunnion());
     assert_eq!(profile.problems(), []);
-    let tools = vec![Tool {
-        number: 1,
-        name: String::new(),
-        max_rev_per_min: None,
-        length_mm: Some(LENGTH_MM),
-        geometry: None,
-    }];
+    let tools = vec![Tool { number: 1, offset: ToolOffset::new(1).with_length(LENGTH_MM), ..Tool::default() }];
     PipelineConfig { tools, ..PipelineConfig::new(profile) }
 }

@@ -29,8 +29,8 @@ fn config() -> PipelineConfig {
     profile.tool_oscillation = vec![named(1, "accuracy"), smooth, odd];
     PipelineConfig {
         tools: vec![
-            Tool { number: 4, name: String::new(), max_rev_per_min: None, length_mm: None, geometry: Some(tool()) },
-            Tool { number: 5, name: String::new(), max_rev_per_min: None, length_mm: None, geometry: None },
+            Tool { number: 4, geometry: Some(tool()), ..Tool::default() },
+            Tool { number: 5, ..Tool::default() },
         ],
         ..PipelineConfig::new(profile)
     }

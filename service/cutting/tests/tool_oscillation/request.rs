@@ -23,7 +23,7 @@ fn config() -> PipelineConfig {
     let mut speed = named(2, "speed");
     speed.condition.feed.amplitude_mm = 0.2;
     profile.tool_oscillation = vec![named(1, "accuracy"), speed];
-    let tool = Tool { number: 4, name: String::new(), max_rev_per_min: None, length_mm: None, geometry: Some(tool()) };
+    let tool = Tool { number: 4, geometry: Some(tool()), ..Tool::default() };
     PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) }
 }
 

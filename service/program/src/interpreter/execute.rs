@@ -7,7 +7,7 @@ use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, MachineStep, 
 use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
-    FunctionWord, LanguageSettings, Operation, OperationKind, SourceSpan, ToolLength, XWord,
+    FunctionWord, LanguageSettings, Operation, OperationKind, SourceSpan, ToolOffset, XWord,
 };
 
 /// One inch in mm, by definition.
@@ -24,7 +24,7 @@ pub(super) const LEAST_RATE: f64 = 1e-9;
 pub(super) struct Execution<'a> {
     pub(super) settings: &'a LanguageSettings,
     pub(super) table: &'a CodeTable,
-    pub(super) tool_lengths: &'a [ToolLength],
+    pub(super) tools: &'a [ToolOffset],
     pub(super) state: &'a mut InterpreterState,
     pub(super) block: &'a Block,
     pub(super) operations: &'a mut Vec<Operation>,

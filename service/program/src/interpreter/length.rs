@@ -9,7 +9,7 @@ use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, AxisSet, Finding, Position, SourceSpan};
+use crate::{Axis, AxisSet, Finding, Position, SourceSpan, ToolOffset};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
@@ -58,7 +58,7 @@ impl Execution<'_> {
                     .suggest_replacement("use the length of the tool", format!("H{tool}"))
             });
         }
-        let length_mm = self.tool_lengths.iter().find(|length| length.number == number).map(|length| length.length_mm);
+        let length_mm = self.tools.iter().find(|tool| tool.number == number).and_then(ToolOffset::length_mm);
         if length_mm.is_none() {
             self.findings.push_with(code::TOOL_LENGTH, |code| {
                 let message = format!("no tool {number} with a length is known, so that H{number} means nothing");

@@ -156,14 +156,13 @@ fn render_finding(finding: &Finding) -> String {
 }
 
 /// The tools of the tests: T1 to T9, the first one 100 mm long and each of the others half as long as the one before.
-fn tools() -> Vec<ToolLength> {
-    (1..10).map(|number| ToolLength { number, length_mm: 200.0 / f64::from(1_u32 << number) }).collect()
+fn tools() -> Vec<ToolOffset> {
+    (1..10).map(|number| ToolOffset::new(number).with_length(200.0 / f64::from(1_u32 << number))).collect()
 }
 
 /// Operations, then findings, one per line. Every finding is held to what all findings promise.
 fn render(program: impl AsRef<[u8]>, settings: &LanguageSettings) -> String {
-    let (operations, findings) =
-        Interpreter::new(settings.clone()).with_tool_lengths(tools()).read_all(program.as_ref());
+    let (operations, findings) = Interpreter::new(settings.clone()).with_tools(tools()).read_all(program.as_ref());
     let ends = operations.iter().filter(|operation| operation.kind == OperationKind::End).count();
     assert_eq!(ends, 1, "exactly one end");
     assert_eq!(operations.last().map(|operation| &operation.kind), Some(&OperationKind::End));

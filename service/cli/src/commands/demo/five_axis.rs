@@ -8,7 +8,7 @@ use feedwave_contract::proto::{CreateToolRequest, JobState, ThinningReport, Tool
 use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, dot, norm, sub};
 use feedwave_motion::kinematics::{JointValues, Kinematics, Setup};
-use feedwave_program::{AXIS_COUNT, Axis};
+use feedwave_program::{AXIS_COUNT, Axis, ToolOffset};
 
 use super::super::CliError;
 use super::super::client::Client;
@@ -176,8 +176,8 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
 fn draw(profile: MachineProfile, profile_path: PathBuf, out: &Path) -> Result<Vec<PathBuf>, CliError> {
     let path = out.join(NAME);
     std::fs::write(&path, FREEFORM).map_err(|error| CliError::file(&path, &error))?;
-    let (name, length_mm) = (String::new(), Some(LENGTH_MM));
-    let tool = feedwave_cutting::Tool { number: 1, name, max_rev_per_min: None, length_mm, geometry: None };
+    let offset = ToolOffset::new(1).with_length(LENGTH_MM);
+    let tool = feedwave_cutting::Tool { number: 1, offset, ..feedwave_cutting::Tool::default() };
     let config = Arc::new(PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) });
     let mut source = Source::of_text(NAME, FREEFORM)?;
     let mut vibration = FirstVibration::default();

@@ -1,6 +1,6 @@
 //! What a run of the pipeline is given.
 
-use feedwave_program::ToolLength;
+use feedwave_program::ToolOffset;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::profile::MachineProfile;
@@ -50,11 +50,10 @@ impl PipelineConfig {
         }
     }
 
-    /// The lengths of the tools that have one.
+    /// The table of tool offsets: one row for each tool, with its number.
     #[must_use]
-    pub fn tool_lengths(&self) -> Vec<ToolLength> {
-        let length = |tool: &Tool| Some(ToolLength { number: tool.number, length_mm: tool.length_mm? });
-        self.tools.iter().filter_map(length).collect()
+    pub fn tool_offsets(&self) -> Vec<ToolOffset> {
+        self.tools.iter().map(|tool| ToolOffset { number: tool.number, ..tool.offset }).collect()
     }
 
     /// The profile's settings of the vibration as this run has them.

@@ -123,7 +123,7 @@ impl Pipeline {
 
     pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
         let language = &config.profile.language;
-        let interpreter = Interpreter::new(language.clone()).with_tool_lengths(config.tool_lengths());
+        let interpreter = Interpreter::new(language.clone()).with_tools(config.tool_offsets());
         let work_offset = language.work_offsets[0];
         let mut position = language.initial_position;
         for (value, offset) in position.iter_mut().zip(work_offset) {
@@ -185,7 +185,7 @@ impl Pipeline {
         }
         let snapshot: Snapshot = postcard::from_bytes(state).map_err(SnapshotError::Read)?;
         let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter)
-            .with_tool_lengths(config.tool_lengths());
+            .with_tools(config.tool_offsets());
         let mut fresh = Self::new(config);
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;

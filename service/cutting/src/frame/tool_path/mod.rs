@@ -80,7 +80,7 @@ impl ToolPath {
     #[must_use]
     pub fn new(config: &PipelineConfig) -> Self {
         Self {
-            interpreter: Interpreter::new(config.profile.language.clone()).with_tool_lengths(config.tool_lengths()),
+            interpreter: Interpreter::new(config.profile.language.clone()).with_tools(config.tool_offsets()),
             unread: Vec::new(),
             operations: Vec::new(),
             findings: FindingLog::with_limit(0),

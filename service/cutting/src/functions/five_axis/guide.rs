@@ -433,7 +433,7 @@ impl Guide {
         let length_mm = match number {
             // In a tilted plane the length may be off: then the control point itself is led.
             0 => Some(0.0),
-            _ => inputs.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.length_mm),
+            _ => inputs.tools.iter().find(|tool| tool.number == number).and_then(|tool| tool.offset.length_mm()),
         };
         let Some(length_mm) = length_mm else {
             let message = format!("no tool {number} with a length is known, so that H{number} means nothing");

@@ -4,7 +4,7 @@ use super::*;
 
 /// Where the machine's Z goes in each move.
 fn machine_z(program: &str, settings: LanguageSettings) -> Vec<f64> {
-    let interpreter = Interpreter::new(settings).with_tool_lengths(tools());
+    let interpreter = Interpreter::new(settings).with_tools(tools());
     let (operations, findings) = interpreter.read_all(program.as_bytes());
     assert!(!findings.has_errors(), "{:?}", findings.findings());
     let z = Axis::Z.index();
