@@ -165,7 +165,7 @@ impl Columns {
 
 fn event(source: &mut Source<'_>, sensor_time_ns: u64) -> Event {
     match source.byte() % 8 {
-        0 => Event::ProgrammedSpindle { rpm: source.number(600.0) },
+        0 => Event::ProgrammedSpindle { rev_per_min: source.number(600.0) },
         1 => Event::Overrides { feed: source.number(1.0), spindle: source.number(1.0) },
         2 => Event::Threading(source.byte() % 2 == 0),
         3 => Event::Tool(u32::from(source.byte() % 2)),
