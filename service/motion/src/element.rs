@@ -333,7 +333,11 @@ impl Element {
     /// Derivative of the position by arc length at `s`, per axis.
     #[must_use]
     pub fn tangent(&self, s: f64) -> Position {
-        let mut tangent = [0.0; AXIS_COUNT];
+        let per_length = 1.0 / self.length;
+        let mut tangent = core::array::from_fn(|axis| (self.end[axis] - self.start[axis]) * per_length);
+        if matches!(self.curve, Curve::Line) {
+            return tangent;
+        }
         for axis in Axis::ALL {
             self.fill_tangent(axis, &[s], core::slice::from_mut(&mut tangent[axis.index()]));
         }

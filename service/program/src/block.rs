@@ -4,6 +4,7 @@ mod machine;
 
 use crate::code;
 use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
+use crate::finding::FindingMark;
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
@@ -23,9 +24,16 @@ const LARGEST_LABEL: f64 = 99_999_999.0;
 const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
 
 /// Whether a number can be a line or a program number.
+#[inline]
 fn is_label(number: Number) -> bool {
-    let value = number.value();
-    (0.0..=LARGEST_LABEL).contains(&value) && f64::from(value as u32) == value
+    // A number that is not whole, negative, or beyond `u32` is another one as `u32`.
+    let whole = number.value() as u32;
+    f64::from(whole) == number.value() && whole <= LARGEST_LABEL as u32
+}
+
+/// A word as it is usually written: its letter and the shortest form of its number.
+fn name(token: Token) -> String {
+    format!("{}{}", char::from(token.letter), token.number.value())
 }
 
 /// Mask of the letters that occur in a text.
@@ -94,7 +102,8 @@ impl Default for Block {
 }
 
 impl Block {
-    /// Reads a line (without its terminator) into this block, replacing the block before.
+    /// Reads a line (without its terminator) into this block, replacing the block before. `mark` is how far `findings` was
+    /// filled before.
     pub(crate) fn parse(
         &mut self,
         line: &[u8],
@@ -102,10 +111,10 @@ impl Block {
         table: &CodeTable,
         block_delete: bool,
         findings: &mut FindingLog,
+        mark: &FindingMark,
     ) {
         self.line = line_number;
         self.clear();
-        let mark = findings.mark();
         let mut slash_seen = false;
         let mut looked = false;
         for token in Lexer::new(line) {
@@ -114,20 +123,11 @@ impl Block {
                 TokenKind::Unexpected | TokenKind::NotUtf8 if !looked => {
                     looked = true;
                     let stretches = lookalike::find(line);
-                    if stretches.is_empty() {
-                        self.report_defect(line, token, findings);
-                        continue;
+                    if !stretches.is_empty() {
+                        findings.rewind(*mark);
+                        return self.parse_without(&stretches, line, table, block_delete, findings, mark);
                     }
-                    findings.rewind(mark);
-                    let mut rest = line.to_vec();
-                    for stretch in &stretches {
-                        rest[stretch.start..stretch.end].fill(b' ');
-                    }
-                    self.parse(&rest, line_number, table, block_delete, findings);
-                    for stretch in stretches {
-                        self.report_lookalike(line, &stretch, findings);
-                    }
-                    return;
+                    self.report_defect(line, token, findings);
                 }
                 TokenKind::Word => self.add_word(token, table, findings),
                 TokenKind::Comment => self.check_comment(line, token, findings),
@@ -146,6 +146,27 @@ impl Block {
                 }
                 _ => self.report_defect(line, token, findings),
             }
+        }
+    }
+
+    /// Reads what is left of a line without words that only look like such, and reports those.
+    #[cold]
+    fn parse_without(
+        &mut self,
+        stretches: &[Stretch],
+        line: &[u8],
+        table: &CodeTable,
+        block_delete: bool,
+        findings: &mut FindingLog,
+        mark: &FindingMark,
+    ) {
+        let mut rest = line.to_vec();
+        for stretch in stretches {
+            rest[stretch.start..stretch.end].fill(b' ');
+        }
+        self.parse(&rest, self.line, table, block_delete, findings, mark);
+        for stretch in stretches {
+            self.report_lookalike(line, stretch, findings);
         }
     }
 
@@ -230,14 +251,14 @@ impl Block {
             // G187 is the one code of a mill that takes E.
             Letter::Unknown if letter == b'E' && self.has_smoothness(table) => {}
             Letter::Unknown => {
-                return self.defect(code::WORD_UNKNOWN, token, findings, |mut finding| {
+                return self.defect(code::WORD_UNKNOWN, token, findings, move |mut finding| {
                     finding.message = format!("address letter {} is not known", char::from(letter));
                     finding
                 });
             }
             Letter::Label if !is_label(number) => return self.report_label(token, findings),
             Letter::Label => {}
-            _ if !(-LARGEST_NUMBER..=LARGEST_NUMBER).contains(&number.value()) => {
+            _ if number.value().abs() > LARGEST_NUMBER => {
                 return self.report_huge_number(token, findings);
             }
             _ => {}
@@ -245,7 +266,7 @@ impl Block {
         let bit = letter_bit(letter);
         if self.letters & bit != 0 {
             let first = self.words[place].number.value();
-            return self.defect(code::WORD_DUPLICATE, token, findings, |mut finding| {
+            return self.defect(code::WORD_DUPLICATE, token, findings, move |mut finding| {
                 let letter = char::from(letter);
                 finding.message = format!("{letter} occurs twice in the block: first {first}, then {}", number.value());
                 finding.with_value("first", first, "").with_value("second", number.value(), "")
@@ -259,34 +280,49 @@ impl Block {
         self.code(Group::NonModal).is_some_and(|code| table.code(code.place).meaning == Meaning::Smoothness)
     }
 
+    #[inline]
     fn add_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
-        let Token { letter, number, .. } = token;
-        let name = || format!("{}{}", char::from(letter), number.value());
-        if letter == b'M' && self.add_machine_code(token, table, findings) {
+        if token.letter == b'M' && self.add_machine_code(token, table, findings) {
             return;
         }
-        let Some(place) = table.find(letter, number.value()) else {
-            return self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
-                finding.message = format!("{} is not a code of this dialect", name());
-                finding.suggest(format!("known {} codes: {}", char::from(letter), table.supported(letter)))
-            });
+        let Some(place) = table.find(token.letter, token.number.value()) else {
+            return self.report_unknown_code(token, table, findings);
         };
         let &Code { group, meaning, .. } = table.code(place);
         if let Meaning::Unsupported(what) = meaning {
-            self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
-                finding.message = format!("{} ({what}) is not supported yet", name());
-                finding
-            });
+            self.report_unsupported_code(token, what, findings);
         }
         let bit = 1 << group as u32;
         if self.has_group(group) {
-            return self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {
-                finding.message = format!("{} is the second {} code of the block", name(), group.name());
-                finding.suggest("keep one of them, or write them in two blocks")
-            });
+            return self.report_second_code(token, group, findings);
         }
         self.groups |= bit;
         self.codes[group as usize] = CodeWord { place, start: token.start, end: token.end };
+    }
+
+    #[cold]
+    fn report_unknown_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
+        self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
+            finding.message = format!("{} is not a code of this dialect", name(token));
+            let letter = token.letter;
+            finding.suggest(format!("known {} codes: {}", char::from(letter), table.supported(letter)))
+        });
+    }
+
+    #[cold]
+    fn report_unsupported_code(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
+        self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
+            finding.message = format!("{} ({what}) is not supported yet", name(token));
+            finding
+        });
+    }
+
+    #[cold]
+    fn report_second_code(&mut self, token: Token, group: Group, findings: &mut FindingLog) {
+        self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {
+            finding.message = format!("{} is the second {} code of the block", name(token), group.name());
+            finding.suggest("keep one of them, or write them in two blocks")
+        });
     }
 
     /// Pushes an error on a token that leaves the block unclear; `fill` adds the message.
@@ -310,7 +346,7 @@ impl Block {
     fn report_spaces(&self, token: Token, findings: &mut FindingLog) {
         let span = self.span_of(token.start, token.end);
         findings.push_with(code::NUMBER_SPACED, |code| {
-            let text = format!("{}{}", char::from(token.letter), token.number.value());
+            let text = name(token);
             Finding::new(code, span, format!("the number has spaces inside and is read as {text}"))
                 .suggest_replacement("write it without spaces", text)
         });
@@ -416,7 +452,7 @@ impl Block {
     }
 
     /// Strange bytes in a comment move nothing, but say that the file is not what it seems.
-    #[inline]
+    #[inline(never)]
     fn check_comment(&self, line: &[u8], token: Token, findings: &mut FindingLog) {
         let comment = &line[token.start as usize..token.end as usize];
         if !comment.is_ascii() || comment.contains(&0) {

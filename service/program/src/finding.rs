@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::code::{CodeEntry, CodeTable, Example, FindingCode};
 pub use self::log::FindingLog;
+pub(crate) use self::log::FindingMark;
 
 /// How bad a finding is. A program with an [`Severity::Error`] is rejected before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

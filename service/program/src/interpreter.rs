@@ -219,9 +219,11 @@ impl Interpreter {
 
     /// Reads one whole line without its end.
     #[inline]
-    fn line(&mut self, line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
-        let first = self.state.lines == 0;
-        let line = if first { line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line) } else { line };
+    fn line(&mut self, mut line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        // Nothing can be in front of the first line, so that later ones need one comparison only.
+        if !self.state.content_seen && self.state.lines == 0 {
+            line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
+        }
         self.state.lines = self.state.lines.saturating_add(1);
         self.state.last_line_bytes = line.len() as u32;
         let number = self.state.lines;
@@ -233,13 +235,11 @@ impl Interpreter {
         }
         let mark = findings.mark();
         let operations_before = operations.len();
-        self.block.parse(line, number, &self.table, self.settings.block_delete, findings);
-        if self.block.unclear {
-            if let Some(foreign) = foreign::recognise(line, !self.state.readable_seen) {
-                return self.refuse_file(foreign, line.len(), number, operations, findings);
-            }
-        } else if !self.block.is_empty() {
-            self.state.readable_seen = true;
+        self.block.parse(line, number, &self.table, self.settings.block_delete, findings, &mark);
+        if self.block.unclear
+            && let Some(foreign) = foreign::recognise(line, !self.state.readable_seen)
+        {
+            return self.refuse_file(foreign, line.len(), number, operations, findings);
         }
         if let Some(span) = self.block.percent {
             if self.state.percent_seen || self.state.phase != Phase::Start {
@@ -255,6 +255,7 @@ impl Interpreter {
             self.forget_unread_feed();
             return;
         }
+        self.state.readable_seen |= !self.block.unclear;
         let unread = self.state.unread | self.block.unread;
         let mut execution = Execution {
             settings: &self.settings,
@@ -449,18 +450,19 @@ pub fn interpret(source: &[u8], settings: LanguageSettings) -> (Vec<Operation>, 
 fn find_line_end(bytes: &[u8]) -> Option<usize> {
     const ONES: u64 = u64::from_ne_bytes([1; 8]);
     const HIGHS: u64 = u64::from_ne_bytes([0x80; 8]);
-    const LINE_FEEDS: u64 = u64::from_ne_bytes([b'\n'; 8]);
-    const RETURNS: u64 = u64::from_ne_bytes([b'\r'; 8]);
+    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
     let (chunks, rest) = bytes.as_chunks::<8>();
-    for (index, chunk) in chunks.iter().enumerate() {
-        // A zero byte of a difference is one of the two; the lowest bit found of each marks its first one exactly.
-        let chunk = u64::from_le_bytes(*chunk);
-        let (feeds, returns) = (chunk ^ LINE_FEEDS, chunk ^ RETURNS);
-        let zeros = (feeds.wrapping_sub(ONES) & !feeds | returns.wrapping_sub(ONES) & !returns) & HIGHS;
-        if zeros != 0 {
-            return Some(index * 8 + zeros.trailing_zeros() as usize / 8);
+    for (index, bytes) in chunks.iter().enumerate() {
+        // Bytes up to a carriage return, so that one comparison finds both; of the others among them only tabs are common.
+        let chunk = u64::from_le_bytes(*bytes);
+        let small = chunk.wrapping_sub(ONES * u64::from(b'\r' + 1)) & !chunk & HIGHS;
+        if small != 0 {
+            // The lowest bit marks the first of them exactly.
+            let first = small.trailing_zeros() as usize / 8;
+            if let Some(place) = bytes[first..].iter().position(is_end) {
+                return Some(index * 8 + first + place);
+            }
         }
     }
-    let place = rest.iter().position(|&byte| matches!(byte, b'\n' | b'\r'))?;
-    Some(chunks.len() * 8 + place)
+    Some(chunks.len() * 8 + rest.iter().position(is_end)?)
 }

@@ -127,6 +127,17 @@ impl<'a> Lexer<'a> {
         at
     }
 
+    /// First offset from `at` on whose byte is not blank, and the class of that byte.
+    #[inline]
+    fn behind_blanks(&self, mut at: usize) -> (usize, Option<Class>) {
+        loop {
+            match self.class_at(at) {
+                Some(Class::Blank) => at += 1,
+                class => return (at, class),
+            }
+        }
+    }
+
     /// A letter without a number, and what follows it.
     #[cold]
     fn lone_letter(&self, start: usize, next: usize) -> (TokenKind, usize) {
@@ -183,16 +194,16 @@ impl Iterator for Lexer<'_> {
 
     #[inline]
     fn next(&mut self) -> Option<Token> {
-        let start = self.skip_class(self.at, Class::Blank);
-        let Some(class) = self.class_at(start) else {
+        let (start, class) = self.behind_blanks(self.at);
+        let Some(class) = class else {
             self.at = start;
             return None;
         };
         let mut letter = 0;
         if class == Class::Letter {
             letter = upper(self.line[start]);
-            let next = self.skip_class(start + 1, Class::Blank);
-            if self.class_at(next) == Some(Class::Number) {
+            let (next, class) = self.behind_blanks(start + 1);
+            if class == Some(Class::Number) {
                 let Scan { end, number, defect } = scan_number(self.line, next);
                 let kind = match defect {
                     None => TokenKind::Word,

@@ -133,22 +133,14 @@ pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
         at += 1;
     }
     let mut mantissa = 0u64;
-    let integer_start = at;
-    while let Some(digit) = digit_at(line, at) {
-        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-        at += 1;
-    }
-    let integer_digits = at - integer_start;
+    let integer_digits = scan_digits(&line[at..], &mut mantissa);
+    at += integer_digits;
     let mut fraction_digits = 0;
     let has_point = line.get(at) == Some(&b'.');
     if has_point {
         at += 1;
-        let fraction_start = at;
-        while let Some(digit) = digit_at(line, at) {
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-            at += 1;
-        }
-        fraction_digits = at - fraction_start;
+        fraction_digits = scan_digits(&line[at..], &mut mantissa);
+        at += fraction_digits;
     }
     if continues(line, at) {
         return scan_irregular(line, start);
@@ -161,7 +153,8 @@ pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
         // Most numbers without a fraction are codes and labels: spare them the division.
         let scale = EXACT_POWERS_OF_TEN[fraction_digits];
         let magnitude = if fraction_digits == 0 { mantissa as f64 } else { mantissa as f64 / scale };
-        let value = if negative && mantissa != 0 { -magnitude } else { magnitude };
+        // Subtracted, because zero has no sign.
+        let value = if negative { 0.0 - magnitude } else { magnitude };
         return Scan { end: at, number: Number::new(value, has_point, false, integer_digits), defect: None };
     }
     Scan::new(at, read_long(&line[start..at], false))
@@ -183,10 +176,19 @@ pub(crate) fn scan_operand(line: &[u8], start: usize) -> Scan {
     scan_number(&line[..end], start)
 }
 
-#[inline]
-fn digit_at(line: &[u8], at: usize) -> Option<u64> {
-    let digit = line.get(at)?.wrapping_sub(b'0');
-    (digit < 10).then_some(u64::from(digit))
+/// Appends the digits that a text begins with to a mantissa; how many there are.
+#[inline(always)]
+fn scan_digits(text: &[u8], mantissa: &mut u64) -> usize {
+    let mut count = 0;
+    for byte in text {
+        let digit = byte.wrapping_sub(b'0');
+        if digit >= 10 {
+            break;
+        }
+        *mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
+        count += 1;
+    }
+    count
 }
 
 /// Whether the number goes on irregularly after `at`: a second point or sign, or digits after spaces.
@@ -195,7 +197,7 @@ fn continues(line: &[u8], at: usize) -> bool {
     match line.get(at) {
         None => false,
         Some(b' ' | b'\t') => {
-            let next = line[at..].iter().find(|byte| !matches!(byte, b' ' | b'\t'));
+            let next = line[at + 1..].iter().find(|byte| !matches!(byte, b' ' | b'\t'));
             matches!(next, Some(b'0'..=b'9' | b'.'))
         }
         Some(&byte) => starts_number(byte),

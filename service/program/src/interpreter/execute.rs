@@ -47,7 +47,7 @@ impl Execution<'_> {
         self.labels();
         let other_codes = self.block.has_codes_besides_motion();
         let order = &self.table.dialect.order;
-        let unit_first = order.unit_before_feed || self.block.code(Group::Function).is_some();
+        let unit_first = other_codes && (order.unit_before_feed || self.block.code(Group::Function).is_some());
         let mut function = None;
         let mut machine = Vec::new();
         if other_codes {

@@ -7,16 +7,17 @@ use crate::functions::tool_oscillation::OscillationScratch;
 use crate::shared::columns::{ColumnMap, Samples, fill_axes, still};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
 
-/// Buffers of one block, so that interpolating allocates nothing.
+/// Buffers of one block, so that interpolating allocates nothing for the next one.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     /// Commanded arc length in the element, mm.
     pub(super) s: Vec<f64>,
     /// Commanded speed, mm/s.
     pub(super) speed: Vec<f64>,
-    pub(super) vibration: VibrationScratch,
-    pub(super) oscillation: OscillationScratch,
-    pub(super) thread: ThreadScratch,
+    /// Those of each function are made where it first runs, so that a program without it starts sooner.
+    pub(super) vibration: Option<VibrationScratch>,
+    pub(super) oscillation: Option<OscillationScratch>,
+    pub(super) thread: Option<ThreadScratch>,
 }
 
 impl Scratch {
@@ -24,9 +25,9 @@ impl Scratch {
         Self {
             s: vec![0.0; BLOCK_LENGTH],
             speed: vec![0.0; BLOCK_LENGTH],
-            vibration: VibrationScratch::new(),
-            oscillation: OscillationScratch::new(),
-            thread: ThreadScratch::new(),
+            vibration: None,
+            oscillation: None,
+            thread: None,
         }
     }
 }
@@ -134,12 +135,14 @@ impl Interpolator {
         let tool = tool.as_ref();
         let at = Samples { columns, tool, track, item, element, s, index: *next, period_s: *period_s };
         if vibration.is_in_section() {
-            vibration.fill(&at, *mode, vibration_scratch, block, start);
+            let scratch = vibration_scratch.get_or_insert_with(VibrationScratch::new);
+            vibration.fill(&at, *mode, scratch, block, start);
             return;
         }
         fill_axes(columns, tool, element, s, block, start);
         if let Some(run) = oscillation {
-            run.superpose(&at, oscillation_scratch, block, start);
+            let scratch = oscillation_scratch.get_or_insert_with(OscillationScratch::new);
+            run.superpose(&at, scratch, block, start);
         }
         if let Some(servo) = &mut block.servo {
             still(servo, start);

@@ -7,7 +7,7 @@ use feedwave_motion::Planned;
 use feedwave_program::SpindleDirection;
 
 use super::{Activity, ActivityKind, After, Barrier, Interpolator, Rest, State};
-use crate::functions::thread::ThreadRun;
+use crate::functions::thread::{ThreadRun, ThreadScratch};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
 
 impl Interpolator {
@@ -101,6 +101,7 @@ impl Interpolator {
         for (k, angle_deg) in angles_deg.iter_mut().enumerate() {
             *angle_deg = start_deg + 360.0 * turned_rev(k);
         }
-        run.fill(&self.settings.columns, angles_deg, *path_base_mm, &mut self.scratch.thread, block, start);
+        let scratch = self.scratch.thread.get_or_insert_with(ThreadScratch::new);
+        run.fill(&self.settings.columns, angles_deg, *path_base_mm, scratch, block, start);
     }
 }

@@ -140,6 +140,14 @@ fn line() -> impl Strategy<Value = String> {
 
 proptest! {
     #[test]
+    fn the_first_line_end_of_any_bytes(
+        bytes in prop::collection::vec(prop::sample::select(b"\n\r\t\0\x0b\x0c\x0e\x80\xff\x8a\x8d1X ".to_vec()), 0..40),
+    ) {
+        let expected = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        prop_assert_eq!(crate::interpreter::find_line_end(&bytes), expected);
+    }
+
+    #[test]
     fn pieces_and_restores_make_no_difference(
         lines in prop::collection::vec(line(), 0..60),
         is_mill: bool,
