@@ -9,6 +9,7 @@ mod machine_codes;
 mod monitoring;
 mod oscillation;
 mod oscillation_report;
+mod parameters;
 mod profile;
 mod report;
 mod settings;

@@ -118,12 +118,8 @@ fn first_block(criterion: &mut Criterion) {
             bencher.iter(|| {
                 let mut pipeline = Pipeline::new(Arc::clone(&config));
                 let mut block = pipeline.new_block();
-                let mut pieces = program.as_bytes().chunks(1 << 16);
-                while pipeline.next_block(&mut block) == Step::NeedInput {
-                    match pieces.next() {
-                        Some(piece) => pipeline.push(piece),
-                        None => pipeline.finish_input(),
-                    }
+                while let Step::NeedInput(place) = pipeline.next_block(&mut block) {
+                    pipeline.supply(place, &program.as_bytes()[..program.len().min(place.offset as usize + (1 << 16))]);
                 }
                 black_box(block)
             });

@@ -130,13 +130,12 @@ fn what_follows_the_end_is_looked_at_however_the_input_is_cut() {
     assert!(whole.findings.iter().any(|finding| finding.code == "PRG-TRAILING"));
     for piece in 1..program.len() {
         let mut validation = Validation::new(Arc::new(mill()));
-        let mut pieces = program.as_bytes().chunks(piece);
         loop {
             match validation.step() {
-                Step::NeedInput => match pieces.next() {
-                    Some(bytes) => validation.push(bytes),
-                    None => validation.finish_input(),
-                },
+                Step::NeedInput(place) => {
+                    let end = program.len().min(place.offset as usize + piece);
+                    validation.supply(place, &program.as_bytes()[..end]);
+                }
                 Step::Finished => break,
                 Step::Block | Step::Refused => {}
             }

@@ -178,7 +178,7 @@ fn a_stream_with_overrides_resumes_bit_for_bit() {
     pipeline.finish_input();
     let mut snapshots = Vec::new();
     while pipeline.next_block(&mut block) == Step::Block {
-        snapshots.push((pipeline.snapshot().unwrap(), pipeline.input_offset(), pipeline.next_index()));
+        snapshots.push((pipeline.snapshot().unwrap(), pipeline.place().offset, pipeline.next_index()));
     }
     assert!(snapshots.len() >= 2);
     for (snapshot, offset, next) in snapshots {

@@ -27,8 +27,9 @@ impl ToolPathSink for Collected {
 
 fn path_of(config: &PipelineConfig, program: &str, piece_bytes: usize) -> (Collected, GuidedCuts) {
     let (mut path, mut collected) = (ToolPath::new(config), Collected::default());
-    for piece in program.as_bytes().chunks(piece_bytes) {
-        path.push(piece, &mut collected);
+    while let Some(place) = path.read(&mut collected) {
+        let end = program.len().min(place.offset as usize + piece_bytes);
+        path.supply(place, &program.as_bytes()[..end]);
     }
     let cuts = path.finish(&mut collected);
     (collected, cuts)

@@ -80,6 +80,7 @@ fn interpret(program: &[u8], settings: &LanguageSettings, operations: &mut Vec<O
         }
         match outcome {
             LineOutcome::Consumed(length) => rest = &rest[length..],
+            LineOutcome::Elsewhere => rest = &program[interpreter.place().offset as usize..],
             LineOutcome::NeedMore | LineOutcome::Ended => return (count, findings),
         }
     }

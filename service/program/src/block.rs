@@ -1,10 +1,13 @@
 //! Parser: one line in, one [`Block`] of words out, recovering from whatever is wrong with it.
 
+mod computed;
 mod machine;
 
 use crate::code;
-use crate::dialect::{Code, CodeTable, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
+use crate::dialect::{Code, CodeTable, Flow, GROUP_COUNT, Group, Letter, Meaning, letter_bit};
+use crate::expression::Assignment;
 use crate::finding::FindingMark;
+use crate::interpreter::System;
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
@@ -59,9 +62,29 @@ pub(crate) struct CodeWord {
     end: u32,
 }
 
+/// An assignment of a line, with its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Made {
+    pub(crate) assignment: Assignment,
+    pub(crate) span: SourceSpan,
+}
+
+/// What of a line is no word, and where it begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rest {
+    /// A statement of Macro B.
+    Statement(u32),
+    /// An O-word.
+    OWord(u32),
+    /// The arguments of a macro call, for every block that moves where it is modal.
+    Arguments { at: u32, modal: bool },
+}
+
 /// The words of one line. Storage is fixed and reused: masks say which slots hold words of the present line.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
+    /// Which program it is of.
+    program: u32,
     /// Line number, from 1.
     line: u32,
     /// First byte of the first word and end of the last.
@@ -74,12 +97,20 @@ pub(crate) struct Block {
     codes: [CodeWord; GROUP_COUNT],
     /// M codes of the machine.
     machine: MachineWords,
+    /// What of the line is no word: a control statement, or the arguments of a macro.
+    pub(crate) rest: Option<Rest>,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
     pub(crate) unclear: bool,
     /// Letters of words that could not be read, one bit each; `G` and `M` too.
     pub(crate) unread: u32,
+    /// The assignments of the line, in order.
+    pub(crate) assignments: Vec<Made>,
+    /// Offsets of the last comment's start and end.
+    pub(crate) comment: (u32, u32),
+    /// An expression could not be evaluated, so that the program cannot go on.
+    pub(crate) has_failed: bool,
 }
 
 impl Default for Block {
@@ -87,6 +118,7 @@ impl Default for Block {
         let word = Word { number: Number::ZERO, start: 0, end: 0 };
         let code = CodeWord { place: 0, start: 0, end: 0 };
         Self {
+            program: 0,
             line: 0,
             extent: (0, 0),
             letters: 0,
@@ -94,9 +126,13 @@ impl Default for Block {
             groups: 0,
             codes: [code; GROUP_COUNT],
             machine: MachineWords::default(),
+            rest: None,
             percent: None,
             unclear: false,
             unread: 0,
+            assignments: Vec::new(),
+            comment: (0, 0),
+            has_failed: false,
         }
     }
 }
@@ -104,16 +140,18 @@ impl Default for Block {
 impl Block {
     /// Reads a line (without its terminator) into this block, replacing the block before. `mark` is how far `findings` was
     /// filled before.
+    #[allow(clippy::too_many_arguments, reason = "each is borrowed from another part of the interpreter")]
     pub(crate) fn parse(
         &mut self,
         line: &[u8],
-        line_number: u32,
+        (program, line_number): (u32, u32),
         table: &CodeTable,
         block_delete: bool,
+        system: System<'_>,
         findings: &mut FindingLog,
         mark: &FindingMark,
     ) {
-        self.line = line_number;
+        (self.program, self.line) = (program, line_number);
         self.clear();
         let mut slash_seen = false;
         let mut looked = false;
@@ -125,13 +163,40 @@ impl Block {
                     let stretches = lookalike::find(line);
                     if !stretches.is_empty() {
                         findings.rewind(*mark);
-                        return self.parse_without(&stretches, line, table, block_delete, findings, mark);
+                        return self.parse_without(&stretches, line, table, block_delete, system, findings, mark);
                     }
                     self.report_defect(line, token, findings);
                 }
-                TokenKind::Word => self.add_word(token, table, findings),
-                TokenKind::Comment => self.check_comment(line, token, findings),
-                TokenKind::BlockDelete if !slash_seen && self.letters & !letter_bit(b'N') == 0 && !self.has_codes() => {
+                TokenKind::Word | TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
+                    if token.letter == b'O' && table.dialect.flow == Flow::OWords && self.is_labelled_only() =>
+                {
+                    self.rest = Some(Rest::OWord(token.start));
+                    return;
+                }
+                TokenKind::Word => {
+                    self.add_word(token, table, findings);
+                    if self.rest.is_some() {
+                        return;
+                    }
+                }
+                TokenKind::Statement if self.is_labelled_only() => {
+                    self.rest = Some(Rest::Statement(token.start));
+                    return;
+                }
+                TokenKind::Comment => {
+                    self.comment = (token.start, token.end);
+                    self.check_comment(line, token, findings);
+                }
+                TokenKind::Computed | TokenKind::Assignment => {
+                    self.read_computed(line, token, table, system, findings);
+                    if self.has_failed {
+                        return;
+                    }
+                }
+                TokenKind::Output if table.dialect.expressions.has_output => {
+                    self.note_output(token.start, token.end, findings);
+                }
+                TokenKind::BlockDelete if !slash_seen && self.is_labelled_only() => {
                     slash_seen = true;
                     if block_delete {
                         break;
@@ -147,16 +212,21 @@ impl Block {
                 _ => self.report_defect(line, token, findings),
             }
         }
+        if !self.assignments.is_empty() {
+            self.check_assignments(table, findings);
+        }
     }
 
     /// Reads what is left of a line without words that only look like such, and reports those.
     #[cold]
+    #[allow(clippy::too_many_arguments, reason = "those of `parse`")]
     fn parse_without(
         &mut self,
         stretches: &[Stretch],
         line: &[u8],
         table: &CodeTable,
         block_delete: bool,
+        system: System<'_>,
         findings: &mut FindingLog,
         mark: &FindingMark,
     ) {
@@ -164,7 +234,7 @@ impl Block {
         for stretch in stretches {
             rest[stretch.start..stretch.end].fill(b' ');
         }
-        self.parse(&rest, self.line, table, block_delete, findings, mark);
+        self.parse(&rest, (self.program, self.line), table, block_delete, system, findings, mark);
         for stretch in stretches {
             self.report_lookalike(line, stretch, findings);
         }
@@ -175,9 +245,24 @@ impl Block {
         self.letters = 0;
         self.groups = 0;
         self.machine.clear();
+        self.rest = None;
         self.percent = None;
         self.unclear = false;
         self.unread = 0;
+        self.assignments.clear();
+        self.comment = (0, 0);
+        self.has_failed = false;
+    }
+
+    /// Whether there is more than words: an assignment, a comment that may be active, or a failure.
+    #[inline]
+    pub(crate) const fn needs_assigning(&self) -> bool {
+        self.comment.1 != 0 || self.has_failed || !self.assignments.is_empty()
+    }
+
+    /// Whether no word was read but a line number.
+    const fn is_labelled_only(&self) -> bool {
+        self.letters & !letter_bit(b'N') == 0 && !self.has_codes()
     }
 
     /// Whether there is any word at all.
@@ -193,7 +278,7 @@ impl Block {
 
     #[inline]
     const fn span_of(&self, start: u32, end: u32) -> SourceSpan {
-        SourceSpan { line: self.line, column: start + 1, length: end - start }
+        SourceSpan { program: self.program, line: self.line, column: start + 1, length: end - start }
     }
 
     /// The word with this letter.
@@ -293,6 +378,9 @@ impl Block {
             self.report_unsupported_code(token, what, findings);
         }
         let bit = 1 << group as u32;
+        if let Meaning::MacroCall { modal } = meaning {
+            self.rest = Some(Rest::Arguments { at: token.end, modal });
+        }
         if self.has_group(group) {
             return self.report_second_code(token, group, findings);
         }
@@ -398,7 +486,7 @@ impl Block {
         let (start, end) = (token.start as usize, token.end as usize);
         // A few letters may be a code that is misspelt, as in GO; more are text.
         let is_typing_error = token.kind == TokenKind::Text && end - start <= 3;
-        if token.kind == TokenKind::Expression || is_typing_error {
+        if matches!(token.kind, TokenKind::Expression | TokenKind::Statement) || is_typing_error {
             self.unread |= letters_in(&line[start..end]);
         }
         let in_a_word = |at: Option<&u8>| at.is_some_and(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
@@ -411,7 +499,7 @@ impl Block {
             TokenKind::LoneLetter => code::NUMBER_MISSING,
             TokenKind::StrayNumber => code::NUMBER_STRAY,
             TokenKind::Text => code::TEXT,
-            TokenKind::Expression => code::EXPRESSION,
+            TokenKind::Expression | TokenKind::Statement | TokenKind::Output => code::EXPRESSION,
             TokenKind::Corner => code::UNSUPPORTED_CODE,
             TokenKind::Nul => code::NUL,
             TokenKind::NotUtf8 => code::NOT_UTF8,
@@ -432,9 +520,9 @@ impl Block {
                     (format!("the number {text} has no address letter"), "write its letter before it, or remove it")
                 }
                 TokenKind::Text => (format!("{text} is text outside a comment"), "write comments in ( )"),
-                TokenKind::Expression => (
-                    format!("variables, expressions and control flow are not supported yet: {text}"),
-                    "let the CAM post write plain numbers",
+                TokenKind::Expression | TokenKind::Statement | TokenKind::Output => (
+                    format!("this is no statement that can stand here: {text}"),
+                    "write it as the first of its block, or the blocks themselves",
                 ),
                 TokenKind::Corner => (
                     format!("the corner {text} is not supported yet"),

@@ -1,6 +1,7 @@
 //! The codes of the program language's findings.
 
 mod expression;
+mod flow;
 mod motion;
 mod text;
 mod thread;
@@ -8,6 +9,7 @@ mod tool;
 mod words;
 
 pub use self::expression::*;
+pub use self::flow::*;
 pub use self::motion::*;
 pub use self::text::*;
 pub use self::thread::*;
@@ -17,7 +19,8 @@ pub use self::words::*;
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 6] = [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES];
+pub const TABLES: [CodeTable; 7] =
+    [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, FLOW_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES];
 
 /// Whether the program language makes findings of this code.
 pub(crate) fn is_of_language(code: FindingCode) -> bool {

@@ -11,6 +11,8 @@ use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, LINUXCNC, MILL, code};
 pub(crate) use machine_codes::{MachineAction, MachineRule, MachineStep};
 pub(crate) use tables::{FunctionWordRule, function_words};
 
+use crate::expression::Rules;
+use crate::parameters::Ranges;
 use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane, XWord};
 
 /// A modal group: a block may hold at most one code of each.
@@ -186,6 +188,18 @@ pub(crate) enum Meaning {
     Mist,
     Flood,
     CoolantOff,
+    /// `M98`, `M198`
+    Call,
+    /// `M97`
+    LocalCall,
+    /// `M99`
+    Return,
+    /// `G65`, and `G66` for every block that moves.
+    MacroCall {
+        modal: bool,
+    },
+    /// `G67`
+    MacroCallEnd,
     /// States what is the case anyway; every post writes these in its safety line.
     AlreadySo,
     /// A known code whose effect is not carried out yet: what it is, for the finding.
@@ -217,6 +231,15 @@ pub(crate) struct OtherReading {
     pub(crate) is_motion: bool,
     /// Without axis words in its block, it is in force for the blocks behind it until the next motion code.
     pub(crate) stays: bool,
+}
+
+/// The language of control flow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Flow {
+    /// `IF`, `GOTO`, `WHILE`; programs by number (`O1000`), macro calls (`G65`).
+    MacroB,
+    /// `o100 while`, `o<name> call`.
+    OWords,
 }
 
 /// What differs between dialects in the order in which the words of one block take effect.
@@ -307,7 +330,12 @@ pub(crate) struct Dialect {
     pub(crate) dwell_takes_u: bool,
     /// The `F` of a threading block is its lead; otherwise it is a feed, and leads have letters of their own.
     pub(crate) f_is_lead: bool,
+    pub(crate) flow: Flow,
     pub(crate) order: Order,
+    /// How expressions are read.
+    pub(crate) expressions: &'static Rules,
+    /// Which parameters there are.
+    pub(crate) parameters: &'static Ranges,
 }
 
 impl Dialect {

@@ -13,10 +13,12 @@ mod rules;
 mod tests;
 
 pub(crate) use extent::{operation_end, starts_value, value_end};
+pub(crate) use function::{nearest, nearest_increment};
 pub(crate) use name::Name;
 pub(crate) use rules::{FANUC, LINUXCNC, Rules};
 
 use crate::{AngleRange, FindingCode, code};
+pub(crate) use parse::whole_near;
 use parse::{Operand, Parser};
 
 /// A value: a number, or vacant (Macro B: a variable never assigned).
@@ -129,15 +131,15 @@ pub(crate) struct Context<'a> {
     pub(crate) variables: &'a dyn Variables,
     /// Range of `ATAN[a]/[b]` and `ASIN` where the control's parameters choose it.
     pub(crate) angle_range: AngleRange,
-    /// Least increment that `ROUND` rounds to, in the word of an address; whole numbers elsewhere.
-    pub(crate) increment: Option<f64>,
+    /// Least increments per unit that `ROUND` rounds to, in the word of an address; 1 elsewhere.
+    pub(crate) increments: f64,
     /// In the order in which they were met.
     pub(crate) notes: Vec<Note>,
 }
 
 impl<'a> Context<'a> {
     pub(crate) const fn new(rules: &'static Rules, variables: &'a dyn Variables, angle_range: AngleRange) -> Self {
-        Self { rules, variables, angle_range, increment: None, notes: Vec::new() }
+        Self { rules, variables, angle_range, increments: 1.0, notes: Vec::new() }
     }
 }
 

@@ -25,6 +25,9 @@ pub enum Severity {
 /// A place in the program source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct SourceSpan {
+    /// Which of the job's programs, 0 for the one that is run.
+    #[serde(default)]
+    pub program: u32,
     /// Line, counted from 1.
     pub line: u32,
     /// Byte column in the line, counted from 1.

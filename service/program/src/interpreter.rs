@@ -1,8 +1,10 @@
 //! Interpreter: lines in, operations and findings out. It performs no I/O: the caller holds the buffer.
 
 mod arc;
+mod assign;
 mod doubt;
 mod execute;
+mod flow;
 mod length;
 mod machine_code;
 mod motion;
@@ -11,23 +13,30 @@ mod probe;
 mod saved;
 mod spindle;
 mod spline;
+mod system;
 #[cfg(test)]
 mod tests;
 mod thread;
 mod tilted;
 mod tool_control;
 
+use std::sync::Arc;
+
 use crate::block::Block;
 use crate::code;
 use crate::consequence;
 use crate::dialect::{CodeTable, Group, letter_bit};
+use crate::finding::FindingMark;
 use crate::foreign::{self, Foreign};
 use crate::state::Phase;
 use crate::{
-    Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, SourceSpan, ToolOffset,
+    Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan, ToolOffset,
 };
 
 use execute::Execution;
+pub(crate) use flow::FlowState;
+use flow::{Index, Indexer};
+pub(crate) use system::System;
 
 pub(crate) use saved::SavedModes;
 
@@ -35,8 +44,11 @@ pub(crate) use saved::SavedModes;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineOutcome {
     /// This many bytes from the front of the input are done with: a line with its terminator, a part of a line
-    /// that is too long to be read, or text after the end of the program. Never 0.
+    /// that is too long to be read, or text after the end of the program. Never 0. The next line need not be the one
+    /// behind it: it is at [`Interpreter::place`].
     Consumed(usize),
+    /// Nothing of the input is done with, as what comes next is elsewhere, at [`Interpreter::place`].
+    Elsewhere,
     /// The input holds no complete line and more may come.
     NeedMore,
     /// All input is consumed and [`OperationKind::End`] has been appended, now or before.
@@ -64,6 +76,12 @@ pub struct Interpreter {
     state: InterpreterState,
     table: CodeTable,
     tools: Vec<ToolOffset>,
+    /// Names of the job's further programs.
+    programs: Arc<[String]>,
+    /// What is where in the job's programs, of those that a jump needed. It is no part of the state: it is made anew.
+    indexes: Vec<Option<Arc<Index>>>,
+    /// The index that is being made.
+    indexing: Option<Box<Indexer>>,
     /// Storage of the present line's words, reused.
     block: Block,
 }
@@ -83,7 +101,18 @@ impl Interpreter {
     #[must_use]
     pub fn restore(settings: LanguageSettings, state: InterpreterState) -> Self {
         let table = CodeTable::new(&settings);
-        Self { table, settings, state, tools: Vec::new(), block: Block::default() }
+        let mut interpreter = Self {
+            table,
+            settings,
+            state,
+            tools: Vec::new(),
+            programs: Arc::new([]),
+            indexes: Vec::new(),
+            indexing: None,
+            block: Block::default(),
+        };
+        interpreter.resume_pending();
+        interpreter
     }
 
     /// With the job's table of tool offsets; of several rows with one number the first counts. A restored interpreter goes
@@ -94,16 +123,26 @@ impl Interpreter {
         self
     }
 
+    /// With the names of the job's further program files, in the order of their places ([`Place::program`] 1 and on): those of
+    /// subprograms. A restored interpreter goes on identically with the same ones.
+    #[must_use]
+    pub fn with_programs(mut self, programs: Arc<[String]>) -> Self {
+        self.programs = programs;
+        self
+    }
+
     /// Reads a whole program that is in memory, or what is left of one.
     #[must_use]
     pub fn read_all(mut self, source: &[u8]) -> (Vec<Operation>, FindingLog) {
         let mut operations = Vec::new();
         let mut findings = FindingLog::default();
-        let mut rest = source;
-        while let LineOutcome::Consumed(length) = self.read_line(rest, true, &mut operations, &mut findings) {
-            rest = &rest[length..];
+        loop {
+            let rest = &source[source.len().min(self.place().offset as usize)..];
+            match self.read_line(rest, true, &mut operations, &mut findings) {
+                LineOutcome::Consumed(_) | LineOutcome::Elsewhere => {}
+                LineOutcome::NeedMore | LineOutcome::Ended => return (operations, findings),
+            }
         }
-        (operations, findings)
     }
 
     /// What is remembered between lines.
@@ -112,17 +151,46 @@ impl Interpreter {
         &self.state
     }
 
+    /// Where the next bytes begin that it is to be given.
+    #[inline]
+    #[must_use]
+    pub fn place(&self) -> Place {
+        self.indexing.as_ref().map_or(self.state.place, |indexing| indexing.place())
+    }
+
     /// How the program is read.
     #[must_use]
     pub const fn settings(&self) -> &LanguageSettings {
         &self.settings
     }
 
-    /// Reads at most one line from the front of `input` and appends its operations and findings.
+    /// Reads at most one line from the front of `input`, which begins at [`Interpreter::place`], and appends its operations
+    /// and findings.
     ///
     /// `end_of_input` says that nothing comes after `input`. How the input is cut into pieces makes no difference
     /// to what is appended; a caller that offers more than [`LanguageSettings::max_line_bytes`] always gets on.
+    #[inline]
     pub fn read_line(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        if self.indexing.is_some() {
+            return self.read_for_index(input, end_of_input, operations, findings);
+        }
+        let outcome = self.read(input, end_of_input, operations, findings);
+        if let LineOutcome::Consumed(length) = outcome {
+            self.state.place.offset += length as u64;
+            if self.state.flow.waits() {
+                self.settle_behind(operations, findings);
+            }
+        }
+        outcome
+    }
+
+    fn read(
         &mut self,
         input: &[u8],
         end_of_input: bool,
@@ -201,7 +269,7 @@ impl Interpreter {
             return LineOutcome::Ended;
         }
         if self.state.reported.trailing {
-            return LineOutcome::Consumed(input.len());
+            return if self.state.flow.has_jumped() { LineOutcome::Ended } else { LineOutcome::Consumed(input.len()) };
         }
         let end = find_line_end(input);
         let length = end.unwrap_or(input.len());
@@ -234,8 +302,9 @@ impl Interpreter {
             return;
         }
         let mark = findings.mark();
-        let operations_before = operations.len();
-        self.block.parse(line, number, &self.table, self.settings.block_delete, findings, &mark);
+        let system = System { state: &self.state, settings: &self.settings, dialect: self.table.dialect };
+        let place = (self.state.place.program, number);
+        self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, &mark);
         if self.block.unclear
             && let Some(foreign) = foreign::recognise(line, !self.state.readable_seen)
         {
@@ -250,12 +319,26 @@ impl Interpreter {
             }
             self.state.percent_seen = true;
         }
-        if self.block.is_empty() {
+        if self.block.needs_assigning() && self.assign(line, operations, findings) {
+            return;
+        }
+        if self.block.rest.is_some() || self.block.word(b'O').is_some() {
+            if self.flow_line(line, operations, findings) {
+                return;
+            }
+        } else if self.block.is_empty() {
             self.state.unread |= self.block.unread;
             self.forget_unread_feed();
             return;
         }
         self.state.readable_seen |= !self.block.unclear;
+        self.execute(mark, operations, findings);
+    }
+
+    /// Executes the words of the present block; findings from `mark` on are its own.
+    #[inline]
+    fn execute(&mut self, mark: FindingMark, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let operations_before = operations.len();
         let unread = self.state.unread | self.block.unread;
         let mut execution = Execution {
             settings: &self.settings,
@@ -282,8 +365,9 @@ impl Interpreter {
             self.break_nurbs();
         }
         if let Some(span) = end {
-            self.end(span, operations, findings);
+            return self.end(span, operations, findings);
         }
+        self.after_block(operations_before, operations, findings);
     }
 
     /// Takes back what only follows from words that could not be read, and remembers which modal words those were.
@@ -343,7 +427,7 @@ impl Interpreter {
         findings: &mut FindingLog,
     ) {
         findings.withdraw(0, |finding| code::is_of_language(finding.code));
-        let span = SourceSpan { line, column: 1, length: length as u32 };
+        let span = SourceSpan { program: self.state.place.program, line, column: 1, length: length as u32 };
         findings.push_with(code::NOT_A_PROGRAM, |code| {
             let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
             Finding::new(code, span, message).suggest(cure)
@@ -390,10 +474,13 @@ impl Interpreter {
         if self.state.has_ended() {
             return;
         }
+        if self.ends_called_file(operations, findings) {
+            return;
+        }
         // A line that is too long and has no end has not been counted yet.
         self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
         let column = self.state.last_line_bytes.saturating_add(1);
-        let span = SourceSpan { line: self.state.lines.max(1), column, length: 0 };
+        let span = SourceSpan { program: self.state.place.program, line: self.state.lines.max(1), column, length: 0 };
         let code = if self.table.dialect.needs_an_end { code::NO_END_REFUSED } else { code::NO_END };
         findings.push_with(code, |code| {
             Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
@@ -413,7 +500,7 @@ impl Interpreter {
             return self.report_trailing(start, line, findings);
         }
         self.break_nurbs();
-        let span = SourceSpan { line, column: 1, length: longest };
+        let span = SourceSpan { program: self.state.place.program, line, column: 1, length: longest };
         findings.push_with(code::LINE_TOO_LONG, |code| {
             Finding::new(code, span, format!("the line is longer than {longest} bytes and is skipped"))
                 .with_value("max_line_length", f64::from(longest), "bytes")
@@ -423,11 +510,21 @@ impl Interpreter {
 
     /// Says once that there is text after the end; blanks and a closing `%` belong there.
     fn report_trailing(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) {
+        if self.state.flow.has_jumped() || self.begins_program(line) {
+            // Further programs and blocks, which are read where they are called.
+            self.state.reported.trailing = true;
+            return;
+        }
         let text = |byte: &u8| !byte.is_ascii_whitespace() && !matches!(byte, b'%' | 0);
         let (Some(first), Some(last)) = (line.iter().position(text), line.iter().rposition(text)) else {
             return;
         };
-        let span = SourceSpan { line: number, column: first as u32 + 1, length: (last - first) as u32 + 1 };
+        let span = SourceSpan {
+            program: self.state.place.program,
+            line: number,
+            column: first as u32 + 1,
+            length: (last - first) as u32 + 1,
+        };
         self.push_trailing(span, findings);
     }
 

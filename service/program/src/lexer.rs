@@ -6,6 +6,7 @@
 #[cfg(test)]
 mod tests;
 
+use crate::expression::{operation_end, starts_value, value_end};
 use crate::number::{Number, NumberDefect, Scan, scan_number, starts_number};
 
 /// A piece of a line.
@@ -46,8 +47,16 @@ pub enum TokenKind {
     StrayNumber,
     /// Several letters in a row without numbers.
     Text,
-    /// A variable, expression or control statement, to the end of the line.
+    /// An address letter whose value is an expression: `X#1`, `X-[#1+2]`, `XSIN[30]`.
+    Computed,
+    /// `#1=…`, `#<name>=…`
+    Assignment,
+    /// `DPRNT`, `BPRNT`, `POPEN` or `PCLOS`, to the end of the line.
+    Output,
+    /// A control statement, or brackets without an address letter, to the end of the line.
     Expression,
+    /// A control statement of Macro B, to the end of the line.
+    Statement,
     /// A comma with a word behind it: `,R5`, `,C2`.
     Corner,
     /// A run of NUL bytes.
@@ -58,9 +67,11 @@ pub enum TokenKind {
     Unexpected,
 }
 
-/// Words of the macro language; they are recognised so that the finding can say what they are.
-const MACRO_WORDS: [&[u8]; 11] =
-    [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"DO", b"END", b"DPRNT", b"BPRNT", b"POPEN", b"PCLOS"];
+/// Words that begin a statement of Macro B.
+const MACRO_WORDS: [&[u8]; 7] = [b"GOTO", b"IF", b"THEN", b"ELSE", b"WHILE", b"DO", b"END"];
+
+/// Words of the macro language that write to files and printers.
+const OUTPUT_WORDS: [&[u8]; 4] = [b"DPRNT", b"BPRNT", b"POPEN", b"PCLOS"];
 
 /// What a byte can begin.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -142,6 +153,7 @@ impl<'a> Lexer<'a> {
     #[cold]
     fn lone_letter(&self, start: usize, next: usize) -> (TokenKind, usize) {
         match self.class_at(next) {
+            Some(Class::Macro) if starts_value(self.line, next) => (TokenKind::Computed, value_end(self.line, next)),
             Some(Class::Macro) => (TokenKind::Expression, self.line.len()),
             Some(Class::Letter) => self.letters(start),
             _ => (TokenKind::LoneLetter, start + 1),
@@ -151,11 +163,16 @@ impl<'a> Lexer<'a> {
     /// A letter followed by a letter: a macro word, text, or one letter whose number is missing.
     fn letters(&self, start: usize) -> (TokenKind, usize) {
         let run = self.skip_class(start, Class::Letter);
-        let is_macro = MACRO_WORDS.iter().any(|word| self.line[start..run].eq_ignore_ascii_case(word));
+        let is_among = |words: &[&[u8]]| words.iter().any(|word| self.line[start..run].eq_ignore_ascii_case(word));
+        let is_macro = is_among(&MACRO_WORDS);
         let next = self.skip_class(run, Class::Blank);
+        let value = self.skip_class(start + 1, Class::Blank);
         let numbered = self.class_at(next) == Some(Class::Number);
         match run - start {
-            _ if is_macro => (TokenKind::Expression, self.line.len()),
+            _ if is_macro => (TokenKind::Statement, self.line.len()),
+            _ if is_among(&OUTPUT_WORDS) => (TokenKind::Output, self.line.len()),
+            // `XSIN[30]`
+            _ if starts_value(self.line, value) => (TokenKind::Computed, value_end(self.line, value)),
             // `X Y10`: the second letter is a word of its own.
             1 => (TokenKind::LoneLetter, run),
             2 if numbered => (TokenKind::LoneLetter, start + 1),
@@ -178,6 +195,17 @@ impl<'a> Lexer<'a> {
         }
         let number = self.skip_class(letter + 1, Class::Blank);
         (self.class_at(number) == Some(Class::Number)).then(|| scan_number(self.line, number).end)
+    }
+
+    /// A parameter at the start of a token, and the value that it is assigned.
+    #[cold]
+    fn assignment(&self, start: usize) -> usize {
+        let sign = self.skip_class(value_end(self.line, start), Class::Blank);
+        let end = match self.line.get(sign) {
+            Some(b'=') => operation_end(self.line, sign + 1),
+            _ => value_end(self.line, start),
+        };
+        end.max(start + 1)
     }
 
     fn block_delete(&self, start: usize) -> usize {
@@ -204,9 +232,14 @@ impl Iterator for Lexer<'_> {
             letter = upper(self.line[start]);
             let (next, class) = self.behind_blanks(start + 1);
             if class == Some(Class::Number) {
-                let Scan { end, number, defect } = scan_number(self.line, next);
+                let Scan { mut end, number, defect } = scan_number(self.line, next);
                 let kind = match defect {
                     None => TokenKind::Word,
+                    // `X-#1`: the sign is that of an expression.
+                    Some(NumberDefect::Malformed) if starts_value(self.line, next) => {
+                        end = value_end(self.line, next);
+                        TokenKind::Computed
+                    }
                     Some(NumberDefect::Malformed) => TokenKind::MalformedNumber,
                     Some(NumberDefect::TooLarge) => TokenKind::HugeNumber,
                 };
@@ -224,6 +257,7 @@ impl Iterator for Lexer<'_> {
             Class::Percent => (TokenKind::Percent, start + 1),
             Class::Slash => (TokenKind::BlockDelete, self.block_delete(start)),
             Class::Number => (TokenKind::StrayNumber, scan_number(self.line, start).end),
+            Class::Macro if self.line[start] == b'#' => (TokenKind::Assignment, self.assignment(start)),
             Class::Macro => (TokenKind::Expression, self.line.len()),
             Class::Nul => (TokenKind::Nul, self.skip_class(start, Class::Nul)),
             Class::HighByte => self.high_bytes(start),

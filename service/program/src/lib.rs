@@ -10,7 +10,7 @@ mod block;
 pub mod code;
 mod consequence;
 mod dialect;
-#[allow(dead_code, unused_imports, reason = "the block parser and control flow are about to read values through it")]
+#[allow(dead_code, unused_imports, reason = "control flow is about to read conditions through it")]
 mod expression;
 mod finding;
 mod foreign;
@@ -21,7 +21,10 @@ mod lookalike;
 mod machine_code;
 mod number;
 mod operation;
+mod parameters;
+mod reader;
 mod settings;
+mod source;
 mod state;
 mod tool_table;
 
@@ -40,9 +43,12 @@ pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadMove,
 };
+pub use parameters::InitialParameters;
+pub use reader::{Reader, Reading};
 pub use settings::{
     AngleRange, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
     MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
 };
+pub use source::{Place, SourcePages};
 pub use state::InterpreterState;
 pub use tool_table::ToolOffset;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{MachineCode, PathControl, Position, UnlistedMachineCodes};
+use crate::{InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes};
 
 /// Which table of codes a program is read with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -190,6 +190,16 @@ pub struct LanguageSettings {
     pub initial_position: Position,
     /// Largest difference between start and end radius of an arc, mm.
     pub arc_radius_tolerance_mm: f64,
+    /// Range of `ASIN` and `ATAN[a]/[b]` of Macro B.
+    pub angle_range: AngleRange,
+    /// Initial values of parameters, and values of the control that programs read and only the machine knows.
+    pub parameters: InitialParameters,
+    /// Digits of a program number where `M98 P` has more and no L: the digits before them are repetitions. 4, or 8 for none.
+    pub program_number_digits: u32,
+    /// Most blocks executed in a run of the program.
+    pub max_executed_blocks: u64,
+    /// Most blocks executed one after another without motion, in loops and calls.
+    pub max_still_blocks: u64,
     /// Longest line read, bytes; a longer one is a finding and is skipped.
     pub max_line_bytes: u32,
 }
@@ -223,6 +233,11 @@ impl Default for LanguageSettings {
             initial_position: [0.0; 9],
             // Posts write three decimals: two rounded ends and a rounded centre differ by up to about 2 µm.
             arc_radius_tolerance_mm: 0.005,
+            angle_range: AngleRange::Positive,
+            parameters: InitialParameters::default(),
+            program_number_digits: 4,
+            max_executed_blocks: 50_000_000,
+            max_still_blocks: 5_000_000,
             max_line_bytes: 4_096,
         }
     }

@@ -3,10 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
+use crate::interpreter::FlowState;
 use crate::interpreter::SavedModes;
+use crate::parameters::Parameters;
 use crate::{
-    AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Plane, Position, SourceSpan, Spindle,
-    SpindleDirection, SpindleSpeed, TiltedPlane,
+    AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Place, Plane, Position, SourceSpan,
+    Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -14,7 +16,11 @@ use crate::{
 /// Without the settings, and small but for the control points of a NURBS that is not closed yet: an interpreter restored from it and the same settings goes on identically.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InterpreterState {
-    /// Lines read so far.
+    /// Where the next line begins.
+    pub(crate) place: Place,
+    /// What control flow remembers.
+    pub(crate) flow: FlowState,
+    /// Lines read so far: the number of the last one.
     pub(crate) lines: u32,
     pub(crate) phase: Phase,
     /// The last line ended with a carriage return, to which a line feed may still belong.
@@ -77,6 +83,8 @@ pub struct InterpreterState {
     pub(crate) length: LengthCompensation,
     /// What M codes of the machine leave for the blocks behind them.
     pub(crate) machine: MachineModes,
+    /// What the program has assigned.
+    pub(crate) parameters: Parameters,
     /// Machining functions that a block without errors has switched on.
     pub(crate) functions_on: FunctionSet,
     /// Machining functions that are off because the block that should have switched them on has an error.
@@ -272,6 +280,8 @@ impl InterpreterState {
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
         let offset = &settings.work_offsets[0];
         Self {
+            place: Place::default(),
+            flow: FlowState::default(),
             lines: 0,
             phase: Phase::Start,
             after_return: false,
@@ -317,6 +327,7 @@ impl InterpreterState {
             plane_tilted: None,
             length: LengthCompensation::default(),
             machine: MachineModes::default(),
+            parameters: Parameters::default(),
             functions_on: FunctionSet::default(),
             functions_refused: FunctionSet::default(),
         }

@@ -15,14 +15,12 @@ pub(super) fn validate(
     mut observe: impl FnMut(&SetpointBlock),
 ) -> Result<ValidationReport, CliError> {
     let bar = progress("validating", Unit::Bytes, source.size);
-    source.rewind()?;
     let mut validation = Validation::new(config);
     loop {
         match validation.step() {
-            Step::NeedInput => {
-                let piece = source.next_piece()?;
-                bar.inc(piece.len() as u64);
-                match piece {
+            Step::NeedInput(place) => {
+                bar.set_position(place.offset);
+                match source.read(place)? {
                     [] => validation.finish_input(),
                     piece => validation.push(piece),
                 }
@@ -53,12 +51,11 @@ pub(super) fn run_plan(
     config: Arc<PipelineConfig>,
     mut take: impl FnMut(&SetpointBlock) -> Result<Progress, CliError>,
 ) -> Result<bool, CliError> {
-    source.rewind()?;
     let mut pipeline = Pipeline::new(config);
     let mut block = pipeline.new_block();
     loop {
         match pipeline.next_block(&mut block) {
-            Step::NeedInput => match source.next_piece()? {
+            Step::NeedInput(place) => match source.read(place)? {
                 [] => pipeline.finish_input(),
                 piece => pipeline.push(piece),
             },

@@ -149,13 +149,12 @@ impl ToolPathSink for Traced {
 impl Traced {
     /// Of the whole program, with its cuts with a guided tool.
     fn read(source: &mut Source, config: &PipelineConfig) -> Result<(Self, GuidedCuts), CliError> {
-        source.rewind()?;
         let mut path = ToolPath::new(config);
         let mut traced = Self::default();
-        loop {
-            match source.next_piece()? {
-                [] => break,
-                piece => path.push(piece, &mut traced),
+        while let Some(place) = path.read(&mut traced) {
+            match source.read(place)? {
+                [] => path.finish_input(),
+                piece => path.push(piece),
             }
         }
         let cuts = path.finish(&mut traced);

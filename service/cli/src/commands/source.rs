@@ -22,6 +22,8 @@ pub(super) struct Source {
     /// Its size, bytes.
     pub(super) size: u64,
     file: File,
+    /// Where the next piece begins, bytes.
+    at: u64,
     piece: Vec<u8>,
 }
 
@@ -60,7 +62,7 @@ impl Source {
         if !metadata.is_file() {
             return Self::spool(file, &name);
         }
-        Ok(Self { name, size: metadata.len(), file, piece: vec![0; PIECE_BYTES] })
+        Ok(Self { name, size: metadata.len(), file, at: 0, piece: vec![0; PIECE_BYTES] })
     }
 
     /// A program in memory.
@@ -72,7 +74,7 @@ impl Source {
         let failed = |error: io::Error| CliError::written(name, &error);
         let mut file = tempfile::tempfile().map_err(failed)?;
         let size = io::copy(&mut input, &mut file).map_err(failed)?;
-        Ok(Self { name: name.to_owned(), size, file, piece: vec![0; PIECE_BYTES] })
+        Ok(Self { name: name.to_owned(), size, file, at: size, piece: vec![0; PIECE_BYTES] })
     }
 
     /// Goes back to the first byte.
@@ -82,13 +84,25 @@ impl Source {
 
     /// Goes to a byte.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), CliError> {
-        self.file.seek(io::SeekFrom::Start(offset)).map(drop).map_err(|error| self.failed(&error))
+        self.at = self.file.seek(io::SeekFrom::Start(offset)).map_err(|error| self.failed(&error))?;
+        Ok(())
+    }
+
+    /// Bytes from a place on; none at the end.
+    pub(super) fn read(&mut self, place: feedwave_program::Place) -> Result<&[u8], CliError> {
+        if self.at != place.offset {
+            self.seek(place.offset)?;
+        }
+        self.next_piece()
     }
 
     /// The next piece; empty at the end.
     pub(super) fn next_piece(&mut self) -> Result<&[u8], CliError> {
         match self.file.read(&mut self.piece) {
-            Ok(length) => Ok(&self.piece[..length]),
+            Ok(length) => {
+                self.at += length as u64;
+                Ok(&self.piece[..length])
+            }
             Err(error) => Err(self.failed(&error)),
         }
     }
@@ -101,6 +115,8 @@ impl Source {
     /// the program once and keeps only what is shown.
     pub(super) fn snippets(&mut self, places: &[Place]) -> Result<Vec<Option<Snippet>>, CliError> {
         self.rewind()?;
+        // What reads behind its back leaves the place unknown.
+        self.at = u64::MAX;
         let mut reader = BufReader::with_capacity(PIECE_BYTES, &self.file);
         let mut line_number = 0;
         let mut line = Vec::new();

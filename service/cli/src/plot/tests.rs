@@ -374,7 +374,12 @@ mod oscillation {
             cut,
             limits: OscillationLimits { plane: limits, axial: limits },
             floor: None,
-            span: feedwave_program::SourceSpan { line: 7, column: 1, length: 4 },
+            span: feedwave_program::SourceSpan {
+                line: 7,
+                column: 1,
+                length: 4,
+                ..feedwave_program::SourceSpan::default()
+            },
         };
         let report = judge(&job).0.unwrap();
         let oscillation = ToolOscillation::new(tool, &condition, periods_per_rev, 1).unwrap();

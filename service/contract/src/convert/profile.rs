@@ -11,6 +11,7 @@ use feedwave_program::{
 use super::five_axis::{kinematics_from_proto, kinematics_to_proto, thinning_from_proto, thinning_to_proto};
 use super::machine_codes::{machine_code_to_proto, machine_codes_from_proto, unlisted_from_proto, unlisted_to_proto};
 use super::oscillation::{condition_to_proto, conditions_from_proto, floor_from_proto, floor_to_proto};
+use super::parameters::{angle_range_from_proto, angle_range_to_proto, parameters_from_proto, parameters_to_proto};
 use super::thread::{start_up_from_proto, start_up_to_proto};
 use crate::convert::{
     enumeration, generation_mode_from_proto, generation_mode_to_proto, vibration_envelope_from_proto,
@@ -177,6 +178,8 @@ fn language_from_proto(
         let count = language.contour_tolerances_mm.len();
         violations.add("language.contour_tolerances_mm", format!("must list none or ten, lists {count}"));
     }
+    let angle_range = enumeration(violations, "language.angle_range", language.angle_range);
+    let parameters = parameters_from_proto(violations, &language.parameters);
     let mut work_offsets = default.work_offsets;
     if language.work_offsets.len() > work_offsets.len() {
         let count = language.work_offsets.len();
@@ -244,6 +247,11 @@ fn language_from_proto(
         initial_position: position(&language.initial_position, default.initial_position),
         arc_radius_tolerance_mm: language.arc_radius_tolerance_mm.unwrap_or(default.arc_radius_tolerance_mm),
         max_line_bytes: language.max_line_bytes.unwrap_or(default.max_line_bytes),
+        program_number_digits: language.program_number_digits.unwrap_or(default.program_number_digits),
+        max_executed_blocks: language.max_executed_blocks.unwrap_or(default.max_executed_blocks),
+        max_still_blocks: language.max_still_blocks.unwrap_or(default.max_still_blocks),
+        angle_range: angle_range_from_proto(angle_range?),
+        parameters,
     })
 }
 
@@ -408,6 +416,9 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
         initial_position: Some(position_to_proto(&language.initial_position)),
         arc_radius_tolerance_mm: Some(language.arc_radius_tolerance_mm),
         max_line_bytes: Some(language.max_line_bytes),
+        program_number_digits: Some(language.program_number_digits),
+        max_executed_blocks: Some(language.max_executed_blocks),
+        max_still_blocks: Some(language.max_still_blocks),
         initial_path_control: path_control.into(),
         default_path_tolerance_mm: Some(language.default_path_tolerance_mm),
         thread_vibration: Some(proto::FunctionSwitch {
@@ -416,6 +427,8 @@ fn language_to_proto(language: &LanguageSettings) -> proto::LanguageSettings {
             off_p: thread_vibration.off_p,
         }),
         thread_e_word: thread_e_word.into(),
+        angle_range: angle_range_to_proto(language.angle_range).into(),
+        parameters: parameters_to_proto(&language.parameters),
         thinning: Some(proto::FunctionCodes { on: language.thinning.on, off: language.thinning.off }),
         tool_oscillation: Some(proto::FunctionCodes {
             on: language.tool_oscillation.on,

@@ -12,6 +12,9 @@ use crate::functions::thread::ThreadVibrationSettings;
 use crate::functions::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
 use crate::shared::track::MAX_AMPLITUDE_MM;
 
+/// Largest limit of executed blocks.
+const MAX_BLOCKS: u64 = 1_000_000_000;
+
 /// One machine: how its programs are written, its axes and their limits, and its machining functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -166,6 +169,17 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     }
     if !language.input_result.is_finite() {
         problems.push(problem("input_result", "must be finite"));
+    }
+    if !matches!(language.program_number_digits, 4 | 8) {
+        problems
+            .push(problem("program_number_digits", format!("must be 4 or 8, is {}", language.program_number_digits)));
+    }
+    for (name, blocks) in
+        [("max_executed_blocks", language.max_executed_blocks), ("max_still_blocks", language.max_still_blocks)]
+    {
+        if !(1..=MAX_BLOCKS).contains(&blocks) {
+            problems.push(problem(name, format!("must be 1 to {MAX_BLOCKS}, is {blocks}")));
+        }
     }
     if !(64..=65_536).contains(&language.max_line_bytes) {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_program::Severity;
+use feedwave_program::{Place, Reading, Severity};
 
 use crate::frame::builder::{Analysis, FunctionAnalysis};
 use crate::frame::pipeline::{Pipeline, PipelineConfig, Step};
@@ -101,6 +101,11 @@ impl Validation {
         self.pipeline.finish_input();
     }
 
+    /// See [`Pipeline::supply`].
+    pub fn supply(&mut self, place: Place, program: &[u8]) {
+        self.pipeline.supply(place, program);
+    }
+
     /// Advances by at most one block of setpoints or a few thousand lines. Setpoints stop at the first error
     /// (the block is then empty); the rest of the program is still read for findings. [`Step::Refused`] never
     /// comes: a refused program ends with [`Step::Finished`] and a report that says why.
@@ -120,7 +125,7 @@ impl Validation {
                 }
                 Step::Block
             }
-            Step::NeedInput => Step::NeedInput,
+            Step::NeedInput(place) => Step::NeedInput(place),
             Step::Finished => {
                 // What follows the end of the program is still examined.
                 self.stopped = true;
@@ -139,17 +144,18 @@ impl Validation {
 
     fn read_on(&mut self) -> Step {
         for _ in 0..LINES_PER_STEP {
-            let more = self.pipeline.read_line();
+            let reading = self.pipeline.read_line();
             self.pipeline.discard_planned();
             if let Some(analysis) = &mut self.pipeline.builder.analysis {
                 analysis.functions.vibration.finish_waiting(&mut self.pipeline.findings);
             }
-            if !more {
-                if self.pipeline.input_is_finished() {
+            match reading {
+                Reading::More => {}
+                Reading::NeedInput => return Step::NeedInput(self.pipeline.wanted()),
+                Reading::Ended => {
                     self.ended = true;
                     return Step::Finished;
                 }
-                return Step::NeedInput;
             }
         }
         Step::Block
@@ -193,7 +199,7 @@ impl Validation {
             oscillation_count: oscillation.reports.count,
             oscillating_cutting_time_s: if_accepted(oscillating_cutting_time_s),
             thread_passes: threads.passes,
-            bytes: pipeline.input_offset(),
+            bytes: pipeline.place().offset,
             lines: u64::from(pipeline.interpreter_state().lines_read()),
             moves: analysis.moves,
             cutting_moves: analysis.cutting_moves,

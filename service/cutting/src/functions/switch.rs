@@ -116,7 +116,7 @@ mod tests {
     fn found(turns: &[(u32, bool, bool)]) -> Vec<(String, u32)> {
         let (mut switch, mut findings) = (Switch::<On>::default(), FindingLog::default());
         for &(line, on, usable) in turns {
-            let span = SourceSpan { line, column: 1, length: 4 };
+            let span = SourceSpan { line, column: 1, length: 4, ..SourceSpan::default() };
             let command = FunctionCommand { function: Function::PathVibration, on, words: Vec::new(), inch: false };
             switch.turn(&command, span, &mut findings, |_| usable.then_some(On(span)));
             assert_eq!((switch.is_on(), switch.is_unusable()), (on && usable, on && !usable));

@@ -66,14 +66,13 @@ pub fn run_in_pieces(program: &[u8], config: &PipelineConfig, piece: usize) -> S
     let mut pipeline = Pipeline::new(Arc::new(config.clone()));
     let mut block = pipeline.new_block();
     let mut setpoints = Setpoints::default();
-    let mut pieces = program.chunks(piece.max(1));
     loop {
         match pipeline.next_setpoints(&mut block, piece) {
             Step::Block => setpoints.append(&block),
-            Step::NeedInput => match pieces.next() {
-                Some(bytes) => pipeline.push(bytes),
-                None => pipeline.finish_input(),
-            },
+            Step::NeedInput(place) => {
+                let end = (place.offset as usize).saturating_add(piece.max(1)).min(program.len());
+                pipeline.supply(place, &program[..end.max(place.offset as usize)]);
+            }
             Step::Finished => return setpoints,
             Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
         }
@@ -86,15 +85,10 @@ pub fn run(program: &str, config: &PipelineConfig) -> Setpoints {
 
 pub fn validate(program: &str, config: &PipelineConfig) -> ValidationReport {
     let mut validation = Validation::new(Arc::new(config.clone()));
-    let mut given = false;
     loop {
         match validation.step() {
             Step::Block => {}
-            Step::NeedInput if given => validation.finish_input(),
-            Step::NeedInput => {
-                validation.push(program.as_bytes());
-                given = true;
-            }
+            Step::NeedInput(place) => validation.supply(place, program.as_bytes()),
             Step::Finished => return validation.finish(),
             Step::Refused => panic!("a validation reads to the end"),
         }
@@ -106,18 +100,13 @@ pub fn snapshots(program: &[u8], config: &PipelineConfig) -> Vec<(u64, u64, Vec<
     let mut pipeline = Pipeline::new(Arc::new(config.clone()));
     let mut block = pipeline.new_block();
     let mut taken = Vec::new();
-    let mut given = false;
     loop {
         match pipeline.next_block(&mut block) {
             Step::Block => {
                 let snapshot = pipeline.snapshot().expect("plain data");
-                taken.push((pipeline.next_index(), pipeline.input_offset(), snapshot));
+                taken.push((pipeline.next_index(), pipeline.place().offset, snapshot));
             }
-            Step::NeedInput if given => pipeline.finish_input(),
-            Step::NeedInput => {
-                pipeline.push(program);
-                given = true;
-            }
+            Step::NeedInput(place) => pipeline.supply(place, program),
             Step::Finished => return taken,
             Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
         }
@@ -127,22 +116,17 @@ pub fn snapshots(program: &[u8], config: &PipelineConfig) -> Vec<(u64, u64, Vec<
 /// Every setpoint from a snapshot on.
 pub fn resume(program: &[u8], config: &PipelineConfig, offset: u64, snapshot: &[u8]) -> (u64, Setpoints) {
     let mut pipeline = Pipeline::restore(Arc::new(config.clone()), snapshot).expect("a snapshot just taken");
-    assert_eq!(pipeline.input_offset(), offset);
+    assert_eq!(pipeline.place().offset, offset);
     let first = pipeline.next_index();
     let mut block = pipeline.new_block();
     let mut setpoints = Setpoints::default();
-    let mut given = false;
     loop {
         match pipeline.next_block(&mut block) {
             Step::Block => {
                 block.first_index -= first;
                 setpoints.append(&block);
             }
-            Step::NeedInput if given => pipeline.finish_input(),
-            Step::NeedInput => {
-                pipeline.push(&program[offset as usize..]);
-                given = true;
-            }
+            Step::NeedInput(place) => pipeline.supply(place, program),
             Step::Finished => return (first, setpoints),
             Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
         }

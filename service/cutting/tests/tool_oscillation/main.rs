@@ -62,7 +62,7 @@ fn job<'a>(tool: &'a ToolGeometry, condition: &'a OscillationCondition) -> Oscil
         cut: cut(),
         limits: limits(),
         floor: None,
-        span: SourceSpan { line: 7, column: 1, length: 4 },
+        span: SourceSpan { line: 7, column: 1, length: 4, ..SourceSpan::default() },
     }
 }
 

@@ -25,7 +25,7 @@ type Block = (Element, PathControl, Cut);
 /// Blocks on lines 1, 2, 3... with one control.
 fn blocks(elements: Vec<Element>, control: PathControl) -> Vec<Block> {
     let number = |(mut element, line): (Element, u32)| {
-        element.source = SourceSpan { line, column: 1, length: 1 };
+        element.source = SourceSpan { line, column: 1, length: 1, ..SourceSpan::default() };
         (element, control, Cut(100.0))
     };
     elements.into_iter().zip(1..).map(number).collect()

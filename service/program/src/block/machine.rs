@@ -34,7 +34,7 @@ pub(crate) struct MachineWord {
 
 impl Default for MachineWords {
     fn default() -> Self {
-        let span = SourceSpan { line: 0, column: 0, length: 0 };
+        let span = SourceSpan::default();
         let word = MachineWord { rule: MachineRule::unlisted(0), is_unlisted: true, span };
         Self { m_codes: 0, count: 0, groups: 0, words: [word; MOST] }
     }

@@ -8,14 +8,14 @@ crate::finding_codes! {
         meaning: "an expression or an assignment that is not written as the dialect has it",
         cause: "A bracket, an operator or a value is missing, or the form is another dialect's, such as `##1` or `#<name>` in Macro B.",
         cure: "Check the brackets, and that there is an operator between two values; execution ends at this block.",
-        example: words("`X[#1+]`"),
+        example: lathe("G0 X[#1+]"),
     }
 
     "PRG-EXPRESSION-DEPTH" [EXPRESSION_DEPTH: Error] {
         meaning: "an expression with more brackets and functions within each other than the dialect takes",
         cause: "Macro B takes 5 levels, functions included; 32 are read in LinuxCNC.",
         cure: "Compute a part of it before, in a parameter of its own.",
-        example: words("`#1=[[[[[[1]]]]]]` in Macro B"),
+        example: lathe("#1=[[[[[[1]]]]]]"),
     }
 
     "PRG-EXPRESSION-ARITHMETIC" [EXPRESSION_ARITHMETIC: Error] {
@@ -23,28 +23,28 @@ crate::finding_codes! {
         cause: "A division by zero, SQRT of a negative number, ASIN or ACOS beyond ±1, LN of 0, a result too large for a number. \
               Often a parameter was never assigned and counts as 0.",
         cure: "Check the values that it is computed from; execution ends at this block.",
-        example: words("`#1=1/#2` with #2 never assigned"),
+        example: lathe("#1=1/#2"),
     }
 
     "PRG-EXPRESSION-FUNCTION" [EXPRESSION_FUNCTION: Error] {
         meaning: "a function that the dialect does not have",
         cause: "A typing error, or a function of another control, such as `POW` in LinuxCNC.",
         cure: "Check its spelling, and the dialect of the machine profile.",
-        example: words("`X[SINE[30]]`"),
+        example: lathe("G0 X[SINE[30]]"),
     }
 
     "PRG-EXPRESSION-DIFFERS" [EXPRESSION_DIFFERS: Error] {
         meaning: "an operation that controls carry out differently with these values, so that nothing is guessed",
         cause: "In Macro B MOD of negative numbers, AND, OR and XOR of numbers that are not whole, and ADP.",
         cure: "Write it with operations that all controls agree on, as the finding suggests.",
-        example: words("`#1=-7 MOD 3` in Macro B"),
+        example: lathe("#1=-7 MOD 3"),
     }
 
     "PRG-EXPRESSION-TRUTH" [EXPRESSION_TRUTH: Error] {
         meaning: "a condition where a number is needed, or the other way round",
         cause: "In Macro B a comparison cannot be stored, and a number is no condition; AND and OR between comparisons need brackets.",
         cure: "Put each condition in brackets of its own: `[[#1 GT 0] AND [#2 LT 5]]`; assign 1 or 0 behind `IF [...] THEN`.",
-        example: words("`#1=[#2 GT 5]` in Macro B"),
+        example: lathe("#1=[#2 GT 5]"),
     }
 
     "PRG-EXPRESSION-EQUALITY" [EXPRESSION_EQUALITY: Info] {
@@ -58,7 +58,7 @@ crate::finding_codes! {
         meaning: "a parameter that does not exist",
         cause: "Its number is computed and not whole, negative, vacant or beyond those of the control.",
         cure: "Check the number, and what it is computed from.",
-        example: words("`#[0.5]=1`"),
+        example: lathe("#[0.5]=1"),
     }
 
     "PRG-PARAMETER-NAME" [PARAMETER_NAME: Error] {
@@ -80,5 +80,54 @@ crate::finding_codes! {
         cause: "The program computes with #5061 and its neighbours, or with #5070.",
         cure: "Check what depends on it; here the result is the programmed end of the probing move.",
         example: words("`#1=#5063` behind `G31 Z-10 F100`"),
+    }
+
+    "PRG-PARAMETER-LIMIT" [PARAMETER_LIMIT: Error] {
+        meaning: "more named parameters than are kept",
+        cause: "A program makes names in a recursion that does not end, or a post names every value.",
+        cure: "Use numbered parameters for what needs no name.",
+        example: words("a program that assigns 1001 names"),
+    }
+
+    "PRG-PARAMETER-READ-ONLY" [PARAMETER_READ_ONLY: Error] {
+        meaning: "an assignment to a value of the control that cannot be assigned",
+        cause: "Positions, modes and `#0` are read only; offsets are set with `G10`.",
+        cure: "Assign a variable of the program, or use the code that sets the value.",
+        example: lathe("#5001=10"),
+    }
+
+    "PRG-PARAMETER-UNAVAILABLE" [PARAMETER_UNAVAILABLE: Error] {
+        meaning: "a value of the control that is not known here",
+        cause: "The program reads inputs of the machine, values of its configuration or of a rarely used group of codes.",
+        cure: "Let the profile or the job bring a value for it.",
+        example: lathe("#1=#1000"),
+    }
+
+    "PRG-PARAMETER-CLOCK" [PARAMETER_CLOCK: Error] {
+        meaning: "a clock or a counter of the control is read, so that the program would not run twice alike",
+        cause: "`#3001`, `#3002`, `#3011`, `#3012` or `#3901` is part of an expression.",
+        cure: "Let the profile or the job bring a value for it, or take it out.",
+        example: lathe("#1=#3011"),
+    }
+
+    "PRG-PARAMETER-IGNORED" [PARAMETER_IGNORED: Info] {
+        meaning: "an assignment to a clock, an inhibition or a counter of the control, which changes no path",
+        cause: "`#3001` to `#3004` or `#3901` is assigned, mostly around tapping.",
+        cure: "Nothing needs to be done.",
+        example: lathe("#3004=7"),
+    }
+
+    "PRG-OUTPUT" [OUTPUT: Info] {
+        meaning: "a statement that writes to a file, a printer or the screen of the control, which does nothing here",
+        cause: "`DPRNT`, `BPRNT`, `POPEN` or `PCLOS` of Macro B, `(PRINT,...)`, `(LOG,...)` or `(DEBUG,...)` of LinuxCNC.",
+        cure: "Nothing needs to be done.",
+        example: lathe("DPRNT[X#101[53]]"),
+    }
+
+    "PRG-ALARM" [ALARM: Error] {
+        meaning: "the program stops itself with an error of its own",
+        cause: "`#3000` is assigned, or a comment of LinuxCNC begins with `ABORT,`: the program has checked something and found it wrong.",
+        cure: "Read its message, and see what leads to this block; often an argument is missing.",
+        example: lathe("#3000=21(NO DEPTH GIVEN)"),
     }
 }

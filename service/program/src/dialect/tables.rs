@@ -1,7 +1,7 @@
 //! The tables: codes, letters and function words of each dialect.
 
-use super::{Code, Dialect, FeedUnit, Group, Letter, Meaning, Order, OtherReading};
-use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord};
+use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
+use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord, expression, parameters};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
     Code { tenths, group, meaning, other_reading: None }
@@ -121,14 +121,15 @@ const FANUC_G_CODES: &[Code] = &[
     code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(620, Group::PathControl, Meaning::CuttingMode),
     code(630, Group::PathControl, Meaning::CuttingMode),
-    code(650, Group::NonModal, Meaning::Unsupported("macro call")),
-    code(660, Group::MacroCall, Meaning::Unsupported("modal macro call")),
-    code(670, Group::MacroCall, Meaning::AlreadySo),
+    code(650, Group::MacroCall, Meaning::MacroCall { modal: false }),
+    code(660, Group::MacroCall, Meaning::MacroCall { modal: true }),
+    code(670, Group::MacroCall, Meaning::MacroCallEnd),
     code(1_870, Group::NonModal, Meaning::Smoothness),
 ];
 
 /// M codes of FANUC controls and the like.
-const FANUC_M_CODES: &[Code] = &[code(970, Group::Subprogram, Meaning::Unsupported("local subprogram call"))];
+const FANUC_M_CODES: &[Code] =
+    &[code(970, Group::Subprogram, Meaning::LocalCall), code(1_980, Group::Subprogram, Meaning::Call)];
 
 /// FANUC: one, or up to three by a parameter.
 const FANUC_M_CODES_IN_A_BLOCK: u8 = 3;
@@ -145,8 +146,8 @@ pub(super) const COMMON_M_CODES: &[Code] = &[
     code(70, Group::Coolant, Meaning::Mist),
     code(80, Group::Coolant, Meaning::Flood),
     code(90, Group::Coolant, Meaning::CoolantOff),
-    code(980, Group::Subprogram, Meaning::Unsupported("subprogram call")),
-    code(990, Group::Subprogram, Meaning::Unsupported("return from a subprogram")),
+    code(980, Group::Subprogram, Meaning::Call),
+    code(990, Group::Subprogram, Meaning::Return),
 ];
 
 const fn with_letters<const N: usize>(mut letters: [Letter; 26], table: [(u8, Letter); N]) -> [Letter; 26] {
@@ -209,7 +210,10 @@ pub(super) static LATHE: Dialect = Dialect {
     m_codes_closed: false,
     dwell_takes_u: true,
     f_is_lead: true,
+    flow: Flow::MacroB,
     order: Order::FANUC,
+    expressions: &expression::FANUC,
+    parameters: &parameters::FANUC,
 };
 
 const LATHE_G_CODES: &[Code] = &[
@@ -257,7 +261,10 @@ pub(super) static MILL: Dialect = Dialect {
     m_codes_closed: false,
     dwell_takes_u: false,
     f_is_lead: true,
+    flow: Flow::MacroB,
     order: Order::FANUC,
+    expressions: &expression::FANUC,
+    parameters: &parameters::FANUC,
 };
 
 const MILL_G_CODES: &[Code] = &[
@@ -304,7 +311,10 @@ pub(super) static LINUXCNC: Dialect = Dialect {
     m_codes_closed: true,
     dwell_takes_u: false,
     f_is_lead: false,
+    flow: Flow::OWords,
     order: Order::LINUXCNC,
+    expressions: &expression::LINUXCNC,
+    parameters: &parameters::LINUXCNC,
 };
 
 const LINUXCNC_G_CODES: &[Code] = &[

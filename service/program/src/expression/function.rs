@@ -87,12 +87,7 @@ pub(crate) fn function_named(table: Functions, name: &[u8]) -> Option<Function> 
 const EIGHT_DIGITS: f64 = 99_999_999.0;
 
 /// A function of one argument; `Err` says what the argument must be.
-pub(super) fn apply(
-    function: Function,
-    value: f64,
-    range: AngleRange,
-    increment: Option<f64>,
-) -> Result<f64, &'static str> {
+pub(super) fn apply(function: Function, value: f64, range: AngleRange, increments: f64) -> Result<f64, &'static str> {
     Ok(match function {
         Function::Sine => libm::sin(value.to_radians()),
         Function::Cosine => libm::cos(value.to_radians()),
@@ -104,7 +99,7 @@ pub(super) fn apply(
         Function::SquareRoot if value < 0.0 => return Err("must not be negative"),
         Function::SquareRoot => libm::sqrt(value),
         Function::Absolute => value.abs(),
-        Function::Round => increment.map_or_else(|| nearest(value), |increment| nearest(value / increment) * increment),
+        Function::Round => nearest_increment(value, increments),
         Function::TowardZero => libm::trunc(value),
         Function::AwayFromZero if value < 0.0 => libm::floor(value),
         Function::AwayFromZero | Function::Ceiling => libm::ceil(value),
@@ -131,6 +126,11 @@ fn turned(angle: f64, range: AngleRange) -> f64 {
 /// The nearest whole number, halves away from zero.
 pub(crate) fn nearest(value: f64) -> f64 {
     libm::trunc(value + if value < 0.0 { -0.5 } else { 0.5 })
+}
+
+/// The nearest least increment, of which there are so many per unit.
+pub(crate) fn nearest_increment(value: f64, increments: f64) -> f64 {
+    nearest(value * increments) / increments
 }
 
 /// `BIN`: the number whose decimal digits stand in four bits each.

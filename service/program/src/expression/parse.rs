@@ -372,7 +372,7 @@ impl<'l, 'c, 'v> Parser<'l, 'c, 'v> {
         if function == Function::ArcTangent && !self.rules().has_truth_values {
             return Err(self.malformed("/ and the second argument of ATAN are missing here"));
         }
-        function::apply(function, argument, range, self.context.increment).map_err(|must| {
+        function::apply(function, argument, range, self.context.increments).map_err(|must| {
             let message = format!("the argument of this function is {argument}, but {must}");
             Defect::new(code::EXPRESSION_ARITHMETIC, start, self.at, message)
                 .value("argument", argument)

@@ -23,6 +23,8 @@ pub(crate) struct Rules {
     pub(crate) assigns_in_sequence: bool,
     /// `ATAN[a]/[b]` and `ASIN` have the range of the control's parameters; otherwise -180 to 180 and -90 to 90.
     pub(crate) chooses_angle_range: bool,
+    /// `DPRNT` and the like write to files and printers.
+    pub(crate) has_output: bool,
     /// Values of words are rounded to the least increment of their address.
     pub(crate) rounds_words: bool,
 }
@@ -45,6 +47,7 @@ pub(crate) static FANUC: Rules = Rules {
     assigns_expressions: true,
     assigns_in_sequence: true,
     chooses_angle_range: true,
+    has_output: true,
     rounds_words: true,
 };
 
@@ -60,5 +63,6 @@ pub(crate) static LINUXCNC: Rules = Rules {
     assigns_expressions: false,
     assigns_in_sequence: false,
     chooses_angle_range: false,
+    has_output: false,
     rounds_words: false,
 };

@@ -187,7 +187,7 @@ fn section_2_the_profile_chooses_the_range_of_angles() {
 fn section_2_round_in_a_word_is_to_the_least_increment() {
     let table = table();
     let mut context = context(&FANUC, &table);
-    context.increment = Some(0.001);
+    context.increments = 1_000.0;
     let (value, _) = evaluate(b"ROUND[1.23456]", 0, &mut context).expect("it has a value");
     assert!((value.expect("it is a number") - 1.235).abs() < 1e-12);
 }

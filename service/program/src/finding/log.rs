@@ -264,7 +264,7 @@ mod tests {
         }
     }
 
-    const G76: SourceSpan = SourceSpan { line: 7, column: 1, length: 20 };
+    const G76: SourceSpan = SourceSpan { program: 0, line: 7, column: 1, length: 20 };
 
     fn short(pass: u64, excess: f64) -> Finding {
         Finding::new(SHORT, G76, format!("pass {pass} is {excess} mm too short")).at("pass", pass).ranked("", excess)

@@ -4,6 +4,7 @@ use super::doubt::Doubt;
 use crate::block::{Block, CodeWord, Word};
 use crate::code;
 use crate::dialect::{CodeTable, FeedUnit, FunctionWordRule, Group, MachineStep, Meaning, function_words, letter_bit};
+use crate::expression::whole_near;
 use crate::state::{InterpreterState, Phase};
 use crate::{
     DecimalPointRule, DwellTime, DwellUnit, Finding, FindingLog, Function, FunctionCommand, FunctionSwitch,
@@ -99,6 +100,9 @@ impl Execution<'_> {
             self.coolant(true);
         }
         self.machine_step(&mut machine, MachineStep::After);
+        if other_codes && self.block.code(Group::Subprogram).is_some() {
+            self.used |= letter_bit(b'P') | letter_bit(b'L') | letter_bit(b'Q');
+        }
         self.unused_words();
         if other_codes { self.stop() } else { None }
     }
@@ -145,18 +149,7 @@ impl Execution<'_> {
     fn labels(&mut self) {
         let labels = letter_bit(b'N') | letter_bit(b'O');
         self.used |= labels;
-        if self.state.phase == Phase::Blocks {
-            if let Some(word) = self.block.word(b'O') {
-                let span = self.block.word_span(word);
-                self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
-                    Finding::new(
-                        code,
-                        span,
-                        "a second program number inside a program: subprograms are not supported yet",
-                    )
-                });
-            }
-        } else if self.block.letters & !labels != 0 || self.block.has_codes() {
+        if self.block.letters & !labels != 0 || self.block.has_codes() {
             self.state.phase = Phase::Blocks;
         }
     }
@@ -332,6 +325,11 @@ impl Execution<'_> {
         let value = word.number.value();
         let whole = value as u32;
         if f64::from(whole) == value {
+            return Some(whole);
+        }
+        if word.number.is_computed()
+            && let Some(whole) = whole_near(value, f64::from(u32::MAX))
+        {
             return Some(whole);
         }
         let span = self.block.word_span(word);

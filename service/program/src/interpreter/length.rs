@@ -9,7 +9,7 @@ use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, AxisSet, Finding, Position, SourceSpan, ToolOffset};
+use crate::{Axis, AxisSet, Finding, InterpreterState, LanguageSettings, Position, SourceSpan, ToolOffset};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
@@ -130,11 +130,17 @@ impl Execution<'_> {
         });
     }
 
-    /// Machine position less programmed position, per axis: work offset, and tool length along Z.
+    /// Machine position less programmed position, per axis.
     #[inline]
     pub(super) fn machine_offset(&self) -> Position {
-        let mut offset = self.settings.work_offsets[usize::from(self.state.work_offset)];
-        offset[Axis::Z.index()] += self.state.length.along_z_mm;
-        offset
+        machine_offset(self.state, self.settings)
     }
+}
+
+/// Machine position less programmed position, per axis: work offset, and tool length along Z.
+#[inline]
+pub(super) fn machine_offset(state: &InterpreterState, settings: &LanguageSettings) -> Position {
+    let mut offset = settings.work_offsets[usize::from(state.work_offset)];
+    offset[Axis::Z.index()] += state.length.along_z_mm;
+    offset
 }

@@ -5,6 +5,7 @@ mod arcs_of_linuxcnc;
 mod consequences;
 mod doubt;
 mod dwell;
+mod flow;
 mod foreign_files;
 mod framing;
 mod hostile;
@@ -146,7 +147,7 @@ fn render_operation(operation: &Operation) -> String {
 }
 
 fn render_finding(finding: &Finding) -> String {
-    let SourceSpan { line, column, length } = finding.span;
+    let SourceSpan { line, column, length, .. } = finding.span;
     let mark = match finding.severity {
         Severity::Info => 'i',
         Severity::Warning => 'w',

@@ -54,17 +54,36 @@ fn defects() {
 }
 
 #[test]
-fn macro_language_is_one_token_to_the_end_of_the_line() {
-    check("G1 X[#1+2] Z5", "G=1 Expression<X[#1+2] Z5>");
-    check("#100 = 5", "Expression<#100 = 5>");
-    check("N5 GOTO 10", "N=5 Expression<GOTO 10>");
-    check("if [#1 EQ 0] goto 5", "Expression<if [#1 EQ 0] goto 5>");
-    check("END1", "Expression<END1>");
+fn values_that_are_computed() {
+    check("G1 X[#1+2] Z5", "G=1 Computed<X[#1+2]> Z=5");
+    check("X-#1 Y - [2] Z+SIN[30]F5", "Computed<X-#1> Computed<Y - [2]> Computed<Z+SIN[30]> F=5");
+    check("XSIN[30] Y SQRT [4]", "Computed<XSIN[30]> Computed<Y SQRT [4]>");
+    check("G#1M##2", "Computed<G#1> Computed<M##2>");
+    check("X#<wide one>Y1", "Computed<X#<wide one>> Y=1");
+    check("X[1", "Computed<X[1>");
+}
+
+#[test]
+fn assignments() {
+    check("#100 = 5", "Assignment<#100 = 5>");
+    check("#1=#2+3*[4] (c)", "Assignment<#1=#2+3*[4]> Comment<(c)>");
+    check("#3=6 G1 X#3", "Assignment<#3=6> G=1 Computed<X#3>");
+    check("#1=5 #<a b>=-SIN[30]", "Assignment<#1=5> Assignment<#<a b>=-SIN[30]>");
+    check("#1 X5", "Assignment<#1> X=5");
+}
+
+#[test]
+fn control_statements_are_one_token_to_the_end_of_the_line() {
+    check("N5 GOTO 10", "N=5 Statement<GOTO 10>");
+    check("N5 GOTO[#1]", "N=5 Statement<GOTO[#1]>");
+    check("if [#1 EQ 0] goto 5", "Statement<if [#1 EQ 0] goto 5>");
+    check("END1", "Statement<END1>");
+    check("DPRNT[X#1]", "Output<DPRNT[X#1]>");
 }
 
 proptest! {
     #[test]
-    fn every_byte_is_blank_or_in_one_token(line in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn every_byte_is_blank_or_in_one_token(line in prop_oneof![prop::collection::vec(any::<u8>(), 0..200), "[-+*/#<>\\[\\]0-9.A-Z= ]{0,60}".prop_map(String::into_bytes)]) {
         let mut covered = 0;
         for token in Lexer::new(&line) {
             let (start, end) = (token.start as usize, token.end as usize);

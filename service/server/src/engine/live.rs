@@ -164,11 +164,6 @@ impl Engine {
     fn generator(&self, detail: &JobDetail, plan: LivePlan, changes: Vec<OverrideChange>) -> Setpoints {
         let config = PipelineConfig { overrides: changes, ..plan.config };
         let (program, bytes) = (detail.job.program_id, detail.job.program_size_bytes);
-        Setpoints::new(
-            config,
-            Source::stored(self.inner.store.clone(), program, bytes, 0),
-            plan.columns,
-            plan.first_index,
-        )
+        Setpoints::new(config, Source::stored(self.inner.store.clone(), program, bytes), plan.columns, plan.first_index)
     }
 }

@@ -189,12 +189,7 @@ impl Engine {
         };
         let config = Arc::new(plan.config.clone());
         let pipeline = self.pipeline_near(detail, config, first_block_index).await?;
-        let source = Source::stored(
-            inner.store.clone(),
-            detail.job.program_id,
-            detail.job.program_size_bytes,
-            pipeline.input_offset(),
-        );
+        let source = Source::stored(inner.store.clone(), detail.job.program_id, detail.job.program_size_bytes);
         let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
         let mut run = Run { pipeline, source, plan, first_block_index, outlet };
@@ -267,7 +262,7 @@ impl Run {
         let mut most = FIRST_CHUNK_SIZE;
         while !self.outlet.ends.reached() {
             match self.pipeline.next_setpoints(&mut block, most) {
-                Step::NeedInput => match self.source.next()? {
+                Step::NeedInput(place) => match self.source.read(place)? {
                     Some(bytes) => self.pipeline.push(&bytes),
                     None => self.pipeline.finish_input(),
                 },

@@ -30,7 +30,7 @@ pub(super) enum Outcome {
 /// Those of the source and of `checkpoint`.
 pub(super) fn validate(
     config: Arc<PipelineConfig>,
-    source: &mut Source,
+    source: &Source,
     stop: impl Fn() -> bool,
     mut checkpoint: impl FnMut(&Pipeline) -> Result<()>,
 ) -> Result<Outcome> {
@@ -41,7 +41,7 @@ pub(super) fn validate(
             return Ok(Outcome::Stopped);
         }
         match validation.step() {
-            Step::NeedInput => match source.next()? {
+            Step::NeedInput(place) => match source.read(place)? {
                 Some(bytes) => validation.push(&bytes),
                 None => validation.finish_input(),
             },
@@ -84,7 +84,7 @@ impl super::Engine {
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
         let token = self.inner.draining.child_token();
         let cancel_when_dropped = token.clone().drop_guard();
-        let mut source = Source::stored(self.inner.store.clone(), id, size_bytes, 0);
+        let source = Source::stored(self.inner.store.clone(), id, size_bytes);
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = place;
             let mut validation = Validation::new(config).keeping_path(u64::from(thread), pass as usize);
@@ -96,7 +96,7 @@ impl super::Engine {
                     return Err(Error::Draining);
                 }
                 match validation.step() {
-                    Step::NeedInput => match source.next()? {
+                    Step::NeedInput(place) => match source.read(place)? {
                         Some(bytes) => validation.push(&bytes),
                         None => validation.finish_input(),
                     },
@@ -125,7 +125,7 @@ impl super::Engine {
         let active = GaugeGuard::new(&self.inner.metrics.active_validations);
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = (place, active);
-            validate(Arc::new(config), &mut Source::memory(program), || token.is_cancelled(), |_| Ok(()))
+            validate(Arc::new(config), &Source::memory(program), || token.is_cancelled(), |_| Ok(()))
         });
         let outcome = run.await.map_err(Error::internal)??;
         drop(cancel_when_dropped);

@@ -111,16 +111,16 @@ async fn attempt(engine: &Engine, id: Uuid) -> Result<()> {
     let detail = inner.store.job_detail(id).await?;
     let config = Arc::new(job_config(&detail)?);
     let set = checkpoint_set(id, &config);
-    let mut source = Source::stored(inner.store.clone(), detail.job.program_id, detail.job.program_size_bytes, 0);
+    let source = Source::stored(inner.store.clone(), detail.job.program_id, detail.job.program_size_bytes);
     let store = inner.store.clone();
     let runtime = tokio::runtime::Handle::current();
     let (cancelled, draining) = (guard.token().clone(), inner.draining.clone());
     let run = tokio::task::spawn_blocking(move || {
         let stop = || cancelled.is_cancelled() || draining.is_cancelled();
-        validate(config, &mut source, stop, |pipeline| {
+        validate(config, &source, stop, |pipeline| {
             let checkpoint = Checkpoint {
                 setpoint_index: pipeline.next_index(),
-                input_offset: pipeline.input_offset(),
+                input_offset: pipeline.place().offset,
                 snapshot: pipeline.snapshot().map_err(Error::internal)?.into(),
             };
             match runtime.block_on(store.put_checkpoints(&set, vec![checkpoint])) {

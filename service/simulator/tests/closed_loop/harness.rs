@@ -237,10 +237,7 @@ fn next(pipeline: &mut Pipeline, block: &mut SetpointBlock, program: &str, most:
             Step::Block => return true,
             Step::Finished => return false,
             Step::Refused => panic!("refused: {:#?}", pipeline.findings()),
-            Step::NeedInput => {
-                pipeline.push(program.as_bytes());
-                pipeline.finish_input();
-            }
+            Step::NeedInput(place) => pipeline.supply(place, program.as_bytes()),
         }
     }
 }

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
-use feedwave_program::{Finding, FindingLog, Interpreter, InterpreterState, Operation, SourceSpan};
+use feedwave_program::{
+    Finding, FindingLog, Interpreter, InterpreterState, Operation, Place, Reader, Reading, SourcePages, SourceSpan,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::code;
@@ -40,9 +42,9 @@ const SNAPSHOT_VERSION: u8 = 20;
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// More program bytes are needed: [`Pipeline::push`] or [`Pipeline::finish_input`], then call again with the
-    /// same block.
-    NeedInput,
+    /// Program bytes from this place on are needed: [`Pipeline::push`], or [`Pipeline::finish_input`] where the program
+    /// ends there, then call again with the same block.
+    NeedInput(Place),
     /// The block was filled; it may be short at the end of a program and where the feed override changes.
     Block,
     /// The program has ended; every setpoint was delivered.
@@ -72,13 +74,8 @@ pub enum SnapshotError {
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     pub(crate) config: Arc<PipelineConfig>,
-    /// Program bytes not read yet start at `consumed`.
-    input: Vec<u8>,
-    consumed: usize,
-    input_finished: bool,
-    /// Program offset of the next byte to read.
-    offset: u64,
-    interpreter: Interpreter,
+    pages: SourcePages,
+    reader: Reader,
     operations: Vec<Operation>,
     pub(crate) thinning: ThinningStage,
     /// Operations that wait for the builder; empty between lines, but while more has to be known of what follows.
@@ -99,7 +96,6 @@ pub struct Pipeline {
 /// Everything that changes while a pipeline runs.
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
-    offset: u64,
     interpreter: InterpreterState,
     thinning: StageState,
     waiting: VecDeque<Operation>,
@@ -147,11 +143,8 @@ impl Pipeline {
         let look_ahead = config.profile.look_ahead_blocks as usize;
         let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
         Self {
-            input: Vec::new(),
-            consumed: 0,
-            input_finished: false,
-            offset: 0,
-            interpreter,
+            pages: SourcePages::default(),
+            reader: Reader::new(interpreter),
             operations: Vec::new(),
             thinning: ThinningStage::new(
                 config.profile.thinning,
@@ -174,7 +167,7 @@ impl Pipeline {
     }
 
     /// A pipeline that continues, bit for bit, where [`Pipeline::snapshot`] was taken with the same
-    /// configuration and program. Input continues at [`Pipeline::input_offset`].
+    /// configuration and program.
     ///
     /// # Errors
     /// [`SnapshotError`] when the bytes are not a snapshot of this version.
@@ -191,8 +184,9 @@ impl Pipeline {
         fresh.thinning.state = snapshot.thinning;
         fresh.waiting = snapshot.waiting;
         fresh.interpolator.state = snapshot.interpolator;
-        let Snapshot { offset, planner, overrides, .. } = snapshot;
-        Ok(Self { offset, interpreter, planner, overrides, ..fresh })
+        let Snapshot { planner, overrides, .. } = snapshot;
+        let pages = SourcePages::from(interpreter.place());
+        Ok(Self { pages, reader: Reader::new(interpreter), planner, overrides, ..fresh })
     }
 
     /// The state between two blocks, for [`Pipeline::restore`]; take it after [`Step::Block`] only. It does not
@@ -202,8 +196,7 @@ impl Pipeline {
     /// [`SnapshotError::Write`] when the state cannot be serialised; there is nothing to store then.
     pub fn snapshot(&self) -> Result<Vec<u8>, SnapshotError> {
         let snapshot = Snapshot {
-            offset: self.offset,
-            interpreter: self.interpreter.state().clone(),
+            interpreter: self.reader.interpreter.state().clone(),
             thinning: self.thinning.state.clone(),
             waiting: self.waiting.clone(),
             builder: self.builder.state.clone(),
@@ -214,10 +207,10 @@ impl Pipeline {
         encoded(&snapshot)
     }
 
-    /// Program offset, in bytes, of the first byte that a restored pipeline needs to be given.
+    /// Where the next line of the program is that is read.
     #[must_use]
-    pub fn input_offset(&self) -> u64 {
-        self.offset
+    pub fn place(&self) -> Place {
+        self.reader.interpreter.place()
     }
 
     /// Index of the next setpoint; between blocks, that of the first setpoint of the next block.
@@ -253,17 +246,20 @@ impl Pipeline {
         if self.interpolator.shows_tool_direction() { block.with_tool_direction() } else { block }
     }
 
-    /// Gives the pipeline more of the program. Call when it asks ([`Step::NeedInput`]); pieces of 64 KiB to
-    /// 1 MiB are best.
+    /// Gives the pipeline bytes from the place on that it asked for ([`Step::NeedInput`]), at first the start of the program;
+    /// further calls go on behind them. Pieces of 64 KiB to 1 MiB are best.
     pub fn push(&mut self, bytes: &[u8]) {
-        self.input.drain(..self.consumed);
-        self.consumed = 0;
-        self.input.extend_from_slice(bytes);
+        self.pages.push(bytes);
     }
 
-    /// Says that the program has no more bytes.
+    /// Says that the program ends at the place that was asked for, or behind the bytes given since.
     pub fn finish_input(&mut self) {
-        self.input_finished = true;
+        self.pages.finish();
+    }
+
+    /// Answers a [`Step::NeedInput`] from a program in memory.
+    pub fn supply(&mut self, place: Place, program: &[u8]) {
+        supply(&mut self.pages, place, program);
     }
 
     /// Fills the next block of setpoints. `block` comes from [`Pipeline::new_block`] and may be used again and
@@ -280,7 +276,7 @@ impl Pipeline {
             self.block_begun = true;
         }
         let step = self.run(block, most.clamp(1, BLOCK_LENGTH));
-        self.block_begun = step == Step::NeedInput;
+        self.block_begun = matches!(step, Step::NeedInput(_));
         step
     }
 
@@ -311,8 +307,8 @@ impl Pipeline {
                         if self.planner.is_held() && self.rest_in_feed_hold() {
                             continue;
                         }
-                        if !self.read_line() {
-                            return Step::NeedInput;
+                        if self.read_line() == Reading::NeedInput {
+                            return Step::NeedInput(self.pages.wanted());
                         }
                     }
                 },
@@ -331,8 +327,11 @@ impl Pipeline {
         if self.interpolator.next_index() > MAX_SETPOINTS {
             let line = block.line.last().copied().unwrap_or_default();
             let message = format!("the program has more than {MAX_SETPOINTS} setpoints at this interpolation period");
-            let finding =
-                Finding::new(code::PLAN_TOO_MANY_SETPOINTS, SourceSpan { line, column: 1, length: 0 }, message);
+            let finding = Finding::new(
+                code::PLAN_TOO_MANY_SETPOINTS,
+                SourceSpan { line, column: 1, ..SourceSpan::default() },
+                message,
+            );
             let finding = finding.with_value("limit", MAX_SETPOINTS as f64, "");
             self.findings.push(finding.suggest("use a longer interpolation period, or split the program"));
             return Step::Refused;
@@ -345,7 +344,7 @@ impl Pipeline {
         if self.interpolator.held_items() <= MAX_HELD_ITEMS {
             return;
         }
-        let span = SourceSpan { line: self.interpolator.line(), column: 1, length: 0 };
+        let span = SourceSpan { line: self.interpolator.line(), column: 1, ..SourceSpan::default() };
         let message = format!(
             "more than {MAX_HELD_ITEMS} blocks lie within one amplitude, or one blend of an oscillation, of the tool"
         );
@@ -361,12 +360,23 @@ impl Pipeline {
         while self.planner.pop().is_some() {}
     }
 
-    pub(crate) fn input_is_finished(&self) -> bool {
-        self.input_finished
+    pub(crate) fn wanted(&self) -> Place {
+        self.pages.wanted()
     }
 
     pub(crate) fn interpreter_state(&self) -> &InterpreterState {
-        self.interpreter.state()
+        self.reader.interpreter.state()
+    }
+}
+
+/// Most bytes of a program in memory that are copied at once.
+const SUPPLY_BYTES: usize = 1 << 20;
+
+/// Supplies the bytes of a program in memory that are wanted at a place, or its end.
+pub(crate) fn supply(pages: &mut SourcePages, place: Place, program: &[u8]) {
+    match program.get(place.offset as usize..) {
+        None | Some([]) => pages.finish(),
+        Some(rest) => pages.push(&rest[..rest.len().min(SUPPLY_BYTES)]),
     }
 }
 

@@ -1,34 +1,27 @@
 //! From bytes to the builder: lines, thinning, and looking ahead where the builder has to know what follows.
 
-use feedwave_program::{Function, LineOutcome, Operation, OperationKind};
+use feedwave_program::{Function, Operation, OperationKind, Reading};
 
 use super::Pipeline;
 use crate::frame::scout::Scout;
 use crate::functions::thinning::ProgramThinning;
 
 impl Pipeline {
-    /// Reads one line into the planner; `false` when more input is needed first.
-    pub(crate) fn read_line(&mut self) -> bool {
+    /// Reads one line into the planner.
+    pub(crate) fn read_line(&mut self) -> Reading {
         if !self.waiting.is_empty() {
             return self.hand_on();
         }
-        let unread = &self.input[self.consumed..];
-        let outcome = self.interpreter.read_line(unread, self.input_finished, &mut self.operations, &mut self.findings);
-        let more = match outcome {
-            LineOutcome::Consumed(bytes) => {
-                self.consumed += bytes;
-                self.offset += bytes as u64;
-                true
-            }
-            LineOutcome::NeedMore => false,
-            LineOutcome::Ended => !self.operations.is_empty(),
-        };
+        let reading = self.reader.read_line(&mut self.pages, &mut self.operations, &mut self.findings);
+        if self.operations.is_empty() {
+            return reading;
+        }
         let mut operations = std::mem::take(&mut self.operations);
         for operation in operations.drain(..) {
             self.operation(operation);
         }
         self.operations = operations;
-        (self.waiting.is_empty() || self.hand_on()) && more
+        if self.waiting.is_empty() { Reading::More } else { self.hand_on() }
     }
 
     #[inline]
@@ -61,21 +54,20 @@ impl Pipeline {
         }
     }
 
-    /// Hands on what waits for the builder; `false` when more input is needed to look ahead.
-    fn hand_on(&mut self) -> bool {
+    /// Hands on what waits for the builder, for which it may have to look ahead.
+    fn hand_on(&mut self) -> Reading {
         while let Some(operation) = self.waiting.front() {
             if self.scout.is_none()
                 && let Some(ahead) = self.builder.ahead(operation, &self.config)
             {
-                let scout = Scout::new(ahead, &self.interpreter, &self.thinning, self.waiting.iter().skip(1));
+                let scout = Scout::new(ahead, &self.reader, &self.thinning, self.waiting.iter().skip(1));
                 self.scout = Some(Box::new(scout));
             }
             if let Some(scout) = &mut self.scout {
-                let chosen = scout.look(&self.input[self.consumed..], self.input_finished);
-                if chosen.is_none() {
-                    return false;
-                }
-                self.builder.chosen = chosen;
+                let Some(chosen) = scout.look(&mut self.pages) else {
+                    return Reading::NeedInput;
+                };
+                self.builder.chosen = Some(chosen);
                 self.scout = None;
             }
             if let Some(operation) = self.waiting.pop_front() {
@@ -85,7 +77,7 @@ impl Pipeline {
         if let Some(timed) = self.timed.as_mut().filter(|timed| self.thinning.is_on() && !timed.are_running()) {
             timed.start(&self.builder, &self.config);
         }
-        true
+        Reading::More
     }
 
     /// What thinning did, where it was switched on.

@@ -7,12 +7,13 @@ use std::f64::consts::PI;
 
 use feedwave_motion::{Element, PathSmoother, Smoothed};
 use feedwave_program::{
-    Feed, FindingLog, Function, Interpreter, LineOutcome, Move, MoveKind, Operation, OperationKind, Position, Spindle,
-    SpindleSpeed, ThreadMove,
+    Feed, FindingLog, Function, Interpreter, Move, MoveKind, Operation, OperationKind, Place, Position, Reader,
+    Reading, SourcePages, Spindle, SpindleSpeed, ThreadMove,
 };
 
 pub use self::guided::GuidedCuts;
 use self::guided::GuidedTip;
+use crate::frame::pipeline::supply;
 use crate::{Cut, PipelineConfig};
 
 /// Curves have chords of this angle where they bend most, rad: half a thousandth of the radius off.
@@ -55,9 +56,8 @@ pub trait ToolPathSink {
 /// Reads a program for its path. What is wrong with it is not said: that is the business of validation.
 #[derive(Debug)]
 pub struct ToolPath {
-    interpreter: Interpreter,
-    /// Bytes of a line that is not complete.
-    unread: Vec<u8>,
+    reader: Reader,
+    pages: SourcePages,
     operations: Vec<Operation>,
     findings: FindingLog,
     follower: Follower,
@@ -80,8 +80,8 @@ impl ToolPath {
     #[must_use]
     pub fn new(config: &PipelineConfig) -> Self {
         Self {
-            interpreter: Interpreter::new(config.profile.language.clone()).with_tools(config.tool_offsets()),
-            unread: Vec::new(),
+            reader: Reader::new(Interpreter::new(config.profile.language.clone()).with_tools(config.tool_offsets())),
+            pages: SourcePages::default(),
             operations: Vec::new(),
             findings: FindingLog::with_limit(0),
             follower: Follower {
@@ -94,29 +94,40 @@ impl ToolPath {
         }
     }
 
-    /// Takes the next bytes of the program.
-    pub fn push(&mut self, bytes: &[u8], sink: &mut impl ToolPathSink) {
-        self.unread.extend_from_slice(bytes);
-        self.read(false, sink);
+    /// Reads as far as there are bytes: where more are wanted, for [`ToolPath::push`] or [`ToolPath::finish_input`], or
+    /// nothing at the end of the program.
+    pub fn read(&mut self, sink: &mut impl ToolPathSink) -> Option<Place> {
+        let Self { reader, pages, operations, findings, follower } = self;
+        loop {
+            let reading = reader.read_line(pages, operations, findings);
+            operations.drain(..).for_each(|operation| follower.follow(&operation, sink));
+            match reading {
+                Reading::More => {}
+                Reading::NeedInput => return Some(pages.wanted()),
+                Reading::Ended => return None,
+            }
+        }
     }
 
-    /// Ends the program; the cuts that it makes with a guided tool.
+    /// See [`Pipeline::push`](crate::Pipeline::push).
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.pages.push(bytes);
+    }
+
+    /// See [`Pipeline::finish_input`](crate::Pipeline::finish_input).
+    pub fn finish_input(&mut self) {
+        self.pages.finish();
+    }
+
+    /// See [`Pipeline::supply`](crate::Pipeline::supply).
+    pub fn supply(&mut self, place: Place, program: &[u8]) {
+        supply(&mut self.pages, place, program);
+    }
+
+    /// Ends the path; the cuts that it makes with a guided tool.
     pub fn finish(mut self, sink: &mut impl ToolPathSink) -> GuidedCuts {
-        self.read(true, sink);
         self.follower.flush(sink);
         self.follower.tip.into_cuts()
-    }
-
-    fn read(&mut self, ended: bool, sink: &mut impl ToolPathSink) {
-        let mut consumed = 0;
-        let Self { interpreter, unread, operations, findings, follower } = self;
-        while let LineOutcome::Consumed(bytes) = interpreter.read_line(&unread[consumed..], ended, operations, findings)
-        {
-            consumed += bytes;
-            operations.drain(..).for_each(|operation| follower.follow(&operation, sink));
-        }
-        operations.drain(..).for_each(|operation| follower.follow(&operation, sink));
-        unread.drain(..consumed);
     }
 }
 

@@ -139,9 +139,9 @@ mod tests {
 
     use super::*;
 
-    const BLOCK: SourceSpan = SourceSpan { line: 3, column: 1, length: 14 };
-    const F_WORD: SourceSpan = SourceSpan { line: 3, column: 6, length: 3 };
-    const A_WORD: SourceSpan = SourceSpan { line: 3, column: 10, length: 5 };
+    const BLOCK: SourceSpan = SourceSpan { program: 0, line: 3, column: 1, length: 14 };
+    const F_WORD: SourceSpan = SourceSpan { program: 0, line: 3, column: 6, length: 3 };
+    const A_WORD: SourceSpan = SourceSpan { program: 0, line: 3, column: 10, length: 5 };
 
     fn read(words: &[(char, f64)]) -> (Option<VibrationCondition>, Vec<Finding>) {
         let word = |&(letter, value): &(char, f64)| FunctionWord {

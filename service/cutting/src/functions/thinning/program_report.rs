@@ -40,7 +40,7 @@ pub struct ProgramThinning {
 /// Findings of thinning at the end of a program.
 pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettings, findings: &mut FindingLog) {
     let rotary = &report.rotary;
-    let place = |line| SourceSpan { line, column: 1, length: 0 };
+    let place = |line| SourceSpan { line, column: 1, ..SourceSpan::default() };
     if rotary.off_blocks > 0 {
         let (blocks, largest) = (rotary.off_blocks, rotary.largest_deviation_deg);
         let message = format!(

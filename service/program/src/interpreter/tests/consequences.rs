@@ -4,28 +4,32 @@ use super::*;
 
 #[test]
 fn modal_words_that_could_not_be_read() {
-    check(&mill(), "G1 X1 F#101\nX2\nY3", "! 1:7+5 PRG-EXPRESSION");
-    check(&mill(), "F#101\nG1 X2\nF10\nG1 X3", "line X2 -> X3 @10/min\n! 1:1+5 PRG-EXPRESSION");
+    check(&mill(), "G1 X1 F..01\nX2\nY3", "! 1:7+5 PRG-NUMBER-INVALID");
+    check(&mill(), "F..01\nG1 X2\nF10\nG1 X3", "line X2 -> X3 @10/min\n! 1:1+5 PRG-NUMBER-INVALID");
     check(&mill(), "F\u{2212}5\nG1 X2", "! 1:1+5 PRG-LOOKALIKE");
-    check(&lathe(), "G97 S#1 M3\nG1 X1 F.1\nG32 Z-5 F2", "! 1:5+6 PRG-EXPRESSION");
-    check(&lathe(), "S500 M#3\nG1 X1 F.1", "! 1:6+3 PRG-EXPRESSION");
-    check(&mill(), "T#1\nM6\nT2\nM6", "tool 2.0\n! 1:1+3 PRG-EXPRESSION");
-    check(&mill(), "G#1\nX5", "! 1:1+3 PRG-EXPRESSION");
-    check(&lathe(), "G50 S#1\nG96 S100 M3", "spindle cw 100 m/min max inf\n! 1:5+3 PRG-EXPRESSION");
-    check(&mill(), "G4 P#1", "! 1:4+3 PRG-EXPRESSION");
-    check(&mill(), "G0 X#1\nG2 X1 Y1 I0.5 J5 F10\nG0 X0 Y0", "rapid X1 Y1 -> 0\n! 1:4+3 PRG-EXPRESSION");
+    check(&lathe(), "G97 S.. M3\nG1 X1 F.1\nG32 Z-5 F2", "! 1:5+3 PRG-NUMBER-INVALID");
+    check(&lathe(), "S500 M..\nG1 X1 F.1", "! 1:6+3 PRG-NUMBER-INVALID");
+    check(&mill(), "T..\nM6\nT2\nM6", "tool 2.0\n! 1:1+3 PRG-NUMBER-INVALID");
+    check(&mill(), "G..\nX5", "! 1:1+3 PRG-NUMBER-INVALID");
+    check(&lathe(), "G50 S..\nG96 S100 M3", "spindle cw 100 m/min max inf\n! 1:5+3 PRG-NUMBER-INVALID");
+    check(&mill(), "G4 P..", "! 1:4+3 PRG-NUMBER-INVALID");
+    check(&mill(), "G0 X..\nG2 X1 Y1 I0.5 J5 F10\nG0 X0 Y0", "rapid X1 Y1 -> 0\n! 1:4+3 PRG-NUMBER-INVALID");
 }
 
 #[test]
 fn what_does_not_follow_is_said() {
-    check(&mill(), "S#1\nG1 X1", "! 1:1+3 PRG-EXPRESSION\n! 2:1+5 PRG-FEED-MISSING");
+    check(&mill(), "S..\nG1 X1", "! 1:1+3 PRG-NUMBER-INVALID\n! 2:1+5 PRG-FEED-MISSING");
     check(
         &mill(),
-        "F#1\nG1 X1 F10\nG93\nG1 X2",
-        "line 0 -> X1 @10/min\n! 1:1+3 PRG-EXPRESSION\n! 4:1+5 PRG-FEED-MISSING",
+        "F..\nG1 X1 F10\nG93\nG1 X2",
+        "line 0 -> X1 @10/min\n! 1:1+3 PRG-NUMBER-INVALID\n! 4:1+5 PRG-FEED-MISSING",
     );
-    check(&mill(), "G0 X#1\nX0 Y0\nG2 X1 Y1 I0.5 J5 F10", "! 1:4+3 PRG-EXPRESSION\n! 3:10+4 PRG-ARC-RADIUS-MISMATCH");
-    check(&mill(), "P#1\nG4", "! 1:1+3 PRG-EXPRESSION\n! 2:1+2 PRG-DWELL-TIME");
+    check(
+        &mill(),
+        "G0 X..\nX0 Y0\nG2 X1 Y1 I0.5 J5 F10",
+        "! 1:4+3 PRG-NUMBER-INVALID\n! 3:10+4 PRG-ARC-RADIUS-MISMATCH",
+    );
+    check(&mill(), "P..\nG4", "! 1:1+3 PRG-NUMBER-INVALID\n! 2:1+2 PRG-DWELL-TIME");
 }
 
 #[test]
@@ -33,22 +37,22 @@ fn a_cut_with_something_unknown_is_judged_by_nothing() {
     // Neither the feed nor the speed of before counts for what follows.
     check(
         &mill(),
-        "G1 X1 F10\nF#1\nX2\nG0 X3\nG1 X4 F5",
-        "line 0 -> X1 @10/min\nrapid X2 -> X3\nline X3 -> X4 @5/min\n! 2:1+3 PRG-EXPRESSION",
+        "G1 X1 F10\nF..\nX2\nG0 X3\nG1 X4 F5",
+        "line 0 -> X1 @10/min\nrapid X2 -> X3\nline X3 -> X4 @5/min\n! 2:1+3 PRG-NUMBER-INVALID",
     );
     check(
         &lathe(),
-        "S500 M3\nG1 X2 F.1\nS#1\nX4\nG32 Z-5 F2\nS600\nG1 X6 F.1",
+        "S500 M3\nG1 X2 F.1\nS..\nX4\nG32 Z-5 F2\nS600\nG1 X6 F.1",
         "spindle cw 500
          line 0 -> X1 @0.1/rev
          spindle cw 600
          line X2 Z-5 -> X3 Z-5 @0.1/rev
-         ! 3:1+3 PRG-EXPRESSION",
+         ! 3:1+3 PRG-NUMBER-INVALID",
     );
     check(
         &mill(),
-        "G1 X1 F10\nT#1\nM6\nG1 X2\nT2 M6\nX3",
-        "line 0 -> X1 @10/min\ntool 2.0\nline X2 -> X3 @10/min\n! 2:1+3 PRG-EXPRESSION",
+        "G1 X1 F10\nT..\nM6\nG1 X2\nT2 M6\nX3",
+        "line 0 -> X1 @10/min\ntool 2.0\nline X2 -> X3 @10/min\n! 2:1+3 PRG-NUMBER-INVALID",
     );
-    check(&lathe(), "G32 Z-5 F#1\nZ-6", "! 1:9+3 PRG-EXPRESSION");
+    check(&lathe(), "G32 Z-5 F..\nZ-6", "! 1:9+3 PRG-NUMBER-INVALID");
 }

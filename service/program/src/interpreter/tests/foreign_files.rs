@@ -100,14 +100,12 @@ fn programs_of_other_controls() {
 fn a_program_with_strange_lines_is_read_on() {
     check(
         &mill(),
-        "G0 X1\n#100=5\nIF [#100 EQ 5] GOTO 10\nTHIS IS TEXT\nX2\nG65 P9100 A5. R1.",
+        "G0 X1\n#100=5\nIF [#100 EQ 6] GOTO 10\nTHIS IS TEXT\nX2\nG65 P9100 A5. R1.",
         "rapid 0 -> X1
          rapid X1 -> X2
-         ! 2:1+6 PRG-EXPRESSION
-         ! 3:1+22 PRG-EXPRESSION
          ! 4:1+4 PRG-TEXT
          ! 4:6+2 PRG-TEXT
          ! 4:9+4 PRG-TEXT
-         ! 6:1+3 PRG-UNSUPPORTED-CODE",
+         ! 6:1+17 PRG-SUBPROGRAM-MISSING",
     );
 }

@@ -115,6 +115,7 @@ fn interpret_in_pieces(
                     assert!(length > 0 && length <= input.len());
                     consumed += length;
                 }
+                LineOutcome::Elsewhere => unreachable!("no jump"),
                 LineOutcome::NeedMore | LineOutcome::Ended => break,
             }
         }
@@ -144,7 +145,7 @@ proptest! {
         bytes in prop::collection::vec(prop::sample::select(b"\n\r\t\0\x0b\x0c\x0e\x80\xff\x8a\x8d1X ".to_vec()), 0..40),
     ) {
         let expected = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
-        prop_assert_eq!(crate::interpreter::find_line_end(&bytes), expected);
+        prop_assert_eq!(find_line_end(&bytes), expected);
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl Setpoints {
         let most = usize::try_from(end - next).map_or(most, |left| left.min(most));
         loop {
             match self.pipeline.next_setpoints(&mut self.block, most) {
-                Step::NeedInput => match self.source.next()? {
+                Step::NeedInput(place) => match self.source.read(place)? {
                     Some(bytes) => self.pipeline.push(&bytes),
                     None => self.pipeline.finish_input(),
                 },

@@ -7,9 +7,9 @@ use proptest::prelude::*;
 
 use super::*;
 
-const ON: SourceSpan = SourceSpan { line: 2, column: 1, length: 14 };
-const F_WORD: SourceSpan = SourceSpan { line: 2, column: 6, length: 3 };
-const A_WORD: SourceSpan = SourceSpan { line: 2, column: 10, length: 5 };
+const ON: SourceSpan = SourceSpan { program: 0, line: 2, column: 1, length: 14 };
+const F_WORD: SourceSpan = SourceSpan { program: 0, line: 2, column: 6, length: 3 };
+const A_WORD: SourceSpan = SourceSpan { program: 0, line: 2, column: 10, length: 5 };
 const WORDS: VibrationWordSpans = VibrationWordSpans { frequency: Some(F_WORD), amplitude: Some(A_WORD), inch: false };
 
 /// X as a radius and Z, mm.
@@ -33,7 +33,8 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>, line: u32) 
         spline: None,
         path_control: feedwave_program::PathControl::default(),
     };
-    Element::from_move(&mv, SourceSpan { line, column: 1, length: 20 }).expect("the element moves")
+    Element::from_move(&mv, SourceSpan { line, column: 1, length: 20, ..SourceSpan::default() })
+        .expect("the element moves")
 }
 
 fn straight(from: (f64, f64), to: (f64, f64), line: u32) -> Element {

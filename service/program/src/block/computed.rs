@@ -1,0 +1,184 @@
+//! Words whose value is an expression, and assignments.
+
+use super::{Block, Made};
+use crate::dialect::{CodeTable, Letter};
+use crate::expression::{
+    Assignment, Context, Defect, Name, Note, Reading, Refusal, Target, Value, Variables, assignment, evaluate,
+    nearest_increment, whole_near,
+};
+use crate::interpreter::System;
+use crate::lexer::{Token, TokenKind};
+use crate::number::Number;
+use crate::{Finding, FindingCode, FindingLog, code};
+
+/// The state before the line, with what the line has assigned so far.
+struct Pending<'a> {
+    system: System<'a>,
+    made: &'a [Made],
+}
+
+impl Pending<'_> {
+    fn assigned(&self, target: &Target) -> Option<Value> {
+        let made = self.made.iter().rev().map(|made| &made.assignment);
+        made.into_iter().find(|made| made.target == *target).map(|made| made.value)
+    }
+}
+
+impl Variables for Pending<'_> {
+    fn numbered(&self, number: u32) -> Result<Reading, Refusal> {
+        match self.assigned(&Target::Numbered(number)) {
+            Some(value) => Ok(value.into()),
+            None => self.system.numbered(number),
+        }
+    }
+
+    fn named(&self, name: &Name) -> Result<Option<f64>, Refusal> {
+        match self.assigned(&Target::Named(*name)) {
+            Some(value) => Ok(value),
+            None => self.system.named(name),
+        }
+    }
+}
+
+/// How often the least increment of an address goes into a unit, where its values are rounded to it.
+fn increments(letter: u8, meaning: Letter, inch: bool) -> Option<f64> {
+    match meaning {
+        Letter::Code if letter == b'G' => Some(10.0),
+        Letter::Code | Letter::Speed | Letter::Tool => Some(1.0),
+        Letter::Axis(axis) | Letter::Increment(axis) if axis.is_rotary() => Some(1_000.0),
+        _ if meaning.is_length() => Some(if inch { 10_000.0 } else { 1_000.0 }),
+        Letter::Parameter if matches!(letter, b'D' | b'H' | b'L' | b'P') => Some(1.0),
+        _ => None,
+    }
+}
+
+/// The code that a computed number means: it may differ by a little from one.
+fn code_number(value: f64) -> f64 {
+    match whole_near(value * 10.0, 1e6) {
+        // A tenth is less exact than a whole number by the same factor.
+        Some(tenths) if (value * 10.0 - f64::from(tenths)).abs() < 0.001 => f64::from(tenths) / 10.0,
+        _ => value,
+    }
+}
+
+impl Block {
+    /// Reads an assignment or a word with an expression.
+    #[cold]
+    pub(super) fn read_computed(
+        &mut self,
+        line: &[u8],
+        token: Token,
+        table: &CodeTable,
+        system: System<'_>,
+        findings: &mut FindingLog,
+    ) {
+        // Taken out while the values read what was assigned before.
+        let made = core::mem::take(&mut self.assignments);
+        let in_sequence = table.dialect.expressions.assigns_in_sequence;
+        let pending = Pending { system, made: if in_sequence { &made } else { &[] } };
+        let mut context = Context::new(table.dialect.expressions, &pending, system.settings.angle_range);
+        if token.kind == TokenKind::Assignment {
+            let result = assignment(line, token.start as usize, &mut context);
+            self.note(&context.notes, findings);
+            self.assignments = made;
+            match result {
+                Ok(assignment) => self.assignments.push(self.made(assignment)),
+                Err(defect) => self.fail(&defect, findings),
+            }
+            return;
+        }
+        let result = computed(line, token, table, system, &mut context);
+        self.note(&context.notes, findings);
+        self.assignments = made;
+        match result {
+            Ok(Some(number)) => self.add_word(Token { kind: TokenKind::Word, number, ..token }, table, findings),
+            // A vacant value: the word is not there.
+            Ok(None) => {}
+            Err(defect) => self.fail(&defect, findings),
+        }
+    }
+
+    fn made(&self, assignment: Assignment) -> Made {
+        Made { assignment, span: self.span_of(assignment.start as u32, assignment.end as u32) }
+    }
+
+    /// What is worth saying about an expression.
+    fn note(&self, notes: &[Note], findings: &mut FindingLog) {
+        for note in notes {
+            let (code, message, cure) = note.text();
+            let span = self.span_of(note.start as u32, note.end as u32);
+            findings.push_with(code, |code| Finding::new(code, span, message).suggest(cure));
+        }
+    }
+
+    /// An expression without a value: nothing behind it can be known.
+    #[cold]
+    pub(super) fn fail(&mut self, defect: &Defect, findings: &mut FindingLog) {
+        self.unclear = true;
+        self.has_failed = true;
+        self.extent.0 = self.extent.0.min(defect.start as u32);
+        self.extent.1 = self.extent.1.max(defect.end as u32);
+        let span = self.span_of(defect.start as u32, defect.end as u32);
+        findings.push_with(defect.code, |code| {
+            let mut finding = Finding::new(code, span, defect.message.clone());
+            for &(name, value) in &defect.values {
+                finding = finding.with_value(name, value, "");
+            }
+            if defect.cure.is_empty() { finding } else { finding.suggest(defect.cure) }
+        });
+    }
+
+    /// Whether assignments and words share the line of a dialect that takes them in blocks of their own.
+    pub(super) fn check_assignments(&mut self, table: &CodeTable, findings: &mut FindingLog) {
+        if !table.dialect.expressions.assigns_in_sequence {
+            return;
+        }
+        let label = 1 << (b'N' - b'A');
+        if let Some(made) = self.assignments.first()
+            && (self.letters & !label != 0 || self.groups != 0)
+        {
+            let (start, end) = (made.assignment.start, made.assignment.end);
+            let defect =
+                Defect::new(code::EXPRESSION_MALFORMED, start, end, "an assignment shares its block with words")
+                    .cure("write it in a block of its own before them");
+            self.fail(&defect, findings);
+        }
+    }
+
+    /// A statement that writes to a file or a printer: it changes no path.
+    #[cold]
+    pub(super) fn note_output(&self, start: u32, end: u32, findings: &mut FindingLog) {
+        let span = self.span_of(start, end);
+        findings.push_with(code::OUTPUT, |code: FindingCode| {
+            Finding::new(code, span, "this writes to a file or a printer of the control; here it does nothing")
+        });
+    }
+}
+
+/// The number of a word with an expression; `None` where its value is vacant.
+fn computed(
+    line: &[u8],
+    token: Token,
+    table: &CodeTable,
+    system: System<'_>,
+    context: &mut Context<'_>,
+) -> Result<Option<Number>, Box<Defect>> {
+    let Token { letter, start, end, .. } = token;
+    let (start, end) = (start as usize, end as usize);
+    let meaning = table.dialect.letters[usize::from(letter - b'A')];
+    if meaning == Letter::Label {
+        return Err(Defect::new(code::EXPRESSION_MALFORMED, start, end, "line and program numbers cannot be computed")
+            .cure("write the number itself"));
+    }
+    let increments = if context.rules.rounds_words { increments(letter, meaning, system.state.inch) } else { None };
+    context.increments = increments.unwrap_or(1.0);
+    let (value, read_to) = evaluate(line, start + 1, context)?;
+    if line[read_to..end].iter().any(|byte| !matches!(byte, b' ' | b'\t')) {
+        return Err(Defect::new(code::EXPRESSION_MALFORMED, read_to, end, "this cannot stand behind a value")
+            .cure("put expressions in brackets: X[#1+2]"));
+    }
+    Ok(value.map(|value| {
+        let value = increments.map_or(value, |increments| nearest_increment(value, increments));
+        Number::computed(if meaning == Letter::Code { code_number(value) } else { value })
+    }))
+}

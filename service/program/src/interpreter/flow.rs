@@ -1,0 +1,505 @@
+//! Control flow: jumps, loops, branches and subprograms.
+//!
+//! A statement decides what comes next as soon as it is executed; where its target has to be looked for, the jump waits until the
+//! program is indexed, which one pass over its bytes does. The state of it all is small and part of the interpreter's: the callers
+//! of the program that is read, the loops that are open in it, and the jump that waits.
+
+mod calls;
+mod index;
+mod line;
+mod macro_b;
+mod o_words;
+mod targets;
+mod values;
+
+pub(super) use index::{Index, Indexer};
+use line::Statement;
+
+use serde::{Deserialize, Serialize};
+
+use std::sync::Arc;
+
+use super::{Interpreter, LineOutcome};
+use crate::block::Rest;
+use crate::code;
+use crate::dialect::Group;
+use crate::state::Phase;
+use crate::{Finding, FindingLog, Operation, OperationKind, Place, SourceSpan};
+
+/// Most programs that wait for the one that is read.
+pub(super) const MAX_CALLS: usize = 10;
+/// Most of them with local variables of their own.
+pub(super) const MAX_MACRO_CALLS: usize = 4;
+/// Most loops open in one program.
+const MAX_LOOPS: usize = 64;
+
+/// Where a line begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Mark {
+    pub(crate) place: Place,
+    /// Lines before it.
+    pub(crate) lines: u32,
+}
+
+impl Mark {
+    const fn start_of(program: u32) -> Self {
+        Self { place: Place { program, offset: 0 }, lines: 0 }
+    }
+
+    const fn line(self) -> u32 {
+        self.lines + 1
+    }
+}
+
+/// What a search for a place found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Found {
+    Nowhere,
+    At(Mark),
+    Twice(Mark, Mark),
+}
+
+/// Everything that control flow remembers between two lines.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FlowState {
+    /// The programs that wait for the one that is read, outermost first.
+    pub(crate) calls: Vec<Call>,
+    /// Loops that are open in the program that is read, outermost first.
+    loops: Vec<Loop>,
+    /// Macros that are run behind every block that moves, oldest first (`G66`).
+    modal: Vec<ModalCall>,
+    /// A jump whose target has to be looked for.
+    pending: Option<Box<Pending>>,
+    /// The line of an `elseif` that a jump has reached: its condition counts.
+    branch: Option<Place>,
+    /// Blocks executed.
+    blocks: u64,
+    /// Blocks executed since the last one that moved.
+    still_blocks: u64,
+    /// Blocks that moved.
+    moves: u64,
+    /// The last jump to a label: its place, and the state then.
+    last_jump: Option<(Place, Signature)>,
+    /// A program was called or a jump made: what is behind the end of the program need not be looked at.
+    has_jumped: bool,
+    /// `M99` in the main program.
+    restarts_at: Option<SourceSpan>,
+}
+
+/// By what two visits of one place are told apart: changes of variables, and moves.
+type Signature = (u64, u64);
+
+/// A program that waits for one that it called.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Call {
+    kind: CallKind,
+    /// Where the called program begins.
+    target: Mark,
+    /// Where the caller goes on.
+    back: Mark,
+    /// The block that called.
+    pub(crate) span: SourceSpan,
+    /// How often it is still to be run after this time.
+    repeats: u32,
+    /// The caller's loops.
+    loops: Vec<Loop>,
+}
+
+/// How a program was called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum CallKind {
+    /// `M98`, `M97`: it shares the caller's local variables.
+    Plain,
+    /// `G65`: with local variables of its own.
+    Macro,
+    /// Behind a block that moved (`G66`): likewise, and what moves in it calls the macro before this one.
+    Modal {
+        /// Place of the macro among the modal ones.
+        level: u32,
+    },
+    /// `o… call`: with local variables of its own.
+    Sub,
+}
+
+impl CallKind {
+    const fn has_locals(self) -> bool {
+        !matches!(self, Self::Plain)
+    }
+
+    const fn is_macro(self) -> bool {
+        matches!(self, Self::Macro | Self::Modal { .. })
+    }
+}
+
+/// A loop that is open.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Loop {
+    kind: LoopKind,
+    /// Its number or name.
+    name: Box<str>,
+    /// The line that begins it.
+    head: Mark,
+    /// The line behind that.
+    body: Mark,
+    /// The line that ends it.
+    last: Mark,
+    /// The line behind that.
+    behind: Mark,
+    /// Rounds that are still to be begun, of a `repeat`.
+    rounds: u64,
+    /// Rounds begun.
+    iteration: u64,
+    /// The state when the last round began.
+    signature: Signature,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum LoopKind {
+    /// Its head is executed before every round.
+    While,
+    /// Its last line is executed behind every round.
+    DoWhile,
+    Repeat,
+}
+
+/// A macro that is run behind every block that moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct ModalCall {
+    request: CallRequest,
+    span: SourceSpan,
+}
+
+/// A call as it was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct CallRequest {
+    kind: CallKind,
+    target: CallTarget,
+    repeats: u32,
+    /// Local variables of the called program, from `#1` on.
+    arguments: Vec<Option<f64>>,
+}
+
+/// What is called.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum CallTarget {
+    /// A program by its number, and the label in it where it begins.
+    Program { number: u32, label: Option<u32> },
+    /// A label of the same program.
+    Label(u32),
+    /// An O-word subprogram by its number or name.
+    Sub(String),
+}
+
+/// A jump whose target has to be looked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Pending {
+    /// What asked for it.
+    span: SourceSpan,
+    /// Its line.
+    from: Mark,
+    /// The line behind it.
+    behind: Mark,
+    jump: Jump,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Jump {
+    /// `GOTO`
+    Label(u32),
+    /// `DOm`, with the value of its `WHILE`.
+    Do(bool),
+    /// A statement of the O-word language, with the value of its condition or its count where it has one.
+    OWord(Statement, f64),
+    Call(CallRequest),
+    /// The end of a called program, and the label of the caller where it goes on.
+    Return(Option<u32>),
+    /// To a line that is known.
+    To(Mark),
+}
+
+/// How far a jump got.
+enum Progress {
+    Done,
+    /// This program has to be indexed first.
+    NeedsIndex(u32),
+    /// It cannot be carried out: an error was pushed.
+    Failed,
+}
+
+impl Interpreter {
+    /// Whether a program waits for the one that is read, or a loop is open in it: a block may be executed more than once.
+    pub(super) fn is_repeating(&self) -> bool {
+        let flow = &self.state.flow;
+        !(flow.calls.is_empty() && flow.loops.is_empty() && flow.last_jump.is_none())
+    }
+
+    /// Goes on with what waits, once the bytes that it needs were read.
+    pub(super) fn settle(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let Some(pending) = self.state.flow.pending.take() else { return };
+        match self.carry_out(&pending, findings) {
+            Progress::Done => {}
+            Progress::NeedsIndex(program) => {
+                self.state.flow.pending = Some(pending);
+                self.begin_index(program);
+            }
+            Progress::Failed => self.give_up(pending.span, operations, findings),
+        }
+    }
+
+    /// Begins to read a program for its index.
+    pub(super) fn begin_index(&mut self, program: u32) {
+        let flow = self.table.dialect.flow;
+        self.indexing = Some(Box::new(Indexer::new(program, flow, self.settings.block_delete)));
+    }
+
+    /// The program of a restored interpreter that has to be indexed before anything else.
+    pub(super) fn resume_pending(&mut self) {
+        if let Some(pending) = &self.state.flow.pending {
+            self.begin_index(pending.from.place.program);
+        }
+    }
+
+    /// Ends the execution after an error of control flow: where the program goes on is not known.
+    pub(super) fn give_up(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        self.state.nurbs = None;
+        self.state.reported.trailing = true;
+        if !self.state.has_ended() {
+            self.end(span, operations, findings);
+        }
+    }
+
+    /// Goes to a line.
+    fn go_to(&mut self, mark: Mark) {
+        self.state.flow.has_jumped = true;
+        self.state.place = mark.place;
+        self.state.lines = mark.lines;
+        self.state.after_return = false;
+        self.state.phase = Phase::Blocks;
+    }
+
+    /// By what two visits of one place are told apart.
+    fn signature(&self) -> Signature {
+        (self.state.parameters.changes(), self.state.flow.moves)
+    }
+
+    /// Counts a block that was executed; an error where there were too many.
+    pub(super) fn count_block(&mut self, moves: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        let flow = &mut self.state.flow;
+        flow.blocks += 1;
+        if moves {
+            flow.moves += 1;
+            flow.still_blocks = 0;
+        } else {
+            flow.still_blocks += 1;
+        }
+        let (count, limit, what) = if flow.blocks > self.settings.max_executed_blocks {
+            (flow.blocks, self.settings.max_executed_blocks, "blocks were executed")
+        } else if flow.still_blocks > self.settings.max_still_blocks && self.is_repeating() {
+            (self.state.flow.still_blocks, self.settings.max_still_blocks, "blocks were executed without any motion")
+        } else {
+            return true;
+        };
+        let place = self.innermost().unwrap_or(span);
+        findings.push_with(code::ENDLESS, |code| {
+            Finding::new(code, place, format!("{count} {what}, more than the limit of {limit}"))
+                .with_value("blocks", count as f64, "")
+                .with_value("limit", limit as f64, "")
+                .suggest("let the loop end, or raise the limit in the language settings of the machine profile")
+        });
+        false
+    }
+
+    /// The line that begins the innermost loop, or the innermost call.
+    fn innermost(&self) -> Option<SourceSpan> {
+        let flow = &self.state.flow;
+        let looped = flow.loops.last().map(|it| span_of(it.head));
+        looped.or_else(|| flow.calls.last().map(|call| call.span))
+    }
+
+    /// An error where a backward jump comes to a state that was there before.
+    fn is_endless(&mut self, span: SourceSpan, before: Signature, findings: &mut FindingLog) -> bool {
+        if before != self.signature() {
+            return false;
+        }
+        findings.push_with(code::ENDLESS, |code| {
+            let message = "nothing has changed since the last time round: no variable, no position. It never ends";
+            Finding::new(code, span, message).suggest("change what its condition asks for, or leave the loop by a jump")
+        });
+        true
+    }
+}
+
+/// The whole of a line, as far as it is known without its text.
+fn span_of(mark: Mark) -> SourceSpan {
+    SourceSpan { program: mark.place.program, line: mark.line(), column: 1, length: 0 }
+}
+
+/// What control flow does with whole lines.
+impl Interpreter {
+    /// Carries out what the line that was just read waits for.
+    #[cold]
+    pub(super) fn settle_behind(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let behind = Mark { place: self.state.place, lines: self.state.lines };
+        if let Some(pending) = &mut self.state.flow.pending {
+            pending.behind = behind;
+        }
+        self.settle(operations, findings);
+        if let Some(span) = self.state.flow.restarts_at.take() {
+            findings.push_with(code::MAIN_RETURN, |code| {
+                Finding::new(code, span, "the control starts the program again here; one pass of it is planned")
+            });
+            self.end(span, operations, findings);
+            self.state.reported.trailing = true;
+        }
+    }
+
+    /// Reads bytes for the index that is being made.
+    #[cold]
+    pub(super) fn read_for_index(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        let Some(indexing) = &mut self.indexing else { return LineOutcome::Elsewhere };
+        if !input.is_empty() {
+            if indexing.read(input, end_of_input) {
+                return LineOutcome::Elsewhere;
+            }
+            if input.len() > self.settings.max_line_bytes as usize + 2 {
+                indexing.skip(input.len());
+                return LineOutcome::Elsewhere;
+            }
+            return LineOutcome::NeedMore;
+        }
+        if !end_of_input {
+            return LineOutcome::NeedMore;
+        }
+        let Some(indexing) = self.indexing.take() else { return LineOutcome::Elsewhere };
+        let program = indexing.program() as usize;
+        if self.indexes.len() <= program {
+            self.indexes.resize(program + 1, None);
+        }
+        self.indexes[program] = Some(Arc::new(indexing.finish()));
+        self.settle(operations, findings);
+        LineOutcome::Elsewhere
+    }
+
+    /// Executes a line that is a statement, calls a macro, or has a program number; `false` where the words of its block are still to be
+    /// executed.
+    #[cold]
+    pub(super) fn flow_line(
+        &mut self,
+        line: &[u8],
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let span = self.span_in(line, 0, line.len());
+        let goes_on = match self.block.rest {
+            Some(Rest::Statement(at)) => self.macro_statement(line, at as usize, operations, findings),
+            Some(Rest::Arguments { at, modal }) => self.macro_call(line, at as usize, modal, findings),
+            Some(Rest::OWord(at)) => match self.o_statement(line, at as usize, findings) {
+                Some(goes_on) => goes_on,
+                None => return self.program_begins(span, operations, findings),
+            },
+            None => {
+                let word = self.block.word(b'O').map_or(span, |word| self.block.word_span(word));
+                return self.program_begins(word, operations, findings);
+            }
+        };
+        if self.state.phase == Phase::Start {
+            self.state.phase = Phase::Blocks;
+        }
+        let _ = self.count_block(false, span, findings) || {
+            self.give_up(span, operations, findings);
+            return true;
+        };
+        if !goes_on {
+            self.give_up(span, operations, findings);
+        }
+        true
+    }
+
+    /// A program number: the line of the program that was called goes on; behind the first block of another one the program before
+    /// it is not ended.
+    fn program_begins(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
+        let is_target = self.state.flow.calls.last().is_some_and(|call| call.target.place == self.state.place);
+        if is_target || self.state.phase != Phase::Blocks {
+            return self.block.rest.is_some();
+        }
+        if self.state.flow.calls.is_empty() {
+            findings.push_with(code::NO_END, |code| {
+                Finding::new(code, span, "the next program begins before this one is ended")
+                    .suggest("end it with M30 (or M2)")
+            });
+        } else {
+            self.report_open_call(span, findings);
+        }
+        self.give_up(span, operations, findings);
+        true
+    }
+
+    /// Whether a line behind the end begins a program or a subprogram.
+    pub(super) fn begins_program(&self, line: &[u8]) -> bool {
+        line::classify(line, self.table.dialect.flow, false).begins_program()
+    }
+
+    /// Whether the file that ends is that of a called program, which is an error.
+    pub(super) fn ends_called_file(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
+        if self.state.flow.calls.is_empty() {
+            return false;
+        }
+        let span = self.state.flow.calls.last().map_or(SourceSpan::default(), |call| call.span);
+        self.report_open_call(span, findings);
+        self.give_up(span, operations, findings);
+        true
+    }
+
+    /// What follows from a block that was executed: a call, a return, or the macro that follows every block that moves.
+    #[inline]
+    pub(super) fn after_block(&mut self, before: usize, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        if self.block.has_codes_besides_motion() && self.block.code(Group::Subprogram).is_some() {
+            self.state.flow.has_jumped = true;
+            if !self.subprogram(findings) {
+                let span = self.block.span();
+                return self.give_up(span, operations, findings);
+            }
+        }
+        if self.block.code(Group::MacroCall).is_some() {
+            self.end_modal_call();
+        }
+        if self.state.flow.has_jumped || !self.state.flow.modal.is_empty() {
+            self.after_repeated_block(before, operations, findings);
+        }
+    }
+
+    #[cold]
+    fn after_repeated_block(&mut self, before: usize, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let is_move = |operation: &Operation| {
+            matches!(operation.kind, OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::Guided(_))
+        };
+        let moves = operations[before.min(operations.len())..].iter().any(is_move);
+        let changes = moves || self.block.has_codes();
+        let span = self.block.span();
+        if !self.count_block(changes, span, findings) {
+            return self.give_up(span, operations, findings);
+        }
+        if moves {
+            self.call_modal();
+        }
+    }
+}
+
+impl FlowState {
+    /// Whether something has to be done before the next line.
+    #[inline]
+    pub(super) const fn waits(&self) -> bool {
+        self.pending.is_some() || self.restarts_at.is_some()
+    }
+
+    /// Whether lines may be executed more than once.
+    pub(super) const fn has_jumped(&self) -> bool {
+        self.has_jumped
+    }
+}

@@ -1,0 +1,178 @@
+//! Where a program's labels, loops, branches and subprograms are: found in one pass over its bytes when the first jump needs
+//! them, so that programs without jumps pay nothing.
+
+use super::line::{self, Statement};
+use super::{Found, Mark};
+use crate::dialect::Flow;
+
+/// Most labels and statements that are kept of one program, so that its index stays within a few tens of megabytes.
+pub(super) const MAX_ENTRIES: usize = 1 << 20;
+
+/// Part of a file: from a program number to the next.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::interpreter) struct Section {
+    /// Program number, `None` before the first one.
+    pub(in crate::interpreter) number: Option<u32>,
+    /// The line that begins it.
+    pub(in crate::interpreter) start: Mark,
+    /// Offset behind its last line.
+    pub(in crate::interpreter) end: u64,
+}
+
+/// A statement that begins or ends a stretch of lines, or divides it.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::interpreter) struct Control {
+    /// Its line.
+    pub(in crate::interpreter) start: Mark,
+    /// The line behind it.
+    pub(in crate::interpreter) behind: Mark,
+    pub(in crate::interpreter) what: Statement,
+    /// Number or name of it, as [`line::name`] writes it.
+    pub(in crate::interpreter) name: Box<str>,
+}
+
+/// What is where in one program file.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::interpreter) struct Index {
+    program: u32,
+    /// Ascending; the first begins with the file.
+    pub(in crate::interpreter) sections: Vec<Section>,
+    /// `N` with the line that has it, ascending by number and then by place.
+    labels: Vec<(u32, Mark)>,
+    /// Ascending by place.
+    pub(in crate::interpreter) controls: Vec<Control>,
+    /// There were more entries than are kept.
+    pub(in crate::interpreter) is_cut: bool,
+}
+
+impl Index {
+    /// The label `N` within the section that holds `place`.
+    pub(super) fn label(&self, number: u32, place: u64) -> Found {
+        let section = self.section_at(place);
+        let first = self.labels.partition_point(|(label, _)| *label < number);
+        let range = section.start.place.offset..section.end;
+        let of_number = self.labels[first..].iter().take_while(|(label, _)| *label == number);
+        let mut within = of_number.filter(|(_, mark)| range.contains(&mark.place.offset)).map(|(_, mark)| *mark);
+        match (within.next(), within.next()) {
+            (None, _) => Found::Nowhere,
+            (Some(mark), None) => Found::At(mark),
+            (Some(first), Some(second)) => Found::Twice(first, second),
+        }
+    }
+
+    /// The section that holds an offset.
+    pub(in crate::interpreter) fn section_at(&self, offset: u64) -> &Section {
+        let behind = self.sections.partition_point(|section| section.start.place.offset <= offset);
+        &self.sections[behind.saturating_sub(1)]
+    }
+
+    /// The section with a program number.
+    pub(super) fn program(&self, number: u32) -> Found {
+        let mut found = self.sections.iter().filter(|section| section.number == Some(number)).map(|it| it.start);
+        match (found.next(), found.next()) {
+            (None, _) => Found::Nowhere,
+            (Some(mark), None) => Found::At(mark),
+            (Some(first), Some(second)) => Found::Twice(first, second),
+        }
+    }
+
+    /// The first statement behind `offset` that `wanted` takes, within the section.
+    pub(super) fn next(&self, offset: u64, mut wanted: impl FnMut(&Control) -> bool) -> Option<&Control> {
+        let end = self.section_at(offset).end;
+        let from = self.controls.partition_point(|control| control.start.place.offset <= offset);
+        let behind = self.controls[from..].iter().take_while(|control| control.start.place.offset < end);
+        behind.into_iter().find(|control| wanted(control))
+    }
+
+    /// The statement on the line at `offset`.
+    pub(super) fn at(&self, offset: u64) -> Option<&Control> {
+        let place = self.controls.binary_search_by_key(&offset, |control| control.start.place.offset).ok()?;
+        Some(&self.controls[place])
+    }
+}
+
+/// Makes an [`Index`] line by line.
+#[derive(Clone, Debug)]
+pub(in crate::interpreter) struct Indexer {
+    index: Index,
+    flow: Flow,
+    at: Mark,
+    block_delete: bool,
+}
+
+impl Indexer {
+    pub(in crate::interpreter) fn new(program: u32, flow: Flow, block_delete: bool) -> Self {
+        let at = Mark::start_of(program);
+        let whole = Section { number: None, start: at, end: u64::MAX };
+        let index = Index { program, sections: vec![whole], labels: Vec::new(), controls: Vec::new(), is_cut: false };
+        Self { index, flow, at, block_delete }
+    }
+
+    /// Where the next bytes begin that it needs.
+    pub(in crate::interpreter) const fn place(&self) -> crate::Place {
+        self.at.place
+    }
+
+    /// Takes the lines of `input` that are whole, or all of it where nothing follows; `false` where it holds none.
+    pub(in crate::interpreter) fn read(&mut self, input: &[u8], end_of_input: bool) -> bool {
+        let mut read = 0;
+        while read < input.len() {
+            let rest = &input[read..];
+            let Some(length) = crate::interpreter::find_line_end(rest) else {
+                if !end_of_input {
+                    break;
+                }
+                self.line(rest, rest.len());
+                return true;
+            };
+            let pair = rest[length] == b'\r' && rest.get(length + 1) == Some(&b'\n');
+            if rest[length] == b'\r' && length + 1 == rest.len() && !end_of_input {
+                // A line feed may follow.
+                break;
+            }
+            let whole = length + 1 + usize::from(pair);
+            self.line(&rest[..length], whole);
+            read += whole;
+        }
+        read > 0
+    }
+
+    /// Takes part of a line that is too long to be one.
+    pub(in crate::interpreter) fn skip(&mut self, bytes: usize) {
+        self.at.place.offset += bytes as u64;
+    }
+
+    fn line(&mut self, text: &[u8], whole: usize) {
+        let start = self.at;
+        self.at.place.offset += whole as u64;
+        self.at.lines += 1;
+        let found = line::classify(text, self.flow, self.block_delete);
+        if let Some(number) = found.program {
+            if let Some(last) = self.index.sections.last_mut() {
+                last.end = start.place.offset;
+            }
+            self.index.sections.push(Section { number: Some(number), start, end: u64::MAX });
+        }
+        let entries = self.index.labels.len() + self.index.controls.len() + self.index.sections.len();
+        if entries >= MAX_ENTRIES {
+            self.index.is_cut |= found.label.is_some() || found.statement.is_some();
+            return;
+        }
+        if let Some(label) = found.label {
+            self.index.labels.push((label, start));
+        }
+        if let Some((what, name)) = found.statement {
+            self.index.controls.push(Control { start, behind: self.at, what, name: name.into() });
+        }
+    }
+
+    /// The index of the whole program.
+    pub(in crate::interpreter) fn finish(mut self) -> Index {
+        self.index.labels.sort_by_key(|(label, mark)| (*label, mark.place.offset));
+        self.index
+    }
+
+    pub(in crate::interpreter) const fn program(&self) -> u32 {
+        self.index.program
+    }
+}

@@ -1,0 +1,191 @@
+//! Statements of Macro B: `GOTO`, `IF`, `WHILE`, `DO`, `END`.
+
+use super::line::{digits, is_blank_or_comment, letters};
+use super::{Interpreter, Jump, LoopKind};
+use crate::code;
+use crate::{Finding, FindingLog, Operation, SourceSpan};
+
+/// Largest number of a block that a jump leads to.
+const LARGEST_TARGET: f64 = 99_999_999.0;
+
+impl Interpreter {
+    /// Executes the statement whose first letter is at `at`; `false` after an error, which ends the program.
+    pub(in crate::interpreter) fn macro_statement(
+        &mut self,
+        line: &[u8],
+        at: usize,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let (start, end) = letters(line, at);
+        let span = self.span_in(line, start, line.trim_ascii_end().len());
+        let done = match line[start..end].to_ascii_uppercase().as_slice() {
+            b"GOTO" => self.goto(line, end, span, findings),
+            b"IF" => self.if_statement(line, end, span, operations, findings),
+            b"WHILE" => self.while_statement(line, end, span, findings),
+            b"DO" => self.begin_loop(line, end, true, span, findings),
+            b"END" => self.end_loop(line, end, span, findings),
+            _ => self.bad_statement(span, "this is no statement: IF, GOTO, WHILE, DO and END are", findings),
+        };
+        done.is_some()
+    }
+
+    /// The place of some bytes of the present line.
+    pub(super) fn span_in(&self, line: &[u8], start: usize, end: usize) -> SourceSpan {
+        let end = end.clamp(start, line.len());
+        SourceSpan {
+            program: self.state.place.program,
+            line: self.state.lines,
+            column: start as u32 + 1,
+            length: (end - start) as u32,
+        }
+    }
+
+    #[cold]
+    pub(super) fn bad_statement<T>(&self, span: SourceSpan, message: &str, findings: &mut FindingLog) -> Option<T> {
+        findings.push_with(code::STATEMENT, |code| Finding::new(code, span, message));
+        None
+    }
+
+    fn goto(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {
+        let (value, end) = self.value(line, at, findings)?;
+        let number = self.target_number(value, span, findings)?;
+        if !is_blank_or_comment(line, end) {
+            return self.bad_statement(span, "GOTO stands at the end of its block", findings);
+        }
+        self.wait(span, Jump::Label(number));
+        Some(())
+    }
+
+    /// The number of a block that is jumped to.
+    pub(super) fn target_number(&self, value: Option<f64>, span: SourceSpan, findings: &mut FindingLog) -> Option<u32> {
+        let number = value.map(f64::round).filter(|number| (1.0..=LARGEST_TARGET).contains(number));
+        let is_whole = |number: &f64| value.is_some_and(|value| (value - number).abs() <= 1e-4);
+        match number.filter(is_whole) {
+            Some(number) => Some(number as u32),
+            None => {
+                findings.push_with(code::JUMP_TARGET, |code| {
+                    let shown = value.map_or("nothing".to_owned(), |value| value.to_string());
+                    let finding = Finding::new(code, span, format!("{shown} is not the number of a block"));
+                    finding.with_value("number", value.unwrap_or(0.0), "").suggest("jump to a whole number from 1 on")
+                });
+                None
+            }
+        }
+    }
+
+    fn if_statement(
+        &mut self,
+        line: &[u8],
+        at: usize,
+        span: SourceSpan,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> Option<()> {
+        let (holds, at) = self.condition(line, at, findings)?;
+        let (start, end) = letters(line, at);
+        match line[start..end].to_ascii_uppercase().as_slice() {
+            b"GOTO" if holds => self.goto(line, end, span, findings),
+            b"GOTO" => Some(()),
+            b"THEN" => self.then_statement(line, end, holds, span, operations, findings),
+            b"M" => {
+                let (number, behind) = digits(line, end)?;
+                let (p, p_end) = letters(line, behind);
+                let has_label = line[p..p_end].eq_ignore_ascii_case(b"P");
+                if number != 99 {
+                    return self.bad_statement(span, "behind the condition stands GOTO, THEN or M99", findings);
+                }
+                if !holds {
+                    return Some(());
+                }
+                let label = if has_label {
+                    let (value, _) = self.value(line, p_end, findings)?;
+                    Some(self.target_number(value, span, findings)?)
+                } else {
+                    None
+                };
+                self.end_call(span, label);
+                Some(())
+            }
+            _ => self.bad_statement(span, "behind the condition stands GOTO with a number, or THEN", findings),
+        }
+    }
+
+    /// Exactly one assignment behind `THEN`.
+    fn then_statement(
+        &mut self,
+        line: &[u8],
+        at: usize,
+        holds: bool,
+        span: SourceSpan,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> Option<()> {
+        let at = super::line::skip_blanks(line, at);
+        if line.get(at..at + 4).is_some_and(|word| word.eq_ignore_ascii_case(b"GOTO")) {
+            return if holds { self.goto(line, at + 4, span, findings) } else { Some(()) };
+        }
+        if line.get(at) != Some(&b'#') {
+            return self.bad_statement(span, "behind THEN stands one assignment, #1=2, and nothing else", findings);
+        }
+        if !holds {
+            return Some(());
+        }
+        let end = self.assign_at(line, at, operations, findings)?;
+        if !is_blank_or_comment(line, end) {
+            return self.bad_statement(span, "behind THEN stands one assignment, #1=2, and nothing else", findings);
+        }
+        Some(())
+    }
+
+    fn while_statement(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {
+        let (holds, at) = self.condition(line, at, findings)?;
+        let (start, end) = letters(line, at);
+        if !line[start..end].eq_ignore_ascii_case(b"DO") {
+            return self.bad_statement(span, "behind the condition of WHILE stands DO with a number", findings);
+        }
+        self.begin_loop(line, end, holds, span, findings)
+    }
+
+    fn begin_loop(
+        &mut self,
+        line: &[u8],
+        at: usize,
+        holds: bool,
+        span: SourceSpan,
+        findings: &mut FindingLog,
+    ) -> Option<()> {
+        match digits(line, at) {
+            Some((1..=3, end)) if is_blank_or_comment(line, end) => {
+                self.wait(span, Jump::Do(holds));
+                Some(())
+            }
+            _ => self.bad_statement(span, "a loop has the number 1, 2 or 3, and its block nothing behind it", findings),
+        }
+    }
+
+    fn end_loop(&mut self, line: &[u8], at: usize, span: SourceSpan, findings: &mut FindingLog) -> Option<()> {
+        let Some((number, end)) = digits(line, at).filter(|(number, _)| (1..=3).contains(number)) else {
+            return self.bad_statement(span, "END has the number of its DO, 1 to 3", findings);
+        };
+        if !is_blank_or_comment(line, end) {
+            return self.bad_statement(span, "END stands alone in its block", findings);
+        }
+        let here = self.state.place;
+        let Some(open) = self.state.flow.loops.iter().rposition(|open| open.last.place == here) else {
+            findings.push_with(code::LOOP, |code| {
+                Finding::new(code, span, format!("END{number} without a DO{number} that is open"))
+            });
+            return None;
+        };
+        self.state.flow.loops.truncate(open + 1);
+        let open = &self.state.flow.loops[open];
+        debug_assert!(open.kind == LoopKind::While);
+        let (head, before, place) = (open.head, open.signature, Self::head_span(open));
+        if self.is_endless(place, before, findings) {
+            return None;
+        }
+        self.wait(span, Jump::To(head));
+        Some(())
+    }
+}

@@ -1,0 +1,398 @@
+//! Where jumps lead.
+
+use super::index::MAX_ENTRIES;
+use super::line::Statement;
+use super::{
+    Call, CallKind, CallRequest, CallTarget, Found, Index, Interpreter, Jump, Loop, LoopKind, MAX_CALLS, MAX_LOOPS,
+    MAX_MACRO_CALLS, Mark, Pending, Progress, span_of,
+};
+use crate::code;
+use crate::dialect::Flow;
+use crate::{Finding, FindingLog};
+
+/// Most loops of Macro B that may be open within each other.
+const MAX_MACRO_LOOPS: usize = 3;
+
+impl Interpreter {
+    /// Carries a jump out, as soon as the programs that it needs are indexed.
+    pub(super) fn carry_out(&mut self, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        match &pending.jump {
+            Jump::To(mark) => {
+                self.go_to(*mark);
+                Progress::Done
+            }
+            Jump::Label(number) => self.go_to_label(*number, pending, findings),
+            Jump::Do(holds) => self.do_loop(*holds, pending, findings),
+            Jump::OWord(what, value) => self.o_word(*what, *value, pending, findings),
+            Jump::Call(request) => self.call(request, pending, findings),
+            Jump::Return(label) => self.return_to_caller(*label, pending, findings),
+        }
+    }
+
+    /// The index of a program, if it is there.
+    pub(super) fn index(&self, program: u32) -> Option<&Index> {
+        self.indexes.get(program as usize)?.as_deref()
+    }
+
+    fn go_to_label(&mut self, number: u32, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        let program = pending.from.place.program;
+        let Some(index) = self.index(program) else { return Progress::NeedsIndex(program) };
+        let found = index.label(number, pending.from.place.offset);
+        let enters = match found {
+            Found::At(mark) => index
+                .loops_around(mark.place.offset)
+                .find(|control| !self.state.flow.loops.iter().any(|open| open.head.place == control.start.place))
+                .map(|control| control.start),
+            _ => None,
+        };
+        let is_cut = index.is_cut;
+        match (found, enters) {
+            (Found::At(mark), None) => {
+                let flow = &mut self.state.flow;
+                flow.loops
+                    .retain(|open| (open.head.place.offset..=open.last.place.offset).contains(&mark.place.offset));
+                if mark.place <= pending.from.place {
+                    let signature = self.signature();
+                    let last = self.state.flow.last_jump.replace((pending.from.place, signature));
+                    if let Some((place, before)) = last
+                        && place == pending.from.place
+                        && self.is_endless(pending.span, before, findings)
+                    {
+                        return Progress::Failed;
+                    }
+                }
+                self.go_to(mark);
+                Progress::Done
+            }
+            (Found::At(_), Some(head)) => self.no_target(pending, findings, |finding| {
+                let message = format!("the jump to N{number} leads into the loop that begins on line {}", head.line());
+                (message, finding.suggest("jump to a block before the loop"))
+            }),
+            (Found::Nowhere, _) => self.no_target(pending, findings, |finding| {
+                if is_cut {
+                    let message = format!("N{number} is not among the first {MAX_ENTRIES} labels of the program");
+                    return (message, finding.suggest("leave out the numbers of blocks that no jump leads to"));
+                }
+                let message = format!("there is no block N{number} to go on with");
+                (message, finding.suggest(format!("write N{number} before the block that is meant")))
+            }),
+            (Found::Twice(first, second), _) => self.no_target(pending, findings, |finding| {
+                let message =
+                    format!("N{number} stands on line {} and on line {}: which is meant?", first.line(), second.line());
+                (message, finding.suggest("give one of them another number"))
+            }),
+        }
+    }
+
+    /// The error that a jump has no target.
+    #[cold]
+    fn no_target(
+        &self,
+        pending: &Pending,
+        findings: &mut FindingLog,
+        fill: impl FnOnce(Finding) -> (String, Finding),
+    ) -> Progress {
+        findings.push_with(code::JUMP_TARGET, |code| {
+            let (message, mut finding) = fill(Finding::new(code, pending.span, ""));
+            finding.message = message;
+            finding
+        });
+        Progress::Failed
+    }
+
+    /// `DOm`: one more round, the first round, or on behind the loop.
+    fn do_loop(&mut self, holds: bool, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        if let Some(progress) = self.next_round(holds, pending) {
+            return progress;
+        }
+        let program = pending.from.place.program;
+        let Some(index) = self.index(program) else { return Progress::NeedsIndex(program) };
+        let Some(head) = index.at(pending.from.place.offset) else {
+            return self.broken_loop(pending, "a loop on a line that has no DO", findings);
+        };
+        let open = &self.state.flow.loops;
+        let nested = open.iter().filter(|open| open.kind == LoopKind::While).count();
+        if open.iter().any(|open| open.name == head.name) || nested >= MAX_MACRO_LOOPS {
+            return self.broken_loop(pending, "loops may be nested three deep, each with another number", findings);
+        }
+        let mut inner = Vec::new();
+        let mut crossing = false;
+        let last = index.next(pending.from.place.offset, |control| match control.what {
+            Statement::EndDo if control.name == head.name => true,
+            Statement::Do => {
+                inner.push(control.name.clone());
+                false
+            }
+            Statement::EndDo => {
+                crossing |= inner.pop().as_ref() != Some(&control.name);
+                false
+            }
+            _ => false,
+        });
+        let Some(last) = last.filter(|_| !crossing && inner.is_empty()) else {
+            return self.broken_loop(pending, "the loop has no END of its number, or loops cross", findings);
+        };
+        let looped = self.new_loop(LoopKind::While, pending, last.start, last.behind, head.name.clone());
+        self.enter(holds, looped);
+        Progress::Done
+    }
+
+    /// The head of a loop that is open already: on with its next round, or behind it.
+    pub(super) fn next_round(&mut self, holds: bool, pending: &Pending) -> Option<Progress> {
+        let signature = self.signature();
+        let open = self.state.flow.loops.last_mut().filter(|open| open.head.place == pending.from.place)?;
+        if holds {
+            open.iteration += 1;
+            open.signature = signature;
+        } else {
+            let behind = open.behind;
+            self.state.flow.loops.pop();
+            self.go_to(behind);
+        }
+        Some(Progress::Done)
+    }
+
+    pub(super) fn new_loop(&self, kind: LoopKind, pending: &Pending, last: Mark, behind: Mark, name: Box<str>) -> Loop {
+        let signature = self.signature();
+        Loop { kind, name, head: pending.from, body: pending.behind, last, behind, rounds: 0, iteration: 1, signature }
+    }
+
+    /// Begins a loop, or goes on behind it.
+    pub(super) fn enter(&mut self, holds: bool, looped: Loop) {
+        if holds {
+            self.state.flow.has_jumped = true;
+            self.state.flow.loops.push(looped);
+        } else {
+            self.go_to(looped.behind);
+        }
+    }
+
+    #[cold]
+    pub(super) fn broken_loop(&self, pending: &Pending, message: &str, findings: &mut FindingLog) -> Progress {
+        findings.push_with(code::LOOP, |code| Finding::new(code, pending.span, message));
+        Progress::Failed
+    }
+
+    /// Whether one more loop can be opened.
+    pub(super) fn has_room_for_loop(&self) -> bool {
+        self.state.flow.loops.len() < MAX_LOOPS
+    }
+
+    /// Begins a called program.
+    fn call(&mut self, request: &CallRequest, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        let flow = &self.state.flow;
+        let macros = flow.calls.iter().filter(|call| call.kind.is_macro()).count();
+        if flow.calls.len() >= MAX_CALLS || request.kind.is_macro() && macros >= MAX_MACRO_CALLS {
+            let limit = if flow.calls.len() >= MAX_CALLS { MAX_CALLS } else { MAX_MACRO_CALLS };
+            findings.push_with(code::CALL_DEPTH, |code| {
+                Finding::new(code, pending.span, format!("more than {limit} calls within each other"))
+                    .with_value("limit", limit as f64, "")
+                    .suggest("call fewer programs within each other, or let the recursion end")
+            });
+            return Progress::Failed;
+        }
+        let target = match self.find(&request.target, pending, findings) {
+            Ok(mark) => mark,
+            Err(progress) => return progress,
+        };
+        if request.repeats == 0 {
+            return Progress::Done;
+        }
+        if request.kind.has_locals() {
+            self.state.parameters.enter(request.locals());
+        }
+        let loops = std::mem::take(&mut self.state.flow.loops);
+        self.state.flow.calls.push(Call {
+            kind: request.kind,
+            target,
+            back: pending.behind,
+            span: pending.span,
+            repeats: request.repeats - 1,
+            loops,
+        });
+        self.state.flow.has_jumped = true;
+        self.go_to(target);
+        Progress::Done
+    }
+
+    /// Where what is called begins.
+    fn find(&self, target: &CallTarget, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {
+        let own = pending.from.place.program;
+        match target {
+            CallTarget::Label(number) => {
+                let index = self.index(own).ok_or(Progress::NeedsIndex(own))?;
+                match index.label(*number, pending.from.place.offset) {
+                    Found::At(mark) => Ok(mark),
+                    _ => Err(self.no_target(pending, findings, |finding| {
+                        (format!("there is no single block N{number} to call"), finding)
+                    })),
+                }
+            }
+            CallTarget::Program { number, label } => {
+                let start = self.find_program(*number, own)?;
+                let Some(start) = start else { return Err(self.missing(&format!("O{number}"), pending, findings)) };
+                let Some(label) = label else { return Ok(start) };
+                let index = self.index(start.place.program).ok_or(Progress::NeedsIndex(start.place.program))?;
+                match index.label(*label, start.place.offset) {
+                    Found::At(mark) => Ok(mark),
+                    _ => Err(self.missing(&format!("a single block N{label} in O{number}"), pending, findings)),
+                }
+            }
+            CallTarget::Sub(name) => self.find_sub(name, own, pending, findings),
+        }
+    }
+
+    /// The program of a number: in the file of the call, in a file named after it, in any other.
+    fn find_program(&self, number: u32, own: u32) -> Result<Option<Mark>, Progress> {
+        let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, &number.to_string()));
+        let count = self.programs.len() as u32 + 1;
+        for file in core::iter::once(own).chain(named.clone()).chain(0..count) {
+            let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
+            match index.program(number) {
+                Found::At(mark) | Found::Twice(mark, _) => return Ok(Some(mark)),
+                Found::Nowhere => {}
+            }
+        }
+        // A file that is the program by its name alone.
+        Ok(named.map(Mark::start_of).next())
+    }
+
+    /// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, in any folder and case.
+    fn is_file_of(&self, file: u32, name: &str) -> bool {
+        let path = &self.programs[file as usize - 1];
+        let file_name = path.rsplit(['/', '\\']).next().unwrap_or(path).to_ascii_lowercase();
+        let stem = file_name.split('.').next().unwrap_or_default();
+        let number = stem.strip_prefix('o').unwrap_or(stem).trim_start_matches('0');
+        stem == name || number == name
+    }
+
+    fn find_sub(&self, name: &str, own: u32, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {
+        let bare = name.trim_matches(['<', '>']);
+        let named = (1..=self.programs.len() as u32).filter(|&file| self.is_file_of(file, bare));
+        for file in core::iter::once(own).chain(core::iter::once(0)).chain(named) {
+            let index = self.index(file).ok_or(Progress::NeedsIndex(file))?;
+            let mut subs =
+                index.controls.iter().filter(|control| control.what == Statement::Sub && &*control.name == name);
+            match (subs.next(), subs.next()) {
+                (Some(first), None) => return Ok(first.behind),
+                (Some(first), Some(second)) => {
+                    return Err(self.no_target(pending, findings, |finding| {
+                        let lines = (first.start.line(), second.start.line());
+                        (format!("o{name} is defined on line {} and on line {}", lines.0, lines.1), finding)
+                    }));
+                }
+                (None, _) => {}
+            }
+        }
+        Err(self.missing(&format!("o{name} sub, nor a file {bare}.ngc of the job"), pending, findings))
+    }
+
+    #[cold]
+    fn missing(&self, what: &str, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        findings.push_with(code::SUBPROGRAM_MISSING, |code| {
+            let files = if self.programs.is_empty() {
+                "the job has no further program files".to_owned()
+            } else {
+                format!("the further program files are {}", self.programs.join(", "))
+            };
+            Finding::new(code, pending.span, format!("there is no {what}; {files}"))
+                .suggest("add the program to the file, or give the job the file that it is in")
+        });
+        Progress::Failed
+    }
+
+    /// Ends a called program: runs it again, or goes on in the caller.
+    fn return_to_caller(&mut self, label: Option<u32>, pending: &Pending, findings: &mut FindingLog) -> Progress {
+        let Some(call) = self.state.flow.calls.last_mut() else { return Progress::Done };
+        if call.repeats > 0 && label.is_none() {
+            call.repeats -= 1;
+            let target = call.target;
+            self.state.flow.loops.clear();
+            self.go_to(target);
+            return Progress::Done;
+        }
+        let (has_locals, back, span) = (call.kind.has_locals(), call.back, call.span);
+        if let Some(label) = label {
+            let program = back.place.program;
+            if self.index(program).is_none() {
+                return Progress::NeedsIndex(program);
+            }
+            self.leave(has_locals);
+            let from = Mark { place: back.place, lines: back.lines.saturating_sub(1) };
+            let there = Pending { span, from, behind: back, jump: Jump::Label(label) };
+            let before = self.state.flow.last_jump.take();
+            let progress = self.go_to_label(label, &there, findings);
+            self.state.flow.last_jump = before;
+            if matches!(progress, Progress::Failed) {
+                let _ = pending;
+            }
+            return progress;
+        }
+        self.leave(has_locals);
+        self.go_to(back);
+        Progress::Done
+    }
+
+    /// Takes the caller's loops and variables up again.
+    fn leave(&mut self, has_locals: bool) {
+        if let Some(call) = self.state.flow.calls.pop() {
+            self.state.flow.loops = call.loops;
+        }
+        if has_locals {
+            self.state.parameters.leave();
+        }
+    }
+
+    /// A called program that is not ended where its file, or the next program in it, ends it.
+    pub(in crate::interpreter) fn report_open_call(&self, span: crate::SourceSpan, findings: &mut FindingLog) {
+        let end = if self.table.dialect.flow == Flow::MacroB { "M99" } else { "endsub, or M99" };
+        findings.push_with(code::SUBPROGRAM_END, |code| {
+            Finding::new(code, span, "the subprogram does not return to its caller")
+                .suggest(format!("end it with {end}"))
+        });
+    }
+}
+
+impl Index {
+    /// The heads of the Macro B loops whose lines hold this offset.
+    fn loops_around(&self, offset: u64) -> impl Iterator<Item = &super::index::Control> {
+        let end = self.section_at(offset).end;
+        self.controls.iter().filter(move |head| {
+            head.what == Statement::Do
+                && head.start.place.offset < offset
+                && self
+                    .next(head.start.place.offset, |control| {
+                        control.what == Statement::EndDo && control.name == head.name
+                    })
+                    .is_some_and(|last| last.start.place.offset >= offset && last.start.place.offset < end)
+        })
+    }
+}
+
+impl CallRequest {
+    /// Its arguments as a set of local variables.
+    fn locals(&self) -> [Option<f64>; crate::parameters::LOCALS] {
+        let mut locals = [None; crate::parameters::LOCALS];
+        for (local, argument) in locals.iter_mut().zip(&self.arguments) {
+            *local = *argument;
+        }
+        locals
+    }
+}
+
+impl CallKind {
+    /// The macro that a block which moves in a called program calls: the one before it.
+    pub(super) const fn modal_level(self) -> Option<usize> {
+        match self {
+            Self::Modal { level } => Some(level as usize),
+            _ => None,
+        }
+    }
+}
+
+impl Interpreter {
+    /// The whole of the line where a loop begins.
+    pub(super) fn head_span(open: &Loop) -> crate::SourceSpan {
+        span_of(open.head)
+    }
+}

@@ -1,0 +1,220 @@
+//! System variables: what a program reads of the control by number or by name, and what it sets by assignment.
+//!
+//! Which there are is a table per dialect. What a control knows and the interpreter does not (its clock, its inputs, the result of a
+//! probe) comes from [`crate::InitialParameters`] or is refused: nothing is made up.
+
+mod fanuc;
+mod linuxcnc;
+#[cfg(test)]
+mod tests;
+
+use crate::code;
+use crate::dialect::Dialect;
+use crate::expression::{Name, Reading, Refusal, Target, Value, Variables};
+use crate::parameters::Kind;
+use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position};
+
+use super::execute::MM_PER_INCH;
+
+/// What expressions read: the state before their line.
+#[derive(Clone, Copy)]
+pub(crate) struct System<'a> {
+    pub(crate) state: &'a InterpreterState,
+    pub(crate) settings: &'a LanguageSettings,
+    pub(crate) dialect: &'static Dialect,
+}
+
+/// Reads one variable of a row: its place in the row from 0. `None` where its value is not known.
+type Read = fn(&System<'_>, u32) -> Option<Value>;
+
+/// System variables with consecutive numbers: first and last, and how they are read.
+type Row = (u32, u32, Read);
+
+/// What an assignment to a system variable does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effect {
+    /// It has set the value.
+    Set,
+    /// It changes nothing here, which is worth saying.
+    Ignored,
+    /// The program stops for the operator.
+    Stop,
+    /// The program ends with an alarm of this number.
+    Alarm(u32),
+}
+
+impl Variables for System<'_> {
+    #[inline]
+    fn numbered(&self, number: u32) -> Result<Reading, Refusal> {
+        let ranges = self.dialect.parameters;
+        let parameters = &self.state.parameters;
+        match ranges.kind(number) {
+            Some(Kind::Local) => Ok(parameters.local(number).or(ranges.unassigned).into()),
+            Some(Kind::Common) => Ok(self.stored(number).unwrap_or(ranges.unassigned).into()),
+            Some(Kind::Vacant) => Ok(Reading::from(None)),
+            Some(Kind::System) => self.system(number),
+            None => Err(ranges.unknown(number)),
+        }
+    }
+
+    fn named(&self, name: &Name) -> Result<Option<f64>, Refusal> {
+        if let Some(value) = linuxcnc::named(self, name) {
+            return Ok(Some(value));
+        }
+        let assigned = self.state.parameters.named(name);
+        let value = assigned.or_else(|| self.settings.parameters.named.get(name.as_str()).copied());
+        let is_outside = linuxcnc::OUTSIDE.iter().any(|prefix| name.as_str().starts_with(prefix));
+        if value.is_none() && is_outside {
+            return Err(unavailable(format!("#<{}>", name.as_str())));
+        }
+        Ok(value)
+    }
+}
+
+impl System<'_> {
+    /// A stored value: as assigned, or as the settings bring it.
+    #[inline]
+    fn stored(&self, number: u32) -> Option<Value> {
+        let assigned = self.state.parameters.common(number);
+        assigned.or_else(|| self.settings.parameters.numbered.get(&number).map(|value| Some(*value)))
+    }
+
+    fn rows(&self) -> &'static [Row] {
+        match self.settings.dialect {
+            DialectName::Lathe | DialectName::Mill => fanuc::ROWS,
+            DialectName::LinuxCnc => linuxcnc::ROWS,
+        }
+    }
+
+    #[cold]
+    fn system(&self, number: u32) -> Result<Reading, Refusal> {
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
+        let is_probe = matches!(number, 5_061..=5_070);
+        if let Some((first, _, read)) = self.rows().iter().find(|(first, last, _)| (*first..=*last).contains(&number))
+            && let Some(value) = read(self, number - first)
+        {
+            return Ok(value.into());
+        }
+        if let Some(value) = self.stored(number) {
+            // What the profile or the job brings is known; what a probing move has stored is its programmed end.
+            let is_probed = is_probe && self.state.parameters.common(number).is_some();
+            return Ok(Reading { value, is_probed });
+        }
+        match number {
+            _ if is_linuxcnc => Ok(Reading { value: Some(0.0), is_probed: is_probe }),
+            3_001 | 3_002 | 3_011 | 3_012 | 3_901 | 3_902 => Err(Refusal {
+                code: code::PARAMETER_CLOCK,
+                message: format!(
+                    "#{number} is a clock or a counter of the control, so that the program would not run twice alike"
+                ),
+                cure: "let the job bring a value for it, or take it out",
+            }),
+            _ => Err(unavailable(format!("#{number}"))),
+        }
+    }
+
+    /// A value of an axis in the units of the program: a diameter in X where the control writes diameters.
+    fn in_units(&self, axis: Axis, value: f64) -> f64 {
+        use crate::XWord;
+        let is_diameter = axis == Axis::X
+            && self.settings.x_word == XWord::Diameter
+            && self.settings.dialect != DialectName::LinuxCnc;
+        let value = if is_diameter { value * 2.0 } else { value };
+        if axis.is_rotary() || !self.state.inch { value } else { value / MM_PER_INCH }
+    }
+
+    /// A place of an axis in the units of the program; `None` where only the machine knows it.
+    fn place(&self, position: &Position, axis: Axis) -> Option<f64> {
+        let is_held = self.state.tool_control.held.contains(axis);
+        (!is_held).then(|| self.in_units(axis, position[axis.index()]))
+    }
+
+    /// Machine position less programmed position.
+    fn machine_offset(&self) -> Position {
+        super::length::machine_offset(self.state, self.settings)
+    }
+
+    /// The work offset of this index, 0 for `G54`.
+    fn work_offset(&self, index: usize) -> Option<&Position> {
+        self.settings.work_offsets.get(index)
+    }
+}
+
+#[cold]
+fn unavailable(name: String) -> Refusal {
+    Refusal {
+        code: code::PARAMETER_UNAVAILABLE,
+        message: format!("{name} is a value of the control that is not known here"),
+        cure: "let the profile or the job bring a value for it",
+    }
+}
+
+#[cold]
+fn read_only(name: String) -> Refusal {
+    Refusal {
+        code: code::PARAMETER_READ_ONLY,
+        message: format!("{name} is a value of the control and cannot be assigned"),
+        cure: "assign a variable of the program",
+    }
+}
+
+/// Makes an assignment.
+pub(crate) fn assign(
+    state: &mut InterpreterState,
+    settings: &LanguageSettings,
+    dialect: &'static Dialect,
+    target: &Target,
+    value: Value,
+) -> Result<Effect, Refusal> {
+    let number = match target {
+        Target::Named(name) if linuxcnc::is_predefined(name) => {
+            return Err(read_only(format!("#<{}>", name.as_str())));
+        }
+        // A name has no vacant value: only Macro B has them, and it has no names.
+        Target::Named(name) => return state.parameters.set_named(name, value.unwrap_or(0.0)).map(|()| Effect::Set),
+        Target::Numbered(number) => *number,
+    };
+    match dialect.parameters.kind(number) {
+        Some(Kind::Local) => state.parameters.set_local(number, value),
+        Some(Kind::Common) => state.parameters.set_common(number, value),
+        Some(Kind::Vacant) => return Err(read_only("#0".to_owned())),
+        Some(Kind::System) => return set_system(state, settings, number, value),
+        None => return Err(dialect.parameters.unknown(number)),
+    }
+    Ok(Effect::Set)
+}
+
+fn set_system(
+    state: &mut InterpreterState,
+    settings: &LanguageSettings,
+    number: u32,
+    value: Value,
+) -> Result<Effect, Refusal> {
+    let effect = match settings.dialect {
+        DialectName::Lathe | DialectName::Mill => fanuc::effect(number, value),
+        DialectName::LinuxCnc => linuxcnc::effect(number),
+    };
+    match effect {
+        Some(Effect::Set) => state.parameters.set_common(number, value),
+        None if is_offset(settings.dialect, number) => {
+            return Err(Refusal {
+                code: code::PARAMETER_READ_ONLY,
+                message: format!("#{number} is an offset, which assignments do not set yet"),
+                cure: "set it with G10, or bring it with the job",
+            });
+        }
+        None => return Err(read_only(format!("#{number}"))),
+        Some(_) => {}
+    }
+    Ok(effect.unwrap_or(Effect::Set))
+}
+
+/// Whether a system variable is an offset of coordinates or tools, so that assigning it acts like `G10`.
+fn is_offset(dialect: DialectName, number: u32) -> bool {
+    match dialect {
+        DialectName::LinuxCnc => matches!(number, 5_161..=5_390),
+        DialectName::Lathe | DialectName::Mill => {
+            matches!(number, 2_001..=2_999 | 5_201..=5_328 | 7_001..=7_960 | 10_001..=13_999 | 14_001..=20_000)
+        }
+    }
+}

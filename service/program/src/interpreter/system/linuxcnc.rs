@@ -1,0 +1,156 @@
+//! System variables of LinuxCNC: numbers from 5001 on, and predefined names.
+
+use super::{Effect, Row, System};
+use crate::dialect::FeedUnit;
+use crate::expression::{Name, Value};
+use crate::state::Motion;
+use crate::{Axis, Plane, SpindleDirection};
+
+pub(super) static ROWS: &[Row] = &[
+    (5_021, 5_029, |system, place| axis(place).and_then(|axis| machine(system, axis)).map(Some)),
+    (5_081, 5_089, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
+    (5_220, 5_220, |system, _| Some(Some(f64::from(system.state.work_offset) + 1.0))),
+    (5_221, 5_390, |system, place| work_offset(system, place)),
+    (5_400, 5_400, |system, _| Some(Some(f64::from(system.state.tool)))),
+    (5_401, 5_409, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
+    (5_420, 5_428, |system, place| axis(place).and_then(|axis| work(system, axis)).map(Some)),
+];
+
+/// Beginnings of names whose values come from outside the interpreter.
+pub(super) const OUTSIDE: [&str; 2] = ["_hal[", "_ini["];
+
+fn axis(place: u32) -> Option<Axis> {
+    Axis::ALL.get(place as usize).copied()
+}
+
+/// Programmed position in the units of the program.
+fn work(system: &System<'_>, axis: Axis) -> Option<f64> {
+    system.place(&system.state.position, axis)
+}
+
+/// Machine position in the units of the program.
+fn machine(system: &System<'_>, axis: Axis) -> Option<f64> {
+    let offset = system.machine_offset();
+    let machine = core::array::from_fn(|index| system.state.position[index] + offset[index]);
+    system.place(&machine, axis)
+}
+
+/// The tool offset in effect, in machine units.
+fn tool_offset(system: &System<'_>, axis: Axis) -> f64 {
+    if axis == Axis::Z { system.state.length.along_z_mm } else { 0.0 }
+}
+
+/// Twenty numbers for each coordinate system: nine axes, the rotation, the rest unused. Stored in machine units.
+fn work_offset(system: &System<'_>, place: u32) -> Option<Value> {
+    let offset = system.work_offset(place as usize / 20)?;
+    axis(place % 20).map(|axis| Some(offset[axis.index()]))
+}
+
+/// What assigning a number from 5001 on does; `None` where it cannot be assigned, or acts like `G10`.
+pub(super) const fn effect(number: u32) -> Option<Effect> {
+    match number {
+        5_400..=5_413 | 5_420..=5_428 | 5_161..=5_390 => None,
+        _ => Some(Effect::Set),
+    }
+}
+
+/// How a predefined name is read.
+type Read = fn(&System<'_>) -> Option<f64>;
+
+fn truth(holds: bool) -> Option<f64> {
+    Some(f64::from(u8::from(holds)))
+}
+
+static NAMES: &[(&str, Read)] = &[
+    ("_vmajor", |_| Some(2.9)),
+    ("_vminor", |_| Some(0.0)),
+    ("_line", |system| Some(f64::from(system.state.lines))),
+    ("_motion_mode", |system| Some(motion(system.state.motion))),
+    ("_plane", |system| Some(plane(system.state.plane))),
+    ("_ccomp", |_| Some(400.0)),
+    ("_metric", |system| truth(!system.state.inch)),
+    ("_imperial", |system| truth(system.state.inch)),
+    ("_absolute", |system| truth(system.state.absolute)),
+    ("_incremental", |system| truth(!system.state.absolute)),
+    ("_inverse_time", |system| truth(system.state.feed_unit == FeedUnit::InverseTime)),
+    ("_units_per_minute", |system| truth(system.state.feed_unit == FeedUnit::PerMinute)),
+    ("_units_per_rev", |system| truth(system.state.feed_unit == FeedUnit::PerRevolution)),
+    ("_coord_system", |system| Some(540.0 + 10.0 * f64::from(system.state.work_offset))),
+    ("_tool_offset", |system| truth(system.state.length.number != 0)),
+    ("_retract_r_plane", |_| truth(false)),
+    ("_retract_old_z", |_| truth(true)),
+    ("_spindle_rpm_mode", |system| truth(!system.state.surface_speed)),
+    ("_spindle_css_mode", |system| truth(system.state.surface_speed)),
+    ("_ijk_absolute_mode", |_| truth(false)),
+    ("_lathe_diameter_mode", |system| truth(system.settings.x_word == crate::XWord::Diameter)),
+    ("_lathe_radius_mode", |system| truth(system.settings.x_word == crate::XWord::Radius)),
+    ("_spindle_on", |system| truth(system.state.spindle_direction != SpindleDirection::Stopped)),
+    ("_spindle_cw", |system| truth(system.state.spindle_direction == SpindleDirection::Clockwise)),
+    ("_mist", |system| truth(system.state.coolant.mist)),
+    ("_flood", |system| truth(system.state.coolant.flood)),
+    ("_speed_override", |_| truth(true)),
+    ("_feed_override", |_| truth(true)),
+    ("_adaptive_feed", |_| truth(false)),
+    ("_feed_hold", |_| truth(false)),
+    ("_feed", |system| Some(system.state.feed_as_written)),
+    ("_rpm", |system| Some(system.state.rev_per_min)),
+    ("_x", |system| work(system, Axis::X)),
+    ("_y", |system| work(system, Axis::Y)),
+    ("_z", |system| work(system, Axis::Z)),
+    ("_a", |system| work(system, Axis::A)),
+    ("_b", |system| work(system, Axis::B)),
+    ("_c", |system| work(system, Axis::C)),
+    ("_u", |system| work(system, Axis::U)),
+    ("_v", |system| work(system, Axis::V)),
+    ("_w", |system| work(system, Axis::W)),
+    ("_abs_x", |system| machine(system, Axis::X)),
+    ("_abs_y", |system| machine(system, Axis::Y)),
+    ("_abs_z", |system| machine(system, Axis::Z)),
+    ("_abs_a", |system| machine(system, Axis::A)),
+    ("_abs_b", |system| machine(system, Axis::B)),
+    ("_abs_c", |system| machine(system, Axis::C)),
+    ("_current_tool", |system| Some(f64::from(system.state.tool))),
+    ("_selected_tool", |system| Some(f64::from(system.state.next_tool.unwrap_or(0)))),
+    ("_call_level", |system| Some(system.state.parameters.depth() as f64)),
+    ("_remap_level", |_| Some(0.0)),
+    ("_task", |_| Some(1.0)),
+    ("_value", |system| Some(system.state.parameters.returned().unwrap_or(0.0))),
+    ("_value_returned", |system| truth(system.state.parameters.returned().is_some())),
+];
+
+/// The value of a predefined name.
+pub(super) fn named(system: &System<'_>, name: &Name) -> Option<f64> {
+    if !name.is_global() {
+        return None;
+    }
+    let (_, read) = NAMES.iter().find(|(text, _)| *text == name.as_str())?;
+    read(system)
+}
+
+/// Whether a name is predefined, so that it cannot be assigned.
+pub(super) fn is_predefined(name: &Name) -> bool {
+    name.is_global() && NAMES.iter().any(|(text, _)| *text == name.as_str())
+}
+
+/// Ten times the code of the motion mode; `G80` where there is none.
+fn motion(motion: Motion) -> f64 {
+    match motion {
+        Motion::Rapid => 0.0,
+        Motion::Linear => 10.0,
+        Motion::Arc { clockwise: true } => 20.0,
+        Motion::Arc { clockwise: false } => 30.0,
+        Motion::Cubic => 50.0,
+        Motion::Quadratic => 51.0,
+        Motion::Nurbs => 52.0,
+        Motion::Thread => 330.0,
+        _ => 800.0,
+    }
+}
+
+const fn plane(plane: Plane) -> f64 {
+    match plane {
+        Plane::Xy => 170.0,
+        Plane::Zx => 180.0,
+        Plane::Yz => 190.0,
+    }
+}

@@ -1,0 +1,226 @@
+//! Tests of system variables: section 2 of the page on the language.
+
+use super::*;
+use crate::dialect::CodeTable;
+use crate::expression::{Context, assignment, evaluate};
+use crate::{Interpreter, ToolOffset};
+
+/// An interpreter behind a program, without its end.
+fn behind(settings: &LanguageSettings, program: &str) -> Interpreter {
+    let tools = vec![ToolOffset::new(1).with_length(100.0)];
+    let mut interpreter = Interpreter::new(settings.clone()).with_tools(tools);
+    let (mut operations, mut findings) = (Vec::new(), crate::FindingLog::default());
+    for line in program.lines() {
+        interpreter.read_line(format!("{line}\n").as_bytes(), false, &mut operations, &mut findings);
+    }
+    assert!(findings.findings().is_empty(), "{program}: {:?}", findings.findings());
+    interpreter
+}
+
+/// The value of an expression behind a program; the code of the finding where it has none.
+fn value(settings: &LanguageSettings, program: &str, text: &str) -> Result<Value, String> {
+    let interpreter = behind(settings, program);
+    let dialect = CodeTable::new(settings).dialect;
+    let system = System { state: interpreter.state(), settings, dialect };
+    let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
+    let found = evaluate(text.as_bytes(), 0, &mut context);
+    found.map(|(value, _)| value).map_err(|defect| defect.code.name().to_owned())
+}
+
+#[track_caller]
+fn check(settings: &LanguageSettings, program: &str, cases: &[(&str, f64)]) {
+    for &(text, expected) in cases {
+        let found = value(settings, program, text).expect("it has a value").expect("it is not vacant");
+        assert!((found - expected).abs() < 1e-12, "{text} behind {program} = {found}, not {expected}");
+    }
+}
+
+/// Settings with G54 at (100, 50, 10) and G55 at (200, 0, 0).
+fn with_offsets(settings: LanguageSettings) -> LanguageSettings {
+    let mut settings = settings;
+    settings.work_offsets[0][..3].copy_from_slice(&[100.0, 50.0, 10.0]);
+    settings.work_offsets[1][0] = 200.0;
+    settings
+}
+
+#[test]
+fn section_2_positions_fanuc() {
+    let mill = with_offsets(LanguageSettings::mill());
+    check(
+        &mill,
+        "T1 M6\nG0 X1 Y2 Z3\nG43 H1\nG0 Z5",
+        &[
+            ("#5001", 1.0),
+            ("#5003", 5.0),
+            ("#5021", 101.0),
+            ("#5022", 52.0),
+            ("#5023", 115.0),
+            ("#5043", 105.0),
+            ("#5083", 100.0),
+            ("#5221", 100.0),
+            ("#5241", 200.0),
+            ("#5242", 0.0),
+        ],
+    );
+    check(&mill, "G20\nG0 X1 Y2", &[("#5001", 1.0), ("#5002", 2.0), ("#5222", 50.0 / 25.4)]);
+    let lathe = with_offsets(LanguageSettings::default());
+    check(&lathe, "G0 X40 Z-5", &[("#5001", 40.0), ("#5002", -5.0), ("#5021", 240.0), ("#5221", 200.0)]);
+    for text in ["#5004", "#5201", "#1000"] {
+        assert_eq!(value(&mill, "G0 X1", text), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{text}");
+    }
+}
+
+#[test]
+fn section_2_modes_fanuc() {
+    check(
+        &LanguageSettings::mill(),
+        "G20\nG1 G18 G91 F12.5\nT1 M6\nG55 S500 M3",
+        &[
+            ("#4001", 1.0),
+            ("#4002", 18.0),
+            ("#4003", 91.0),
+            ("#4005", 94.0),
+            ("#4006", 20.0),
+            ("#4007", 40.0),
+            ("#4008", 49.0),
+            ("#4014", 55.0),
+            ("#4109", 12.5),
+            ("#4119", 500.0),
+            ("#4120", 1.0),
+        ],
+    );
+    check(&LanguageSettings::default(), "G0 G97 S100", &[("#4001", 0.0), ("#4002", 97.0), ("#4016", 18.0)]);
+    assert_eq!(value(&LanguageSettings::mill(), "", "#4001"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()));
+}
+
+#[test]
+fn section_2_the_clock_is_refused_unless_the_job_brings_it() {
+    let mut mill = LanguageSettings::mill();
+    for text in ["#3001", "#3002", "#3011", "#3012", "#3901"] {
+        assert_eq!(value(&mill, "", text), Err("PRG-PARAMETER-CLOCK".to_owned()), "{text}");
+    }
+    mill.parameters.numbered.insert(3_011, 20_260_101.0);
+    assert_eq!(value(&mill, "", "#3011"), Ok(Some(20_260_101.0)));
+}
+
+#[test]
+fn section_2_numbers_linuxcnc() {
+    let settings = with_offsets(LanguageSettings::linuxcnc());
+    check(
+        &settings,
+        "G55 T1 M6\nG43 H1\nG0 X1 Y2 Z3",
+        &[
+            ("#5400", 1.0),
+            ("#5220", 2.0),
+            ("#5221", 100.0),
+            ("#5241", 200.0),
+            ("#5420", 1.0),
+            ("#5422", 3.0),
+            ("#5021", 201.0),
+            ("#5403", 100.0),
+            ("#100", 0.0),
+            ("#5", 0.0),
+        ],
+    );
+    check(&settings, "G20\nG0 X1", &[("#5420", 1.0), ("#5221", 100.0)]);
+    assert_eq!(value(&settings, "", "#5602"), Err("PRG-PARAMETER-NUMBER".to_owned()));
+}
+
+#[test]
+fn section_2_names_linuxcnc() {
+    let mut settings = with_offsets(LanguageSettings::linuxcnc());
+    check(
+        &settings,
+        "",
+        &[("#<_motion_mode>", 800.0), ("#<_plane>", 170.0), ("#<_task>", 1.0), ("#<_call_level>", 0.0)],
+    );
+    check(
+        &settings,
+        "G1 X1 F100\nG18 G91 G20\nG56 T3\nM3 S100 M8",
+        &[
+            ("#<_motion_mode>", 10.0),
+            ("#<_plane>", 180.0),
+            ("#<_metric>", 0.0),
+            ("#<_imperial>", 1.0),
+            ("#<_incremental>", 1.0),
+            ("#<_coord_system>", 560.0),
+            ("#<_feed>", 100.0),
+            ("#<_rpm>", 100.0),
+            ("#<_selected_tool>", 3.0),
+            ("#<_current_tool>", 0.0),
+            ("#<_flood>", 1.0),
+            ("#<_spindle_cw>", 1.0),
+            ("#<_ABS_X>", 101.0 / 25.4),
+            ("#<_value_returned>", 0.0),
+        ],
+    );
+    assert_eq!(value(&settings, "", "#<_hal[pin]>"), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()));
+    assert_eq!(value(&settings, "", "#<_mine>"), Err("PRG-PARAMETER-UNSET".to_owned()));
+    settings.parameters.named = [("_hal[pin]".to_owned(), 2.0), ("_mine".to_owned(), 3.0)].into();
+    check(&settings, "", &[("[#<_hal[pin]>+#<_mine>]", 5.0)]);
+}
+
+/// Assigns in order; the values of `texts` behind it, or the code of the first refusal.
+fn after(settings: &LanguageSettings, assignments: &[&str], text: &str) -> Result<Value, String> {
+    let dialect = CodeTable::new(settings).dialect;
+    let mut state = InterpreterState::new(settings);
+    for line in assignments {
+        let system = System { state: &state, settings, dialect };
+        let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
+        let found = assignment(line.as_bytes(), 0, &mut context).map_err(|defect| defect.code.name().to_owned())?;
+        let made = assign(&mut state, settings, dialect, &found.target, found.value);
+        made.map_err(|refusal| refusal.code.name().to_owned())?;
+    }
+    let system = System { state: &state, settings, dialect };
+    let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
+    let found = evaluate(text.as_bytes(), 0, &mut context);
+    found.map(|(value, _)| value).map_err(|defect| defect.code.name().to_owned())
+}
+
+#[test]
+fn assignments_are_read_back() {
+    let mill = LanguageSettings::mill();
+    assert_eq!(after(&mill, &["#1=5", "#100=#1*2", "#500=#100+1"], "#500"), Ok(Some(11.0)));
+    assert_eq!(after(&mill, &["#1=5", "#1=#0"], "#1"), Ok(None));
+    let linuxcnc = LanguageSettings::linuxcnc();
+    assert_eq!(after(&linuxcnc, &["#<a>=5", "#<_next>=[#<A>+1]", "#31=#<_next>"], "#31"), Ok(Some(6.0)));
+    assert_eq!(after(&linuxcnc, &["#5070=1"], "#5070"), Ok(Some(1.0)));
+}
+
+#[test]
+fn initial_values_hold_until_something_is_assigned() {
+    let mut mill = LanguageSettings::mill();
+    mill.parameters.numbered.insert(500, 7.0);
+    assert_eq!(after(&mill, &[], "#500"), Ok(Some(7.0)));
+    assert_eq!(after(&mill, &["#500=8"], "#500"), Ok(Some(8.0)));
+    assert_eq!(after(&mill, &["#500=#0"], "#500"), Ok(None));
+}
+
+#[test]
+fn section_2_values_of_the_control_cannot_be_assigned() {
+    let read_only = Err("PRG-PARAMETER-READ-ONLY".to_owned());
+    for line in ["#0=1", "#5001=1", "#5105=1", "#4001=1", "#1000=1", "#5221=1", "#2001=1"] {
+        assert_eq!(after(&LanguageSettings::mill(), &[line], "#1"), read_only, "{line}");
+    }
+    for line in ["#5400=1", "#5420=1", "#<_x>=1", "#<_feed>=1", "#5221=1"] {
+        assert_eq!(after(&LanguageSettings::linuxcnc(), &[line], "#1"), read_only, "{line}");
+    }
+    assert_eq!(after(&LanguageSettings::mill(), &["#34=1"], "#1"), Err("PRG-PARAMETER-NUMBER".to_owned()));
+}
+
+#[test]
+fn what_assignments_do_to_the_run() {
+    let settings = LanguageSettings::mill();
+    let dialect = CodeTable::new(&settings).dialect;
+    let mut state = InterpreterState::new(&settings);
+    for (number, effect) in [
+        (100, Effect::Set),
+        (3_000, Effect::Alarm(21)),
+        (3_006, Effect::Stop),
+        (3_003, Effect::Ignored),
+        (3_004, Effect::Ignored),
+    ] {
+        let made = assign(&mut state, &settings, dialect, &Target::Numbered(number), Some(21.0));
+        assert_eq!(made, Ok(effect), "#{number}");
+    }
+}

@@ -1,0 +1,225 @@
+//! Control flow: section 3 of the language page, and its worked examples 6 and 7.
+
+use super::*;
+use crate::{Reader, Reading, SourcePages};
+
+/// End points (X, Y, Z) of all moves, with the findings.
+fn ends(program: &str, settings: &LanguageSettings) -> (Vec<[f64; 3]>, FindingLog) {
+    let (operations, findings) = interpret(program.as_bytes(), settings.clone());
+    (points(&operations), findings)
+}
+
+fn points(operations: &[Operation]) -> Vec<[f64; 3]> {
+    let end = |operation: &Operation| match &operation.kind {
+        OperationKind::Move(step) => Some([step.end[0], step.end[1], step.end[2]]),
+        _ => None,
+    };
+    operations.iter().filter_map(end).collect()
+}
+
+/// X of all moves of a program without findings.
+fn xs(program: &str, settings: &LanguageSettings) -> Vec<f64> {
+    let (points, findings) = ends(program, settings);
+    let wrong: Vec<_> = findings.into_findings();
+    assert!(wrong.is_empty(), "{program}\n{wrong:#?}");
+    points.iter().map(|point| point[0]).collect()
+}
+
+fn mill_xs(program: &str) -> Vec<f64> {
+    xs(&format!("{program}\nM30\n"), &LanguageSettings::mill())
+}
+
+fn linuxcnc_xs(program: &str) -> Vec<f64> {
+    xs(&format!("{program}\nM2\n"), &LanguageSettings::linuxcnc())
+}
+
+/// Codes of the findings of a program, which must be refused.
+fn codes(program: &str, settings: &LanguageSettings) -> Vec<String> {
+    let (_, findings) = ends(program, settings);
+    assert!(findings.has_errors(), "{program}");
+    findings.into_findings().iter().map(|finding| finding.code.name().to_owned()).collect()
+}
+
+fn mill_codes(program: &str) -> Vec<String> {
+    codes(program, &LanguageSettings::mill())
+}
+
+#[test]
+fn goto_leads_to_the_block_of_its_number_forward_and_back() {
+    assert_eq!(mill_xs("GOTO 20\nN10 G0 X1\nGOTO30\nN20 G0 X2\nGOTO 10\nN30 X3"), [2.0, 1.0, 3.0]);
+    assert_eq!(mill_xs("IF [1 EQ 2] GOTO 20\nG0 X1\nN20 G0 X2"), [1.0, 2.0]);
+    assert_eq!(mill_xs("IF [1 LT 2] GOTO[10+10]\nG0 X1\nN20 G0 X2"), [2.0]);
+}
+
+#[test]
+fn loops_of_macro_b_run_while_their_condition_holds() {
+    assert_eq!(mill_xs("#1=1\nWHILE [#1 LE 3] DO1\nG0 X#1\n#1=#1+1\nEND1\nX9"), [1.0, 2.0, 3.0, 9.0]);
+    let nested = "#1=1\nWHILE[#1LE2]DO1\n#2=1\nWHILE[#2LE2]DO2\nG0 X[10*#1+#2]\n#2=#2+1\nEND2\n#1=#1+1\nEND1";
+    assert_eq!(mill_xs(nested), [11.0, 12.0, 21.0, 22.0]);
+    let left = "#1=0\nDO1\n#1=#1+1\nG0 X#1\nIF[#1 GE 2] GOTO 5\nEND1\nN5 X7\n#1=0\nWHILE[#1 LT 1]DO1\n#1=1\nX8\nEND1";
+    assert_eq!(mill_xs(left), [1.0, 2.0, 7.0, 8.0], "a number is used again");
+    assert_eq!(mill_xs("IF [1 EQ 1] THEN #1=7\nG0 X#1"), [7.0]);
+}
+
+#[test]
+fn subprograms_are_called_by_number_and_return() {
+    let sub = "G0 X1\nM98 P1000\nX2\nM30\nO1000\nG91\nX10\nG90\nM99";
+    assert_eq!(mill_xs(sub), [1.0, 11.0, 2.0]);
+    assert_eq!(mill_xs("G0 X0.5\nM98 P1000 L3\nM30\nO1000\nG91 X1\nG90\nM99"), [0.5, 1.5, 2.5, 3.5]);
+    assert_eq!(mill_xs("G91\nM98 P20001\nG90\nM30\nO0001\nG0 X1\nM99"), [1.0, 2.0], "four digits of program");
+    assert_eq!(mill_xs("M98 P1\nN10 G0 X5\nM30\nN20 X6\nM30\nO1\nG0 X1\nM99 P20"), [1.0, 6.0], "back to a block");
+    assert_eq!(mill_xs("M97 P100 L2\nM30\nN100 G91 G0 X1\nM99"), [1.0, 2.0]);
+    let eight = LanguageSettings { program_number_digits: 8, ..LanguageSettings::mill() };
+    assert_eq!(xs("M98 P20001\nM30\nO20001\nG0 X3\nM99\n", &eight), [3.0]);
+}
+
+#[test]
+fn a_main_program_that_ends_with_m99_is_run_once() {
+    let (points, findings) = ends("G0 X1\nM99\nG0 X2\n", &LanguageSettings::mill());
+    assert_eq!(points, [[1.0, 0.0, 0.0]]);
+    let codes: Vec<_> = findings.into_findings().iter().map(|it| (it.code.name(), it.severity)).collect();
+    assert_eq!(codes, [("PRG-MAIN-RETURN", Severity::Info)]);
+}
+
+#[test]
+fn macro_calls_pass_arguments() {
+    let program =
+        "G65 P9100 A5. B10. I1. I2. K3.\nM30\nO9100\nG0 X#1 Y#2\nX#4\nX#7\nX#9\nIF [#5 EQ #0] THEN #5=7\nX#5\nM99";
+    assert_eq!(mill_xs(program), [5.0, 1.0, 2.0, 3.0, 7.0]);
+    let (points, _) = ends("G0 Y4\nG65 P1 A1.\nM30\nO1\nG0 X#1 Y#3\nM99\n", &LanguageSettings::mill());
+    assert_eq!(points[1], [1.0, 4.0, 0.0], "Y#3 is vacant: only X moves");
+    let own = "#1=4\nG65 P1 A9.\nG0 X#1\nM30\nO1\n#1=8\nM99";
+    assert_eq!(mill_xs(own), [4.0], "locals are those of the call");
+    assert_eq!(mill_xs("#1=4\nM98 P1\nG0 X#1\nM30\nO1\n#1=8\nM99"), [8.0], "M98 shares them");
+    assert_eq!(mill_xs("G65 P1 L3 A1.\nM30\nO1\nG0 X#1\n#1=#1+1\nM99"), [1.0, 2.0, 3.0], "repeats keep changed locals");
+}
+
+#[test]
+fn modal_macros_follow_every_block_that_moves() {
+    let program = "G66 P1 A5.\nG0 X1\nM8\nX2\nG67\nX3\nM30\nO1\nG0 Z#1\nZ0\nM99";
+    let (points, findings) = ends(program, &LanguageSettings::mill());
+    assert!(!findings.has_errors(), "{findings:#?}");
+    let z: Vec<_> = points.iter().map(|point| (point[0], point[2])).collect();
+    assert_eq!(z, [(1.0, 0.0), (1.0, 5.0), (1.0, 0.0), (2.0, 0.0), (2.0, 5.0), (2.0, 0.0), (3.0, 0.0)]);
+    let stacked = "G66 P1\nG66 P2\nG0 X1\nG67\nG67\nX9\nM30\nO1\nG91 G0 Z1\nG90\nM99\nO2\nG0 Y2\nM99";
+    let (points, findings) = ends(stacked, &LanguageSettings::mill());
+    assert!(!findings.has_errors(), "{findings:#?}");
+    assert_eq!(
+        points,
+        [[1.0, 0.0, 0.0], [1.0, 2.0, 0.0], [1.0, 2.0, 1.0], [9.0, 2.0, 1.0]],
+        "the newest, then the one before"
+    );
+}
+
+#[test]
+fn o_word_loops_and_branches() {
+    let example = "#1=0\no1 while [#1 LT 3]\nG0 X#1\n#1=[#1+1]\no1 endwhile\no2 repeat [2]\nG91 Y1\nG90\no2 endrepeat";
+    let (points, findings) = ends(&format!("{example}\nM2\n"), &LanguageSettings::linuxcnc());
+    assert!(!findings.has_errors(), "{findings:#?}");
+    assert_eq!(points, [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [2.0, 2.0, 0.0]]);
+    let branches = |value: u32| {
+        format!(
+            "#1={value}\no1 if [#1 EQ 1]\nG0 X1\no1 elseif [#1 EQ 2]\nG0 X2\no1 elseif [#1 EQ 3]\nG0 X3\no1 else\nG0 X4\no1 endif\nX9"
+        )
+    };
+    for (value, x) in [(1, 1.0), (2, 2.0), (3, 3.0), (4, 4.0)] {
+        assert_eq!(linuxcnc_xs(&branches(value)), [x, 9.0], "{value}");
+    }
+    assert_eq!(linuxcnc_xs("#1=0\no1 do\n#1=[#1+1]\nG0 X#1\no1 while [#1 LT 2]\nX5"), [1.0, 2.0, 5.0]);
+    let leaving = "#1=0\no1 while [1]\n#1=[#1+1]\no2 if [#1 EQ 2]\no1 continue\no2 endif\no3 if [#1 GT 3]\no1 break\no3 endif\nG0 X#1\no1 endwhile\nX9";
+    assert_eq!(linuxcnc_xs(leaving), [1.0, 3.0, 9.0]);
+    assert_eq!(linuxcnc_xs("G91\no1 repeat [2.5]\nG0 X1\no1 endrepeat\no1 repeat [0]\nX5\no1 endrepeat"), [1.0, 2.0]);
+    assert_eq!(linuxcnc_xs("G91\no1 repeat [2.7]\nG0 X1\no1 endrepeat"), [1.0, 2.0, 3.0]);
+}
+
+#[test]
+fn o_word_subprograms_have_arguments_and_values() {
+    let example = "o<rect> sub\n#31=5\n#<a>=1\no<rect> endsub [#1+#2]\n#1=3\n#<a>=9\no<rect> call [10] [20]\nG0 X#<_value>\nX#1\nX#31\nX#<a>";
+    assert_eq!(linuxcnc_xs(example), [30.0, 3.0, 5.0, 9.0]);
+    let early = "o100 sub\no101 if [#1 GT 1]\no100 return [7]\no101 endif\no100 endsub [8]\no100 call [2]\nG0 X#<_value>\no100 call [0]\nX#<_value>";
+    assert_eq!(linuxcnc_xs(early), [7.0, 8.0]);
+    let recursion = "o1 sub\nG0 X#1\no2 if [#1 GT 1]\no1 call [#1-1]\no2 endif\no1 endsub\no1 call [3]";
+    assert_eq!(linuxcnc_xs(recursion), [3.0, 2.0, 1.0]);
+    let numbered = "G91 G0 X1\nM98 P2000 L2\nM2\no2000\nG0 X5\nM99\n";
+    assert_eq!(xs(numbered, &LanguageSettings::linuxcnc()), [1.0, 6.0, 11.0]);
+}
+
+#[test]
+fn what_cannot_be_followed_is_refused_with_its_place() {
+    for (program, code) in [
+        ("GOTO 10\nM30", "PRG-JUMP-TARGET"),
+        ("GOTO 10\nN10 G0 X1\nN10 G0 X2\nM30", "PRG-JUMP-TARGET"),
+        ("#1=1\nGOTO 10\nWHILE[#1 LT 3]DO1\nN10 #1=#1+1\nEND1\nM30", "PRG-JUMP-TARGET"),
+        ("WHILE [1 EQ 1] DO1\nM30", "PRG-LOOP"),
+        ("END1\nM30", "PRG-LOOP"),
+        ("#1=0\nWHILE[#1 LT 1]DO1\nWHILE[#1 LT 1]DO2\nEND1\nEND2\nM30", "PRG-LOOP"),
+        ("M98 P77\nM30", "PRG-SUBPROGRAM-MISSING"),
+        ("M98 P1\nM30\nO1\nG0 X1\nO2\nM99", "PRG-SUBPROGRAM-END"),
+        ("M98 P1\nM30\nO1\nG0 X1\n", "PRG-SUBPROGRAM-END"),
+        ("M98 P1\nM30\nO1\nM98 P1\nM99", "PRG-CALL-DEPTH"),
+        ("G65 P1\nM30\nO1\nG65 P1\nM99", "PRG-CALL-DEPTH"),
+        ("#1=0\nWHILE [#1 LT 5] DO1\nEND1\nM30", "PRG-ENDLESS"),
+        ("N1 GOTO 1\nM30", "PRG-ENDLESS"),
+        ("IF [1 EQ 1] G1 X5\nM30", "PRG-STATEMENT"),
+        ("IF [1 EQ 1] THEN G0 X5\nM30", "PRG-STATEMENT"),
+        ("WHILE [1 EQ 1] DO4\nM30", "PRG-STATEMENT"),
+    ] {
+        assert_eq!(mill_codes(program), [code], "{program}");
+    }
+    for (program, code) in [
+        ("o1 if [0]\nM2", "PRG-LOOP"),
+        ("o1 endwhile\nM2", "PRG-LOOP"),
+        ("o1 while [1]\no1 endwhile\nM2", "PRG-ENDLESS"),
+        ("o<none> call\nM2", "PRG-SUBPROGRAM-MISSING"),
+        ("o1 sub\no1 call\no1 endsub\no1 call\nM2", "PRG-CALL-DEPTH"),
+        ("o1 if [1] G0 X1\no1 endif\nM2", "PRG-STATEMENT"),
+    ] {
+        let found = codes(program, &LanguageSettings::linuxcnc());
+        assert_eq!(found, [code], "{program}");
+    }
+}
+
+#[test]
+fn a_loop_is_bounded_by_blocks_and_by_blocks_without_motion() {
+    let settings = LanguageSettings { max_still_blocks: 1_000, max_executed_blocks: 5_000, ..LanguageSettings::mill() };
+    let (_, findings) = ends("#1=0\nWHILE [#1 LT 1] DO1\n#2=#2+1\nEND1\nM30\n", &settings);
+    let finding = &findings.into_findings()[0];
+    assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 2), "the loop is named");
+    assert!(finding.message.contains("without any motion"), "{}", finding.message);
+    let (points, findings) = ends("#1=0\nWHILE [#1 LT 1] DO1\nG91 G0 X1\nEND1\nM30\n", &settings);
+    assert!(points.len() > 1_000 && points.len() <= 5_000, "{}", points.len());
+    assert_eq!(findings.into_findings()[0].code, "PRG-ENDLESS");
+}
+
+#[test]
+fn further_files_are_found_by_name_and_by_number() {
+    let programs =
+        ["G0 X1\nM98 P1000\nM98 P2000\nX4\nM30\n", "O1000\nG0 X2\nM99\n", "%\nO0005\nM99\nO2000\nG0 X3\nM99\n%\n"];
+    let names = ["subs/O1000.nc".to_owned(), "library.nc".to_owned()];
+    let mut reader = Reader::new(Interpreter::new(LanguageSettings::mill()).with_programs(names.to_vec().into()));
+    let mut pages = SourcePages::default();
+    let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+    loop {
+        match reader.read_line(&mut pages, &mut operations, &mut findings) {
+            Reading::More => {}
+            Reading::NeedInput => {
+                let wanted = pages.wanted();
+                match &programs[wanted.program as usize].as_bytes()[wanted.offset as usize..] {
+                    [] => pages.finish(),
+                    rest => pages.push(&rest[..rest.len().min(7)]),
+                }
+            }
+            Reading::Ended => break,
+        }
+    }
+    let wrong = findings.into_findings();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let found: Vec<_> = operations
+        .iter()
+        .filter_map(|operation| match &operation.kind {
+            OperationKind::Move(step) => Some((operation.span.program, operation.span.line, step.end[0])),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(found, [(0, 1, 1.0), (1, 2, 2.0), (2, 5, 3.0), (0, 4, 4.0)]);
+}
