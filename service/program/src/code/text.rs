@@ -65,10 +65,10 @@ crate::finding_codes! {
     }
 
     "PRG-EXPRESSION" [EXPRESSION: Error] {
-        meaning: "variables, expressions and control flow are known, but not supported yet",
-        cause: "The program uses the control's macro language: `#100`, `[...]`, `IF`, `WHILE`, `GOTO`.",
-        cure: "Let the CAM post write plain numbers.",
-        example: lathe("G0 X#101"),
+        meaning: "an expression or a statement where none can stand",
+        cause: "Brackets without an address letter, or `IF`, `GOTO`, `WHILE` behind other words of the block.",
+        cure: "Write the address letter before the brackets, and a statement as the first of a block of its own.",
+        example: mill("G0 X1 GOTO 10"),
     }
 
     "PRG-NUMBER-MISSING" [NUMBER_MISSING: Error] {

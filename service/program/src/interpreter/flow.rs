@@ -411,10 +411,7 @@ impl Interpreter {
         if self.state.phase == Phase::Start {
             self.state.phase = Phase::Blocks;
         }
-        let _ = self.count_block(false, span, findings) || {
-            self.give_up(span, operations, findings);
-            return true;
-        };
+        let goes_on = goes_on && self.count_block(false, span, findings);
         if !goes_on {
             self.give_up(span, operations, findings);
         }

@@ -25,7 +25,7 @@ impl Interpreter {
             Jump::Do(holds) => self.do_loop(*holds, pending, findings),
             Jump::OWord(what, value) => self.o_word(*what, *value, pending, findings),
             Jump::Call(request) => self.call(request, pending, findings),
-            Jump::Return(label) => self.return_to_caller(*label, pending, findings),
+            Jump::Return(label) => self.return_to_caller(*label, findings),
         }
     }
 
@@ -302,7 +302,7 @@ impl Interpreter {
     }
 
     /// Ends a called program: runs it again, or goes on in the caller.
-    fn return_to_caller(&mut self, label: Option<u32>, pending: &Pending, findings: &mut FindingLog) -> Progress {
+    fn return_to_caller(&mut self, label: Option<u32>, findings: &mut FindingLog) -> Progress {
         let Some(call) = self.state.flow.calls.last_mut() else { return Progress::Done };
         if call.repeats > 0 && label.is_none() {
             call.repeats -= 1;
@@ -323,9 +323,6 @@ impl Interpreter {
             let before = self.state.flow.last_jump.take();
             let progress = self.go_to_label(label, &there, findings);
             self.state.flow.last_jump = before;
-            if matches!(progress, Progress::Failed) {
-                let _ = pending;
-            }
             return progress;
         }
         self.leave(has_locals);
