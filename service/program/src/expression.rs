@@ -18,8 +18,8 @@ pub(crate) use name::Name;
 pub(crate) use rules::{FANUC, LINUXCNC, Rules};
 
 use crate::{AngleRange, FindingCode, code};
-pub(crate) use parse::whole_near;
 use parse::{Operand, Parser};
+pub(crate) use parse::{WHOLE_TOLERANCE, whole_near};
 
 /// A value: a number, or vacant (Macro B: a variable never assigned).
 pub(crate) type Value = Option<f64>;

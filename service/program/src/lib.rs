@@ -10,7 +10,6 @@ mod block;
 pub mod code;
 mod consequence;
 mod dialect;
-#[allow(dead_code, unused_imports, reason = "control flow is about to read conditions through it")]
 mod expression;
 mod finding;
 mod foreign;

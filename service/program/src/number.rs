@@ -18,7 +18,6 @@ const HAS_POINT: u32 = 1 << 16;
 const SPACED: u32 = 1 << 17;
 
 /// Bit of [`Number::is_computed`].
-#[allow(dead_code, reason = "words take it next")]
 const COMPUTED: u32 = 1 << 18;
 
 impl Number {
@@ -35,7 +34,6 @@ impl Number {
     /// The value of an expression, which is finite. It counts as written with a decimal point, so that it is never scaled, and with as
     /// many digits before the point as it has.
     #[must_use]
-    #[allow(dead_code, reason = "words take it next")]
     pub(crate) fn computed(value: f64) -> Self {
         let digits = value.abs().max(1.0).log10() as u32 + 1;
         // Adding zero turns a negative zero into zero.
@@ -45,7 +43,6 @@ impl Number {
     /// Whether it is the value of an expression.
     #[inline]
     #[must_use]
-    #[allow(dead_code, reason = "words take it next")]
     pub(crate) const fn is_computed(self) -> bool {
         self.form & COMPUTED != 0
     }

@@ -3,13 +3,16 @@
 use super::{Block, Made};
 use crate::dialect::{CodeTable, Letter};
 use crate::expression::{
-    Assignment, Context, Defect, Name, Note, Reading, Refusal, Target, Value, Variables, assignment, evaluate,
-    nearest_increment, whole_near,
+    Assignment, Context, Defect, Name, Note, Reading, Refusal, Target, Value, Variables, WHOLE_TOLERANCE, assignment,
+    evaluate, nearest, nearest_increment,
 };
 use crate::interpreter::System;
 use crate::lexer::{Token, TokenKind};
 use crate::number::Number;
 use crate::{Finding, FindingCode, FindingLog, code};
+
+/// Assignments of one line: each value is looked for among those before it.
+const MOST_ASSIGNMENTS: usize = 100;
 
 /// The state before the line, with what the line has assigned so far.
 struct Pending<'a> {
@@ -54,11 +57,9 @@ fn increments(letter: u8, meaning: Letter, inch: bool) -> Option<f64> {
 
 /// The code that a computed number means: it may differ by a little from one.
 fn code_number(value: f64) -> f64 {
-    match whole_near(value * 10.0, 1e6) {
-        // A tenth is less exact than a whole number by the same factor.
-        Some(tenths) if (value * 10.0 - f64::from(tenths)).abs() < 0.001 => f64::from(tenths) / 10.0,
-        _ => value,
-    }
+    let tenths = nearest(value * 10.0);
+    // A tenth of a code may differ by ten times as much as a whole number.
+    if (value * 10.0 - tenths).abs() < 10.0 * WHOLE_TOLERANCE { tenths / 10.0 } else { value }
 }
 
 impl Block {
@@ -82,6 +83,12 @@ impl Block {
             self.note(&context.notes, findings);
             self.assignments = made;
             match result {
+                Ok(assignment) if self.assignments.len() >= MOST_ASSIGNMENTS => {
+                    let (start, end) = (assignment.start, assignment.end);
+                    let message = format!("more than {MOST_ASSIGNMENTS} assignments in a line");
+                    let defect = Defect::new(code::EXPRESSION_MALFORMED, start, end, message);
+                    self.fail(&defect.cure("write them in several lines"), findings);
+                }
                 Ok(assignment) => self.assignments.push(self.made(assignment)),
                 Err(defect) => self.fail(&defect, findings),
             }
@@ -135,7 +142,7 @@ impl Block {
         }
         let label = 1 << (b'N' - b'A');
         if let Some(made) = self.assignments.first()
-            && (self.letters & !label != 0 || self.groups != 0)
+            && (self.letters & !label != 0 || self.has_codes())
         {
             let (start, end) = (made.assignment.start, made.assignment.end);
             let defect =

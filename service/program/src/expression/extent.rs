@@ -51,15 +51,17 @@ pub(crate) fn starts_value(line: &[u8], at: usize) -> bool {
 /// Where the value ends that starts at `at`; `at` itself where none does.
 pub(crate) fn value_end(line: &[u8], start: usize) -> usize {
     let at = skip_while(line, start, |byte| matches!(byte, b'+' | b'-' | b' ' | b'\t' | b'#'));
+    // A `#` belongs to the value even where nothing follows it.
+    let nothing = if line[start..at].contains(&b'#') { at } else { start };
     match line.get(at) {
         None => at,
         Some(b'<') => skip_while(line, at, |byte| byte != b'>').saturating_add(1).min(line.len()),
         Some(b'[') => brackets_end(line, at),
         Some(b'0'..=b'9' | b'.') => crate::number::scan_operand(line, at).end,
         Some(byte) if byte.is_ascii_alphabetic() => {
-            function_bracket(line, at).map_or(start, |bracket| function_end(line, at, bracket))
+            function_bracket(line, at).map_or(nothing, |bracket| function_end(line, at, bracket))
         }
-        Some(_) => start,
+        Some(_) => nothing,
     }
 }
 

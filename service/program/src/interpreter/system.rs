@@ -88,20 +88,22 @@ impl System<'_> {
 
     #[cold]
     fn system(&self, number: u32) -> Result<Reading, Refusal> {
-        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
-        let is_probe = matches!(number, 5_061..=5_070);
         if let Some((first, _, read)) = self.rows().iter().find(|(first, last, _)| (*first..=*last).contains(&number))
             && let Some(value) = read(self, number - first)
         {
             return Ok(value.into());
         }
         if let Some(value) = self.stored(number) {
-            // What the profile or the job brings is known; what a probing move has stored is its programmed end.
-            let is_probed = is_probe && self.state.parameters.common(number).is_some();
-            return Ok(Reading { value, is_probed });
+            return Ok(value.into());
         }
+        if let Some(value) = self.probed(number) {
+            return Ok(Reading { value, is_probed: true });
+        }
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
         match number {
-            _ if is_linuxcnc => Ok(Reading { value: Some(0.0), is_probed: is_probe }),
+            // Whether the probe has found a contact.
+            5_070 if self.state.probed.is_some() => Err(unavailable("#5070".to_owned())),
+            _ if is_linuxcnc => Ok(Reading::from(Some(0.0))),
             3_001 | 3_002 | 3_011 | 3_012 | 3_901 | 3_902 => Err(Refusal {
                 code: code::PARAMETER_CLOCK,
                 message: format!(
@@ -110,6 +112,15 @@ impl System<'_> {
                 cure: "let the job bring a value for it, or take it out",
             }),
             _ => Err(unavailable(format!("#{number}"))),
+        }
+    }
+
+    /// What a probing move is taken to have found, where this is the number of an axis of it.
+    fn probed(&self, number: u32) -> Option<Value> {
+        let place = number.checked_sub(5_061)?;
+        match self.settings.dialect {
+            DialectName::Lathe | DialectName::Mill => fanuc::probed(self, place),
+            DialectName::LinuxCnc => linuxcnc::probed(self, place),
         }
     }
 

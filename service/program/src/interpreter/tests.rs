@@ -14,6 +14,7 @@ mod length;
 mod machine_codes;
 mod misread;
 mod order;
+mod parameters;
 mod path_control;
 mod requests;
 mod splines;

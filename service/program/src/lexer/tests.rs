@@ -61,6 +61,7 @@ fn values_that_are_computed() {
     check("G#1M##2", "Computed<G#1> Computed<M##2>");
     check("X#<wide one>Y1", "Computed<X#<wide one>> Y=1");
     check("X[1", "Computed<X[1>");
+    check("X# Y1", "Computed<X# > Y=1");
 }
 
 #[test]

@@ -36,6 +36,12 @@ fn axis_at(system: &System<'_>, place: u32) -> Option<Axis> {
     axes.get(place as usize).copied()
 }
 
+/// What the last probing move is taken to have found.
+pub(super) fn probed(system: &System<'_>, place: u32) -> Option<Value> {
+    let end = system.state.probed.as_ref()?;
+    on_axis(system, place, |axis| end[axis.index()])
+}
+
 /// A value per axis, in the units of the program; `None` where the axis or its place is not known.
 fn on_axis(system: &System<'_>, place: u32, value: impl Fn(Axis) -> f64) -> Option<Value> {
     let axis = axis_at(system, place)?;

@@ -11,6 +11,7 @@ pub(super) static ROWS: &[Row] = &[
     (5_081, 5_089, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
     (5_220, 5_220, |system, _| Some(Some(f64::from(system.state.work_offset) + 1.0))),
     (5_221, 5_390, |system, place| work_offset(system, place)),
+    (5_399, 5_399, |system, _| Some(Some(system.settings.input_result))),
     (5_400, 5_400, |system, _| Some(Some(f64::from(system.state.tool)))),
     (5_401, 5_409, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
     (5_420, 5_428, |system, place| axis(place).and_then(|axis| work(system, axis)).map(Some)),
@@ -18,6 +19,12 @@ pub(super) static ROWS: &[Row] = &[
 
 /// Beginnings of names whose values come from outside the interpreter.
 pub(super) const OUTSIDE: [&str; 2] = ["_hal[", "_ini["];
+
+/// What the last probing move is taken to have found, in the units of the program.
+pub(super) fn probed(system: &System<'_>, place: u32) -> Option<Value> {
+    let end = system.state.probed.as_ref()?;
+    axis(place).and_then(|axis| system.place(end, axis)).map(Some)
+}
 
 fn axis(place: u32) -> Option<Axis> {
     Axis::ALL.get(place as usize).copied()
@@ -81,7 +88,7 @@ static NAMES: &[(&str, Read)] = &[
     ("_retract_old_z", |_| truth(true)),
     ("_spindle_rpm_mode", |system| truth(!system.state.surface_speed)),
     ("_spindle_css_mode", |system| truth(system.state.surface_speed)),
-    ("_ijk_absolute_mode", |_| truth(false)),
+    ("_ijk_absolute_mode", |system| truth(system.state.arc_absolute)),
     ("_lathe_diameter_mode", |system| truth(system.settings.x_word == crate::XWord::Diameter)),
     ("_lathe_radius_mode", |system| truth(system.settings.x_word == crate::XWord::Radius)),
     ("_spindle_on", |system| truth(system.state.spindle_direction != SpindleDirection::Stopped)),

@@ -5,15 +5,20 @@ use crate::dialect::CodeTable;
 use crate::expression::{Context, assignment, evaluate};
 use crate::{Interpreter, ToolOffset};
 
-/// An interpreter behind a program, without its end.
+/// An interpreter behind a program, without its end, that gives no finding.
 fn behind(settings: &LanguageSettings, program: &str) -> Interpreter {
+    behind_all(settings, program, 0)
+}
+
+/// An interpreter behind a program that gives so many findings.
+fn behind_all(settings: &LanguageSettings, program: &str, count: usize) -> Interpreter {
     let tools = vec![ToolOffset::new(1).with_length(100.0)];
     let mut interpreter = Interpreter::new(settings.clone()).with_tools(tools);
     let (mut operations, mut findings) = (Vec::new(), crate::FindingLog::default());
     for line in program.lines() {
         interpreter.read_line(format!("{line}\n").as_bytes(), false, &mut operations, &mut findings);
     }
-    assert!(findings.findings().is_empty(), "{program}: {:?}", findings.findings());
+    assert_eq!(findings.findings().len(), count, "{program}: {:?}", findings.findings());
     interpreter
 }
 
@@ -104,6 +109,24 @@ fn section_2_the_clock_is_refused_unless_the_job_brings_it() {
 }
 
 #[test]
+fn section_2_results_of_probes_are_the_programmed_end() {
+    let mill = LanguageSettings::mill();
+    let program = "G0 Z5\nG31 Z-10 F100";
+    let interpreter = behind_all(&mill, program, 1);
+    let dialect = CodeTable::new(&mill).dialect;
+    let system = System { state: interpreter.state(), settings: &mill, dialect };
+    assert_eq!(system.numbered(5_063), Ok(Reading { value: Some(-10.0), is_probed: true }));
+    let linuxcnc = LanguageSettings::linuxcnc();
+    let interpreter = behind_all(&linuxcnc, "G0 Z5\nG38.2 Z-10 F100", 1);
+    let dialect = CodeTable::new(&linuxcnc).dialect;
+    let system = System { state: interpreter.state(), settings: &linuxcnc, dialect };
+    assert_eq!(system.numbered(5_063), Ok(Reading { value: Some(-10.0), is_probed: true }));
+    assert_eq!(system.numbered(5_070).map_err(|refusal| refusal.code), Err(code::PARAMETER_UNAVAILABLE));
+    assert_eq!(value(&linuxcnc, "", "#5063"), Ok(Some(0.0)), "nothing was probed");
+    assert_eq!(value(&linuxcnc, "", "#5399"), Ok(Some(linuxcnc.input_result)));
+}
+
+#[test]
 fn section_2_numbers_linuxcnc() {
     let settings = with_offsets(LanguageSettings::linuxcnc());
     check(
@@ -183,7 +206,7 @@ fn assignments_are_read_back() {
     assert_eq!(after(&mill, &["#1=5", "#100=#1*2", "#500=#100+1"], "#500"), Ok(Some(11.0)));
     assert_eq!(after(&mill, &["#1=5", "#1=#0"], "#1"), Ok(None));
     let linuxcnc = LanguageSettings::linuxcnc();
-    assert_eq!(after(&linuxcnc, &["#<a>=5", "#<_next>=[#<A>+1]", "#31=#<_next>"], "#31"), Ok(Some(6.0)));
+    assert_eq!(after(&linuxcnc, &["#<a>=5", "#<_beta>=[#<A>+1]", "#31=#<_beta>"], "#31"), Ok(Some(6.0)));
     assert_eq!(after(&linuxcnc, &["#5070=1"], "#5070"), Ok(Some(1.0)));
 }
 
