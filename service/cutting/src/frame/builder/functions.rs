@@ -143,7 +143,7 @@ impl Builder {
             analysis.cutting_length_mm += run.path.length_mm();
             analysis.turns_at(60.0 * pass.rev_per_s());
         }
-        planner.push_barrier(Barrier::Thread(Box::new(run)));
+        planner.push_barrier(Barrier::from(run));
     }
 
     /// The pass that waiting blocks are; nothing where there are none, or after a finding.

@@ -3,9 +3,7 @@
 use feedwave_motion::Planned;
 use feedwave_program::{Spindle, SpindleDirection};
 
-use super::{Activity, ActivityKind, After, Barrier, Interpolator, State};
-use crate::functions::path_vibration::SectionBarrier;
-use crate::functions::tool_oscillation::OscillationBarrier;
+use super::{Activity, ActivityKind, After, Barrier, Interpolator};
 
 impl Interpolator {
     /// Takes the next item; `false` when it, or the path that the vibration may reach from it, is not there yet.
@@ -28,56 +26,17 @@ impl Interpolator {
                 }
                 self.begin_stretch(0);
             }
-            &Planned::Barrier(Barrier::Vibration(barrier)) => self.begin_section_barrier(barrier),
-            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::Start(run))) => {
-                let run = run.clone();
-                self.state.oscillation = Some(run);
-                self.state.track.advance(0.0);
-            }
-            Planned::Barrier(Barrier::Oscillation(OscillationBarrier::End)) => self.align_then(After::CloseOscillation),
+            Planned::Barrier(Barrier::Function(_)) => self.begin_function(),
             &Planned::Barrier(Barrier::Dwell { duration_s, line }) => {
                 self.hold(ActivityKind::Hold { line }, duration_s, After::LeaveMotion);
             }
             &Planned::Barrier(Barrier::Spindle(spindle)) => {
                 self.state.spindle = spindle;
-                self.state.track.advance(self.state.vibration.reach_mm());
+                self.state.track.advance(self.state.functions.reach_back_mm());
             }
-            Planned::Barrier(Barrier::Thread(_)) => self.begin_thread(),
             Planned::Barrier(Barrier::End) => self.align_then(After::EndProgram),
         }
         true
-    }
-
-    fn begin_section_barrier(&mut self, barrier: SectionBarrier) {
-        match barrier {
-            SectionBarrier::Start(condition) => self.align_then(After::OpenSection(condition)),
-            SectionBarrier::End => {
-                // The clamp holds a positive offset at the end point; a negative one would be cut off.
-                let wait_s = self.wait_for_zero_s(true);
-                self.hold(ActivityKind::VibratingHold, wait_s, After::SettleSection);
-            }
-            SectionBarrier::PartStart(part) => {
-                self.state.vibration.start_part(part);
-                self.state.track.advance(0.0);
-            }
-            SectionBarrier::PartEnd => {
-                let (part_mm, _) = self.state.track.section_place(self.state.track.current_index());
-                self.state.vibration.end_part(part_mm);
-                if self.state.vibration.is_clamped() {
-                    // The offset would jump with the direction unless it is zero here.
-                    let wait_s = self.wait_for_zero_s(false);
-                    self.hold(ActivityKind::VibratingHold, wait_s, After::LeaveMotion);
-                } else {
-                    self.state.track.advance(0.0);
-                }
-            }
-        }
-    }
-
-    /// Time until a clamped vibration next passes zero, s; with `only_if_negative` 0 while its offset is not negative.
-    fn wait_for_zero_s(&self, only_if_negative: bool) -> f64 {
-        let State { clock, vibration, .. } = &self.state;
-        vibration.wait_for_zero_s(|start_period| clock.since_s(start_period, self.settings.period_s), only_if_negative)
     }
 
     pub(super) fn begin_stretch(&mut self, index: usize) {
@@ -105,23 +64,13 @@ impl Interpolator {
         self.activate(kind, duration_s, spindle_rev_per_s, after);
     }
 
-    /// Rests up to the next grid instant, whose setpoint is the section's exact end point.
-    pub(super) fn settle_section(&mut self) {
-        let aligned = self.state.clock.aligned().period;
-        let line = self.state.rest.line;
-        // The command alone is there where the vibration does not arrive.
-        let arrives = self.state.vibration.arrives_at_end(self.settings.period_s, aligned);
-        let kind = if arrives { ActivityKind::VibratingHold } else { ActivityKind::Hold { line } };
-        self.align(kind, After::CloseSection);
-    }
-
     /// Rests up to the next grid instant, whose setpoint is the exact resting point.
     pub(super) fn align_then(&mut self, after: After) {
         let line = self.state.rest.line;
         self.align(ActivityKind::Hold { line }, after);
     }
 
-    fn align(&mut self, kind: ActivityKind, after: After) {
+    pub(super) fn align(&mut self, kind: ActivityKind, after: After) {
         let wait_s = self.state.clock.to_alignment_s(self.settings.period_s);
         self.hold(kind, wait_s, after);
         if let Some(activity) = &mut self.state.activity {

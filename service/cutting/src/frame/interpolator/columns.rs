@@ -1,10 +1,8 @@
 //! From activities to columns: where every setpoint is on the path, and which function carries it out.
 
+use super::functions::FunctionScratch;
 use super::{Activity, ActivityKind, Interpolator, Rest, Settings, State};
-use crate::functions::path_vibration::VibrationScratch;
-use crate::functions::thread::ThreadScratch;
-use crate::functions::tool_oscillation::OscillationScratch;
-use crate::shared::columns::{ColumnMap, Samples, fill_axes, still};
+use crate::shared::columns::{ColumnMap, Samples, still};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
 
 /// Buffers of one block, so that interpolating allocates nothing for the next one.
@@ -14,10 +12,7 @@ pub(super) struct Scratch {
     pub(super) s: Vec<f64>,
     /// Commanded speed, mm/s.
     pub(super) speed: Vec<f64>,
-    /// Those of each function are made where it first runs, so that a program without it starts sooner.
-    pub(super) vibration: Option<VibrationScratch>,
-    pub(super) oscillation: Option<OscillationScratch>,
-    pub(super) thread: Option<ThreadScratch>,
+    pub(super) functions: FunctionScratch,
 }
 
 impl Scratch {
@@ -25,9 +20,7 @@ impl Scratch {
         Self {
             s: vec![0.0; BLOCK_LENGTH],
             speed: vec![0.0; BLOCK_LENGTH],
-            vibration: None,
-            oscillation: None,
-            thread: None,
+            functions: FunctionScratch::default(),
         }
     }
 }
@@ -50,12 +43,7 @@ impl Interpolator {
 
         match activity.kind {
             ActivityKind::Hold { line } => self.emit_rest(block, start, line),
-            ActivityKind::ThreadPreparation { line } => self.emit_preparation(block, start, first, line),
-            ActivityKind::Thread { .. } => {
-                let (lead_s, rev_per_s) = (state.clock.lead_s, activity.spindle_rev_per_s.abs());
-                let turned_rev = |k: usize| rev_per_s * ((first + k as u64) as f64 * period_s - lead_s);
-                self.emit_thread(block, start, turned_rev);
-            }
+            ActivityKind::Function(kind) => self.emit_function(block, start, first, activity, kind),
             ActivityKind::Stretch(index) => self.emit_stretch(block, start, first, activity, index),
             ActivityKind::FeedHold { s } => {
                 self.scratch.s[..count].fill(s);
@@ -114,9 +102,8 @@ impl Interpolator {
 
     /// Columns of the samples whose commanded arc lengths in the element of motion `item` are in the scratch.
     fn emit_motion(&mut self, block: &mut SetpointBlock, start: usize, item: usize) {
-        let State { track, vibration, oscillation, next, path_base_mm, .. } = &mut self.state;
-        let Scratch { s, speed, vibration: vibration_scratch, oscillation: oscillation_scratch, .. } =
-            &mut self.scratch;
+        let State { track, functions, next, path_base_mm, .. } = &mut self.state;
+        let Scratch { s, speed, functions: scratch } = &mut self.scratch;
         let Settings { columns, tool, period_s, mode, .. } = &self.settings;
         let Some(motion) = track.motion(item) else { return };
         let element = &motion.element;
@@ -134,19 +121,7 @@ impl Interpolator {
 
         let tool = tool.as_ref();
         let at = Samples { columns, tool, track, item, element, s, index: *next, period_s: *period_s };
-        if vibration.is_in_section() {
-            let scratch = vibration_scratch.get_or_insert_with(VibrationScratch::new);
-            vibration.fill(&at, *mode, scratch, block, start);
-            return;
-        }
-        fill_axes(columns, tool, element, s, block, start);
-        if let Some(run) = oscillation {
-            let scratch = oscillation_scratch.get_or_insert_with(OscillationScratch::new);
-            run.superpose(&at, scratch, block, start);
-        }
-        if let Some(servo) = &mut block.servo {
-            still(servo, start);
-        }
+        functions.fill_axes(&at, *mode, scratch, block, start);
     }
 }
 

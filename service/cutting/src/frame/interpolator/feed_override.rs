@@ -28,7 +28,7 @@ impl Interpolator {
     pub(crate) fn change_override(&mut self, planner: &mut Planner<Barrier>, ratio: f64) -> Option<u64> {
         let activity = self.state.activity?;
         if ratio > self.state.feed_override {
-            let ready = self.state.vibration.suffices_from(self.settings.period_s, ratio);
+            let ready = self.state.functions.vibration.suffices_from(self.settings.period_s, ratio);
             if ready > self.state.next {
                 return Some(ready);
             }
@@ -57,14 +57,14 @@ impl Interpolator {
 
     /// Lets the amplitude of a vibration follow a feed override that is asked for from the next setpoint on.
     pub(crate) fn follow_with_amplitude(&mut self, ratio: f64) {
-        self.state.vibration.follow(self.settings.period_s, self.state.next, ratio);
+        self.state.functions.vibration.follow(self.settings.period_s, self.state.next, ratio);
     }
 
     /// Commanded place of the next setpoint in the vibrating section in progress, mm from its start.
     pub(crate) fn section_place_mm(&self) -> Option<f64> {
         let state = &self.state;
         let item = state.track.current_index();
-        let start_mm = state.vibration.place_mm(state.track.section_place(item).0)?;
+        let start_mm = state.functions.vibration.place_mm(state.track.section_place(item).0)?;
         let (Some(activity), Some(motion)) = (state.activity, state.track.motion(item)) else { return Some(start_mm) };
         let s = match activity.kind {
             ActivityKind::Stretch(index) => {

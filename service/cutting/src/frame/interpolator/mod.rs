@@ -11,8 +11,10 @@ mod begin;
 mod clock;
 mod columns;
 mod feed_override;
+mod functions;
 mod threading;
 mod time_shares;
+mod vibrating;
 
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
@@ -23,9 +25,9 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::barrier::Barrier;
 use self::clock::Clock;
 use self::columns::Scratch;
+use self::functions::{FunctionActivity, FunctionStep, RunningFunctions};
 use self::time_shares::TimeShares;
-use crate::functions::path_vibration::{GenerationMode, RunningVibration, SectionSamples, SectionStart};
-use crate::functions::tool_oscillation::OscillationRun;
+use crate::functions::path_vibration::{GenerationMode, SectionSamples};
 use crate::shared::columns::{ColumnMap, ToolColumns};
 use crate::shared::setpoint::{Frame, SetpointBlock};
 use crate::shared::track::Track;
@@ -74,8 +76,7 @@ pub(crate) struct State {
     clock: Clock,
     activity: Option<Activity>,
     after: After,
-    vibration: RunningVibration,
-    oscillation: Option<Box<OscillationRun>>,
+    functions: RunningFunctions,
     rest: Rest,
     spindle: Spindle,
     /// Spindle angle at `clock`, revolutions, signed.
@@ -85,14 +86,11 @@ pub(crate) struct State {
     shares: TimeShares,
     /// Ratio of the feed override that the next activity is planned at.
     feed_override: f64,
-    finished_section: Option<SectionSamples>,
     /// The stretch of the current motion that is waited for: the feed override has divided the motion there.
     resume: Option<usize>,
     /// Index before whose setpoint the feed override changes.
     pause: Option<u64>,
     ended: bool,
-    /// First and last setpoint of the threading pass begun last.
-    last_pass: Option<(u64, u64)>,
 }
 
 /// What is being interpolated.
@@ -118,10 +116,8 @@ enum ActivityKind {
     VibratingHold,
     /// At rest.
     Hold { line: u32 },
-    /// X moving to the vibration position of the current pass.
-    ThreadPreparation { line: u32 },
-    /// The current pass, from this spindle angle to the reference point on, degrees in the direction of rotation.
-    Thread { start_deg: f64 },
+    /// Of a function's own.
+    Function(FunctionActivity),
     /// At rest within the current motion, at arc length `s` mm: feed hold.
     FeedHold { s: f64 },
 }
@@ -133,18 +129,8 @@ enum After {
     Continue,
     /// The next item; a wait for the vibration at a junction is over.
     LeaveMotion,
-    /// The pass whose preparatory movement is done.
-    RunThread,
-    /// The next item; the pass is over.
-    LeaveThread,
-    /// The section starts.
-    OpenSection(SectionStart),
-    /// The wait for the vibration is over: align to the grid.
-    SettleSection,
-    /// The section is over.
-    CloseSection,
-    /// The oscillating section is over.
-    CloseOscillation,
+    /// What the function does that asked for the activity.
+    Function(FunctionStep),
     /// Nothing: the last setpoint was given.
     EndProgram,
 }
@@ -183,19 +169,16 @@ impl Interpolator {
                 feed_override: 1.0,
             }),
             after: After::Continue,
-            vibration: RunningVibration::default(),
-            oscillation: None,
+            functions: RunningFunctions::default(),
             rest: Rest { position, work_offset, line: 0, tool: None },
             spindle: Spindle::STOPPED,
             spindle_rev: 0.0,
             path_base_mm: 0.0,
             shares: TimeShares::default(),
             feed_override: 1.0,
-            finished_section: None,
             resume: None,
             pause: None,
             ended: false,
-            last_pass: None,
         };
         let columns = ColumnMap::of(machine, frame);
         let top_rev_per_s = machine.max_spindle_rev_per_min / 60.0;
@@ -236,7 +219,7 @@ impl Interpolator {
     }
 
     pub(crate) fn last_thread_pass(&self) -> Option<(u64, u64)> {
-        self.state.last_pass
+        self.state.functions.last_pass
     }
 
     pub(crate) fn shares(&self) -> TimeShares {
@@ -245,7 +228,7 @@ impl Interpolator {
 
     /// The samples of a section that ended since the last call.
     pub(crate) fn take_finished_section(&mut self) -> Option<SectionSamples> {
-        self.state.finished_section.take()
+        self.state.functions.finished_section.take()
     }
 
     /// Planned items held: those within one amplitude of the tool.
@@ -285,7 +268,7 @@ impl Interpolator {
                 }
                 Some(activity) => {
                     self.complete(activity);
-                    if self.state.finished_section.is_some() {
+                    if self.state.functions.finished_section.is_some() {
                         return Fill::SectionEnded;
                     }
                 }
@@ -314,7 +297,7 @@ impl Interpolator {
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {
                 state.shares.limits.rest_s += activity.duration_s;
             }
-            ActivityKind::ThreadPreparation { .. } | ActivityKind::Thread { .. } => self.share_thread(activity),
+            ActivityKind::Function(kind) => self.share_function(activity, kind),
         }
         match std::mem::replace(&mut self.state.after, After::Continue) {
             After::Continue => {
@@ -323,21 +306,7 @@ impl Interpolator {
                 }
             }
             After::LeaveMotion => self.leave_motion(),
-            After::RunThread => self.run_thread(),
-            After::LeaveThread => self.leave_thread(),
-            After::OpenSection(condition) => {
-                self.state.vibration.open(self.state.clock.period, condition);
-                self.state.track.advance(condition.reach_mm());
-            }
-            After::SettleSection => self.settle_section(),
-            After::CloseSection => {
-                self.state.finished_section = self.state.vibration.close();
-                self.state.track.advance(0.0);
-            }
-            After::CloseOscillation => {
-                self.state.oscillation = None;
-                self.state.track.advance(0.0);
-            }
+            After::Function(step) => self.carry_out(step),
             After::EndProgram => self.state.ended = true,
         }
     }
@@ -368,14 +337,12 @@ impl Interpolator {
             let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
             state.rest = Rest { position, work_offset, line, tool };
         }
-        state.track.advance(state.vibration.reach_mm());
+        state.track.advance(state.functions.reach_back_mm());
     }
 
-    /// Whether the path is known as far ahead as a vibration may reach from here, and as an oscillation is blended out over.
+    /// Whether the path is known as far ahead as the functions need it from here.
     pub(crate) fn reach_is_known(&self) -> bool {
-        let vibration_mm = self.state.vibration.needed_ahead_mm();
-        let blend_mm = self.state.oscillation.as_ref().map(|run| run.ramp_mm);
-        vibration_mm.into_iter().chain(blend_mm).all(|reach_mm| self.state.track.is_known_ahead(reach_mm))
+        self.state.functions.know_path(&self.state.track)
     }
 
     /// The motion the tool is on, or the one before a barrier.

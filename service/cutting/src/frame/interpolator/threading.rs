@@ -6,17 +6,16 @@
 use feedwave_motion::Planned;
 use feedwave_program::SpindleDirection;
 
+use super::functions::{FunctionActivity, FunctionBarrier, FunctionStep};
 use super::{Activity, ActivityKind, After, Barrier, Interpolator, Rest, State};
 use crate::functions::thread::{ThreadRun, ThreadScratch};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
+use crate::shared::track::Track;
 
 impl Interpolator {
     /// The pass that the tool is on.
     fn thread(&self) -> Option<&ThreadRun> {
-        match self.state.track.current() {
-            Some(Planned::Barrier(Barrier::Thread(run))) => Some(run),
-            _ => None,
-        }
+        pass_on(&self.state.track)
     }
 
     /// Starts the pass that the tool has come to; in feed hold it waits before it.
@@ -30,7 +29,8 @@ impl Interpolator {
         match run.preparation {
             Some(profile) => {
                 let (line, duration_s) = (run.line, profile.duration());
-                self.hold(ActivityKind::ThreadPreparation { line }, duration_s, After::RunThread);
+                let kind = ActivityKind::Function(FunctionActivity::ThreadPreparation { line });
+                self.hold(kind, duration_s, After::Function(FunctionStep::RunThread));
             }
             None => self.run_thread(),
         }
@@ -45,8 +45,9 @@ impl Interpolator {
         };
         let (start_deg, duration_s) = run.next_passage(self.state.spindle_rev, forwards);
         let spindle_rev_per_s = forwards * run.rev_per_s;
-        self.activate(ActivityKind::Thread { start_deg }, duration_s, spindle_rev_per_s, After::LeaveThread);
-        self.state.last_pass = self.state.activity.map(|pass| (self.state.next, pass.last));
+        let kind = ActivityKind::Function(FunctionActivity::Thread { start_deg });
+        self.activate(kind, duration_s, spindle_rev_per_s, After::Function(FunctionStep::LeaveThread));
+        self.state.functions.last_pass = self.state.activity.map(|pass| (self.state.next, pass.last));
     }
 
     pub(super) fn leave_thread(&mut self) {
@@ -64,16 +65,18 @@ impl Interpolator {
         self.thread().map_or(0, |run| run.path.last_line())
     }
 
-    /// Counts the time of a pass or its preparation.
-    pub(super) fn share_thread(&mut self, activity: Activity) {
-        let Some(Planned::Barrier(Barrier::Thread(run))) = self.state.track.current() else { return };
-        match activity.kind {
-            ActivityKind::ThreadPreparation { .. } => {
-                if let Some(profile) = run.preparation {
-                    self.state.shares.add_preparation(profile);
-                }
-            }
-            _ => self.state.shares.add_pass(run, activity.duration_s),
+    /// Counts the time of the preparatory movement.
+    pub(super) fn share_preparation(&mut self) {
+        if let Some(profile) = self.thread().and_then(|run| run.preparation) {
+            self.state.shares.add_preparation(profile);
+        }
+    }
+
+    /// Counts the time of a pass.
+    pub(super) fn share_pass(&mut self, duration_s: f64) {
+        let State { track, shares, .. } = &mut self.state;
+        if let Some(run) = pass_on(track) {
+            shares.add_pass(run, duration_s);
         }
     }
 
@@ -81,7 +84,7 @@ impl Interpolator {
     pub(super) fn emit_preparation(&mut self, block: &mut SetpointBlock, start: usize, first: u64, line: u32) {
         self.emit_rest(block, start, line);
         let State { track, rest, clock, .. } = &self.state;
-        let Some(Planned::Barrier(Barrier::Thread(run))) = track.current() else { return };
+        let Some(run) = pass_on(track) else { return };
         let Some(profile) = run.preparation else { return };
         let count = block.len() - start;
         let (s, speed) = (&mut self.scratch.s[..count], &mut self.scratch.speed[..count]);
@@ -92,16 +95,32 @@ impl Interpolator {
         run.fill_preparation(&self.settings.columns, (&rest.position, &rest.work_offset), s, block, start);
     }
 
-    /// Setpoints of a pass; `turned_rev` is the spindle's turn since the activity began.
-    pub(super) fn emit_thread(&mut self, block: &mut SetpointBlock, start: usize, turned_rev: impl Fn(usize) -> f64) {
-        let State { track, activity, path_base_mm, .. } = &self.state;
-        let Some(Planned::Barrier(Barrier::Thread(run))) = track.current() else { return };
-        let Some(Activity { kind: ActivityKind::Thread { start_deg }, .. }) = *activity else { return };
+    /// Setpoints of a pass, `first` periods after its start at the angle `start_deg`.
+    pub(super) fn emit_thread(
+        &mut self,
+        block: &mut SetpointBlock,
+        start: usize,
+        first: u64,
+        activity: Activity,
+        start_deg: f64,
+    ) {
+        let State { track, clock, path_base_mm, .. } = &self.state;
+        let Some(run) = pass_on(track) else { return };
+        let (lead_s, period_s, rev_per_s) = (clock.lead_s, self.settings.period_s, activity.spindle_rev_per_s.abs());
         let angles_deg = &mut self.scratch.s[..block.len() - start];
         for (k, angle_deg) in angles_deg.iter_mut().enumerate() {
-            *angle_deg = start_deg + 360.0 * turned_rev(k);
+            let turned_rev = rev_per_s * ((first + k as u64) as f64 * period_s - lead_s);
+            *angle_deg = start_deg + 360.0 * turned_rev;
         }
-        let scratch = self.scratch.thread.get_or_insert_with(ThreadScratch::new);
+        let scratch = self.scratch.functions.thread.get_or_insert_with(ThreadScratch::new);
         run.fill(&self.settings.columns, angles_deg, *path_base_mm, scratch, block, start);
+    }
+}
+
+/// The pass that the tool is on.
+fn pass_on(track: &Track<Barrier>) -> Option<&ThreadRun> {
+    match track.current() {
+        Some(Planned::Barrier(Barrier::Function(FunctionBarrier::Thread(run)))) => Some(run),
+        _ => None,
     }
 }

@@ -16,16 +16,11 @@ use super::{DirectionMotion, ToolOscillation};
 use crate::shared::blend::BlendedPath;
 use crate::shared::columns::{ColumnMap, Samples};
 use crate::shared::setpoint::{BLOCK_LENGTH, SetpointBlock};
+use crate::shared::superposition::SuperpositionBarrier;
 use crate::shared::track::PathBarrier;
 
 /// A barrier of a part of the path on which the tool oscillates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) enum OscillationBarrier {
-    /// The part starts.
-    Start(Box<OscillationRun>),
-    /// It ends.
-    End,
-}
+pub(crate) type OscillationBarrier = SuperpositionBarrier<OscillationRun>;
 
 /// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
