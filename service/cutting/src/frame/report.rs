@@ -11,7 +11,7 @@ use crate::functions::tool_oscillation::{OscillationDirection, OscillationSectio
 use crate::shared::tool::ToolGeometry;
 
 /// Findings, one report per vibrating section and per thread, and the summary of the plan.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ValidationReport {
     /// Everything found, in the order of the source; the first ones in full where there are very many.
     pub findings: Vec<Finding>,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use feedwave_program::{Place, Reading, Severity};
 
-use crate::frame::builder::{Analysis, FunctionAnalysis};
+use crate::frame::builder::Analysis;
 use crate::frame::pipeline::{Pipeline, PipelineConfig, Step};
 use crate::frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 use crate::functions::thinning::report_findings;
@@ -184,8 +184,6 @@ impl Validation {
         let thinning = pipeline.thinning_report();
         let findings = std::mem::take(&mut pipeline.findings);
         let analysis = pipeline.builder.analysis.take().unwrap_or_default();
-        let FunctionAnalysis { vibration, oscillation, threads } = analysis.functions;
-        let oscillating_cutting_time_s = pipeline.builder.oscillating_cutting_time_s();
         let refused = findings.has_errors();
         let shares = pipeline.interpolator.shares();
         let if_accepted = |value: f64| if refused { 0.0 } else { value };
@@ -194,11 +192,6 @@ impl Validation {
             warnings: findings.count(Severity::Warning),
             infos: findings.count(Severity::Info),
             findings_not_listed: findings.dropped(),
-            section_count: vibration.sections.count,
-            thread_count: threads.reports.count,
-            oscillation_count: oscillation.reports.count,
-            oscillating_cutting_time_s: if_accepted(oscillating_cutting_time_s),
-            thread_passes: threads.passes,
             bytes: pipeline.place().offset,
             lines: u64::from(pipeline.interpreter_state().lines_read()),
             moves: analysis.moves,
@@ -215,15 +208,12 @@ impl Validation {
             tools: analysis.tools.into_iter().collect(),
             axes: if refused { Vec::new() } else { axes.into_iter().map(AxisTrace::finish).collect() },
             spindle_rev_per_min: analysis.spindle_rev_per_min,
+            ..ProgramSummary::default()
         };
-        ValidationReport {
-            findings: findings.into_sorted(),
-            sections: vibration.sections.first,
-            threads: threads.reports.first,
-            oscillations: oscillation.reports.first,
-            thinning,
-            summary,
-        }
+        let mut report =
+            ValidationReport { findings: findings.into_sorted(), thinning, summary, ..ValidationReport::default() };
+        pipeline.builder.report_functions(analysis.functions, &mut report);
+        report
     }
 }
 

@@ -1,18 +1,30 @@
-//! The machining functions in the builder: where they are switched, closed and ended, and the passes of threads.
+//! The machining functions in the builder: what they are given, where they are switched, closed and ended, what they ask of
+//! a cut, and what they report.
 //!
 //! This is the place, with [`Functions`] and [`FunctionAnalysis`], to which a function is added.
 
-use feedwave_motion::Planner;
-use feedwave_program::{Axis, Finding, FindingLog, Function, FunctionCommand, SourceSpan, ThreadMove};
+use std::sync::Arc;
+
+use feedwave_motion::kinematics::FiveAxisMotion;
+use feedwave_motion::{
+    Curve, Element, LimitExceeded, LimitPieces, Machine, PathMotion, Planner, limit_pieces, top_command,
+};
+use feedwave_program::{Finding, FindingLog, Function, FunctionCommand, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::Builder;
 use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
-use crate::functions::path_vibration::{Vibration, VibrationAnalysis};
-use crate::functions::thread::{Pass, ThreadAnalysis, Threads, WaitingPass};
-use crate::functions::tool_oscillation::{Oscillation, OscillationAnalysis};
+use crate::frame::report::ValidationReport;
+use crate::functions::five_axis::{Guide, GuideInputs};
+use crate::functions::path_vibration::{
+    GenerationMode, Vibration, VibrationAnalysis, VibrationDemand, VibrationInputs,
+};
+use crate::functions::thread::{ThreadAnalysis, ThreadInputs, Threads};
+use crate::functions::tool_oscillation::{Oscillation, OscillationAnalysis, OscillationInputs};
+use crate::shared::checks::is_rotary_only;
+use crate::shared::cut::Cut;
 
 /// What every function remembers between operations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,6 +40,67 @@ pub(crate) struct FunctionAnalysis {
     pub(crate) vibration: VibrationAnalysis,
     pub(crate) oscillation: OscillationAnalysis,
     pub(crate) threads: ThreadAnalysis,
+}
+
+/// What of a run's configuration every function is given.
+impl PipelineConfig {
+    pub(super) fn vibration_inputs(&self) -> VibrationInputs<'_> {
+        VibrationInputs {
+            settings: self.vibration(),
+            machine: &self.profile.machine,
+            following: &self.profile.following,
+            period_s: self.period_s(),
+            max_feed_override: self.profile.max_feed_override,
+            has_overrides: !self.overrides.is_empty(),
+        }
+    }
+
+    pub(super) fn thread_inputs(&self) -> ThreadInputs<'_> {
+        ThreadInputs {
+            settings: &self.profile.thread_vibration,
+            machine: &self.profile.machine,
+            period_s: self.period_s(),
+        }
+    }
+
+    pub(super) fn guide_inputs(&self) -> GuideInputs<'_> {
+        GuideInputs {
+            tools: &self.tools,
+            pole_tolerance_deg: self.profile.pole_tolerance_deg,
+            corner_direction_tolerance_deg: self.profile.corner_direction_tolerance_deg,
+        }
+    }
+}
+
+/// What the functions ask of the axes on an element.
+pub(super) struct Superposed {
+    /// The machine with what superposed offsets leave of its limits.
+    left: Option<Arc<Machine>>,
+    vibration: Option<VibrationDemand>,
+    /// Highest speed that is commanded, mm/s.
+    top_speed: f64,
+}
+
+impl Superposed {
+    /// The machine with the limits that are left.
+    pub(super) fn machine<'a>(&'a self, machine: &'a Machine) -> &'a Machine {
+        self.left.as_deref().unwrap_or(machine)
+    }
+
+    /// The limits of the element, in pieces.
+    pub(super) fn limit_pieces(&self, element: &Element, machine: &Machine) -> Result<LimitPieces, LimitExceeded> {
+        let machine = self.machine(machine);
+        match &self.vibration {
+            Some(demand) => demand.limit_pieces(element, machine, self.top_speed),
+            // Twice the commanded speed is the most that a feed override asks for.
+            None => limit_pieces(element, machine, PathMotion::ZERO, 2.0 * self.top_speed),
+        }
+    }
+
+    /// Whether the element is one of a section that vibrates along the path.
+    pub(super) const fn is_vibrating(&self) -> bool {
+        self.vibration.is_some()
+    }
 }
 
 impl Builder {
@@ -98,70 +171,112 @@ impl Builder {
         self.state.functions.threads.close(&config.thread_inputs(), analysis, findings);
     }
 
-    /// A threading block.
-    pub(super) fn thread(
-        &mut self,
-        mv: &ThreadMove,
+    /// Whether what is switched on can act on a cutting element of a move, or a finding.
+    pub(super) fn can_act_on(&self, element: &Element, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        if self.state.functions.vibration.is_on() && is_rotary_only(element) {
+            findings.push(no_path(span, "only rotary axes move here: there is no path to vibrate along"));
+            return false;
+        }
+        true
+    }
+
+    /// Whether what is switched on can act on a cut of a guided tool, or a finding.
+    pub(super) fn can_act_on_guided(
+        &self,
+        motion: &FiveAxisMotion,
         span: SourceSpan,
         config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
-    ) {
-        if self.state.functions.threads.ends_pass(mv) {
-            self.flush_threads(config, planner, findings);
+    ) -> bool {
+        if !self.state.functions.vibration.is_on() {
+            return true;
         }
-        self.state.functions.threads.add_block(mv, span, findings);
+        let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip().length_mm() == 0.0);
+        if motion.elements.iter().any(rests) {
+            let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
+            findings.push(no_path(span, message));
+            return false;
+        }
+        if config.generation_mode != GenerationMode::AlongPath {
+            let message = "under tool centre point control the tool vibrates along the path only: split over the axes it \
+                           would leave the path";
+            let finding = Finding::new(code::VIB_FIVE_AXIS, span, message);
+            findings.push(finding.suggest("choose the generation mode along the path"));
+            return false;
+        }
+        true
     }
 
-    /// Plans what waits: a rapid, or a pass that is complete now.
-    pub(super) fn flush_threads(
+    /// What the functions ask of the axes on an element; nothing on rapids.
+    pub(super) fn superpose(
         &mut self,
+        element: &Element,
+        cut: &Cut,
         config: &PipelineConfig,
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
-    ) {
-        let waiting = self.state.functions.threads.take_waiting();
-        let pass = self.thread_pass(&waiting, config, findings);
-        let WaitingPass { rapid, blocks } = waiting;
-        let mut combines = false;
-        if let Some((mut mv, span)) = rapid {
-            if let (Some(pass), Some(first)) = (&pass, blocks.first()) {
-                combines = pass.combine(&mut mv, first);
-            }
-            self.motion(&mv, span, config, planner, findings);
-        }
-        let (Some(pass), Some(last)) = (pass, blocks.last()) else { return };
-        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
-        let inputs = config.thread_inputs();
-        let threads = &self.state.functions.threads;
-        let Some(run) = threads.run(&pass, &blocks, !combines, &inputs, analysis, findings) else { return };
-        self.state.radius_mm = last.end()[Axis::X.index()];
-        if let Some(analysis) = &mut self.analysis {
-            analysis.moves += blocks.len() as u64;
-            analysis.cutting_moves += blocks.len() as u64;
-            analysis.path_length_mm += run.path.length_mm();
-            analysis.cutting_length_mm += run.path.length_mm();
-            analysis.turns_at(60.0 * pass.rev_per_s());
-        }
-        planner.push_barrier(Barrier::from(run));
+    ) -> Superposed {
+        let machine = &config.profile.machine;
+        let left = if element.rapid { None } else { self.oscillate(element, cut, config, planner, findings) };
+        let top_speed = top_command(element, cut.feed, &cut.spindle, left.as_deref().unwrap_or(machine));
+        let vibration = if element.rapid { None } else { self.vibrate(element, top_speed, config, planner) };
+        Superposed { left, vibration, top_speed }
     }
 
-    /// The pass that waiting blocks are; nothing where there are none, or after a finding.
-    fn thread_pass(
+    /// What the oscillation leaves of the axes' limits on an element.
+    fn oscillate(
         &mut self,
-        waiting: &WaitingPass,
+        element: &Element,
+        cut: &Cut,
         config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
-    ) -> Option<Pass> {
-        let first = waiting.blocks.first()?;
-        let path = Pass::path(&waiting.blocks, &config.profile.machine, findings)?;
-        self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
-        if self.state.functions.vibration.is_on() {
-            let message = "vibration along the path does not act on a thread, but is on";
-            let finding = Finding::new(code::VIB_THREAD, first.span, message);
-            findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
-        }
-        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
-        self.state.functions.threads.pass(first, path, &config.thread_inputs(), analysis, findings)
+    ) -> Option<Arc<Machine>> {
+        let inputs = OscillationInputs {
+            conditions: &config.profile.tool_oscillation,
+            floor: &config.profile.oscillation_floor,
+            request: &config.oscillation,
+            machine: &config.profile.machine,
+            tools: &config.tools,
+            tool: self.state.tool,
+            rotary: self.guide.as_ref().and_then(Guide::under_fixed_spindle),
+            vibrates: self.state.functions.vibration.is_on(),
+        };
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.oscillation);
+        self.state.functions.oscillation.superpose(element, cut, &inputs, analysis, planner, findings)
     }
+
+    /// What the vibration along the path asks of the axes on an element.
+    fn vibrate(
+        &mut self,
+        element: &Element,
+        top_speed: f64,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+    ) -> Option<VibrationDemand> {
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
+        let vibration = &mut self.state.functions.vibration;
+        vibration.superpose(element, top_speed, &config.vibration_inputs(), analysis, planner)
+    }
+
+    /// Adds what the functions found out about the program to its report, whose summary says whether it is refused.
+    pub(crate) fn report_functions(&self, analysis: FunctionAnalysis, report: &mut ValidationReport) {
+        let FunctionAnalysis { vibration, oscillation, threads } = analysis;
+        let is_accepted = report.is_accepted();
+        let summary = &mut report.summary;
+        summary.section_count = vibration.sections.count;
+        summary.oscillation_count = oscillation.reports.count;
+        summary.thread_count = threads.reports.count;
+        summary.thread_passes = threads.passes;
+        if is_accepted {
+            summary.oscillating_cutting_time_s = self.state.functions.oscillation.cutting_time_s();
+        }
+        report.sections = vibration.sections.first;
+        report.oscillations = oscillation.reports.first;
+        report.threads = threads.reports.first;
+    }
+}
+
+fn no_path(span: SourceSpan, message: &str) -> Finding {
+    Finding::new(code::VIB_ROTARY_ONLY, span, message).suggest("switch the vibration off for this block")
 }

@@ -1,15 +1,12 @@
 //! Moves under tool centre point control.
 
-use feedwave_motion::kinematics::FiveAxisMotion;
-use feedwave_motion::{Curve, Element, Planner};
-use feedwave_program::{Finding, FindingLog, GuidedMove, MoveKind, SourceSpan};
+use feedwave_motion::Planner;
+use feedwave_program::{FindingLog, GuidedMove, MoveKind, SourceSpan};
 
 use super::Builder;
-use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::{Guided, no_kinematics};
-use crate::functions::path_vibration::GenerationMode;
 use crate::shared::checks::check_travel;
 use crate::shared::cut::Cut;
 
@@ -44,7 +41,7 @@ impl Builder {
         } else {
             self.close_section(planner, findings);
         }
-        if cutting && self.state.functions.vibration.is_on() && !may_vibrate(&motion, span, config, findings) {
+        if cutting && !self.can_act_on_guided(&motion, span, config, findings) {
             return;
         }
         if let Some(analysis) = &mut self.analysis {
@@ -60,24 +57,4 @@ impl Builder {
         }
         self.run_smoothed(config, planner, findings);
     }
-}
-
-/// Whether a guided cut may vibrate along its path, or a finding.
-fn may_vibrate(motion: &FiveAxisMotion, span: SourceSpan, config: &PipelineConfig, findings: &mut FindingLog) -> bool {
-    let rests = |element: &Element| matches!(&element.curve, Curve::FiveAxis(it) if it.tip().length_mm() == 0.0);
-    if motion.elements.iter().any(rests) {
-        let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
-        let finding = Finding::new(code::VIB_ROTARY_ONLY, span, message);
-        findings.push(finding.suggest("switch the vibration off for this block"));
-        return false;
-    }
-    if config.generation_mode != GenerationMode::AlongPath {
-        let message = "under tool centre point control the tool vibrates along the path only: split over the axes it would \
-                       leave the path";
-        findings.push(
-            Finding::new(code::VIB_FIVE_AXIS, span, message).suggest("choose the generation mode along the path"),
-        );
-        return false;
-    }
-    true
 }

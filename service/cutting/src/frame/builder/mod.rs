@@ -4,13 +4,13 @@
 mod checks;
 mod functions;
 mod guided;
+mod threads;
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use feedwave_motion::{
-    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathMotion, PathSmoother, Planner, Smoothed,
-    limit_pieces, missing_axis, stretches, top_command,
+    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathSmoother, Planner, Smoothed, missing_axis,
+    stretches,
 };
 use feedwave_program::{
     DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
@@ -24,9 +24,7 @@ use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
-use crate::functions::path_vibration::VibrationDemand;
-use crate::functions::tool_oscillation::OscillationInputs;
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, is_rotary_only, missing, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
 use crate::shared::cut::Cut;
 
 /// Modal state between operations.
@@ -97,11 +95,6 @@ impl BuilderState {
 impl Builder {
     pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
         Self { state, analysis, guide, chosen: None, smoothed: Vec::new() }
-    }
-
-    /// Cutting time with an oscillating tool so far, at the programmed feed, s.
-    pub(crate) const fn oscillating_cutting_time_s(&self) -> f64 {
-        self.state.functions.oscillation.cutting_time_s()
     }
 
     /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
@@ -180,11 +173,6 @@ impl Builder {
         }
     }
 
-    /// Whether a rapid waits for a thread that may follow.
-    fn holds_rapid(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig) -> bool {
-        self.state.functions.threads.holds_rapid(mv, span, &config.profile.thread_vibration)
-    }
-
     /// What an M code of the machine does to the path.
     fn machine_code(
         &mut self,
@@ -254,16 +242,7 @@ impl Builder {
         } else {
             self.close_section(planner, findings);
         }
-        let is_vibrating = cutting && self.state.functions.vibration.is_on();
-        if is_vibrating && is_rotary_only(&element) {
-            findings.push(
-                Finding::new(
-                    code::VIB_ROTARY_ONLY,
-                    span,
-                    "only rotary axes move here: there is no path to vibrate along",
-                )
-                .suggest("switch the vibration off for this block"),
-            );
+        if cutting && !self.can_act_on(&element, span, findings) {
             return;
         }
         self.state.radius_mm = mv.end[0];
@@ -305,20 +284,14 @@ impl Builder {
             // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
             check_travel(&element, machine, findings);
         }
-        let left = if cutting { self.oscillate(&element, &cut, config, planner, findings) } else { None };
-        let machine = left.as_deref().unwrap_or(machine);
-        let top_speed = top_command(&element, cut.feed, &cut.spindle, machine);
-        let vibration = if cutting { self.vibrate(&element, top_speed, config, planner) } else { None };
-        let pieces = match &vibration {
-            Some(demand) => demand.limit_pieces(&element, machine, top_speed),
-            // Twice the commanded speed is the most that a feed override asks for.
-            None => limit_pieces(&element, machine, PathMotion::ZERO, 2.0 * top_speed),
-        };
+        let superposed = self.superpose(&element, &cut, config, planner, findings);
+        let pieces = superposed.limit_pieces(&element, machine);
+        let machine = superposed.machine(machine);
         let limits = match &pieces {
             Ok(pieces) => Ok(PathLimits::tightest(pieces.iter().map(|piece| &piece.limits))),
             Err(exceeded) => Err(*exceeded),
         };
-        self.analyse(&cut, &element, &limits, vibration.is_some(), machine);
+        self.analyse(&cut, &element, &limits, superposed.is_vibrating(), machine);
         let pieces = match pieces {
             Ok(pieces) => pieces,
             Err(exceeded) => {
@@ -342,47 +315,11 @@ impl Builder {
             self.check_feed(&stretches, &element, findings);
         }
         // Where the vibration has to wait for a corner, the path rests there.
-        let passes_corners = vibration.is_none();
+        let passes_corners = !superposed.is_vibrating();
         let mut request = MotionRequest::new(element, stretches);
         request.rest_at_end = rest_at_end;
         request.passes_corners = passes_corners;
         planner.push_motion(request);
-    }
-
-    /// What the oscillation leaves of the axes' limits on an element.
-    fn oscillate(
-        &mut self,
-        element: &Element,
-        cut: &Cut,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-        findings: &mut FindingLog,
-    ) -> Option<Arc<Machine>> {
-        let inputs = OscillationInputs {
-            conditions: &config.profile.tool_oscillation,
-            floor: &config.profile.oscillation_floor,
-            request: &config.oscillation,
-            machine: &config.profile.machine,
-            tools: &config.tools,
-            tool: self.state.tool,
-            rotary: self.guide.as_ref().and_then(Guide::under_fixed_spindle),
-            vibrates: self.state.functions.vibration.is_on(),
-        };
-        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.oscillation);
-        self.state.functions.oscillation.superpose(element, cut, &inputs, analysis, planner, findings)
-    }
-
-    /// What the vibration along the path asks of the axes on an element.
-    fn vibrate(
-        &mut self,
-        element: &Element,
-        top_speed: f64,
-        config: &PipelineConfig,
-        planner: &mut Planner<Barrier>,
-    ) -> Option<VibrationDemand> {
-        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
-        let vibration = &mut self.state.functions.vibration;
-        vibration.superpose(element, top_speed, &config.vibration_inputs(), analysis, planner)
     }
 
     /// Whether a section in progress reports what its axes cannot follow.

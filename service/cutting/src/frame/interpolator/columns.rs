@@ -17,11 +17,7 @@ pub(super) struct Scratch {
 
 impl Scratch {
     pub(super) fn new() -> Self {
-        Self {
-            s: vec![0.0; BLOCK_LENGTH],
-            speed: vec![0.0; BLOCK_LENGTH],
-            functions: FunctionScratch::default(),
-        }
+        Self { s: vec![0.0; BLOCK_LENGTH], speed: vec![0.0; BLOCK_LENGTH], functions: FunctionScratch::default() }
     }
 }
 

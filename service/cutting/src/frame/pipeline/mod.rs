@@ -1,7 +1,6 @@
 //! From program bytes to setpoints, without I/O: bytes are pushed in, blocks are pulled out.
 
 mod config;
-mod inputs;
 mod overrides;
 mod reading;
 
@@ -37,7 +36,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 20;
+const SNAPSHOT_VERSION: u8 = 21;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

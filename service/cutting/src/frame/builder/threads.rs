@@ -1,0 +1,84 @@
+//! Threading blocks: passes wait for the block behind them, and rapids for the pass that may follow.
+
+use feedwave_motion::Planner;
+use feedwave_program::{Axis, Finding, FindingLog, Move, SourceSpan, ThreadMove};
+
+use super::Builder;
+use crate::code;
+use crate::frame::interpolator::Barrier;
+use crate::frame::pipeline::PipelineConfig;
+use crate::functions::thread::{Pass, WaitingPass};
+
+impl Builder {
+    /// Whether a rapid waits for a thread that may follow.
+    pub(super) fn holds_rapid(&mut self, mv: &Move, span: SourceSpan, config: &PipelineConfig) -> bool {
+        self.state.functions.threads.holds_rapid(mv, span, &config.profile.thread_vibration)
+    }
+
+    /// A threading block.
+    pub(super) fn thread(
+        &mut self,
+        mv: &ThreadMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        if self.state.functions.threads.ends_pass(mv) {
+            self.flush_threads(config, planner, findings);
+        }
+        self.state.functions.threads.add_block(mv, span, findings);
+    }
+
+    /// Plans what waits: a rapid, or a pass that is complete now.
+    pub(super) fn flush_threads(
+        &mut self,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        let waiting = self.state.functions.threads.take_waiting();
+        let pass = self.thread_pass(&waiting, config, findings);
+        let WaitingPass { rapid, blocks } = waiting;
+        let mut combines = false;
+        if let Some((mut mv, span)) = rapid {
+            if let (Some(pass), Some(first)) = (&pass, blocks.first()) {
+                combines = pass.combine(&mut mv, first);
+            }
+            self.motion(&mv, span, config, planner, findings);
+        }
+        let (Some(pass), Some(last)) = (pass, blocks.last()) else { return };
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
+        let inputs = config.thread_inputs();
+        let threads = &self.state.functions.threads;
+        let Some(run) = threads.run(&pass, &blocks, !combines, &inputs, analysis, findings) else { return };
+        self.state.radius_mm = last.end()[Axis::X.index()];
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += blocks.len() as u64;
+            analysis.cutting_moves += blocks.len() as u64;
+            analysis.path_length_mm += run.path.length_mm();
+            analysis.cutting_length_mm += run.path.length_mm();
+            analysis.turns_at(60.0 * pass.rev_per_s());
+        }
+        planner.push_barrier(Barrier::from(run));
+    }
+
+    /// The pass that waiting blocks are; nothing where there are none, or after a finding.
+    fn thread_pass(
+        &mut self,
+        waiting: &WaitingPass,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<Pass> {
+        let first = waiting.blocks.first()?;
+        let path = Pass::path(&waiting.blocks, &config.profile.machine, findings)?;
+        self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
+        if self.state.functions.vibration.is_on() {
+            let message = "vibration along the path does not act on a thread, but is on";
+            let finding = Finding::new(code::VIB_THREAD, first.span, message);
+            findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
+        }
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
+        self.state.functions.threads.pass(first, path, &config.thread_inputs(), analysis, findings)
+    }
+}
