@@ -13,6 +13,7 @@ use feedwave_motion::{Machine, MachineAxis, PathMotion, limit_pieces};
 use feedwave_program::{Axis, SourceSpan};
 
 const SETPOINTS: u32 = 4_096;
+const AXES: [Axis; 5] = [Axis::X, Axis::Y, Axis::Z, Axis::C, Axis::A];
 
 fn axis(axis: Axis, direction: [f64; 3], point_mm: [f64; 3]) -> ChainAxis {
     ChainAxis { axis, direction, point_mm, range: None, wrap: Wrap::Counting }
@@ -22,7 +23,8 @@ fn block(end_mm: [f64; 3], toward: Toward) -> FiveAxisBlock {
     FiveAxisBlock { end_mm, circle: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
 }
 
-fn poses(criterion: &mut Criterion) {
+/// A table that carries the work on C and A.
+fn table() -> Kinematics {
     let chain = vec![
         axis(Axis::C, [0.0, 0.0, 1.0], [10.0, 5.0, 0.0]),
         axis(Axis::A, [1.0, 0.0, 0.0], [0.0, 5.3, 40.0]),
@@ -36,11 +38,15 @@ fn poses(criterion: &mut Criterion) {
         tool_direction: [0.0, 0.0, 1.0],
         preferred_branch: BranchPreference::Nearest,
     };
-    let machine = Kinematics::new(&description).expect("a valid machine");
+    Kinematics::new(&description).expect("a valid machine")
+}
+
+/// The inverse solution at every place of a segment.
+fn poses(criterion: &mut Criterion) {
+    let (machine, setup) = (table(), Setup::new([0.0; 3], 100.0));
     let circle = GreatCircle::new([0.0, 0.6, 0.8], [0.6, 0.0, 0.8]).expect("not opposite");
     let great_circle = DirectionPath::GreatCircle(circle);
     let angles = DirectionPath::Angles { start_rad: [0.0, 0.5], end_rad: [1.0, 0.6] };
-    let setup = Setup::new([0.0; 3], 100.0);
     let mut group = criterion.benchmark_group("five axes");
     group.throughput(Throughput::Elements(u64::from(SETPOINTS)));
     for (name, direction) in [("great circle", great_circle), ("angles", angles)] {
@@ -58,8 +64,15 @@ fn poses(criterion: &mut Criterion) {
             });
         });
     }
+    group.finish();
+}
+
+/// The axes of an element that was solved.
+fn columns(criterion: &mut Criterion) {
+    let (machine, setup) = (table(), Setup::new([0.0; 3], 100.0));
+    let mut group = criterion.benchmark_group("five axes");
+    group.throughput(Throughput::Elements(u64::from(SETPOINTS)));
     let start = machine.point_with([0.0; 3], [0.0, 30.0], &[0.0; 9], &setup).expect("a pose");
-    let axes = [Axis::X, Axis::Y, Axis::Z, Axis::C, Axis::A];
     let angles = Toward::Angles([57.0, 35.0]);
     let vector = Toward::Vector([0.6, 0.0, 0.8]);
     for (name, toward) in [("columns, great circle", vector), ("columns, angles", angles)] {
@@ -69,15 +82,23 @@ fn poses(criterion: &mut Criterion) {
         let mut column = vec![0.0; places.len()];
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
-                for axis in axes {
+                for axis in AXES {
                     element[0].fill_axis(axis, black_box(&places), &mut column);
                     black_box(&column);
                 }
             });
         });
     }
+    group.finish();
+}
+
+/// Solving an element, and its limits.
+fn blocks(criterion: &mut Criterion) {
+    let (machine, setup) = (table(), Setup::new([0.0; 3], 100.0));
+    let mut group = criterion.benchmark_group("five axes");
+    let start = machine.point_with([0.0; 3], [0.0, 30.0], &[0.0; 9], &setup).expect("a pose");
     let limits =
-        Machine { axes: axes.map(|axis| MachineAxis::new(axis, 300.0, 3_000.0, 1e6)).to_vec(), ..Machine::mill() };
+        Machine { axes: AXES.map(|axis| MachineAxis::new(axis, 300.0, 3_000.0, 1e6)).to_vec(), ..Machine::mill() };
     // One degree in a millimetre.
     let angles = Toward::Angles([0.8, 30.6]);
     let vector = Toward::Vector(add_scaled(start.direction, [0.6, 0.0, 0.8], 0.02));
@@ -94,5 +115,5 @@ fn poses(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, poses);
+criterion_group!(benches, poses, columns, blocks);
 criterion_main!(benches);

@@ -2,23 +2,26 @@
 
 use core::f64::consts::TAU;
 
-use feedwave_program::{AXIS_COUNT, ArcGeometry, Axis, Move, MoveKind, Position, SourceSpan};
+use feedwave_program::{AXIS_COUNT, Axis, Move, MoveKind, Position, SourceSpan};
 use serde::{Deserialize, Serialize};
 use smallvec::{SmallVec, smallvec};
 
 use crate::kinematics::TipPath;
 use crate::sin_turns;
-use crate::tolerance::{HUGE_RADIUS_MM, SAME_POINT_MM};
+use crate::tolerance::SAME_POINT_MM;
 
+mod arc;
 mod bezier;
 mod fit;
 mod five_axis;
+mod polynomial;
 mod spline;
 
+pub use arc::Arc;
 pub use five_axis::FiveAxis;
 pub(crate) use five_axis::FiveAxisPiece;
+pub(crate) use polynomial::{COEFFICIENTS, Part, shifted};
 pub use spline::Spline;
-pub(crate) use spline::{COEFFICIENTS, Part, shifted};
 
 /// One element of the path, in work coordinates (under five-axis motion in those of the chain of axes), over its arc length
 /// `s` from 0 to `length`.
@@ -53,82 +56,6 @@ pub enum Curve {
     /// Straight or an arc for the tool centre point on the workpiece (or the curve at a corner) while the tool direction turns;
     /// start and end are those of the machine's axes. Every axis beside the chain moves in proportion to the arc length.
     FiveAxis(Box<FiveAxis>),
-}
-
-/// A circular arc. Start and end radius may differ within the arc tolerance: the radius then changes in
-/// proportion to the angle, so that both ends are exact and the path is continuous.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Arc {
-    /// First axis of the plane.
-    pub first: Axis,
-    /// Second axis of the plane.
-    pub second: Axis,
-    /// Centre: first and second axis, mm.
-    pub center: [f64; 2],
-    /// Radius at the start, mm.
-    pub start_radius_mm: f64,
-    /// Radius at the end, mm.
-    pub end_radius_mm: f64,
-    /// Angle of the start seen from the centre, rad.
-    pub start_angle_rad: f64,
-    /// Swept angle, rad; positive from the first to the second axis.
-    pub sweep_rad: f64,
-}
-
-impl Arc {
-    fn new(geometry: &ArcGeometry, start: &Position, end: &Position) -> Self {
-        let (first, second) = geometry.plane.axes();
-        let from_center =
-            |point: &Position| [point[first.index()] - geometry.center[0], point[second.index()] - geometry.center[1]];
-        let [u0, v0] = from_center(start);
-        let [u1, v1] = from_center(end);
-        let mut arc = Self {
-            first,
-            second,
-            center: geometry.center,
-            start_radius_mm: libm::hypot(u0, v0),
-            end_radius_mm: libm::hypot(u1, v1),
-            start_angle_rad: libm::atan2(v0, u0),
-            sweep_rad: geometry.sweep_rad,
-        };
-        if arc.is_huge() && arc.sweep_rad.abs() < 1.0 {
-            // A difference of two angles is as exact as a rounded angle, too coarse here; the chord gives it exactly.
-            let [du, dv] = [end[first.index()] - start[first.index()], end[second.index()] - start[second.index()]];
-            arc.sweep_rad = libm::atan2(u0 * dv - v0 * du, u0 * u1 + v0 * v1);
-        }
-        arc
-    }
-
-    /// Whether angles about the centre are too coarse to place points on the circle.
-    fn is_huge(&self) -> bool {
-        self.start_radius_mm > HUGE_RADIUS_MM
-    }
-
-    /// Smallest radius, mm.
-    #[must_use]
-    pub fn least_radius_mm(&self) -> f64 {
-        self.start_radius_mm.min(self.end_radius_mm)
-    }
-
-    /// Largest radius, mm.
-    fn largest_radius_mm(&self) -> f64 {
-        self.start_radius_mm.max(self.end_radius_mm)
-    }
-
-    fn radius_mm(&self, share: f64) -> f64 {
-        self.start_radius_mm + (self.end_radius_mm - self.start_radius_mm) * share
-    }
-
-    /// Whether the arc has an extreme of position or speed in the direction `angle_rad` of one of its axes.
-    ///
-    /// Where the radius changes by ρ per radian, the extremes lie up to atan(2·|ρ|/r) beside the direction.
-    fn passes(&self, angle_rad: f64) -> bool {
-        let radial_mm = (self.end_radius_mm - self.start_radius_mm).abs();
-        let beside_rad = 2.0 * radial_mm / (self.sweep_rad.abs() * self.least_radius_mm()).max(f64::MIN_POSITIVE);
-        let ahead = (angle_rad - self.start_angle_rad) * self.sweep_rad.signum();
-        let ahead = ahead - (ahead / TAU).floor() * TAU;
-        ahead <= self.sweep_rad.abs() + beside_rad || ahead >= TAU - beside_rad
-    }
 }
 
 impl Element {

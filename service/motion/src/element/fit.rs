@@ -7,7 +7,8 @@
 //! measured there and at the quarters, and a span is halved until it is small enough. Lengths are Gauss-Legendre sums.
 
 use super::bezier::{Bezier, binomial};
-use super::spline::{COEFFICIENTS, Piece};
+use super::polynomial::COEFFICIENTS;
+use super::spline::Piece;
 use crate::tolerance::{
     MAX_SPLINE_HALVINGS, MAX_SPLINE_PIECES, SPLINE_FIT_MM, SPLINE_FIT_TANGENT, SPLINE_QUADRATURE, SPLINE_ROUNDING,
 };

@@ -10,7 +10,7 @@
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
-use super::spline::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest, shifted};
+use super::polynomial::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest, shifted};
 use crate::kinematics::TipPath;
 use crate::kinematics::{FiveAxisRefusal, KinematicsError, Setup};
 use crate::tolerance::{FIVE_AXIS_NOTHING, SAME_START_MM, SAME_START_RAD};

@@ -91,6 +91,16 @@ impl Frame {
     }
 }
 
+/// Half of the width on which a great circle is bent through a pole that it passes at the angle `beside_rad`, as a sine: as far
+/// as both ends allow, which are at these angles from there. None where bending would not help: bent, the first axis turns by
+/// what is left to half a turn otherwise.
+fn bent_width(ends_rad: [f64; 2], beside_rad: f64) -> Option<f64> {
+    // An end in the pole itself is no end of anything.
+    let angles_rad = ends_rad.map(|end| end.abs().min(FRAC_PI_2)).into_iter().filter(|&end| end > POLE_RAD);
+    let width = libm::sin(angles_rad.fold(FRAC_PI_2, f64::min));
+    (width > libm::sin(beside_rad.abs()) || beside_rad.abs() <= POLE_RAD).then_some(width)
+}
+
 impl Turning {
     /// Along the great circle from `from` to `to` (unit vectors in chain coordinates), in the branch that is nearest to
     /// `reference_rad` where it starts. A pole within `tolerance_rad` is passed through. `None` for equal directions.
@@ -140,22 +150,16 @@ impl Turning {
         let is_passed = is_between(nearest) && frame.reaches_pole(sign);
         if is_passed && beside_rad.abs() <= tolerance_rad.max(POLE_RAD) {
             let ends = [turning.start_rad, turning.start_rad + angle_rad];
-            // As far as both ends allow; an end in the pole itself is no end of anything.
-            let width = ends
-                .map(|end| end.abs().min(FRAC_PI_2))
-                .into_iter()
-                .filter(|&end| end > POLE_RAD)
-                .fold(FRAC_PI_2, f64::min);
-            let width = libm::sin(width);
-            // Bent, the first axis turns by what is left to half a turn otherwise.
-            if width > libm::sin(beside_rad.abs()) || beside_rad.abs() <= POLE_RAD {
-                turning.bent = Some(width);
-            }
+            turning.bent = bent_width(ends, beside_rad);
         }
-        let mut best = f64::INFINITY;
-        let mut chosen = turning;
+        turning.in_nearest_branch(reference_rad).map(Some)
+    }
+
+    /// In the branch that is nearest to `reference_rad` where it starts.
+    fn in_nearest_branch(self, reference_rad: [f64; 2]) -> Result<Self, KinematicsError> {
+        let (mut best, mut chosen) = (f64::INFINITY, self);
         for branch in [1.0, -1.0] {
-            let candidate = Self { branch, ..turning };
+            let candidate = Self { branch, ..self };
             let values = candidate.at(0.0)?;
             let values = [0, 1].map(|axis| nearest_turn(values[axis], reference_rad[axis]));
             let travel = travel(values, reference_rad);
@@ -163,7 +167,7 @@ impl Turning {
                 (best, chosen) = (travel, candidate);
             }
         }
-        Ok(Some(chosen))
+        Ok(chosen)
     }
 
     /// Largest angle between the great circle and the direction that is taken, rad.

@@ -1,0 +1,124 @@
+//! Parts of profiles: a run of stretches has one profile, of which every stretch is a part.
+
+use serde::{Deserialize, Serialize};
+
+use super::Profile;
+
+/// A part of a profile: from one of its path positions to another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProfilePart {
+    profile: Profile,
+    /// Path positions of its start and end on the profile, mm, and the times they are passed at, s.
+    start: (f64, f64),
+    end: (f64, f64),
+}
+
+impl ProfilePart {
+    /// The part of `profile` from path position `start` to `end`, mm.
+    #[must_use]
+    pub fn new(profile: Profile, start: f64, end: f64) -> Self {
+        let start_s = profile.time_at(start);
+        let end_s = profile.time_at(end).max(start_s);
+        Self { profile, start: (start, start_s), end: (end, end_s) }
+    }
+
+    /// The part with its profile broken off at local time `t_s`, see [`Profile::broken_off`]: what lies before is the
+    /// same to the bit.
+    #[must_use]
+    pub fn broken_off(&self, t_s: f64) -> Self {
+        self.on(self.profile.broken_off(self.start.1 + t_s.clamp(0.0, self.duration())), self.start.1)
+    }
+
+    /// This part once the one before it on the same profile was broken off.
+    #[must_use]
+    pub fn after(&self, before: &Self) -> Self {
+        self.on(before.profile, before.end.1)
+    }
+
+    /// The part on another profile, which it enters at `start_s`, as far as that goes.
+    fn on(&self, profile: Profile, start_s: f64) -> Self {
+        let end = self.end.0.min(profile.length);
+        Self { profile, start: (self.start.0, start_s), end: (end, profile.time_at(end).max(start_s)) }
+    }
+
+    /// The profile it is a part of.
+    #[must_use]
+    pub const fn whole(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Path positions of its start and end on the whole profile, mm.
+    #[must_use]
+    pub const fn range(&self) -> [f64; 2] {
+        [self.start.0, self.end.0]
+    }
+
+    /// Time on the whole profile at its start, s.
+    #[must_use]
+    pub const fn start_time_s(&self) -> f64 {
+        self.start.1
+    }
+
+    /// Length covered, mm.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.end.0 - self.start.0
+    }
+
+    /// Time taken, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.end.1 - self.start.1
+    }
+
+    /// How its time divides among the phases of the profile; together [`ProfilePart::duration`].
+    #[must_use]
+    pub fn phase_times(&self) -> PhaseTimes {
+        let Profile { rise, fall, cruise_s, .. } = self.profile;
+        let mut start_s = 0.0;
+        let mut within_part = |duration_s: f64| {
+            let end_s = start_s + duration_s;
+            let time_s = (end_s.min(self.end.1) - start_s.max(self.start.1)).max(0.0);
+            start_s = end_s;
+            time_s
+        };
+        let mut times = PhaseTimes::default();
+        times.jerk_s += within_part(rise.ramp_s);
+        times.acceleration_s += within_part(rise.hold_s);
+        times.jerk_s += within_part(rise.ramp_s);
+        times.cruise_s += within_part(cruise_s);
+        times.jerk_s += within_part(fall.ramp_s);
+        times.acceleration_s += within_part(fall.hold_s);
+        times.jerk_s += within_part(fall.ramp_s);
+        times
+    }
+
+    /// Path position from its start, speed, acceleration and jerk at local time `t_s`; the ends beyond them.
+    #[must_use]
+    pub fn state(&self, t_s: f64) -> (f64, f64, f64, f64) {
+        // A sum could miss the end by a bit.
+        let time_s = if t_s >= self.duration() { self.end.1 } else { self.start.1 + t_s.max(0.0) };
+        let (s, v, a, j) = self.profile.state(time_s);
+        ((s - self.start.0).clamp(0.0, self.length()), v, a, j)
+    }
+
+    /// Path positions from its start and speeds at the local times `(first + k) · period_s − offset_s`. Each value
+    /// depends on its own time only, whatever `first` a fill starts with.
+    ///
+    /// # Panics
+    /// When the slices differ in length.
+    pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
+        self.profile.fill_part(first, period_s, offset_s - self.start.1, self.range(), out_s, out_v);
+    }
+}
+
+/// Times spent in the phases of a profile, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PhaseTimes {
+    /// While the acceleration changes.
+    pub jerk_s: f64,
+    /// At constant acceleration other than zero.
+    pub acceleration_s: f64,
+    /// At constant speed.
+    pub cruise_s: f64,
+}
