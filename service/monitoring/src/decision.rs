@@ -348,32 +348,9 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
         let after = Overrides { feed, ..inputs.before };
         return Outcome { after, feed_bound: Some(Bound::Lower), ..outcome(action, Reason::AboveLimitAtBound) };
     }
-    let wanted = match &rules.spindle {
-        SpindleRule::None => None,
-        SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => match properties.mean_angle {
-            Some((angle, concentration)) if concentration >= *min_concentration => {
-                if angle < *lower_deg {
-                    Some((inputs.before.spindle * (1.0 + step), Reason::AngleBelowLimit))
-                } else if angle > *upper_deg {
-                    Some((inputs.before.spindle * (1.0 - step), Reason::AngleAboveLimit))
-                } else {
-                    None
-                }
-            }
-            _ => None,
-        },
-        SpindleRule::Milling { limit, table } if value >= *limit => {
-            let known =
-                inputs.current_rev_per_min.zip(inputs.programmed_rev_per_min.filter(|&rev_per_min| rev_per_min > 0.0));
-            let Some((current_rev_per_min, programmed_rev_per_min)) = known else {
-                return outcome(Action::Hold, Reason::SpeedUnknown);
-            };
-            let Some(spindle_rev_per_min) = table.spindle_rev_per_min(current_rev_per_min) else {
-                return outcome(Action::Hold, Reason::SpeedNotInTable);
-            };
-            Some((spindle_rev_per_min / programmed_rev_per_min, Reason::SpeedFromTable))
-        }
-        SpindleRule::Milling { .. } => None,
+    let wanted = match wanted_spindle(inputs, properties, value) {
+        Ok(wanted) => wanted,
+        Err(reason) => return outcome(Action::Hold, reason),
     };
     let mut spindle_bound = None;
     if let Some((wanted, reason)) = wanted {
@@ -396,6 +373,32 @@ fn process(inputs: &Inputs, properties: &Properties, outcome: impl Fn(Action, Re
     let action = if feed == inputs.before.feed { Action::Keep } else { Action::Change };
     let after = Overrides { feed, ..inputs.before };
     Outcome { after, feed_bound, spindle_bound, ..outcome(action, reason) }
+}
+
+/// The spindle override that the spindle rule wants and why, where it wants another one; an error is why it cannot say.
+fn wanted_spindle(inputs: &Inputs, properties: &Properties, value: f64) -> Result<Option<(f64, Reason)>, Reason> {
+    let before = inputs.before.spindle;
+    match &inputs.rules.spindle {
+        SpindleRule::Turning { lower_deg, upper_deg, step, min_concentration } => match properties.mean_angle {
+            Some((angle, concentration)) if concentration >= *min_concentration => {
+                if angle < *lower_deg {
+                    Ok(Some((before * (1.0 + step), Reason::AngleBelowLimit)))
+                } else if angle > *upper_deg {
+                    Ok(Some((before * (1.0 - step), Reason::AngleAboveLimit)))
+                } else {
+                    Ok(None)
+                }
+            }
+            _ => Ok(None),
+        },
+        SpindleRule::Milling { limit, table } if value >= *limit => {
+            let programmed = inputs.programmed_rev_per_min.filter(|&rev_per_min| rev_per_min > 0.0);
+            let (current, programmed) = inputs.current_rev_per_min.zip(programmed).ok_or(Reason::SpeedUnknown)?;
+            let rev_per_min = table.spindle_rev_per_min(current).ok_or(Reason::SpeedNotInTable)?;
+            Ok(Some((rev_per_min / programmed, Reason::SpeedFromTable)))
+        }
+        SpindleRule::None | SpindleRule::Milling { .. } => Ok(None),
+    }
 }
 
 /// The value within bounds, and which one it hit.
