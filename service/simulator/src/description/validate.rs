@@ -58,6 +58,7 @@ impl Check {
     }
 }
 
+// As long as the list of quantities: every condition is one line.
 pub(super) fn violations(description: &Description) -> Vec<Violation> {
     let mut check = Check(Vec::new());
     let rate_hz = f64::from(description.sample_rate_hz);
