@@ -1,22 +1,24 @@
 //! Runs and their decisions in SQLite.
 
+mod commit;
+
 use async_trait::async_trait;
-use bytes::Bytes;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use self::commit::{Packed, pack, write};
 use super::SqliteStore;
-use super::compress::{compress, decompress, offload};
+use super::compress::{decompress, offload};
 use super::fault::{is_reference, json, parsed, signed, to_json, unsigned};
 use super::writer::Transaction;
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest, Scope};
 use crate::runs::{
-    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,
-    RunCommit, RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run, RunCommit,
+    RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
 };
 
 /// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
@@ -147,63 +149,6 @@ async fn refusal(connection: &mut SqliteConnection, id: Uuid) -> Result<StoreErr
         RunState::Open => StoreError::Detached { run_id: id },
         state => StoreError::RunEnded { run_id: id, state },
     })
-}
-
-/// A commit with its numbers and the monitor's state as the database keeps them.
-struct Packed {
-    newest_batch: Option<i64>,
-    monitor: Option<(i64, Vec<u8>)>,
-    setpoints: Option<[i64; 2]>,
-    digest: Option<Vec<u8>>,
-    decisions: Vec<(i64, NewDecision)>,
-    gaps: Vec<[i64; 2]>,
-    overrides: Vec<([i64; 2], RunOverride)>,
-    end: Option<(RunState, String)>,
-}
-
-impl Packed {
-    async fn of(commit: RunCommit) -> Result<Self> {
-        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
-        let (newest_batch, monitor) = match telemetry {
-            Some((newest, monitor)) => {
-                let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
-                (newest, Some(pack(monitor).await?))
-            }
-            None => (None, None),
-        };
-        let number = |decision: NewDecision| Ok((signed("decision number", decision.number)?, decision));
-        let gap = |gap: TelemetryGap| Ok([signed("batch number", gap.first)?, signed("batch number", gap.last)?]);
-        let change = |change: RunOverride| {
-            let numbers = [signed("change number", change.number)?, signed("setpoint index", change.setpoint_index)?];
-            Ok((numbers, change))
-        };
-        let count = |setpoints: RunSetpoints| {
-            Ok::<_, StoreError>([
-                signed("setpoint index", setpoints.received)?,
-                signed("setpoint index", setpoints.sent)?,
-            ])
-        };
-        Ok(Self {
-            newest_batch,
-            monitor,
-            setpoints: setpoints.map(count).transpose()?,
-            digest: setpoints.and_then(|setpoints| setpoints.digest).map(Vec::from),
-            decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
-            gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
-            overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
-            end,
-        })
-    }
-
-    fn bytes(&self) -> usize {
-        let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
-        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
-    }
-}
-
-async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
-    let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
-    Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
 }
 
 #[async_trait]
@@ -444,93 +389,4 @@ impl Runs for SqliteStore {
     fn watch_decisions(&self) -> watch::Receiver<i64> {
         self.inner.newest_decision.clone()
     }
-}
-
-async fn write(tx: &mut Transaction, id: Uuid, attachment: i64, packed: Packed) -> Result<Vec<DecisionRecord>> {
-    let at_us = tx.now_us();
-    let run_id = id.to_string();
-    let (monitor_bytes, monitor) = packed.monitor.unzip();
-    let [received, sent] = packed.setpoints.map_or([None; 2], |counts| counts.map(Some));
-    let (state, detail) = packed.end.unzip();
-    // One statement for all that changes in the run: each is a hop to the connection's thread.
-    let row = sqlx::query(
-        "UPDATE runs SET updated_us = ?, newest_batch = COALESCE(?, newest_batch),
-            monitor_bytes = COALESCE(?, monitor_bytes), monitor = COALESCE(?, monitor),
-            setpoints_received = COALESCE(?, setpoints_received), setpoints_sent = COALESCE(?, setpoints_sent),
-            setpoints_digest = COALESCE(?, setpoints_digest), state = COALESCE(?, state),
-            state_detail = COALESCE(?, state_detail)
-         WHERE id = ? AND attachment = ? AND state = 'open' RETURNING job_id",
-    )
-    .bind(at_us)
-    .bind(packed.newest_batch)
-    .bind(monitor_bytes)
-    .bind(monitor)
-    .bind(received)
-    .bind(sent)
-    .bind(packed.digest)
-    .bind(state.map(RunState::as_str))
-    .bind(detail)
-    .bind(&run_id)
-    .bind(attachment)
-    .fetch_optional(&mut tx.connection)
-    .await?;
-    let Some(row) = row else { return Err(refusal(&mut tx.connection, id).await?) };
-    let job_id: Uuid = parsed(&row, "job_id")?;
-
-    if !packed.gaps.is_empty() {
-        let mut sql =
-            QueryBuilder::<Sqlite>::new("INSERT INTO telemetry_gaps (run_id, first_batch, last_batch, at_us) ");
-        sql.push_values(packed.gaps, |mut row, [first, last]| {
-            row.push_bind(run_id.clone()).push_bind(first).push_bind(last).push_bind(at_us);
-        });
-        sql.build().persistent(false).execute(&mut tx.connection).await?;
-    }
-    if !packed.overrides.is_empty() {
-        let mut sql =
-            QueryBuilder::<Sqlite>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause) ");
-        sql.push_values(packed.overrides, |mut row, ([number, index], change)| {
-            row.push_bind(run_id.clone()).push_bind(number).push_bind(index).push_bind(change.ratio);
-            row.push_bind(change.cause);
-        });
-        sql.build().persistent(false).execute(&mut tx.connection).await?;
-    }
-    let mut records = Vec::with_capacity(packed.decisions.len());
-    for (number, decision) in packed.decisions {
-        let sequence = sqlx::query(
-            "INSERT INTO decisions (run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?)",
-        )
-        .bind(&run_id)
-        .bind(job_id.to_string())
-        .bind(number)
-        .bind(at_us)
-        .bind(decision.action)
-        .bind(decision.body.as_ref())
-        .execute(&mut tx.connection)
-        .await?
-        .last_insert_rowid();
-        tx.decision_written(sequence);
-        if decision.raises_condition {
-            sqlx::query(
-                "INSERT INTO run_conditions (run_id, decision_number, action, raised_us, acknowledged_by, note)
-                 VALUES (?, ?, ?, ?, '', '')",
-            )
-            .bind(&run_id)
-            .bind(number)
-            .bind(decision.action)
-            .bind(at_us)
-            .execute(&mut tx.connection)
-            .await?;
-            tell(tx, &run_id, &format!("runs/{run_id}: decision {number} raised a condition: {}", decision.action))
-                .await?;
-        }
-        records.push(DecisionRecord {
-            sequence,
-            run_id: id,
-            job_id,
-            number: decision.number,
-            at_us,
-            body: decision.body,
-        });
-    }
-    Ok(records)
 }

@@ -1,0 +1,180 @@
+//! What one commit changes in a run: telemetry taken, gaps, changes of the feed override, decisions and the end.
+
+use bytes::Bytes;
+use sqlx::{QueryBuilder, Sqlite};
+use uuid::Uuid;
+
+use super::{refusal, tell};
+use crate::error::{Result, StoreError};
+use crate::runs::{DecisionRecord, NewDecision, RunCommit, RunOverride, RunSetpoints, RunState, TelemetryGap};
+use crate::sqlite::compress::{compress, offload};
+use crate::sqlite::fault::{parsed, signed};
+use crate::sqlite::writer::Transaction;
+
+/// A commit with its numbers and the monitor's state as the database keeps them.
+pub(super) struct Packed {
+    newest_batch: Option<i64>,
+    monitor: Option<(i64, Vec<u8>)>,
+    setpoints: Option<[i64; 2]>,
+    digest: Option<Vec<u8>>,
+    decisions: Vec<(i64, NewDecision)>,
+    gaps: Vec<[i64; 2]>,
+    overrides: Vec<([i64; 2], RunOverride)>,
+    end: Option<(RunState, String)>,
+}
+
+impl Packed {
+    pub(super) async fn of(commit: RunCommit) -> Result<Self> {
+        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
+        let (newest_batch, monitor) = match telemetry {
+            Some((newest, monitor)) => {
+                let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
+                (newest, Some(pack(monitor).await?))
+            }
+            None => (None, None),
+        };
+        let number = |decision: NewDecision| Ok((signed("decision number", decision.number)?, decision));
+        let gap = |gap: TelemetryGap| Ok([signed("batch number", gap.first)?, signed("batch number", gap.last)?]);
+        let change = |change: RunOverride| {
+            let numbers = [signed("change number", change.number)?, signed("setpoint index", change.setpoint_index)?];
+            Ok((numbers, change))
+        };
+        let count = |setpoints: RunSetpoints| {
+            Ok::<_, StoreError>([
+                signed("setpoint index", setpoints.received)?,
+                signed("setpoint index", setpoints.sent)?,
+            ])
+        };
+        Ok(Self {
+            newest_batch,
+            monitor,
+            setpoints: setpoints.map(count).transpose()?,
+            digest: setpoints.and_then(|setpoints| setpoints.digest).map(Vec::from),
+            decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
+            gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
+            overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
+            end,
+        })
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
+        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
+    }
+}
+
+/// Size and compressed bytes of the state of a monitor.
+pub(super) async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
+    let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
+    Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
+}
+
+/// Writes a commit to a run that is open and attached so; the records of its decisions.
+pub(super) async fn write(
+    tx: &mut Transaction,
+    id: Uuid,
+    attachment: i64,
+    packed: Packed,
+) -> Result<Vec<DecisionRecord>> {
+    let at_us = tx.now_us();
+    let run_id = id.to_string();
+    let (monitor_bytes, monitor) = packed.monitor.unzip();
+    let [received, sent] = packed.setpoints.map_or([None; 2], |counts| counts.map(Some));
+    let (state, detail) = packed.end.unzip();
+    // One statement for all that changes in the run: each is a hop to the connection's thread.
+    let row = sqlx::query(
+        "UPDATE runs SET updated_us = ?, newest_batch = COALESCE(?, newest_batch),
+            monitor_bytes = COALESCE(?, monitor_bytes), monitor = COALESCE(?, monitor),
+            setpoints_received = COALESCE(?, setpoints_received), setpoints_sent = COALESCE(?, setpoints_sent),
+            setpoints_digest = COALESCE(?, setpoints_digest), state = COALESCE(?, state),
+            state_detail = COALESCE(?, state_detail)
+         WHERE id = ? AND attachment = ? AND state = 'open' RETURNING job_id",
+    )
+    .bind(at_us)
+    .bind(packed.newest_batch)
+    .bind(monitor_bytes)
+    .bind(monitor)
+    .bind(received)
+    .bind(sent)
+    .bind(packed.digest)
+    .bind(state.map(RunState::as_str))
+    .bind(detail)
+    .bind(&run_id)
+    .bind(attachment)
+    .fetch_optional(&mut tx.connection)
+    .await?;
+    let Some(row) = row else { return Err(refusal(&mut tx.connection, id).await?) };
+    let job_id: Uuid = parsed(&row, "job_id")?;
+
+    insert_gaps(tx, &run_id, packed.gaps, at_us).await?;
+    insert_overrides(tx, &run_id, packed.overrides).await?;
+    let mut records = Vec::with_capacity(packed.decisions.len());
+    for (number, decision) in packed.decisions {
+        let sequence = insert_decision(tx, &run_id, job_id, (number, &decision), at_us).await?;
+        let NewDecision { number, body, .. } = decision;
+        records.push(DecisionRecord { sequence, run_id: id, job_id, number, at_us, body });
+    }
+    Ok(records)
+}
+
+async fn insert_gaps(tx: &mut Transaction, run_id: &str, gaps: Vec<[i64; 2]>, at_us: i64) -> Result<()> {
+    if gaps.is_empty() {
+        return Ok(());
+    }
+    let mut sql = QueryBuilder::<Sqlite>::new("INSERT INTO telemetry_gaps (run_id, first_batch, last_batch, at_us) ");
+    sql.push_values(gaps, |mut row, [first, last]| {
+        row.push_bind(run_id.to_owned()).push_bind(first).push_bind(last).push_bind(at_us);
+    });
+    sql.build().persistent(false).execute(&mut tx.connection).await?;
+    Ok(())
+}
+
+async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: Vec<([i64; 2], RunOverride)>) -> Result<()> {
+    if overrides.is_empty() {
+        return Ok(());
+    }
+    let mut sql =
+        QueryBuilder::<Sqlite>::new("INSERT INTO run_overrides (run_id, number, setpoint_index, ratio, cause) ");
+    sql.push_values(overrides, |mut row, ([number, index], change)| {
+        row.push_bind(run_id.to_owned()).push_bind(number).push_bind(index).push_bind(change.ratio);
+        row.push_bind(change.cause);
+    });
+    sql.build().persistent(false).execute(&mut tx.connection).await?;
+    Ok(())
+}
+
+/// Writes a decision and the condition that it raises; its number in the log of all decisions.
+async fn insert_decision(
+    tx: &mut Transaction,
+    run_id: &str,
+    job_id: Uuid,
+    (number, decision): (i64, &NewDecision),
+    at_us: i64,
+) -> Result<i64> {
+    let sequence =
+        sqlx::query("INSERT INTO decisions (run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?)")
+            .bind(run_id)
+            .bind(job_id.to_string())
+            .bind(number)
+            .bind(at_us)
+            .bind(decision.action)
+            .bind(decision.body.as_ref())
+            .execute(&mut tx.connection)
+            .await?
+            .last_insert_rowid();
+    tx.decision_written(sequence);
+    if decision.raises_condition {
+        sqlx::query(
+            "INSERT INTO run_conditions (run_id, decision_number, action, raised_us, acknowledged_by, note)
+             VALUES (?, ?, ?, ?, '', '')",
+        )
+        .bind(run_id)
+        .bind(number)
+        .bind(decision.action)
+        .bind(at_us)
+        .execute(&mut tx.connection)
+        .await?;
+        tell(tx, run_id, &format!("runs/{run_id}: decision {number} raised a condition: {}", decision.action)).await?;
+    }
+    Ok(sequence)
+}
