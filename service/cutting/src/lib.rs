@@ -8,7 +8,6 @@
 
 #![forbid(unsafe_code)]
 
-pub mod code;
 mod frame;
 mod functions;
 mod shared;
@@ -26,7 +25,9 @@ pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPath
 pub use frame::validation::Validation;
 pub use functions::path_vibration::*;
 pub use functions::thinning::{DroppedRun, ProgramThinning};
-pub use functions::{thinning, thread, tool_oscillation};
+// By name: the codes of one function must not hide those of all.
+pub use functions::code;
+pub use functions::*;
 pub use shared::cut::Cut;
 pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock, setpoint_index_at};
 pub use shared::tool::Tool;
