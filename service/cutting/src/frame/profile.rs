@@ -184,6 +184,12 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     if !(64..=65_536).contains(&language.max_line_bytes) {
         problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
     }
+    code_problems(language, &mut problems);
+    problems
+}
+
+/// What is wrong with the codes that switch the machining functions.
+fn code_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProblem>) {
     let (codes, oscillation, switch) = (language.path_vibration, language.tool_oscillation, language.thread_vibration);
     let fields = [
         ("path_vibration.on", codes.on),
@@ -223,7 +229,6 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     if codes.on == codes.off {
         problems.push(problem("thinning.off", "must differ from the code that switches it on"));
     }
-    problems
 }
 
 /// What is wrong with the kinematics, by itself and for these axes.

@@ -255,18 +255,11 @@ impl Guide {
             let end = std::array::from_fn(|axis| if held(axis) { start[axis] } else { step.end[axis] });
             return Some(Guided::Axes(Move { start, end, ..step.clone() }));
         }
-        // Axes beside the chain, and axes that the program places though the tool is guided by a vector.
-        let (_, rotary) = self.kinematics.letters();
-        let by_angles = guided.guide == ToolGuide::Angles;
-        let moves = |axis: &Axis| {
-            let index = axis.index();
-            let is_guided = index < 3 || rotary.contains(axis) || guided.held.contains(*axis);
-            index < AXIS_COUNT && !is_guided && step.end[index] != work(index)
-        };
-        if let Some(axis) = Axis::ALL.into_iter().find(moves) {
+        if let Some(axis) = self.unguided_axis(guided, &state.position) {
             findings.push(no_axis(axis, span));
             return None;
         }
+        let by_angles = guided.guide == ToolGuide::Angles;
         self.place_tool(guided, span, state, inputs, findings)?;
         let tool = state.tool.as_mut()?;
         let block = self.block(guided, span, tool, inputs);
@@ -300,6 +293,19 @@ impl Guide {
             self.check_pole(&motion, &before, by_angles, span, state, findings);
         }
         Some(Guided::Elements(motion))
+    }
+
+    /// An axis that a move of a guided tool cannot place: one beside the chain, or one that the program places though the tool
+    /// is guided by a vector. `position` is where the machine axes are.
+    fn unguided_axis(&self, guided: &GuidedMove, position: &Position) -> Option<Axis> {
+        let step = &guided.step;
+        let (_, rotary) = self.kinematics.letters();
+        let moves = |axis: &Axis| {
+            let index = axis.index();
+            let is_guided = index < 3 || rotary.contains(axis) || guided.held.contains(*axis);
+            index < AXIS_COUNT && !is_guided && step.end[index] != position[index] - step.work_offset[index]
+        };
+        Axis::ALL.into_iter().find(moves)
     }
 
     /// The elements of a block. Where it tilts the tool away from a pole, in which the first rotary axis is free, that axis

@@ -245,6 +245,7 @@ impl SectionAnalyzer {
 
     /// Ends the section: pushes one finding for each condition that is not met, and reports. `clamped_samples`
     /// of `total_samples` setpoints were clamped at the section's ends; both are 0 when none were generated.
+    // As long as the report: every figure is one line.
     #[must_use]
     pub fn finish(mut self, clamped_samples: u64, total_samples: u64, findings: &mut FindingLog) -> SectionReport {
         self.parts.close();

@@ -1,13 +1,16 @@
 //! From a thread to findings: one for each kind and block, with how many passes it concerns, the numbers of the worst one and
 //! what cures it (docs/functions/thread-vibration.md, "Findings").
 
+mod breaking;
+mod start;
+
 use core::f64::consts::TAU;
 
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
 use super::report::{CrestReport, ThreadPassReport};
-use super::{RunUp, StartUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport, reduce_deg};
+use super::{RunUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport};
 use crate::functions::axis_load::{AxisCodes, AxisLoad};
 use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, round_up};
@@ -28,10 +31,10 @@ pub(super) fn thread(job: &ThreadJob, limits: &ThreadLimits, report: &ThreadRepo
     sampling(job, limits, report, first, findings);
     profile(job, findings);
     for (index, pass) in report.passes.iter().enumerate() {
-        start(job, limits, index, pass, findings);
+        start::start(job, limits, index, pass, findings);
         if job.passes[index].vibrates() {
             axis(job, limits, index, findings);
-            broken(job, report, index, findings);
+            breaking::broken(job, report, index, findings);
         }
         load(job, limits, index, pass, findings);
     }
@@ -157,149 +160,6 @@ fn profile(job: &ThreadJob, findings: &mut FindingLog) {
     );
 }
 
-/// How a pass starts.
-fn start(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
-    start_angle(job, index, findings);
-    approach(job, limits, index, findings);
-    exact_length(job, index, findings);
-    turn_phase(job, index, report, findings);
-    late(job, limits, index, report, findings);
-}
-
-/// A start angle is within a revolution.
-fn start_angle(job: &ThreadJob, index: usize, findings: &mut FindingLog) {
-    let (pass, number) = (&job.passes[index], number(index));
-    if !(0.0..360.0).contains(&pass.start_angle_deg) {
-        let reduced_deg = reduce_deg(pass.start_angle_deg);
-        let message = format!(
-            "the start angle of pass {number} is {} degrees, outside 0 to 360",
-            decimal(pass.start_angle_deg, 3)
-        );
-        findings.push(
-            Finding::new(code::THREAD_START_ANGLE, pass.span, message)
-                .at("pass", number)
-                .ranked("", pass.start_angle_deg.abs())
-                .with_value("start_angle", pass.start_angle_deg, "deg")
-                .suggest_value(
-                    format!("the same place on the spindle is {} degrees", decimal(reduced_deg, 3)),
-                    None,
-                    "start_angle",
-                    reduced_deg,
-                    "deg",
-                ),
-        );
-    }
-}
-
-/// The lead axis comes into step before the work.
-fn approach(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
-    let (pass, number) = (&job.passes[index], number(index));
-    let run_up_mm = job.run_up.travel_mm(job.geometry.lead_mm);
-    let travel_mm = limits.approach_mm - pass.start_travel_mm;
-    if run_up_mm > travel_mm {
-        let message = format!(
-            "pass {number} starts {} mm before the work, but the lead axis needs {} mm to come into step",
-            decimal(travel_mm, 3),
-            decimal(run_up_mm, 3)
-        );
-        let needed_mm = round_up(run_up_mm + pass.start_travel_mm, 3);
-        findings.push(
-            Finding::new(code::THREAD_APPROACH_SHORT, pass.span, message)
-                .at("pass", number)
-                .ranked("", run_up_mm - travel_mm)
-                .with_value("approach", travel_mm, "mm")
-                .with_value("run_up", run_up_mm, "mm")
-                .suggest_value(
-                    format!("start the thread {} mm before the work", decimal(needed_mm, 3)),
-                    None,
-                    "approach",
-                    needed_mm,
-                    "mm",
-                )
-                .suggest("turn slower"),
-        );
-    }
-}
-
-/// Some length has the exact lead.
-fn exact_length(job: &ThreadJob, index: usize, findings: &mut FindingLog) {
-    let (pass, number) = (&job.passes[index], number(index));
-    let exact_mm = job.exact_length_mm(pass);
-    if exact_mm <= 0.0 {
-        let length_mm = job.geometry.length_mm() - pass.start_travel_mm;
-        let message = format!(
-            "pass {number} is {} mm long, but its lead is not exact for less than {} mm at both ends together",
-            decimal(length_mm, 3),
-            decimal(length_mm - exact_mm, 3)
-        );
-        findings.push(
-            Finding::new(code::THREAD_LENGTH_SHORT, pass.span, message)
-                .at("pass", number)
-                .ranked("", -exact_mm)
-                .with_value("length", length_mm, "mm")
-                .with_value("wrong_length", length_mm - exact_mm, "mm")
-                .suggest("turn slower")
-                .suggest("start further before the work, or end further behind it"),
-        );
-    }
-}
-
-/// A pass that comes to its place turns later has another phase there.
-fn turn_phase(job: &ThreadJob, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
-    let (pass, number) = (&job.passes[index], number(index));
-    let programmed_deg = reduce_deg(pass.phase_shift_deg);
-    let moved_deg = reduce_deg(report.place.phase_shift_deg - programmed_deg);
-    if pass.vibrates() && report.place.turns_later != 0 && moved_deg.min(360.0 - moved_deg) > SAME_ANGLE_DEG {
-        let cure_deg = reduce_deg(2.0 * programmed_deg - report.place.phase_shift_deg);
-        let message = format!(
-            "pass {number} comes to its place on the work {} revolution later: with D = {} its phase shift there is {} \
-             degrees, not {}",
-            report.place.turns_later,
-            decimal(job.vibrations_per_rev, 4),
-            decimal(report.place.phase_shift_deg, 3),
-            decimal(programmed_deg, 3)
-        );
-        findings.push(
-            Finding::new(code::THREAD_TURN_PHASE, pass.span, message)
-                .at("pass", number)
-                .ranked("", moved_deg.min(360.0 - moved_deg))
-                .with_value("turns", report.place.turns_later as f64, "")
-                .with_value("programmed_shift", programmed_deg, "deg")
-                .with_value("actual_shift", report.place.phase_shift_deg, "deg")
-                .suggest_value(
-                    format!("program a shift of {} degrees", decimal(cure_deg, 3)),
-                    None,
-                    "phase_shift",
-                    cure_deg,
-                    "deg",
-                ),
-        );
-    }
-}
-
-/// A vibration that starts later than the lead axis starts before the work.
-fn late(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
-    let (pass, number) = (&job.passes[index], number(index));
-    let still_deg = report.delay_deg - pass.start_angle_deg;
-    if job.start_up == StartUp::Delayed && pass.vibrates() && still_deg > 0.0 {
-        let still_mm = job.run_up.synchronous_deg(still_deg) * job.geometry.lead_mm / 360.0;
-        if still_mm > limits.approach_mm - pass.start_travel_mm {
-            let message = format!(
-                "the vibration of pass {number} starts {} degrees after the lead axis, in the work already",
-                decimal(still_deg, 3)
-            );
-            findings.push(
-                Finding::new(code::THREAD_VIBRATION_LATE, pass.span, message)
-                    .at("pass", number)
-                    .ranked("", still_mm + pass.start_travel_mm)
-                    .with_value("delay", report.delay_deg, "deg")
-                    .with_value("travel", still_mm, "mm")
-                    .suggest("use the start-up with preparatory movement, or start further before the work"),
-            );
-        }
-    }
-}
-
 /// Number of a pass in findings, counted from 1.
 const fn number(index: usize) -> u64 {
     index as u64 + 1
@@ -343,109 +203,6 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
 /// Share of the amplitude that keeps a limit; the taper takes its part of the velocity first.
 fn share(demanded: f64, limit: f64, taper: f64, order: f64) -> f64 {
     if order > 1.0 { limit / demanded } else { (limit - taper) / (demanded - taper) }
-}
-
-/// Whether the chip of a vibrating pass is cut through, and if not, why.
-fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
-    let (pass, own) = (&job.passes[index], &report.passes[index]);
-    let before = job.passes[..index].iter().rposition(|before| before.start == pass.start);
-    if own.amplitude_mm <= own.infeed_mm + SAME_LENGTH_MM {
-        amplitude_small(pass, own, index, before, findings);
-    } else if !own.depth.broken
-        && let Some(before) = before
-    {
-        phase_unbroken(pass, report, index, before, findings);
-    } else if own.depth.broken && !own.section.broken {
-        ribbon(pass, report, index, findings);
-    }
-}
-
-/// The worst pass is the one that lacks most of its amplitude.
-fn with_amplitude(finding: Finding, number: u64, own: &ThreadPassReport, least_mm: f64) -> Finding {
-    finding
-        .at("pass", number)
-        .ranked("", least_mm - own.amplitude_mm)
-        .with_value("infeed", own.infeed_mm, "mm")
-        .with_value("amplitude", own.amplitude_mm, "mm")
-}
-
-fn suggest_amplitude(finding: Finding, least_mm: f64) -> Finding {
-    let least_mm = round_up(least_mm + 1e-6, 4);
-    let cure = format!("vibrate with more than {} mm on the radius", decimal(least_mm, 4));
-    finding.suggest_value(cure, None, "amplitude", least_mm, "mm")
-}
-
-/// The vibration does not reach beyond what the pass cuts.
-fn amplitude_small(
-    pass: &ThreadPass,
-    own: &ThreadPassReport,
-    index: usize,
-    before: Option<usize>,
-    findings: &mut FindingLog,
-) {
-    let number = number(index);
-    let (code, what) = match before {
-        None => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
-        Some(_) => (code::THREAD_AMPLITUDE_SMALL, "does not reach beyond its infeed"),
-    };
-    let message = format!(
-        "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm on the radius",
-        decimal(own.amplitude_mm, 4),
-        decimal(own.infeed_mm, 4)
-    );
-    let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
-    let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, least_mm);
-    findings.push(suggest_amplitude(finding, least_mm));
-}
-
-/// The pass vibrates too much in step with the one before.
-fn phase_unbroken(pass: &ThreadPass, report: &ThreadReport, index: usize, before: usize, findings: &mut FindingLog) {
-    let (own, number) = (&report.passes[index], number(index));
-    let shift_before = report.passes[before].place.phase_shift_deg;
-    let difference_deg = reduce_deg(own.place.phase_shift_deg - shift_before);
-    // What has to be programmed to be opposite to the pass before, whatever the turns in between.
-    let cure_deg = reduce_deg(pass.phase_shift_deg + 180.0 - difference_deg);
-    let equal = difference_deg.min(360.0 - difference_deg) <= SAME_ANGLE_DEG;
-    let code = if equal { code::THREAD_PHASE_EQUAL } else { code::THREAD_PHASE_UNBROKEN };
-    let message = format!(
-        "passes {} and {number} are {} degrees apart in phase at the same place on the work: the chip of pass \
-         {number} is not cut through",
-        before + 1,
-        decimal(difference_deg, 3)
-    );
-    let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, own.depth.least_amplitude_mm)
-        .with_value("phase_difference", difference_deg, "deg")
-        .suggest_value(
-            format!("shift the phase by {} degrees", decimal(cure_deg, 3)),
-            None,
-            "phase_shift",
-            cure_deg,
-            "deg",
-        );
-    findings.push(suggest_amplitude(finding, own.depth.least_amplitude_mm));
-}
-
-/// The chip is cut through at its depth, but not over the whole section.
-fn ribbon(pass: &ThreadPass, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
-    let (own, number) = (&report.passes[index], number(index));
-    let least_mm = own.section.least_amplitude_mm;
-    let message = format!(
-        "the chip of pass {number} holds together at the flank: the full section needs an amplitude of {} mm on \
-         the radius, not {}",
-        decimal(round_up(least_mm, 4), 4),
-        decimal(own.amplitude_mm, 4)
-    );
-    let finding = with_amplitude(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), number, own, least_mm)
-        .with_value("section_amplitude", least_mm, "mm");
-    let finding = suggest_amplitude(finding, least_mm);
-    let finding = match report.least_section_ratio.map(|ratio| round_up(ratio, 2)) {
-        Some(ratio) => {
-            let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));
-            finding.suggest_value(cure, None, "ratio", ratio, "")
-        }
-        None => finding,
-    };
-    findings.push(finding.suggest("come straight in: radial infeed leaves no ribbon"));
 }
 
 /// Load of the tool; and passes that cut nothing.

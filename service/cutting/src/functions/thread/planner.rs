@@ -166,45 +166,58 @@ fn check(request: &ThreadRequest) -> Vec<Finding> {
     {
         refuse("relief_angle", relief_deg, "deg", "from 0 to half the included angle");
     }
+    findings.extend(no_crests(request, span));
+    findings.extend(other_hand(request, span));
+    findings
+}
+
+/// The finishing pass may find too little for crests.
+fn no_crests(request: &ThreadRequest, span: SourceSpan) -> Option<Finding> {
+    let allowance_mm = request.finishing_allowance_mm;
     // Below, amplitude and crests would come under what a program can say.
     let budget_mm = crest_budget_mm(request);
-    if budget_mm.is_nan() || budget_mm < 0.002 {
-        let permitted_mm = permitted_mm(request);
-        let needed_mm = round_up(allowance_mm + 0.002, PLACES);
-        let message = format!(
-            "the finishing pass may find {} mm, which leaves nothing for crests above its allowance of {} mm",
-            decimal(permitted_mm, 4),
-            decimal(allowance_mm, 4)
-        );
-        findings.push(
-            Finding::new(code::THREAD_PLAN_CRESTS, span, message)
-                .with_value("permitted", permitted_mm, "mm")
-                .with_value("finishing_allowance", allowance_mm, "mm")
-                .suggest_value(
-                    format!("permit at least {} mm", decimal(needed_mm, 3)),
-                    None,
-                    "finishing_thickness",
-                    needed_mm,
-                    "mm",
-                ),
-        );
+    if budget_mm >= 0.002 {
+        return None;
     }
+    let permitted_mm = permitted_mm(request);
+    let needed_mm = round_up(allowance_mm + 0.002, PLACES);
+    let message = format!(
+        "the finishing pass may find {} mm, which leaves nothing for crests above its allowance of {} mm",
+        decimal(permitted_mm, 4),
+        decimal(allowance_mm, 4)
+    );
+    Some(
+        Finding::new(code::THREAD_PLAN_CRESTS, span, message)
+            .with_value("permitted", permitted_mm, "mm")
+            .with_value("finishing_allowance", allowance_mm, "mm")
+            .suggest_value(
+                format!("permit at least {} mm", decimal(needed_mm, 3)),
+                None,
+                "finishing_thickness",
+                needed_mm,
+                "mm",
+            ),
+    )
+}
+
+/// The thread would have the other hand than is wanted.
+fn other_hand(request: &ThreadRequest, span: SourceSpan) -> Option<Finding> {
     let hand = request.geometry.hand();
-    if request.hand.is_some_and(|wanted| wanted != hand) {
-        let name = match hand {
-            Hand::Right => "right-hand",
-            Hand::Left => "left-hand",
-        };
-        let message = format!("this direction of cut and spindle make a {name} thread");
-        findings.push(
-            Finding::new(code::THREAD_HAND, span, message)
-                .with_value("start_z", request.geometry.start_z_mm, "mm")
-                .with_value("end_z", request.geometry.end_z_mm, "mm")
-                .suggest("exchange start and end of the thread")
-                .suggest("reverse the spindle"),
-        );
+    if request.hand.is_none_or(|wanted| wanted == hand) {
+        return None;
     }
-    findings
+    let name = match hand {
+        Hand::Right => "right-hand",
+        Hand::Left => "left-hand",
+    };
+    let message = format!("this direction of cut and spindle make a {name} thread");
+    Some(
+        Finding::new(code::THREAD_HAND, span, message)
+            .with_value("start_z", request.geometry.start_z_mm, "mm")
+            .with_value("end_z", request.geometry.end_z_mm, "mm")
+            .suggest("exchange start and end of the thread")
+            .suggest("reverse the spindle"),
+    )
 }
 
 /// Largest thickness that the finishing pass may find, mm on the radius.

@@ -81,16 +81,22 @@ pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
             findings.push(waveform(name, &error, job.span));
         }
     }
+    findings.extend(leading_edge(job));
+}
+
+/// The tool does not have the edge that is to lead.
+fn leading_edge(job: &OscillationJob<'_>) -> Option<Finding> {
     let edges = job.tool.edge_count();
-    if !(1..=edges).contains(&job.leading_edge) {
-        let message = format!("edge {} is to lead, but the tool has the edges 1 to {edges}", job.leading_edge);
-        findings.push(
-            Finding::new(code::OSC_LEADING_EDGE, job.span, message)
-                .with_value("edge", f64::from(job.leading_edge), "")
-                .with_value("edges", f64::from(edges), "")
-                .suggest_value("let the first edge lead", None, "edge", 1.0, ""),
-        );
+    if (1..=edges).contains(&job.leading_edge) {
+        return None;
     }
+    let message = format!("edge {} is to lead, but the tool has the edges 1 to {edges}", job.leading_edge);
+    Some(
+        Finding::new(code::OSC_LEADING_EDGE, job.span, message)
+            .with_value("edge", f64::from(job.leading_edge), "")
+            .with_value("edges", f64::from(edges), "")
+            .suggest_value("let the first edge lead", None, "edge", 1.0, ""),
+    )
 }
 
 fn waveform(direction: &str, error: &WaveformError, span: SourceSpan) -> Finding {

@@ -155,13 +155,7 @@ impl ActiveOscillation {
         let named = self.choose(inputs, found)?;
         self.has_tables = !named.tables.is_empty();
         let tool = self.geometry(inputs, found)?;
-        let mut condition = named.at(cut.feed_mm_per_min, cut.spindle_rev_per_min);
-        if let Some(amplitude_mm) = self.feed_amplitude_mm {
-            condition.feed.amplitude_mm = amplitude_mm;
-        }
-        if let Some(amplitude_mm) = self.axial_amplitude_mm {
-            condition.axial.amplitude_mm = amplitude_mm;
-        }
+        let condition = self.condition(named, &cut);
         // Without a depth the deepest pass that the edges can cut.
         let deepest_mm = (tool.axial_edge_height_mm - 2.0 * condition.axial.amplitude_mm).max(0.0);
         cut.depth_mm = self.depth_mm.unwrap_or(deepest_mm);
@@ -207,6 +201,18 @@ impl ActiveOscillation {
             }
         }
         report
+    }
+
+    /// The condition at a feed and a spindle speed, with the program's amplitudes.
+    fn condition(&self, named: &NamedCondition, cut: &OscillationCut) -> OscillationCondition {
+        let mut condition = named.at(cut.feed_mm_per_min, cut.spindle_rev_per_min);
+        if let Some(amplitude_mm) = self.feed_amplitude_mm {
+            condition.feed.amplitude_mm = amplitude_mm;
+        }
+        if let Some(amplitude_mm) = self.axial_amplitude_mm {
+            condition.axial.amplitude_mm = amplitude_mm;
+        }
+        condition
     }
 
     /// The condition that the request or the program chooses.

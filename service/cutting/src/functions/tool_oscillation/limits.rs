@@ -121,6 +121,20 @@ impl Shortage {
 /// Halvings until the largest share of the amplitudes is known to four digits.
 const BISECTIONS: u32 = 14;
 
+/// Amplitude and peaks of velocity, acceleration and jerk of motions that reach them at once, with the phase running faster by
+/// `turning`.
+fn summed_peaks<'a>(motions: impl Iterator<Item = &'a DirectionMotion>, period_s: f64, turning: f64) -> [f64; 4] {
+    motions.fold([0.0; 4], |[a, v, c, j], motion| {
+        let peaks = motion.peaks(period_s);
+        [
+            a + motion.amplitude_mm,
+            v + turning * peaks.velocity_mm_per_s,
+            c + turning * turning * peaks.acceleration_mm_per_s2,
+            j + turning * turning * turning * peaks.jerk_mm_per_s3,
+        ]
+    })
+}
+
 /// The machine with what the oscillation leaves of its limits. With E the blend, s the place on the path and D its length, the
 /// offset E(s)·u(t) has
 ///
@@ -140,22 +154,10 @@ fn left_limits(
     let period_s = 60.0 / cut.spindle_rev_per_min / f64::from(run.oscillation.periods_per_rev);
     let rate = TOP_OVERRIDE * cut.feed_mm_per_min / 60.0 / run.ramp_mm;
     let [first, second, third] = BLEND_PEAKS;
-    // Amplitude and peaks in the plane: both directions at once at worst.
-    let sum = |motions: &[&DirectionMotion]| {
-        motions.iter().fold([0.0; 4], |[a, v, c, j], motion| {
-            let peaks = motion.peaks(period_s);
-            [
-                a + motion.amplitude_mm,
-                v + turning * peaks.velocity_mm_per_s,
-                c + turning * turning * peaks.acceleration_mm_per_s2,
-                j + turning * turning * turning * peaks.jerk_mm_per_s3,
-            ]
-        })
-    };
     let oscillation = &run.oscillation;
-    let in_plane: Vec<_> = core::iter::once(&oscillation.feed).chain(&oscillation.cross).collect();
-    let plane = sum(&in_plane);
-    let axial = sum(&[&oscillation.axial]);
+    // In the plane both directions at once at worst.
+    let plane = summed_peaks(core::iter::once(&oscillation.feed).chain(&oscillation.cross), period_s, turning);
+    let axial = summed_peaks(core::iter::once(&oscillation.axial), period_s, turning);
     let mut left = machine.clone();
     let mut path = [0.0f64; 2];
     // The plane first: its acceleration and jerk are what the axial blend has to follow.
