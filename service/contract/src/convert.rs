@@ -3,36 +3,36 @@
 
 mod decision;
 mod feed_override;
-mod five_axis;
+mod functions;
+mod language;
 mod lobes;
 mod machine_codes;
 mod monitoring;
-mod oscillation;
-mod oscillation_report;
 mod parameters;
 mod profile;
 mod report;
 mod settings;
-mod thread;
-mod thread_request;
 mod tool;
 
-use feedwave_cutting::{GenerationMode, VibrationEnvelope};
 use prost_types::Timestamp;
 
 pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
 pub use feed_override::{MAX_FEED_OVERRIDE, overrides_from_proto};
+pub use functions::path_vibration::{
+    generation_mode_from_proto, generation_mode_to_proto, vibration_envelope_from_proto, vibration_envelope_to_proto,
+};
+pub use functions::thread::{
+    rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_request_from_proto,
+    thread_to_proto,
+};
+pub use functions::tool_oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
 pub use lobes::{StabilityModel, pocket_search_from_proto, stability_model_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
-pub use oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
 pub use settings::pipeline_config;
-pub use thread::{rotation_to_proto, thread_from_proto, thread_plan_to_proto, thread_report_to_proto, thread_to_proto};
-pub use thread_request::thread_request_from_proto;
 pub use tool::{check_tool, tool_for_pipeline};
 
-use crate::proto;
 use crate::violations::Violations;
 
 /// Longest name for people, characters.
@@ -54,46 +54,6 @@ pub fn check_display_name(violations: &mut Violations, field: &str, name: &str) 
     }
     if name.chars().any(char::is_control) {
         violations.add(field, "must not have control characters");
-    }
-}
-
-/// The mode that a message names; `None` where it leaves it open.
-#[must_use]
-pub const fn generation_mode_from_proto(mode: proto::GenerationMode) -> Option<GenerationMode> {
-    match mode {
-        proto::GenerationMode::Unspecified => None,
-        proto::GenerationMode::AlongPath => Some(GenerationMode::AlongPath),
-        proto::GenerationMode::Tangential => Some(GenerationMode::Tangential),
-        proto::GenerationMode::ServoSide => Some(GenerationMode::ServoSide),
-    }
-}
-
-/// See [`generation_mode_from_proto`].
-#[must_use]
-pub const fn generation_mode_to_proto(mode: GenerationMode) -> proto::GenerationMode {
-    match mode {
-        GenerationMode::AlongPath => proto::GenerationMode::AlongPath,
-        GenerationMode::Tangential => proto::GenerationMode::Tangential,
-        GenerationMode::ServoSide => proto::GenerationMode::ServoSide,
-    }
-}
-
-/// The envelope that a message names; `None` where it leaves it open.
-#[must_use]
-pub const fn vibration_envelope_from_proto(envelope: proto::VibrationEnvelope) -> Option<VibrationEnvelope> {
-    match envelope {
-        proto::VibrationEnvelope::Unspecified => None,
-        proto::VibrationEnvelope::Blended => Some(VibrationEnvelope::Blended),
-        proto::VibrationEnvelope::Published => Some(VibrationEnvelope::Published),
-    }
-}
-
-/// See [`vibration_envelope_from_proto`].
-#[must_use]
-pub const fn vibration_envelope_to_proto(envelope: VibrationEnvelope) -> proto::VibrationEnvelope {
-    match envelope {
-        VibrationEnvelope::Blended => proto::VibrationEnvelope::Blended,
-        VibrationEnvelope::Published => proto::VibrationEnvelope::Published,
     }
 }
 
@@ -123,6 +83,7 @@ pub fn timestamp_us(timestamp: &Timestamp) -> Result<i64, &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::proto;
 
     #[test]
     fn timestamps_survive_the_round_trip_before_and_after_the_epoch() {

@@ -1,6 +1,6 @@
 //! M codes of a machine, to and from the contract.
 
-use feedwave_program::{MachineCode, MachineEffect, MachineTiming, UnlistedMachineCodes};
+use feedwave_program::{MachineCode, MachineEffect, MachineTiming};
 
 use super::enumeration;
 use crate::proto;
@@ -52,21 +52,5 @@ pub(super) fn machine_code_to_proto(code: &MachineCode) -> proto::MachineCode {
         dwell_s,
         timing: timing.into(),
         words: code.words.clone(),
-    }
-}
-
-/// What becomes of M codes that nobody lists.
-pub(super) const fn unlisted_from_proto(unlisted: proto::UnlistedMachineCodes) -> UnlistedMachineCodes {
-    match unlisted {
-        proto::UnlistedMachineCodes::Unspecified | proto::UnlistedMachineCodes::Note => UnlistedMachineCodes::Note,
-        proto::UnlistedMachineCodes::Error => UnlistedMachineCodes::Error,
-    }
-}
-
-/// As the contract has it.
-pub(super) const fn unlisted_to_proto(unlisted: UnlistedMachineCodes) -> proto::UnlistedMachineCodes {
-    match unlisted {
-        UnlistedMachineCodes::Note => proto::UnlistedMachineCodes::Note,
-        UnlistedMachineCodes::Error => proto::UnlistedMachineCodes::Error,
     }
 }

@@ -1,6 +1,6 @@
 //! Parameters of programs, to and from the contract.
 
-use feedwave_program::{AngleRange, InitialParameters};
+use feedwave_program::InitialParameters;
 
 use crate::proto;
 use crate::violations::Violations;
@@ -10,20 +10,6 @@ const MOST_PARAMETERS: usize = 1_000;
 
 /// Largest number of a parameter.
 const LARGEST_NUMBER: u32 = 99_999;
-
-pub(super) const fn angle_range_from_proto(range: proto::AngleRange) -> AngleRange {
-    match range {
-        proto::AngleRange::Unspecified | proto::AngleRange::Positive => AngleRange::Positive,
-        proto::AngleRange::Signed => AngleRange::Signed,
-    }
-}
-
-pub(super) const fn angle_range_to_proto(range: AngleRange) -> proto::AngleRange {
-    match range {
-        AngleRange::Positive => proto::AngleRange::Positive,
-        AngleRange::Signed => proto::AngleRange::Signed,
-    }
-}
 
 /// The parameters of a profile; each that cannot be one, or comes twice, is a violation.
 pub(super) fn parameters_from_proto(

@@ -2,26 +2,21 @@
 
 use feedwave_cutting::{DEFAULT_PERIOD_US, MachineProfile, PipelineConfig};
 
-use super::{
-    generation_mode_from_proto, oscillation_request_from_proto, tool_for_pipeline, vibration_envelope_from_proto,
-};
+use super::{functions, tool_for_pipeline};
 use crate::proto;
 
 /// What the pipeline is run with for a job with these settings on this machine: in machine coordinates, without changes
 /// of the feed override. What the settings leave open is as the profile says.
 #[must_use]
 pub fn pipeline_config(profile: MachineProfile, settings: &proto::JobSettings) -> PipelineConfig {
-    let config = PipelineConfig::new(profile);
     let period_us = settings.interpolation_period_us;
-    PipelineConfig {
+    let mut config = PipelineConfig {
         interpolation_period_us: if period_us == 0 { DEFAULT_PERIOD_US } else { period_us },
-        generation_mode: generation_mode_from_proto(settings.generation_mode()).unwrap_or(config.generation_mode),
-        vibration_envelope: vibration_envelope_from_proto(settings.vibration_envelope())
-            .unwrap_or(config.vibration_envelope),
         tools: settings.tools.iter().map(tool_for_pipeline).collect(),
-        oscillation: oscillation_request_from_proto(settings.oscillation.as_ref()),
-        ..config
-    }
+        ..PipelineConfig::new(profile)
+    };
+    functions::job_from_proto(settings, &mut config);
+    config
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Tools.
 
-use super::lobes::check_dynamics;
 use feedwave_program::{Axis, Position, ToolOffset};
 
-use super::oscillation::geometry_from_proto;
-use super::profile::position_from_proto;
+use super::functions::tool_oscillation::geometry_from_proto;
+use super::language::position_from_proto;
+use super::lobes::check_dynamics;
 use crate::convert::{check_display_name, enumeration};
 use crate::proto;
 use crate::violations::Violations;

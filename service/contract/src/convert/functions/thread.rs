@@ -1,14 +1,71 @@
-//! Threads and their reports, to and from the contract: a stored report gives back the thread that it was made of.
+//! Threads: their words, their settings on a machine, the planner's request, threads and their reports. A stored report
+//! gives back the thread that it was made of.
 
+mod request;
+
+use feedwave_cutting::MachineProfile;
 use feedwave_cutting::thread::{
     CrestReport, GrooveProfile, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadGeometry, ThreadJob, ThreadPass,
     ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide, ThreadTextOptions,
-    thread_program_text,
+    ThreadVibrationSettings, thread_program_text,
 };
-use feedwave_program::{Finding, SourceSpan};
+use feedwave_program::{Finding, FunctionSwitch, SourceSpan};
+pub use request::thread_request_from_proto;
 
-use super::finding_to_proto;
+use super::Function;
+use crate::convert::{enumeration, finding_to_proto};
 use crate::proto;
+use crate::violations::Violations;
+
+pub(super) const FUNCTION: Function = Function {
+    words_from_proto: |given, language| {
+        if let Some(proto::FunctionSwitch { code, on_p, off_p }) = given.thread_vibration {
+            language.thread_vibration = FunctionSwitch { code, on_p, off_p };
+        }
+    },
+    words_to_proto: |language, shown| {
+        let FunctionSwitch { code, on_p, off_p } = language.thread_vibration;
+        shown.thread_vibration = Some(proto::FunctionSwitch { code, on_p, off_p });
+    },
+    settings_from_proto,
+    settings_to_proto,
+    job_from_proto: |_, _| {},
+    report_to_proto: |report, shown| shown.threads = report.threads.iter().map(section_to_proto).collect(),
+};
+
+fn settings_from_proto(violations: &mut Violations, given: &proto::MachineProfile, profile: &mut MachineProfile) {
+    let settings = given.thread_vibration.unwrap_or_default();
+    let default = ThreadVibrationSettings::default();
+    let Some(start_up) = enumeration(violations, "thread_vibration.start_up", settings.start_up) else { return };
+    profile.thread_vibration = ThreadVibrationSettings {
+        vibrations_per_rev: settings.vibrations_per_rev.unwrap_or(default.vibrations_per_rev),
+        start_up: start_up_from_proto(start_up),
+        combined_preparation: settings.combined_preparation,
+        odd_phase_shift_deg: settings.odd_phase_shift_deg.unwrap_or(default.odd_phase_shift_deg),
+        even_phase_shift_deg: settings.even_phase_shift_deg.unwrap_or(default.even_phase_shift_deg),
+        reference_angle_deg: settings.reference_angle_deg,
+        included_angle_deg: settings.included_angle_deg.unwrap_or(default.included_angle_deg),
+        approach_mm: settings.approach_mm,
+        max_thickness_mm: settings.max_thickness_mm,
+        max_finishing_thickness_mm: settings.max_finishing_thickness_mm,
+    };
+}
+
+fn settings_to_proto(profile: &MachineProfile, shown: &mut proto::MachineProfile) {
+    let settings = &profile.thread_vibration;
+    shown.thread_vibration = Some(proto::ThreadVibrationSettings {
+        vibrations_per_rev: Some(settings.vibrations_per_rev),
+        start_up: start_up_to_proto(settings.start_up).into(),
+        combined_preparation: settings.combined_preparation,
+        odd_phase_shift_deg: Some(settings.odd_phase_shift_deg),
+        even_phase_shift_deg: Some(settings.even_phase_shift_deg),
+        reference_angle_deg: settings.reference_angle_deg,
+        included_angle_deg: Some(settings.included_angle_deg),
+        approach_mm: settings.approach_mm,
+        max_thickness_mm: settings.max_thickness_mm,
+        max_finishing_thickness_mm: settings.max_finishing_thickness_mm,
+    });
+}
 
 /// What the pass planner answered, with its program text.
 #[must_use]
@@ -31,7 +88,7 @@ pub fn thread_plan_to_proto(
 }
 
 /// A thread of a program as the contract has it.
-pub(super) fn thread_section_to_proto(section: &ThreadSectionReport) -> proto::ThreadSectionReport {
+fn section_to_proto(section: &ThreadSectionReport) -> proto::ThreadSectionReport {
     proto::ThreadSectionReport {
         on_line: section.on_line,
         first_line: section.first_line,
@@ -87,7 +144,7 @@ pub const fn rotation_to_proto(rotation: SpindleRotation) -> proto::SpindleRotat
 }
 
 /// See [`start_up_from_proto`].
-pub(super) const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
+const fn start_up_to_proto(start_up: StartUp) -> proto::ThreadStartUp {
     match start_up {
         StartUp::Preparatory => proto::ThreadStartUp::Preparatory,
         StartUp::Delayed => proto::ThreadStartUp::Delayed,
@@ -135,7 +192,7 @@ pub fn thread_from_proto(thread: &proto::Thread) -> ThreadJob {
 }
 
 /// Outside where the message leaves it open.
-pub(super) const fn side_from_proto(side: proto::ThreadSide) -> ThreadSide {
+const fn side_from_proto(side: proto::ThreadSide) -> ThreadSide {
     match side {
         proto::ThreadSide::Internal => ThreadSide::Internal,
         proto::ThreadSide::External | proto::ThreadSide::Unspecified => ThreadSide::External,
@@ -143,7 +200,7 @@ pub(super) const fn side_from_proto(side: proto::ThreadSide) -> ThreadSide {
 }
 
 /// The preparatory movement where the message leaves it open.
-pub(super) const fn start_up_from_proto(start_up: proto::ThreadStartUp) -> StartUp {
+const fn start_up_from_proto(start_up: proto::ThreadStartUp) -> StartUp {
     match start_up {
         proto::ThreadStartUp::Delayed => StartUp::Delayed,
         proto::ThreadStartUp::Preparatory | proto::ThreadStartUp::Unspecified => StartUp::Preparatory,

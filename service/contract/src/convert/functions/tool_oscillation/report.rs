@@ -8,7 +8,7 @@ use feedwave_cutting::tool_oscillation::{
 use crate::proto;
 
 /// An oscillation of a program as the contract has it.
-pub(super) fn oscillation_section_to_proto(section: &OscillationSectionReport) -> proto::OscillationSectionReport {
+pub(super) fn section_to_proto(section: &OscillationSectionReport) -> proto::OscillationSectionReport {
     let (cut, report) = (&section.cut, &section.report);
     let [engagement_start_deg, engagement_end_deg] = cut.engagement_deg;
     proto::OscillationSectionReport {

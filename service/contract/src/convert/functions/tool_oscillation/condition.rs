@@ -1,9 +1,8 @@
-//! Tool oscillation: named conditions and cutting edges, to and from the contract.
+//! Named conditions of tool oscillation, to and from the contract.
 
 use feedwave_cutting::tool_oscillation::{
-    ConditionTable, CuttingEdge, DirectionOscillation, Engagement, FloorSettings, Interpolation, LeadingEdge,
-    NamedCondition, OscillationCondition, OscillationPeriod, OscillationRequest, RoleRotation, TableQuantity,
-    ToolGeometry, Waveform, WorkSide,
+    ConditionTable, DirectionOscillation, Engagement, Interpolation, LeadingEdge, NamedCondition, OscillationCondition,
+    OscillationPeriod, RoleRotation, TableQuantity, Waveform, WorkSide,
 };
 
 use crate::convert::{check_display_name, enumeration};
@@ -111,51 +110,6 @@ fn engagement_to_proto(engagement: &Engagement) -> Option<proto::Engagement> {
         }
     };
     Some(proto::Engagement { kind: Some(kind) })
-}
-
-/// How the floor is simulated; unset fields have their defaults.
-pub(super) fn floor_from_proto(settings: &proto::OscillationFloorSettings) -> FloorSettings {
-    let default = FloorSettings::default();
-    FloorSettings {
-        simulate: settings.simulate.unwrap_or(default.simulate),
-        revolutions: settings.revolutions.unwrap_or(default.revolutions),
-        resolution_mm: settings.resolution_mm.unwrap_or(default.resolution_mm),
-        max_cells: settings.max_cells.unwrap_or(default.max_cells),
-        trailing: settings.trailing.unwrap_or(default.trailing),
-    }
-}
-
-/// How the floor is simulated, with every value stated.
-pub(super) const fn floor_to_proto(settings: &FloorSettings) -> proto::OscillationFloorSettings {
-    let FloorSettings { simulate, revolutions, resolution_mm, max_cells, trailing } = *settings;
-    proto::OscillationFloorSettings {
-        simulate: Some(simulate),
-        revolutions: Some(revolutions),
-        resolution_mm: Some(resolution_mm),
-        max_cells: Some(max_cells),
-        trailing: Some(trailing),
-    }
-}
-
-/// What a job asks; whether the machine can do it is [`OscillationRequest::problems`]' to say.
-#[must_use]
-pub fn oscillation_request_from_proto(request: Option<&proto::OscillationRequest>) -> OscillationRequest {
-    let Some(request) = request else { return OscillationRequest::default() };
-    OscillationRequest {
-        condition: Some(request.condition.clone()).filter(|name| !name.is_empty()),
-        parts_before: request.parts_before,
-        cutting_time_before_s: request.cutting_time_before_s,
-    }
-}
-
-/// What a job asks, as the contract has it.
-#[must_use]
-pub fn oscillation_request_to_proto(request: &OscillationRequest) -> proto::OscillationRequest {
-    proto::OscillationRequest {
-        condition: request.condition.clone().unwrap_or_default(),
-        parts_before: request.parts_before,
-        cutting_time_before_s: request.cutting_time_before_s,
-    }
 }
 
 fn direction_from_proto(direction: &proto::DirectionOscillation) -> DirectionOscillation {
@@ -273,22 +227,5 @@ fn table_to_proto(table: &ConditionTable) -> proto::ConditionTable {
         feed_mm_per_min: table.feed_mm_per_min.clone(),
         spindle_rev_per_min: table.spindle_rev_per_min.clone(),
         rows: table.values.iter().map(|values| proto::ConditionTableRow { values: values.clone() }).collect(),
-    }
-}
-
-/// The cutting edges of a tool; what is impossible is found by [`ToolGeometry::problems`].
-pub(super) fn geometry_from_proto(geometry: &proto::ToolGeometry) -> ToolGeometry {
-    let edge = |edge: &proto::CuttingEdge| CuttingEdge {
-        angle_deg: edge.angle_deg,
-        radial_set_over_mm: edge.radial_set_over_mm,
-        axial_set_over_mm: edge.axial_set_over_mm,
-        finishing: edge.finishing,
-    };
-    ToolGeometry {
-        edges: geometry.edges.iter().map(edge).collect(),
-        radius_mm: geometry.radius_mm,
-        radial_edge_length_mm: geometry.radial_edge_length_mm,
-        axial_edge_height_mm: geometry.axial_edge_height_mm,
-        end_relief_deg: geometry.end_relief_deg,
     }
 }

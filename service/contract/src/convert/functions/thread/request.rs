@@ -10,7 +10,7 @@ use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineP
 use feedwave_motion::{MachineAxis, MachineKind};
 use feedwave_program::Axis;
 
-use super::thread::{side_from_proto, start_up_from_proto};
+use super::{side_from_proto, start_up_from_proto};
 use crate::convert::enumeration;
 use crate::proto;
 use crate::proto::plan_thread_request::Advance;
@@ -72,15 +72,7 @@ fn convert(
     let law = enumeration(checked.0, "law", given.law);
     let method = enumeration(checked.0, "method", given.method);
     let start_up = enumeration(checked.0, "start_up", given.start_up);
-    let profile = GrooveProfile {
-        included_angle_deg: checked.or(
-            "included_angle_deg",
-            given.included_angle_deg,
-            settings.included_angle_deg,
-            1.0..=170.0,
-        ),
-        root_flat_mm: checked.within("root_flat_mm", given.root_flat_mm, 0.0..=1e3),
-    };
+    let profile = groove_profile(checked, given, &settings);
     let default = ThreadTextOptions::default();
     let options = ThreadTextOptions {
         clearance_mm: checked.or("clearance_mm", given.clearance_mm, default.clearance_mm, 0.0..=1e3),
@@ -117,6 +109,18 @@ fn convert(
         limits: limits?,
     };
     Some((request, options))
+}
+
+fn groove_profile(
+    checked: &mut Checked<'_>,
+    given: &proto::PlanThreadRequest,
+    settings: &ThreadVibrationSettings,
+) -> GrooveProfile {
+    let (stated_deg, default_deg) = (given.included_angle_deg, settings.included_angle_deg);
+    GrooveProfile {
+        included_angle_deg: checked.or("included_angle_deg", stated_deg, default_deg, 1.0..=170.0),
+        root_flat_mm: checked.within("root_flat_mm", given.root_flat_mm, 0.0..=1e3),
+    }
 }
 
 fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: Option<Hand>) -> Option<ThreadGeometry> {

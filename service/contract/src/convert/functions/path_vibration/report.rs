@@ -1,0 +1,176 @@
+//! What is said about sections with vibration along the path, for the contract.
+
+use feedwave_cutting::{
+    AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingReport, Nearest, OverrideReport, PublishedEnds,
+    SectionReport, SurfaceSpeedReport, UnbrokenSpan,
+};
+
+use super::{generation_mode_to_proto, vibration_envelope_to_proto};
+use crate::proto;
+
+/// A vibrating section of a program as the contract has it.
+pub(super) fn section_to_proto(section: &SectionReport) -> proto::SectionReport {
+    proto::SectionReport {
+        on_line: section.on_line,
+        first_line: section.first_line,
+        last_line: section.last_line,
+        frequency_hz: section.condition.frequency_hz,
+        amplitude_mm: section.condition.amplitude_mm,
+        generation_mode: generation_mode_to_proto(section.generation_mode).into(),
+        length_mm: section.length_mm,
+        travel_mm: section.travel_mm,
+        sampling: Some(proto::SamplingReport {
+            period_s: section.sampling.period_s,
+            samples_per_vibration: section.sampling.samples_per_vibration,
+            peak_error: section.sampling.peak_error,
+        }),
+        axes: section.axes.iter().map(axis_load).collect(),
+        min_radius_mm: section.min_radius_mm,
+        contour_deviation_mm: section.contour_deviation_mm,
+        junction_jump_mm: section.junction_jump_mm,
+        chip: section.chip.as_ref().map(chip),
+        chip_spans: section.chip_spans.iter().map(chip_span).collect(),
+        chip_spans_not_listed: section.chip_spans_not_listed,
+        surface_speed: section.surface_speed.as_ref().map(surface_speed),
+        broken_share: section.broken_share,
+        following: Some(following(&section.following)),
+        clamped_share: section.clamped_share,
+        largest_amplitude_mm: section.largest_amplitude_mm,
+        highest_frequency_hz: section.highest_frequency_hz,
+        feasible: section.feasible,
+        feed_override: section.feed_override,
+        at_max_feed_override: section.at_max_feed_override.as_ref().map(override_report),
+        envelope: vibration_envelope_to_proto(section.envelope).into(),
+        ramp_mm: section.ramp_mm,
+        full_amplitude_share: section.full_amplitude_share,
+        blended_junctions: section.blended_junctions,
+        published_ends: section.published_ends.as_ref().map(published_ends),
+    }
+}
+
+const fn override_report(report: &OverrideReport) -> proto::OverrideReport {
+    proto::OverrideReport {
+        max_feed_override: report.max_feed_override,
+        broken_share: report.broken_share,
+        breaking_margin: report.breaking_margin,
+        line: report.line,
+        largest_breaking_override: report.largest_breaking_override,
+        largest_breaking_feed_mm_per_rev: report.largest_breaking_feed_per_rev_mm,
+        min_amplitude_mm: report.min_amplitude_mm,
+    }
+}
+
+fn published_ends(ends: &PublishedEnds) -> proto::PublishedEnds {
+    proto::PublishedEnds {
+        start_velocity_step_mm_per_s: ends.start_velocity_step_mm_per_s,
+        start_acceleration_mm_per_s2: ends.start_acceleration_mm_per_s2,
+        clamp_velocity_step_mm_per_s: ends.clamp_velocity_step_mm_per_s,
+        clamp_acceleration_mm_per_s2: ends.clamp_acceleration_mm_per_s2,
+        exceeded: ends.exceeded.as_ref().map(|axis| proto::ExceededAxis {
+            name: axis.name.clone(),
+            acceleration_per_s2: axis.acceleration_per_s2,
+            max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        }),
+    }
+}
+
+fn axis_load(axis: &AxisLoadReport) -> proto::AxisLoadReport {
+    proto::AxisLoadReport {
+        name: axis.name.clone(),
+        worst_direction: axis.worst_direction,
+        line: axis.line,
+        velocity_per_s: axis.velocity_per_s,
+        max_velocity_per_s: axis.max_velocity_per_s,
+        acceleration_per_s2: axis.acceleration_per_s2,
+        max_acceleration_per_s2: axis.max_acceleration_per_s2,
+        jerk_per_s3: axis.jerk_per_s3,
+        max_jerk_per_s3: axis.max_jerk_per_s3,
+        utilisation: axis.utilisation,
+        rotary: axis.rotary,
+    }
+}
+
+fn chip(chip: &ChipReport) -> proto::ChipReport {
+    let feed_coupling = match chip.condition.feed_coupling {
+        FeedCoupling::PerRevolution => proto::FeedCoupling::PerRevolution,
+        FeedCoupling::PerMinute => proto::FeedCoupling::PerMinute,
+    };
+    proto::ChipReport {
+        feed_mm_per_rev: chip.condition.feed_per_rev_mm,
+        spindle_rev_per_min: chip.condition.spindle_rev_per_min,
+        diameter_mm: chip.condition.diameter_mm,
+        feed_coupling: feed_coupling.into(),
+        vibrations_per_rev: chip.vibrations_per_rev,
+        amplitude_ratio: chip.amplitude_ratio,
+        broken: chip.broken,
+        air_share: chip.air_share,
+        air_share_previous_revolution: chip.air_share_previous_revolution,
+        largest_thickness_mm: chip.largest_thickness_mm,
+        breaks_per_rev: chip.breaks_per_rev,
+        longest_chip_mm: chip.longest_chip_mm,
+        mean_chip_mm: chip.mean_chip_mm,
+        min_amplitude_mm: chip.min_amplitude_mm,
+        breaking_frequencies_hz: Some(nearest(chip.breaking_frequencies_hz)),
+        recommended_frequencies_hz: chip.recommended_frequencies_hz.clone(),
+        breaking_spindle_rev_per_min: Some(nearest(chip.breaking_spindle_rev_per_min)),
+        recommended_spindle_rev_per_min: chip.recommended_spindle_rev_per_min.clone(),
+        speed_tolerance: chip.speed_tolerance.map(|tolerance| proto::SpeedTolerance {
+            minus_rev_per_min: tolerance.minus_rev_per_min,
+            plus_rev_per_min: tolerance.plus_rev_per_min,
+        }),
+        earlier_revolutions: chip.earlier_revolutions,
+        exact: chip.exact,
+    }
+}
+
+const fn nearest(nearest: Nearest) -> proto::Nearest {
+    proto::Nearest { below: nearest.below, above: nearest.above }
+}
+
+const fn chip_span(span: &ChipSpan) -> proto::ChipSpan {
+    proto::ChipSpan {
+        first_line: span.first_line,
+        last_line: span.last_line,
+        start_mm: span.start_mm,
+        length_mm: span.length_mm,
+        share: span.share,
+        feed_override: span.feed_override,
+        feed_mm_per_rev: span.feed_per_rev_mm,
+        spindle_rev_per_min: span.spindle_rev_per_min,
+        vibrations_per_rev: span.vibrations_per_rev,
+        breaking_margin: span.breaking_margin,
+        broken: span.broken,
+    }
+}
+
+fn surface_speed(report: &SurfaceSpeedReport) -> proto::SurfaceSpeedReport {
+    proto::SurfaceSpeedReport {
+        length_mm: report.length_mm,
+        broken_share: report.broken_share,
+        unbroken_spans: report.unbroken_spans.iter().map(unbroken_span).collect(),
+        unbroken_spans_not_listed: report.unbroken_spans_not_listed,
+    }
+}
+
+const fn unbroken_span(span: &UnbrokenSpan) -> proto::UnbrokenSpan {
+    proto::UnbrokenSpan {
+        first_line: span.first_line,
+        last_line: span.last_line,
+        start_mm: span.start_mm,
+        end_mm: span.end_mm,
+        start_diameter_mm: span.start_diameter_mm,
+        end_diameter_mm: span.end_diameter_mm,
+        start_vibrations_per_rev: span.start_vibrations_per_rev,
+        end_vibrations_per_rev: span.end_vibrations_per_rev,
+    }
+}
+
+const fn following(report: &FollowingReport) -> proto::FollowingReport {
+    proto::FollowingReport {
+        filter_gain: report.filter_gain,
+        loop_gain: report.loop_gain,
+        phase_lag_deg: report.phase_lag_rad.to_degrees(),
+        arriving_amplitude_mm: report.arriving_amplitude_mm,
+        amplitude_to_command_mm: report.amplitude_to_command_mm,
+    }
+}

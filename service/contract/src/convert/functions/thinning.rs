@@ -1,0 +1,83 @@
+//! Thinning: its words, its settings on a machine, its report.
+
+use feedwave_cutting::ProgramThinning;
+use feedwave_cutting::thinning::ThinningSettings;
+
+use super::{Function, codes_from_proto, codes_to_proto};
+use crate::proto;
+
+pub(super) const FUNCTION: Function = Function {
+    words_from_proto: |given, language| {
+        language.thinning = codes_from_proto(given.thinning, language.thinning);
+    },
+    words_to_proto: |language, shown| shown.thinning = Some(codes_to_proto(language.thinning)),
+    settings_from_proto: |_, given, profile| {
+        profile.thinning = settings_from_proto(&given.thinning.unwrap_or_default());
+    },
+    settings_to_proto: |profile, shown| shown.thinning = Some(settings_to_proto(&profile.thinning)),
+    job_from_proto: |_, _| {},
+    report_to_proto: |report, shown| shown.thinning = report.thinning.as_ref().map(report_to_proto),
+};
+
+/// What the message leaves open is filled in.
+fn settings_from_proto(settings: &proto::ThinningSettings) -> ThinningSettings {
+    let default = ThinningSettings::default();
+    ThinningSettings {
+        angle_tolerance_deg: settings.angle_tolerance_deg.unwrap_or(default.angle_tolerance_deg),
+        distance_tolerance_mm: settings.distance_tolerance_mm.unwrap_or(default.distance_tolerance_mm),
+        group_blocks: settings.group_blocks.unwrap_or(default.group_blocks),
+        interpolated_direction_tolerance_deg: settings.interpolated_direction_tolerance_deg,
+    }
+}
+
+const fn settings_to_proto(settings: &ThinningSettings) -> proto::ThinningSettings {
+    proto::ThinningSettings {
+        angle_tolerance_deg: Some(settings.angle_tolerance_deg),
+        distance_tolerance_mm: Some(settings.distance_tolerance_mm),
+        group_blocks: Some(settings.group_blocks),
+        interpolated_direction_tolerance_deg: settings.interpolated_direction_tolerance_deg,
+    }
+}
+
+fn report_to_proto(thinning: &ProgramThinning) -> proto::ThinningReport {
+    let figures = &thinning.figures;
+    let rotary = &figures.rotary;
+    let counts = rotary.reversals_before.into_iter().zip(rotary.reversals_after);
+    let axes = thinning.rotary_axes.iter().zip(counts);
+    proto::ThinningReport {
+        blocks_read: figures.blocks_read,
+        blocks_dropped: figures.blocks_dropped,
+        blocks_kept: figures.blocks_kept(),
+        other_blocks: figures.other_blocks,
+        groups: figures.groups,
+        position_deviation_mm: figures.position_deviation_mm,
+        position_deviation_line: figures.position_deviation_line,
+        direction_deviation_deg: figures.direction_deviation_deg,
+        direction_deviation_line: figures.direction_deviation_line,
+        feeds_inherited: figures.feeds_inherited,
+        feeds_lost: figures.feeds_lost,
+        rotary_axes: axes
+            .map(|(letter, (reversals_before, reversals_after))| proto::ThinnedRotaryAxis {
+                letter: letter.to_string(),
+                reversals_before,
+                reversals_after,
+            })
+            .collect(),
+        rotary_off_blocks: rotary.off_blocks,
+        rotary_deviation_deg: rotary.largest_deviation_deg,
+        rotary_deviation_line: rotary.largest_deviation_line,
+        time_before_s: thinning.time_before_s,
+        time_after_s: thinning.time_after_s,
+        dropped: thinning
+            .dropped
+            .iter()
+            .map(|run| proto::DroppedRun {
+                first_line: run.first_line,
+                last_line: run.last_line,
+                blocks: run.blocks,
+                kept_line: run.kept_line,
+            })
+            .collect(),
+        dropped_not_listed: thinning.dropped_not_listed,
+    }
+}
