@@ -1,5 +1,5 @@
 //! The contract of the service, and everything that speaks it: generated types, conversion from and to the types of
-//! the pure crates, the JSON mapping, resource names, violations, delta coding.
+//! the pure crates, the JSON mapping, resource names, HTTP routes, violations, delta coding.
 //!
 //! Invariant: no I/O. What a client may send is checked here, once, with every violation reported.
 
@@ -16,5 +16,6 @@ pub mod document;
 pub mod json;
 pub mod names;
 pub mod proto;
+pub mod routes;
 pub mod text;
 pub mod violations;

@@ -10,12 +10,13 @@ use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{MethodRouter, get};
 use feedwave_contract::json;
 use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
     ListRunsRequest, ServerState,
 };
+use feedwave_contract::routes::{ROUTES, Route};
 use prost::Name;
 use prost_types::Timestamp;
 use query::Query;
@@ -37,21 +38,23 @@ pub struct HttpState {
 /// The routes of the port.
 pub fn router(state: HttpState) -> Router {
     let places = tower::limit::GlobalConcurrencyLimitLayer::new(state.api.limits.concurrent_requests);
-    Router::new()
-        .route("/v1/jobs", get(list_jobs))
-        .route("/v1/jobs/{id}", get(get_job))
-        .route("/v1/jobs/{id}/report", get(get_report))
-        .route("/v1/events", get(list_events))
-        .route("/v1/runs", get(list_runs))
-        .route("/v1/decisions", get(list_decisions))
-        .route("/v1/state", get(get_state))
-        .route("/metrics", get(get_metrics))
-        .route("/healthz", get(async || "ok\n"))
-        .route("/readyz", get(get_ready))
-        .fallback(unknown_path)
-        .method_not_allowed_fallback(wrong_method)
-        .layer(places)
-        .with_state(state)
+    let routes = ROUTES.iter().fold(Router::new(), |router, entry| router.route(entry.path, handler(entry.route)));
+    routes.fallback(unknown_path).method_not_allowed_fallback(wrong_method).layer(places).with_state(state)
+}
+
+fn handler(route: Route) -> MethodRouter<HttpState> {
+    match route {
+        Route::ListJobs => get(list_jobs),
+        Route::GetJob => get(get_job),
+        Route::GetReport => get(get_report),
+        Route::ListJobEvents => get(list_job_events),
+        Route::ListRuns => get(list_runs),
+        Route::ListDecisions => get(list_decisions),
+        Route::GetState => get(get_state),
+        Route::GetMetrics => get(get_metrics),
+        Route::GetHealth => get(async || "ok\n"),
+        Route::GetReadiness => get(get_ready),
+    }
 }
 
 /// An error as an answer.
@@ -115,7 +118,7 @@ async fn get_report(State(state): State<HttpState>, id: JobId, headers: HeaderMa
     Ok(message(&headers, &response.report.unwrap_or_default()))
 }
 
-async fn list_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+async fn list_job_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListJobEventsRequest {
         after: query.number("after"),

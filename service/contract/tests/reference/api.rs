@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use feedwave_contract::proto::DESCRIPTORS;
+use feedwave_contract::routes::{Body, ROUTES};
 use prost_reflect::{Cardinality, EnumDescriptor, FieldDescriptor, FileDescriptor, Kind, MessageDescriptor};
 
 const PACKAGE: &str = "feedwave.v1";
@@ -13,8 +14,20 @@ const HEAD: &str = "# The contract
 Services, messages and enums of `feedwave.v1`, file by file as in `proto/feedwave/v1`. In JSON, fields have their names in
 lowerCamelCase, enums their values' names, 64-bit integers are strings, and a field at its default is left out (the protobuf JSON
 mapping); the names given here are accepted too. An *optional* field distinguishes \"not set\" from 0. The HTTP answers for
-dashboards are messages of this page; [services.md](services.md) lists the routes.
+dashboards are messages of this page, and so are the requests whose fields are their parameters.
 
+";
+
+const ROUTES_HEAD: &str = "
+## HTTP
+
+The read-only port for dashboards, Prometheus and probes (`http.listen`, 8080 where nothing else is configured). Every route answers
+GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
+`google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` have an entity tag: with `If-None-Match` what has not
+changed is answered by 304.
+
+| path | parameters | answer | |
+| --- | --- | --- | --- |
 ";
 
 /// The whole page.
@@ -26,10 +39,34 @@ pub fn page() -> String {
         let name = file_name(file);
         let _ = writeln!(page, "- [{name}](#{})", name.replace('.', ""));
     }
+    page.push_str("- [HTTP](#http)\n");
     for file in &files {
         write_file(&mut page, file);
     }
+    write_routes(&mut page);
     page
+}
+
+/// The routes of the HTTP port, from the table that registers them.
+fn write_routes(page: &mut String) {
+    page.push_str(ROUTES_HEAD);
+    for entry in &ROUTES {
+        let local = |name: &str| format!("{PACKAGE}.{name}");
+        let parameters = entry.parameters.map_or_else(
+            || "none".to_owned(),
+            |request| {
+                let request = DESCRIPTORS.get_message_by_name(&local(request)).expect("a message of the contract");
+                let names: Vec<String> =
+                    fields_as_written(&request).iter().map(|field| format!("`{}`", field.json_name())).collect();
+                format!("{} of {}", names.join(", "), message_link(&request))
+            },
+        );
+        let body = match entry.body {
+            Body::Message(name) => link(&local(name)),
+            Body::Text(what) => what.to_owned(),
+        };
+        let _ = writeln!(page, "| `{}` | {parameters} | {body} | {} |", entry.path, entry.purpose);
+    }
 }
 
 fn file_name(file: &FileDescriptor) -> &str {

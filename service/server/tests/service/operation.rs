@@ -1,8 +1,10 @@
 //! Running the service: health, reflection, the HTTP port, limits, and its end.
 
+use feedwave_contract::proto::DESCRIPTORS;
 use feedwave_contract::proto::{
     CreateMachineRequest, DeleteMachineRequest, GetJobRequest, ListMachinesRequest, Machine, WatchJobsRequest,
 };
+use feedwave_contract::routes::ROUTES;
 use feedwave_server::config::Limits;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -44,6 +46,27 @@ async fn http(test: &TestServer, method: &str, path: &str, more_headers: &str) -
 
 async fn get(test: &TestServer, path: &str) -> Answer {
     http(test, "GET", path, "").await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_route_of_the_table_is_served_and_takes_the_parameters_of_its_request() {
+    let test = TestServer::start().await;
+    for entry in &ROUTES {
+        let is_of_a_job = entry.path.contains("{id}");
+        let path = entry.path.replace("{id}", "00000000-0000-7000-8000-000000000000");
+        let fields = entry.parameters.map_or_else(Vec::new, |request| {
+            let request = DESCRIPTORS.get_message_by_name(&format!("feedwave.v1.{request}")).unwrap();
+            request.fields().map(|field| field.json_name().to_owned()).collect()
+        });
+        // Of all parameters only states have no empty value.
+        let value = |name: &String| format!("{name}={}", if name == "states" { "ready" } else { "" });
+        let query = fields.iter().map(value).collect::<Vec<_>>().join("&");
+        let answer = get(&test, &format!("{path}?{query}")).await;
+        assert_eq!(answer.status, if is_of_a_job { 404 } else { 200 }, "{}: {}", entry.path, answer.body);
+        if entry.parameters.is_some() {
+            assert_eq!(get(&test, &format!("{path}?colour=red")).await.status, 400, "{}", entry.path);
+        }
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -125,7 +148,7 @@ async fn metrics_count_calls_by_method_and_code() {
 #[tokio::test(flavor = "multi_thread")]
 async fn health_and_reflection_are_served() {
     let test = TestServer::start().await;
-    let services = feedwave_contract::proto::DESCRIPTORS.services().map(|service| service.full_name().to_owned());
+    let services = DESCRIPTORS.services().map(|service| service.full_name().to_owned());
     for service in services.chain([String::new()]) {
         let request = HealthCheckRequest { service: service.clone() };
         let response = HealthClient::new(test.channel.clone()).check(request).await.unwrap().into_inner();

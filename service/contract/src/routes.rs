@@ -1,0 +1,128 @@
+//! The routes of the read-only HTTP port: one table for the router of the service and for the page of reference.
+
+/// What a route is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// Jobs, newest first.
+    ListJobs,
+    /// One job.
+    GetJob,
+    /// The validation report of a job.
+    GetReport,
+    /// State changes of jobs.
+    ListJobEvents,
+    /// Runs.
+    ListRuns,
+    /// Decisions of runs.
+    ListDecisions,
+    /// The service about itself.
+    GetState,
+    /// Figures for Prometheus.
+    GetMetrics,
+    /// Whether the process lives.
+    GetHealth,
+    /// Whether requests are welcome.
+    GetReadiness,
+}
+
+/// What a route answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// A message of the contract, by its name, in its JSON mapping.
+    Message(&'static str),
+    /// A text; which one.
+    Text(&'static str),
+}
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RouteEntry {
+    /// Which it is.
+    pub route: Route,
+    /// Its path, with what varies in braces.
+    pub path: &'static str,
+    /// The request whose fields are the parameters of its query, by their names in JSON; `None` where it has none.
+    pub parameters: Option<&'static str>,
+    /// What it answers.
+    pub body: Body,
+    /// What it is for.
+    pub purpose: &'static str,
+}
+
+const fn messages(
+    route: Route,
+    path: &'static str,
+    parameters: Option<&'static str>,
+    answer: &'static str,
+    purpose: &'static str,
+) -> RouteEntry {
+    RouteEntry { route, path, parameters, body: Body::Message(answer), purpose }
+}
+
+const fn text(route: Route, path: &'static str, body: &'static str, purpose: &'static str) -> RouteEntry {
+    RouteEntry { route, path, parameters: None, body: Body::Text(body), purpose }
+}
+
+/// Every route; each answers GET and HEAD.
+pub const ROUTES: [RouteEntry; 10] = [
+    messages(
+        Route::ListJobs,
+        "/v1/jobs",
+        Some("ListJobsRequest"),
+        "ListJobsResponse",
+        "Jobs, newest first. A state is named with or without `JOB_STATE_`, and `states` may be given more than once.",
+    ),
+    messages(Route::GetJob, "/v1/jobs/{id}", None, "Job", "The job `jobs/{id}`."),
+    messages(
+        Route::GetReport,
+        "/v1/jobs/{id}/report",
+        None,
+        "ValidationReport",
+        "The validation report of the job `jobs/{id}`.",
+    ),
+    messages(
+        Route::ListJobEvents,
+        "/v1/events",
+        Some("ListJobEventsRequest"),
+        "ListJobEventsResponse",
+        "State changes of jobs, oldest first.",
+    ),
+    messages(Route::ListRuns, "/v1/runs", Some("ListRunsRequest"), "ListRunsResponse", "Runs, newest first."),
+    messages(
+        Route::ListDecisions,
+        "/v1/decisions",
+        Some("ListDecisionsRequest"),
+        "ListDecisionsResponse",
+        "Decisions of runs, oldest first.",
+    ),
+    messages(Route::GetState, "/v1/state", None, "ServerState", "The service about itself."),
+    text(Route::GetMetrics, "/metrics", "Prometheus text format", "Figures of the service."),
+    text(Route::GetHealth, "/healthz", "`ok`", "Whether the process lives."),
+    text(
+        Route::GetReadiness,
+        "/readyz",
+        "`ok`",
+        "Whether requests are welcome: 503 while the service drains or cannot reach its store.",
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::proto::DESCRIPTORS;
+
+    #[test]
+    fn every_message_of_the_table_is_of_the_contract_and_every_path_there_once() {
+        let known = |name: &str| DESCRIPTORS.get_message_by_name(&format!("feedwave.v1.{name}")).is_some();
+        let mut paths = BTreeSet::new();
+        for entry in &ROUTES {
+            assert!(paths.insert(entry.path), "{} twice", entry.path);
+            assert!(entry.parameters.is_none_or(known), "{entry:?}");
+            if let Body::Message(name) = entry.body {
+                assert!(known(name), "{entry:?}");
+            }
+        }
+    }
+}
