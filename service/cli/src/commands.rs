@@ -14,7 +14,6 @@ pub mod healthcheck;
 mod lobes;
 mod local;
 mod machine;
-mod oscillation;
 mod overrides;
 mod pictures;
 mod plan;
@@ -28,6 +27,7 @@ mod stream;
 mod submit;
 mod terminal;
 mod thread_plan;
+mod tool_oscillation;
 mod tools;
 mod validate;
 

@@ -3,7 +3,6 @@
 //! Invariant: memory does not grow with the program; what is left out is smaller than a pixel.
 
 mod canvas;
-mod chip;
 mod clip;
 mod draw;
 mod dynamics;
@@ -12,12 +11,13 @@ mod five_axis;
 mod layout;
 mod lobes;
 mod motion;
-mod oscillation;
+mod path_vibration;
 mod rapids;
 mod run;
 mod series;
 mod theme;
 mod thread;
+mod tool_oscillation;
 mod tool_path;
 mod trace;
 
@@ -27,17 +27,17 @@ use std::path::{Path, PathBuf};
 use feedwave_cutting::SetpointBlock;
 
 pub use canvas::PlotError;
-use chip::ChipPicture;
-pub use chip::Cut;
 use dynamics::{DynamicsPicture, PathDynamics};
 use figure::Figure;
 pub use five_axis::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 pub use lobes::{LobesPicture, write_lobes};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
-pub use oscillation::{OscillationPictures, write_oscillation};
+use path_vibration::ChipPicture;
+pub use path_vibration::Cut;
 pub use rapids::RapidLines;
 pub use run::{RunTrace, write_run};
 pub use thread::{ThreadPictures, write_thread};
+pub use tool_oscillation::{OscillationPictures, write_oscillation};
 use tool_path::ToolPathPicture;
 pub use trace::{PathTrace, Point, Stretch};
 

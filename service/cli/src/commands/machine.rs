@@ -12,7 +12,7 @@ use feedwave_contract::violations::Violations;
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{DEFAULT_PERIOD_US, Frame, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
 
-use super::oscillation::OscillationArgs;
+use super::tool_oscillation::OscillationArgs;
 use super::tools::ToolArgs;
 use super::{CliError, data_file};
 

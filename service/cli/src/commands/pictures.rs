@@ -1,23 +1,22 @@
 //! What the pictures of a program show: its moves, its vibration close up, its chip.
 
 mod five_axis;
+mod path_vibration;
+mod thread;
+mod tool_oscillation;
 
-use std::collections::HashSet;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use feedwave_cutting::{
-    CutCondition, GuidedCuts, PipelineConfig, SectionReport, SetpointBlock, ToolMotion, ToolPath, ToolPathSink,
-    ValidationReport,
+    GuidedCuts, PipelineConfig, SetpointBlock, ToolMotion, ToolPath, ToolPathSink, ValidationReport,
 };
 use feedwave_motion::MachineKind;
 
 use super::CliError;
 use super::source::Source;
-use super::terminal::number;
-use crate::plot::{self, AxisShown, PathTrace, Plots, Point, RapidLines};
+use crate::plot::{AxisShown, PathTrace, PlotError, Plots, Point, RapidLines};
 
-/// Pictures of chips at most: sections of one program are mostly alike.
-const MAX_CHIP_PICTURES: usize = 8;
 /// Vibration periods in a close view.
 const PERIODS_SHOWN: f64 = 5.0;
 
@@ -91,15 +90,27 @@ pub(super) fn prepare(
             plots.add_window(title, window);
         }
     }
-    let mut drawn = HashSet::new();
-    for section in &report.sections {
-        let Some((subtitle, cuts)) = cuts(section) else { continue };
-        let headings: Vec<_> = cuts.iter().map(|cut| cut.heading.clone()).collect();
-        if drawn.len() < MAX_CHIP_PICTURES && drawn.insert(headings) {
-            plots.add_chip(format!("chip-line-{}", section.first_line), subtitle, cuts);
-        }
-    }
+    path_vibration::prepare(&mut plots, report);
     Ok(plots)
+}
+
+/// Draws the sections of one machining function into a directory; the files.
+type DrawSections = fn(&PipelineConfig, &ValidationReport, &Path) -> Result<Vec<PathBuf>, PlotError>;
+
+/// The functions whose sections have pictures of their own.
+const FUNCTIONS: [DrawSections; 2] = [thread::draw, tool_oscillation::draw];
+
+/// Draws what needs no setpoints: every section on its own; the files.
+pub(super) fn draw_sections(
+    config: &PipelineConfig,
+    report: &ValidationReport,
+    directory: &Path,
+) -> Result<Vec<PathBuf>, CliError> {
+    let mut files = Vec::new();
+    for draw in FUNCTIONS {
+        files.extend(draw(config, report, directory).map_err(CliError::trouble)?);
+    }
+    Ok(files)
 }
 
 /// A close view of the start, called `title`, and one of the middle, for waves of `wave_s`.
@@ -161,48 +172,4 @@ impl Traced {
         traced.rapids.finish();
         Ok((traced, cuts))
     }
-}
-
-/// The programmed cut and, where it does not break the chip, the suggested one.
-fn cuts(section: &SectionReport) -> Option<(String, Vec<plot::Cut>)> {
-    let chip = section.chip.as_ref()?;
-    let condition = chip.condition;
-    let subtitle = format!(
-        "lines {} to {} \u{b7} {} rev/min \u{b7} feed {} mm/rev",
-        section.first_line,
-        section.last_line,
-        number(condition.spindle_rev_per_min, 5),
-        number(condition.feed_per_rev_mm, 4)
-    );
-    let mut cuts = vec![cut("programmed", condition)];
-    if !chip.broken
-        && let Some(&frequency_hz) = chip.recommended_frequencies_hz.first()
-    {
-        let mut suggested = CutCondition { frequency_hz, ..condition };
-        if !suggested.breaks_chip() {
-            // At half-integer D half the feed is enough; a little more breaks it with certainty.
-            suggested.amplitude_mm = 0.6 * condition.feed_per_rev_mm;
-        }
-        cuts.push(cut("suggested", suggested));
-    }
-    Some((subtitle, cuts))
-}
-
-fn cut(which: &str, condition: CutCondition) -> plot::Cut {
-    let broken = condition.breaks_chip();
-    let heading = format!(
-        "{which}: {} Hz, amplitude {} mm",
-        number(condition.frequency_hz, 5),
-        number(condition.amplitude_mm, 3)
-    );
-    let per_rev = format!("{:.3} vibrations per revolution", condition.vibrations_per_rev());
-    let margin = condition.breaking_margin();
-    let verdict = if broken {
-        format!("{per_rev}: the chip breaks")
-    } else if margin == 0.0 {
-        format!("{per_rev}: in phase, no amplitude breaks the chip")
-    } else {
-        format!("{per_rev}: the amplitude is {} % of what breaks the chip", number(margin * 100.0, 2))
-    };
-    plot::Cut { heading, verdict, condition }
 }

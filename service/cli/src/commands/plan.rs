@@ -20,13 +20,7 @@ use super::terminal::{Style, Unit, count, print_json, progress, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, local, report};
 use crate::output::{CsvWriter, FileFormat, Layout, SetpointWriter, create};
-use crate::plot::{OscillationPictures, Plots, ThreadPictures, write_oscillation, write_thread};
-
-/// Threads drawn at most: three pictures each.
-const MAX_THREADS_DRAWN: usize = 8;
-
-/// Oscillating passes drawn at most: six pictures each.
-const MAX_OSCILLATIONS_DRAWN: usize = 4;
+use crate::plot::Plots;
 
 /// Arguments of `feedwave plan`.
 #[derive(Debug, clap::Args)]
@@ -252,16 +246,6 @@ pub(super) fn draw(
     })?;
     bar.finish_and_clear();
     let mut files = plots.write(directory).map_err(CliError::trouble)?;
-    for section in report.threads.iter().take(MAX_THREADS_DRAWN) {
-        let name = format!("thread-line-{}", section.first_line);
-        let thread = ThreadPictures { name, job: &section.job, report: &section.report };
-        files.extend(write_thread(&thread, directory).map_err(CliError::trouble)?);
-    }
-    for section in report.oscillations.iter().take(MAX_OSCILLATIONS_DRAWN) {
-        let Some((tool, oscillation)) = section.motion(config) else { continue };
-        let name = format!("oscillation-line-{}", section.line);
-        let pass = OscillationPictures { name, tool, oscillation: &oscillation, section };
-        files.extend(write_oscillation(&pass, directory).map_err(CliError::trouble)?);
-    }
+    files.extend(pictures::draw_sections(config, report, directory)?);
     Ok(files)
 }

@@ -1,57 +1,44 @@
-//! A validation report for people: findings, vibrating sections, summary. The same text whether the report came from
-//! this machine or from a service.
+//! A validation report for people: findings, a part for each machining function, summary. The same text whether the report
+//! came from this machine or from a service.
 
-mod oscillation;
-mod section;
+mod path_vibration;
 mod thinning;
 mod thread;
+mod tool_oscillation;
 
 pub(super) use thread::text as thread_text;
 
-use feedwave_contract::proto::{LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 
 use super::CliError;
 use super::findings;
 use super::source::Source;
 use super::terminal::{Style, count, counted, number};
 
+/// What is said of each machining function, in the order of the report.
+const FUNCTIONS: [fn(&ValidationReport, Style) -> String; 4] =
+    [path_vibration::text, thread::sections_text, tool_oscillation::text, thinning::text];
+
 /// The whole report.
 pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style) -> Result<String, CliError> {
     let mut text = findings_text(report, source, style)?;
-    for (number, section) in (1..).zip(&report.sections) {
-        text.push_str(&section::text(number, section, style));
-        text.push('\n');
-    }
-    for (number, section) in (1..).zip(&report.threads) {
-        text.push_str(&thread::section_text(number, section, style));
-        text.push('\n');
-    }
-    for (number, section) in (1..).zip(&report.oscillations) {
-        text.push_str(&oscillation::section_text(number, section, style));
-        text.push('\n');
-    }
-    if let Some(thinning) = &report.thinning {
-        text.push_str(&thinning::text(thinning, style));
-        text.push('\n');
-    }
-    let summary = report.summary.as_ref();
-    if let Some(summary) = summary {
-        let listed = [
-            (summary.section_count, report.sections.len(), "vibrating section"),
-            (summary.thread_count, report.threads.len(), "thread"),
-            (summary.oscillation_count, report.oscillations.len(), "oscillation"),
-        ];
-        for (count, listed, noun) in listed {
-            let not_listed = count.saturating_sub(listed as u64);
-            if not_listed > 0 {
-                text.push_str(&format!("{} more not listed.\n\n", counted(not_listed, noun)));
-            }
-        }
+    text.extend(FUNCTIONS.map(|of_function| of_function(report, style)));
+    if let Some(summary) = &report.summary {
         text.push_str(&summary_text(summary, style));
     }
     text.push_str(&verdict(report, &source.name, style));
     text.push('\n');
     Ok(text)
+}
+
+/// Sections of a function one after the other, of `count` in all.
+fn sections<S>(listed: &[S], count: Option<u64>, noun: &str, text: impl Fn(usize, &S) -> String) -> String {
+    let mut all: String = (1..).zip(listed).map(|(number, section)| text(number, section) + "\n").collect();
+    let not_listed = count.unwrap_or_default().saturating_sub(listed.len() as u64);
+    if not_listed > 0 {
+        all.push_str(&format!("{} more not listed.\n\n", counted(not_listed, noun)));
+    }
+    all
 }
 
 /// The findings alone.
@@ -99,6 +86,13 @@ impl Rows {
         self.text.push_str(&format!("  {} {}\n", self.style.faint(&format!("{name:<13}")), value.as_ref()));
     }
 
+    /// Says how many are not listed, if any.
+    fn more(&mut self, not_listed: u64) {
+        if not_listed > 0 {
+            self.row("", format!("and {} more", count(not_listed)));
+        }
+    }
+
     /// A row of a table: the first cell to the left, the others to the right.
     fn cells(&mut self, cells: &[String], widths: &[usize]) {
         let mut line = String::from("  ");
@@ -124,6 +118,16 @@ impl Rows {
             self.cells(row, &widths);
         }
     }
+}
+
+/// A share of 1 as per cent.
+fn percent(share: f64) -> String {
+    format!("{} %", number(share * 100.0, 3))
+}
+
+/// Lines of a program.
+fn lines(first: u32, last: u32) -> String {
+    if first == last { format!("{first}") } else { format!("{first}–{last}") }
 }
 
 fn summary_text(summary: &ProgramSummary, style: Style) -> String {
@@ -171,40 +175,43 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));
     }
-    if !summary.axes.is_empty() {
-        let linear = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²", "jerk, m/s³"];
-        let rotary = ["axis", "from, °", "to, °", "velocity, °/min", "acceleration, °/s²", "jerk, °/s³"];
-        for (is_rotary, head, per) in [(false, linear, 1e3), (true, rotary, 1.0)] {
-            let mut table = vec![head.map(str::to_owned).to_vec()];
-            table.extend(summary.axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
-                vec![
-                    axis.name.clone(),
-                    number(axis.min, 7),
-                    number(axis.max, 7),
-                    number(axis.peak_velocity_per_s * 60.0, 5),
-                    number(axis.peak_acceleration_per_s2 / per, 4),
-                    number(axis.peak_jerk_per_s3 / per, 4),
-                ]
-            }));
-            if table.len() > 1 {
-                rows.table(&table);
-            }
-        }
-        for axis in &summary.axes {
-            let places = [&axis.peak_velocity_at, &axis.peak_acceleration_at, &axis.peak_jerk_at];
-            let names = ["velocity", "acceleration", "jerk"];
-            let place = |(name, place): (&str, &Option<PeakPlace>)| {
-                let place = place.as_ref()?;
-                Some(format!("{name} at {:.6} s in line {}", place.time_s, place.line))
-            };
-            let places: Vec<_> = names.into_iter().zip(places).filter_map(place).collect();
-            if !places.is_empty() {
-                rows.row(&format!("peaks of {}", axis.name), places.join(", "));
-            }
-        }
-    }
+    axis_rows(&mut rows, &summary.axes);
     rows.text.push('\n');
     rows.text
+}
+
+/// Extents and peaks of the axes.
+fn axis_rows(rows: &mut Rows, axes: &[AxisSummary]) {
+    let linear = ["axis", "from, mm", "to, mm", "velocity, mm/min", "acceleration, m/s²", "jerk, m/s³"];
+    let rotary = ["axis", "from, °", "to, °", "velocity, °/min", "acceleration, °/s²", "jerk, °/s³"];
+    for (is_rotary, head, per) in [(false, linear, 1e3), (true, rotary, 1.0)] {
+        let mut table = vec![head.map(str::to_owned).to_vec()];
+        table.extend(axes.iter().filter(|axis| axis.rotary == is_rotary).map(|axis| {
+            vec![
+                axis.name.clone(),
+                number(axis.min, 7),
+                number(axis.max, 7),
+                number(axis.peak_velocity_per_s * 60.0, 5),
+                number(axis.peak_acceleration_per_s2 / per, 4),
+                number(axis.peak_jerk_per_s3 / per, 4),
+            ]
+        }));
+        if table.len() > 1 {
+            rows.table(&table);
+        }
+    }
+    for axis in axes {
+        let places = [&axis.peak_velocity_at, &axis.peak_acceleration_at, &axis.peak_jerk_at];
+        let names = ["velocity", "acceleration", "jerk"];
+        let place = |(name, place): (&str, &Option<PeakPlace>)| {
+            let place = place.as_ref()?;
+            Some(format!("{name} at {:.6} s in line {}", place.time_s, place.line))
+        };
+        let places: Vec<_> = names.into_iter().zip(places).filter_map(place).collect();
+        if !places.is_empty() {
+            rows.row(&format!("peaks of {}", axis.name), places.join(", "));
+        }
+    }
 }
 
 /// What limits the motion, the longest time first, as shares of the whole.

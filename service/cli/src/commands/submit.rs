@@ -11,9 +11,9 @@ use feedwave_cutting::tool_oscillation::OscillationRequest;
 
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
-use super::oscillation::OscillationArgs;
 use super::source::Source;
 use super::terminal::{Style, print, print_json, tell};
+use super::tool_oscillation::OscillationArgs;
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, report};
 

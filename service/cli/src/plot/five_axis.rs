@@ -245,7 +245,6 @@ impl FiveAxisPlots {
 #[cfg(test)]
 mod tests {
     use feedwave_motion::kinematics::vector::{angle, norm, sub};
-    use feedwave_motion::kinematics::{BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Wrap};
     use feedwave_program::{Axis, Position};
 
     use super::*;
@@ -282,16 +281,7 @@ mod tests {
 
     #[test]
     fn directions_are_in_work_coordinates_whatever_the_stream_is_in() {
-        let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-        let axis =
-            |axis, direction| ChainAxis { axis, direction, point_mm: [0.0; 3], range: None, wrap: Wrap::Counting };
-        let description = KinematicsDescription {
-            chain: vec![axis(Axis::C, z), axis(Axis::A, x), axis(Axis::Y, y), axis(Axis::X, x), axis(Axis::Z, z)],
-            gauge_point_mm: [0.0; 3],
-            tool_direction: z,
-            preferred_branch: BranchPreference::Nearest,
-        };
-        let kinematics = Kinematics::new(&description).unwrap();
+        let (z, kinematics) = ([0.0, 0.0, 1.0], crate::plot::tests::trunnion());
         let mut offset = Position::default();
         (offset[Axis::A.index()], offset[Axis::C.index()]) = (-20.0, 30.0);
         let setup = FiveAxisSetup {

@@ -1,11 +1,26 @@
 use std::path::Path;
 
 use feedwave_cutting::{CutCondition, FeedCoupling, SetpointBlock};
+use feedwave_motion::kinematics::{BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Wrap};
+use feedwave_program::Axis;
 
 use super::figure::Figure;
 use super::{AxisShown, Cut, PathTrace, Plots, RapidLines, RunTrace, Stretch};
 
 mod rules;
+
+/// A table that turns by C and tilts by A.
+pub(super) fn trunnion() -> Kinematics {
+    let axis = |axis, direction| ChainAxis { axis, direction, point_mm: [0.0; 3], range: None, wrap: Wrap::Counting };
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let description = KinematicsDescription {
+        chain: vec![axis(Axis::C, z), axis(Axis::A, x), axis(Axis::Y, y), axis(Axis::X, x), axis(Axis::Z, z)],
+        gauge_point_mm: [0.0; 3],
+        tool_direction: z,
+        preferred_branch: BranchPreference::Nearest,
+    };
+    Kinematics::new(&description).unwrap()
+}
 
 fn axes(names: &[&str]) -> Vec<AxisShown> {
     let axis = |name: &&str| AxisShown {
@@ -301,7 +316,7 @@ mod thread {
     }
 }
 
-mod oscillation {
+mod tool_oscillation {
     use feedwave_cutting::tool_oscillation::{
         DirectionLimits, DirectionOscillation, Engagement, LeadingEdge, OscillationCondition, OscillationCut,
         OscillationJob, OscillationLimits, OscillationPeriod, OscillationSectionReport, RoleReport, RoleRotation,
@@ -323,7 +338,7 @@ mod oscillation {
         let tools = [(ToolGeometry::even(4, 60.0, 1.5, 5.0), 1), (measured, 1), (many, 25)];
         tools
             .iter()
-            .flat_map(|(tool, periods)| with(tool, *periods, 600.0, Some(0.05), crate::plot::oscillation::figures))
+            .flat_map(|(tool, periods)| with(tool, *periods, 600.0, Some(0.05), crate::plot::tool_oscillation::figures))
             .collect()
     }
 

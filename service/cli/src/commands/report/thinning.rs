@@ -1,14 +1,18 @@
 //! What thinning did, for people.
 
-use feedwave_contract::proto::ThinningReport;
+use feedwave_contract::proto::{ThinningReport, ValidationReport};
 
 use super::super::terminal::{Style, count, counted, number};
-use super::Rows;
+use super::{Rows, lines, percent};
 
 /// Runs of dropped blocks listed; the JSON has all.
 const LISTED_RUNS: usize = 8;
 
-pub(super) fn text(thinning: &ThinningReport, style: Style) -> String {
+pub(super) fn text(report: &ValidationReport, style: Style) -> String {
+    report.thinning.as_ref().map_or_else(String::new, |thinning| thinning_text(thinning, style) + "\n")
+}
+
+fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
     let mut rows = Rows::new(style);
     rows.heading("Thinning");
     let groups = counted(thinning.groups, "group");
@@ -30,7 +34,7 @@ pub(super) fn text(thinning: &ThinningReport, style: Style) -> String {
         let (before, after) = (number(thinning.time_before_s, 5), number(thinning.time_after_s, 5));
         // A dropped block's feed that moved on may be a lower one.
         let than = if share < 0.0 { "more" } else { "less" };
-        rows.row("time", format!("{before} s before, {after} s after: {} % {than}", number(share.abs() * 100.0, 3)));
+        rows.row("time", format!("{before} s before, {after} s after: {} {than}", percent(share.abs())));
     }
     if thinning.blocks_dropped > 0 {
         let at = |line: u32| if line == 0 { String::new() } else { format!(" (line {line})") };
@@ -53,15 +57,10 @@ pub(super) fn text(thinning: &ThinningReport, style: Style) -> String {
         let head = ["dropped, lines", "blocks", "replaced by"];
         let mut table = vec![head.map(str::to_owned).to_vec()];
         table.extend(thinning.dropped.iter().take(LISTED_RUNS).map(|run| {
-            let (first, last) = (run.first_line, run.last_line);
-            let lines = if first == last { format!("{first}") } else { format!("{first}–{last}") };
-            vec![lines, count(run.blocks.into()), format!("{}", run.kept_line)]
+            vec![lines(run.first_line, run.last_line), count(run.blocks.into()), format!("{}", run.kept_line)]
         }));
         rows.table(&table);
-        let more = thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed;
-        if more > 0 {
-            rows.row("", format!("and {} more", count(more)));
-        }
+        rows.more(thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed);
     }
     rows.text
 }

@@ -1,18 +1,23 @@
-//! One thread for people: its passes, what becomes of their chips, what is left for the finishing pass.
+//! Threads for people: their passes, what becomes of their chips, what is left for the finishing pass.
 
 use feedwave_contract::proto::{
     CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadGeometry, ThreadPass, ThreadPassReport,
-    ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp,
+    ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};
-use super::Rows;
+use super::{Rows, percent, sections};
 
 /// Passes listed; the JSON has all.
 const LISTED_PASSES: usize = 40;
 
-/// A thread of a program.
-pub(super) fn section_text(position: usize, section: &ThreadSectionReport, style: Style) -> String {
+/// The threads of a program.
+pub(super) fn sections_text(report: &ValidationReport, style: Style) -> String {
+    let count = report.summary.as_ref().map(|summary| summary.thread_count);
+    sections(&report.threads, count, "thread", |number, section| section_text(number, section, style))
+}
+
+fn section_text(position: usize, section: &ThreadSectionReport, style: Style) -> String {
     let switched = section.on_line.map_or_else(
         || "without vibration".to_owned(),
         |line| match section.amplitude_ratio {
@@ -147,10 +152,7 @@ fn pass_table(rows: &mut Rows, thread: &Thread, reports: &[ThreadPassReport]) {
     };
     table.extend(thread.passes.iter().zip(reports).enumerate().take(LISTED_PASSES).map(row));
     rows.table(&table);
-    let more = reports.len().saturating_sub(LISTED_PASSES);
-    if more > 0 {
-        rows.row("", format!("and {more} more"));
-    }
+    rows.more(reports.len().saturating_sub(LISTED_PASSES) as u64);
 }
 
 /// What becomes of the chips, model by model.
@@ -179,7 +181,7 @@ fn chip_table(rows: &mut Rows, reports: &[ThreadPassReport]) {
 fn chip_cells(chip: &ThreadChip) -> [String; 4] {
     [
         if chip.broken { "broken" } else { "unbroken" }.to_owned(),
-        format!("{} %", number(chip.air_share * 100.0, 3)),
+        percent(chip.air_share),
         number(chip.breaks_per_rev, 3),
         number(chip.longest_chip_mm, 3),
     ]

@@ -148,18 +148,8 @@ impl SpherePicture<'_> {
         let (away_rad, aside_rad) = (TURN_DEG.0.to_radians(), TURN_DEG.1.to_radians());
         let away_rad = if tilt_rad < 0.5 * PI { away_rad } else { -away_rad };
         let eye = Eye::at(at(tilt_rad + away_rad, turn_rad + aside_rad), pole);
-        let steps = || (0..=CHORDS).map(|step| f64::from(step) / f64::from(CHORDS));
         let grid = Ink::line(format!("every {GRID_DEG} degrees from the pole"), theme::RAPID, 1.0);
-        for tilt_deg in (GRID_DEG..180).step_by(GRID_DEG as usize) {
-            let line: Vec<_> = steps().map(|share| at(f64::from(tilt_deg).to_radians(), TAU * share)).collect();
-            draw_visible(&mut panel, &eye, &line, &grid);
-        }
-        for turn_deg in (0..360).step_by(2 * GRID_DEG as usize) {
-            // Meridians end beside the poles, where they would run into each other.
-            let share = f64::from(GRID_DEG) / 180.0;
-            let line: Vec<_> = steps()
-                .map(|place| at(PI * (share + (1.0 - 2.0 * share) * place), f64::from(turn_deg).to_radians()))
-                .collect();
+        for line in grid_lines(at) {
             draw_visible(&mut panel, &eye, &line, &grid);
         }
         panel.path(&grid, circle);
@@ -192,6 +182,20 @@ impl SpherePicture<'_> {
         }
         panel
     }
+}
+
+/// Lines of the grid around the pole, of points `at` a tilt from it and a turn around it, rad.
+fn grid_lines(at: impl Fn(f64, f64) -> Vec3) -> Vec<Vec<Vec3>> {
+    let steps = || (0..=CHORDS).map(|step| f64::from(step) / f64::from(CHORDS));
+    let circles = (GRID_DEG..180).step_by(GRID_DEG as usize);
+    let circles = circles.map(|tilt_deg| f64::from(tilt_deg).to_radians());
+    let circles = circles.map(|tilt_rad| steps().map(|share| at(tilt_rad, TAU * share)).collect());
+    // Meridians end beside the poles, where they would run into each other.
+    let end = f64::from(GRID_DEG) / 180.0;
+    let meridians = (0..360).step_by(2 * GRID_DEG as usize).map(|turn_deg| f64::from(turn_deg).to_radians());
+    let meridians =
+        meridians.map(|turn_rad| steps().map(|place| at(PI * (end + (1.0 - 2.0 * end) * place), turn_rad)).collect());
+    circles.chain(meridians).collect()
 }
 
 /// Draws what of a line on the sphere is on the near side.

@@ -3,8 +3,8 @@
 use feedwave_contract::proto::{PocketSearch, SpindleBand, StabilityLobes, StabilityPocket, StabilityPoint};
 use feedwave_cutting::SetpointBlock;
 use feedwave_cutting::thinning::{DeviationTrace, ThinningSettings};
-use feedwave_motion::kinematics::{BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Setup, Wrap};
-use feedwave_program::{Axis, Position};
+use feedwave_motion::kinematics::Setup;
+use feedwave_program::Position;
 use plotters::style::RGBColor;
 
 use crate::plot::figure::{Beyond, Figure, MILLISECONDS, Proportions, SECONDS, Shape};
@@ -16,7 +16,7 @@ use crate::plot::{FiveAxisPlots, FiveAxisSetup, LobesPicture, ThinningShown, can
 fn figures() -> Vec<Figure> {
     let mut figures = tests::plots().figures();
     figures.extend(tests::thread::figures());
-    figures.extend(tests::oscillation::figures());
+    figures.extend(tests::tool_oscillation::figures());
     figures.extend(five_axis(None));
     figures.extend(five_axis(Some(0.5)));
     figures.push(tests::run().figure());
@@ -26,15 +26,7 @@ fn figures() -> Vec<Figure> {
 
 /// A program on a table that turns and tilts: C goes to and fro, A rises.
 fn five_axis(interpolated_direction_tolerance_deg: Option<f64>) -> Vec<Figure> {
-    let axis = |axis, direction| ChainAxis { axis, direction, point_mm: [0.0; 3], range: None, wrap: Wrap::Counting };
-    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-    let description = KinematicsDescription {
-        chain: vec![axis(Axis::C, z), axis(Axis::A, x), axis(Axis::Y, y), axis(Axis::X, x), axis(Axis::Z, z)],
-        gauge_point_mm: [0.0; 3],
-        tool_direction: z,
-        preferred_branch: BranchPreference::Nearest,
-    };
-    let kinematics = Kinematics::new(&description).unwrap();
+    let kinematics = tests::trunnion();
     let work = kinematics.work_frame_at(&kinematics.from_position(&Position::default()));
     let setup = FiveAxisSetup {
         columns: [(1, 1.0), (0, 1.0)],

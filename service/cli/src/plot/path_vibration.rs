@@ -1,4 +1,4 @@
-//! Picture of the chip: how thick it is around the revolution, and the tracks of the tool that make it so.
+//! Picture of the chip of a vibration along the path: how thick it is around the revolution, and the tracks of the tool that make it so.
 
 use feedwave_cutting::{CutCondition, thickness};
 use plotters::style::RGBColor;

@@ -1,22 +1,49 @@
-//! One tool oscillation for people: how it is in step, what it asks of the axes, what every edge removes, the floor.
+//! Tool oscillations for people: how they are in step, what they ask of the axes, what every edge removes, the floor.
 
 use feedwave_contract::proto::oscillation_roles::Rotation;
 use feedwave_contract::proto::{
     OscillationDirection, OscillationEdge, OscillationFloor, OscillationLoad, OscillationRoles,
-    OscillationSectionReport, RemovedLayer,
+    OscillationSectionReport, RemovedLayer, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};
-use super::Rows;
+use super::{Rows, percent, sections};
 
 /// Edges listed; the JSON has all.
 const LISTED_EDGES: usize = 16;
 
-pub(super) fn section_text(position: usize, section: &OscillationSectionReport, style: Style) -> String {
+pub(super) fn text(report: &ValidationReport, style: Style) -> String {
+    let count = report.summary.as_ref().map(|summary| summary.oscillation_count);
+    sections(&report.oscillations, count, "oscillation", |number, section| section_text(number, section, style))
+}
+
+fn section_text(position: usize, section: &OscillationSectionReport, style: Style) -> String {
     let mut rows = Rows::new(style);
     let (on_line, line) = (section.on_line, section.line);
     let condition = &section.condition;
     rows.heading(&format!("Oscillation {position}: {condition}, on in line {on_line}, from line {line}"));
+    cut_rows(&mut rows, section);
+    step_rows(&mut rows, section);
+    rows.row("blend", format!("over {} mm of path at both ends", number(section.ramp_mm, 4)));
+    rows.row(
+        "volume",
+        format!(
+            "{} mm³ per revolution, {} without oscillation",
+            number(section.volume_mm3_per_rev, 4),
+            number(section.plain_volume_mm3_per_rev, 4)
+        ),
+    );
+    load_table(&mut rows, &section.loads);
+    rows.text.push('\n');
+    edge_table(&mut rows, section);
+    if let Some(floor) = &section.floor {
+        floor_row(&mut rows, floor);
+    }
+    rows.text
+}
+
+/// What is cut.
+fn cut_rows(rows: &mut Rows, section: &OscillationSectionReport) {
     let cut = section.cut.unwrap_or_default();
     rows.row(
         "cut",
@@ -40,6 +67,10 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
             ),
         );
     }
+}
+
+/// How the oscillation is in step with the edges.
+fn step_rows(rows: &mut Rows, section: &OscillationSectionReport) {
     rows.row(
         "period",
         format!(
@@ -65,22 +96,6 @@ pub(super) fn section_text(position: usize, section: &OscillationSectionReport, 
     if let Some(moved) = section.roles.as_ref().and_then(moved_text) {
         rows.row("", moved);
     }
-    rows.row("blend", format!("over {} mm of path at both ends", number(section.ramp_mm, 4)));
-    rows.row(
-        "volume",
-        format!(
-            "{} mm³ per revolution, {} without oscillation",
-            number(section.volume_mm3_per_rev, 4),
-            number(section.plain_volume_mm3_per_rev, 4)
-        ),
-    );
-    load_table(&mut rows, &section.loads);
-    rows.text.push('\n');
-    edge_table(&mut rows, section);
-    if let Some(floor) = &section.floor {
-        floor_row(&mut rows, floor);
-    }
-    rows.text
 }
 
 /// How the lead came to its edge, where it moves on.
@@ -111,7 +126,7 @@ fn load_table(rows: &mut Rows, loads: &[OscillationLoad]) {
             number(load.acceleration_mm_per_s2, 4),
             number(load.jerk_mm_per_s3, 4),
             number(load.acceleration_step_mm_per_s2, 4),
-            format!("{} %", number(load.utilisation * 100.0, 3)),
+            percent(load.utilisation),
         ]
     }));
     rows.table(&table);
@@ -139,19 +154,12 @@ fn edge_table(rows: &mut Rows, section: &OscillationSectionReport) {
     };
     table.extend(section.edges.iter().enumerate().take(LISTED_EDGES).map(row));
     rows.table(&table);
-    let more = section.edges.len().saturating_sub(LISTED_EDGES);
-    if more > 0 {
-        rows.row("", format!("and {more} more"));
-    }
+    rows.more(section.edges.len().saturating_sub(LISTED_EDGES) as u64);
 }
 
 fn layer_text(layer: &RemovedLayer) -> String {
     let reach = number(layer.to_mm - layer.from_mm, 4);
     format!("{} to {} × {reach}", number(layer.low_mm, 4), number(layer.high_mm, 4))
-}
-
-fn percent(share: f64) -> String {
-    format!("{} %", number(share * 100.0, 3))
 }
 
 fn floor_row(rows: &mut Rows, floor: &OscillationFloor) {

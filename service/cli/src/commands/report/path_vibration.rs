@@ -1,17 +1,22 @@
-//! One vibrating section for people: does the chip break, can the machine follow.
+//! Sections with vibration along the path for people: does the chip break, can the machine follow.
 
 use feedwave_contract::proto::{
     AxisLoadReport, ChipReport, ChipSpan, FollowingReport, GenerationMode, Nearest, OverrideReport, PublishedEnds,
-    SectionReport, SurfaceSpeedReport,
+    SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};
-use super::Rows;
+use super::{Rows, lines, percent, sections};
 
 /// Spans listed; the JSON has all.
 const LISTED_SPANS: usize = 12;
 
-pub(super) fn text(position: usize, section: &SectionReport, style: Style) -> String {
+pub(super) fn text(report: &ValidationReport, style: Style) -> String {
+    let count = report.summary.as_ref().map(|summary| summary.section_count);
+    sections(&report.sections, count, "vibrating section", |number, section| section_text(number, section, style))
+}
+
+fn section_text(position: usize, section: &SectionReport, style: Style) -> String {
     let mut rows = Rows::new(style);
     rows.heading(&format!(
         "Vibrating section {position}: lines {} to {}, switched on in line {}",
@@ -88,10 +93,6 @@ fn envelope_rows(rows: &mut Rows, section: &SectionReport) {
     }
 }
 
-fn percent(share: f64) -> String {
-    format!("{} %", number(share * 100.0, 3))
-}
-
 /// Whether the chip breaks at the largest feed override that the machine permits.
 fn permitted_row(rows: &mut Rows, permitted: &OverrideReport) {
     let style = rows.style;
@@ -154,35 +155,34 @@ fn chip_rows(rows: &mut Rows, chip: &ChipReport, feed_override: f64) {
         "",
         format!("largest thickness {} mm{}", number(chip.largest_thickness_mm, 4), needed.unwrap_or_default()),
     );
-    if let Some(tolerance) = &chip.speed_tolerance {
-        let plus = tolerance.plus_rev_per_min.map_or("any amount".to_owned(), |plus| number(plus, 3));
-        rows.row(
-            "",
-            format!(
-                "stays broken while the speed strays by −{} to +{plus} rev/min",
-                number(tolerance.minus_rev_per_min, 3)
-            ),
-        );
-    } else {
-        let list = |values: &[f64]| values.iter().take(3).map(|value| number(*value, 5)).collect::<Vec<_>>().join(", ");
-        if !chip.recommended_frequencies_hz.is_empty() {
-            rows.row(
-                "cure",
-                style.good(&format!(
-                    "{} Hz, or {} rev/min",
-                    list(&chip.recommended_frequencies_hz),
-                    list(&chip.recommended_spindle_rev_per_min)
-                )),
-            );
-        }
-        let limits = [
-            nearest(chip.breaking_frequencies_hz.as_ref(), "Hz"),
-            nearest(chip.breaking_spindle_rev_per_min.as_ref(), "rev/min"),
-        ];
-        let limits: Vec<_> = limits.into_iter().flatten().collect();
-        if !limits.is_empty() {
-            rows.row("", format!("just breaks {}", limits.join(", or ")));
-        }
+    match &chip.speed_tolerance {
+        Some(tolerance) => tolerance_row(rows, tolerance),
+        None => cure_rows(rows, chip),
+    }
+}
+
+/// How far the speed may stray.
+fn tolerance_row(rows: &mut Rows, tolerance: &SpeedTolerance) {
+    let plus = tolerance.plus_rev_per_min.map_or("any amount".to_owned(), |plus| number(plus, 3));
+    let minus = number(tolerance.minus_rev_per_min, 3);
+    rows.row("", format!("stays broken while the speed strays by −{minus} to +{plus} rev/min"));
+}
+
+/// What would break the chip.
+fn cure_rows(rows: &mut Rows, chip: &ChipReport) {
+    let list = |values: &[f64]| values.iter().take(3).map(|value| number(*value, 5)).collect::<Vec<_>>().join(", ");
+    if !chip.recommended_frequencies_hz.is_empty() {
+        let frequencies = list(&chip.recommended_frequencies_hz);
+        let speeds = list(&chip.recommended_spindle_rev_per_min);
+        rows.row("cure", rows.style.good(&format!("{frequencies} Hz, or {speeds} rev/min")));
+    }
+    let limits = [
+        nearest(chip.breaking_frequencies_hz.as_ref(), "Hz"),
+        nearest(chip.breaking_spindle_rev_per_min.as_ref(), "rev/min"),
+    ];
+    let limits: Vec<_> = limits.into_iter().flatten().collect();
+    if !limits.is_empty() {
+        rows.row("", format!("just breaks {}", limits.join(", or ")));
     }
 }
 
@@ -210,14 +210,7 @@ fn spans(rows: &mut Rows, spans: &[ChipSpan]) {
         ]
     }));
     rows.table(&table);
-    let more = spans.len().saturating_sub(LISTED_SPANS);
-    if more > 0 {
-        rows.row("", format!("and {more} more"));
-    }
-}
-
-fn lines(first: u32, last: u32) -> String {
-    if first == last { format!("{first}") } else { format!("{first}–{last}") }
+    rows.more(spans.len().saturating_sub(LISTED_SPANS) as u64);
 }
 
 fn surface_speed_rows(rows: &mut Rows, report: &SurfaceSpeedReport) {
@@ -244,10 +237,8 @@ fn surface_speed_rows(rows: &mut Rows, report: &SurfaceSpeedReport) {
         ]
     }));
     rows.table(&table);
-    let more = report.unbroken_spans.len().saturating_sub(LISTED_SPANS) as u64 + report.unbroken_spans_not_listed;
-    if more > 0 {
-        rows.row("", format!("and {more} more"));
-    }
+    let beyond = report.unbroken_spans.len().saturating_sub(LISTED_SPANS) as u64;
+    rows.more(beyond + report.unbroken_spans_not_listed);
 }
 
 fn machine_rows(rows: &mut Rows, section: &SectionReport) {
