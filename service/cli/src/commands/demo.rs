@@ -1,11 +1,12 @@
 //! `feedwave demo`: everything once, with a real server and a real client over TCP, checking what it shows.
 
+mod common;
 mod five_axis;
 mod live;
 mod milling;
-mod oscillation;
 mod steps;
 mod threading;
+mod tool_oscillation;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

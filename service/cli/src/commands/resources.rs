@@ -1,11 +1,11 @@
 //! What a service keeps: `feedwave machine`, `feedwave tool`, `feedwave job`.
 
+mod collection;
 pub mod jobs;
 pub mod machines;
 pub mod tools;
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use prost_types::Timestamp;
 use tonic::{Code, Status};
@@ -14,18 +14,6 @@ use tonic_types::StatusExt as _;
 use super::CliError;
 use super::client::Client;
 use super::terminal::print;
-use super::validate::Format;
-
-/// Resources asked for at a time.
-const PAGE: i32 = 500;
-
-/// Form of what is shown.
-#[derive(Debug, clap::Args)]
-struct Output {
-    /// Form of the output
-    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
-    format: Format,
-}
 
 /// The resource name of what people may call by its identifier alone.
 fn full_name(collection: &str, text: &str) -> String {
@@ -55,16 +43,6 @@ fn refused(client: &Client, status: &Status) -> CliError {
     let lines: Vec<_> =
         violations.map(|violation| format!("{}: {}: {}", client.url, violation.field, violation.description)).collect();
     if lines.is_empty() { client.failed(status) } else { CliError::trouble(lines.join("\n")) }
-}
-
-/// Tells of a deletion. What is not there any more is as good as deleted.
-fn deleted<T>(client: &Client, name: &str, answer: Result<T, Status>) -> Result<ExitCode, CliError> {
-    match answer {
-        Ok(_) => print(&format!("{name}: deleted\n"))?,
-        Err(status) if status.code() == Code::NotFound => print(&format!("{name}: is not there, nothing deleted\n"))?,
-        Err(status) => return Err(refused(client, &status)),
-    }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// What `put` did.

@@ -23,14 +23,12 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::columns::ColumnSet;
-use super::session::Session;
 use super::source::Source;
-use super::telemetry::RunEnds;
+use super::telemetry::RunWork;
 use super::{Engine, JobGuard};
 use crate::error::{Error, Result};
 use crate::observability::metrics::GaugeGuard;
 pub(crate) use feed::feed_change_to_proto;
-use feedwave_contract::names;
 use feedwave_contract::proto;
 use proto::run_response::Message;
 use setpoints::Setpoints;
@@ -130,15 +128,7 @@ impl Engine {
         guard: JobGuard,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, plan.sensor_time_ns, inner.commit_grid)?;
-        let limit = inner.limits.concurrent_runs as u64;
-        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
-        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
-        let ends = RunEnds {
-            job: guard.token().clone(),
-            job_name: names::job(attached.run.job_id),
-            draining: inner.draining.clone(),
-        };
+        let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
         let feed = Feed::new(&attached.overrides)?;
         let generator = self.generator(detail, plan, feed.changes());
         let (sender, input) = mpsc::channel(INPUTS_IN_FLIGHT);

@@ -12,7 +12,7 @@ use feedwave_store::{AttachedRun, RunCommit, RunState};
 use futures_util::Stream;
 use proto::ingest_response::Message;
 use tokio::runtime::Handle;
-use tokio::sync::mpsc;
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::session::Session;
@@ -109,7 +109,38 @@ impl RunEnds {
     }
 }
 
+/// What work on a run needs.
+pub(super) struct RunWork {
+    pub(super) session: Session,
+    /// Its place among the runs in progress, held as long as it goes on.
+    pub(super) place: OwnedSemaphorePermit,
+    pub(super) ends: RunEnds,
+}
+
 impl Engine {
+    /// Begins work on a run that `guard` registers work on its job for.
+    ///
+    /// # Errors
+    /// [`Error::Overloaded`] when too many runs are in progress.
+    pub(super) fn work_on(
+        &self,
+        attached: &AttachedRun,
+        sensor_time_ns: Option<u64>,
+        guard: &JobGuard,
+    ) -> Result<RunWork> {
+        let inner = &self.inner;
+        let session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
+        let limit = inner.limits.concurrent_runs as u64;
+        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
+        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
+        let ends = RunEnds {
+            job: guard.token().clone(),
+            job_name: names::job(attached.run.job_id),
+            draining: inner.draining.clone(),
+        };
+        Ok(RunWork { session, place, ends })
+    }
+
     /// Takes in the telemetry of a run that `guard` registers work on its job for. An intake that is dropped
     /// without its end leaves the run open.
     ///
@@ -122,15 +153,7 @@ impl Engine {
         guard: JobGuard,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
-        let session = Session::new(inner.store.clone(), attached, sensor_time_ns, inner.commit_grid)?;
-        let limit = inner.limits.concurrent_runs as u64;
-        let overloaded = |_| Error::Overloaded { what: "runs in progress", limit };
-        let place = inner.run_places.clone().try_acquire_owned().map_err(overloaded)?;
-        let ends = RunEnds {
-            job: guard.token().clone(),
-            job_name: names::job(attached.run.job_id),
-            draining: inner.draining.clone(),
-        };
+        let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard)?;
         let left = CancellationToken::new();
         let (sender, input) = mpsc::channel(BATCHES_IN_FLIGHT);
         let (outlet, messages) = mpsc::channel(MESSAGES_IN_FLIGHT);

@@ -2,7 +2,6 @@
 //! forward kinematics.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use feedwave_contract::proto::{CreateToolRequest, JobState, ThinningReport, Tool};
 use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
@@ -12,14 +11,10 @@ use feedwave_program::{AXIS_COUNT, Axis, ToolOffset};
 
 use super::super::CliError;
 use super::super::client::Client;
-use super::super::local;
 use super::super::machine::read_machine;
-use super::super::pictures::FirstVibration;
-use super::super::plan;
-use super::super::source::Source;
 use super::super::terminal::{count, counted, number};
 use super::Stage;
-use super::steps::{Checked, make_machine, read, submit_with};
+use super::common::{self, Checked, make_machine, read, submit_with};
 
 /// A part of what `cargo run -p feedwave-tests --bin freeform` writes.
 const FREEFORM: &str = include_str!("../../../../../tests/fixtures/freeform.nc");
@@ -174,15 +169,10 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
 }
 
 fn draw(profile: MachineProfile, profile_path: PathBuf, out: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let path = out.join(NAME);
-    std::fs::write(&path, FREEFORM).map_err(|error| CliError::file(&path, &error))?;
     let offset = ToolOffset::new(1).with_length(LENGTH_MM);
     let tool = feedwave_cutting::Tool { number: 1, offset, ..feedwave_cutting::Tool::default() };
-    let config = Arc::new(PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) });
-    let mut source = Source::of_text(NAME, FREEFORM)?;
-    let mut vibration = FirstVibration::default();
-    let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
-    let mut written = vec![profile_path, path];
-    written.extend(plan::draw(&mut source, &config, &report, &vibration, &out.join("five-axis"))?);
+    let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(profile) };
+    let mut written = vec![profile_path];
+    written.extend(common::draw(NAME, FREEFORM, config, out, "five-axis")?);
     Ok(written)
 }

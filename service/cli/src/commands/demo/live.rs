@@ -12,7 +12,7 @@ use super::super::decisions::{self, heading, line};
 use super::super::run::{Drive, default_monitoring};
 use super::super::terminal::{count, number};
 use super::Stage;
-use super::steps::submit;
+use super::common::submit;
 use crate::plot::write_run;
 
 /// A slot, milled too fast for its depth.
@@ -21,7 +21,7 @@ const NAME: &str = "slot-mill.nc";
 const CUT_LINE: u32 = 3;
 const DEPTH_MM: f64 = 0.75;
 /// Spindle speed of the baseline, rev/min.
-const IDLE_RPM: f64 = 1_000.0;
+const IDLE_REV_PER_MIN: f64 = 1_000.0;
 /// Setpoints after which the connection breaks.
 const BREAK_AT: u64 = 800;
 
@@ -56,7 +56,7 @@ pub(super) async fn all(
         heard.push(decision.clone());
         Ok(())
     };
-    run.idle(IDLE_RPM, &[], &mut hear).await?;
+    run.idle(IDLE_REV_PER_MIN, &[], &mut hear).await?;
     run.follow(BREAK_AT, &mut hear).await?;
     let (taken, changes) = (run.taken, run.summary.changes());
     let durable = run.take_up(&mut hear).await?;

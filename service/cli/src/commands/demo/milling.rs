@@ -1,7 +1,6 @@
 //! The milling steps of the demo: rounded corners, a feed hold and a feed override.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use feedwave_contract::proto::feed_override_change::At;
 use feedwave_contract::proto::{FeedOverrideChange, LimitTimes};
@@ -9,13 +8,9 @@ use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, SetpointB
 
 use super::super::CliError;
 use super::super::client::Client;
-use super::super::local;
-use super::super::pictures::FirstVibration;
-use super::super::plan;
-use super::super::source::Source;
 use super::super::terminal::{counted, number};
 use super::Stage;
-use super::steps::{Checked, bits, make_machine, read, submit};
+use super::common::{self, Checked, bits, make_machine, read, submit};
 
 const CONTOUR: &str = include_str!("../../../../../tests/fixtures/contour-mill.nc");
 const NAME: &str = "contour-mill.nc";
@@ -137,15 +132,8 @@ async fn override_feed(
 }
 
 fn draw(profile: &MachineProfile, out: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let path = out.join(NAME);
-    std::fs::write(&path, CONTOUR).map_err(|error| CliError::file(&path, &error))?;
     let overrides = [(HOLD.0, 0.0), (HOLD.1, FASTER)];
     let overrides = overrides.map(|(index, ratio)| OverrideChange { index, ratio }).to_vec();
-    let config = Arc::new(PipelineConfig { overrides, ..PipelineConfig::new(profile.clone()) });
-    let mut source = Source::of_text(NAME, CONTOUR)?;
-    let mut vibration = FirstVibration::default();
-    let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
-    let mut written = vec![path];
-    written.extend(plan::draw(&mut source, &config, &report, &vibration, &out.join("milling"))?);
-    Ok(written)
+    let config = PipelineConfig { overrides, ..PipelineConfig::new(profile.clone()) };
+    common::draw(NAME, CONTOUR, config, out, "milling")
 }

@@ -2,7 +2,6 @@
 //! constant.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use feedwave_contract::proto::follow_spindle_request::Message as Follow;
 use feedwave_contract::proto::follow_spindle_response::Message as Followed;
@@ -16,13 +15,9 @@ use futures_util::stream;
 
 use super::super::CliError;
 use super::super::client::Client;
-use super::super::local;
-use super::super::pictures::FirstVibration;
-use super::super::plan;
-use super::super::source::Source;
 use super::super::terminal::{count, number};
 use super::Stage;
-use super::steps::{Checked, read_request, submit};
+use super::common::{self, Checked, read_request, submit};
 
 /// Program A of the source, file 004.
 const THREAD: &str = include_str!("../../../../../tests/fixtures/thread-a.nc");
@@ -205,16 +200,9 @@ fn pass_of(blocks: &[SetpointBlock], line: u32) -> Vec<[f64; 3]> {
 }
 
 fn draw(profile: &MachineProfile, planned: &str, out: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let config = Arc::new(PipelineConfig::new(profile.clone()));
     let mut written = Vec::new();
     for (name, directory, program) in [(NAME, "thread-as-programmed", THREAD), (PLANNED, "thread-planned", planned)] {
-        let path = out.join(name);
-        std::fs::write(&path, program).map_err(|error| CliError::file(&path, &error))?;
-        written.push(path);
-        let mut source = Source::of_text(name, program)?;
-        let mut vibration = FirstVibration::default();
-        let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
-        written.extend(plan::draw(&mut source, &config, &report, &vibration, &out.join(directory))?);
+        written.extend(common::draw(name, program, PipelineConfig::new(profile.clone()), out, directory)?);
     }
     Ok(written)
 }

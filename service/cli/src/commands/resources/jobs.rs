@@ -7,14 +7,13 @@ use feedwave_contract::json;
 use feedwave_contract::proto::{
     CancelJobRequest, DeleteJobRequest, GetJobRequest, Job, JobState, ListJobsRequest, ProgramSummary,
 };
+use tonic::Status;
 
-use super::{Output, PAGE, card, deleted, full_name, refused, time, words};
+use super::collection::{self, Collection, DeleteArgs, GetArgs, ListArgs, PAGE, Page};
+use super::{card, full_name, refused, time, words};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::{print, print_json};
-use crate::commands::validate::Format;
-
-const COLLECTION: &str = "jobs";
+use crate::commands::terminal::print;
 
 /// Arguments of `feedwave job`.
 #[derive(Debug, clap::Args)]
@@ -40,21 +39,11 @@ Examples:
         #[arg(long, value_name = "MACHINE")]
         machine: Option<String>,
         #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
+        list: ListArgs,
     },
     /// Show a job
     #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage, no such job or no answer.")]
-    Get {
-        /// The job, `jobs/{job}` or the part after the slash
-        #[arg(value_name = "JOB")]
-        name: String,
-        #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Get(GetArgs),
     /// Cancel a job; one that is cancelled stays so
     ///
     /// Validation and open streams end, and no new stream starts.
@@ -73,16 +62,7 @@ was rejected, or no answer."
     ///
     /// Its program and its events remain.
     #[command(after_long_help = "Exit codes: 0 deleted or not there, 2 wrong usage, another etag or no answer.")]
-    Delete {
-        /// The job, `jobs/{job}` or the part after the slash
-        #[arg(value_name = "JOB")]
-        name: String,
-        /// Only if it has this etag still
-        #[arg(long, value_name = "ETAG", default_value = "")]
-        etag: String,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Delete(DeleteArgs),
 }
 
 /// State of a job.
@@ -121,78 +101,80 @@ impl From<State> for JobState {
 /// [`CliError`] when the service does not answer or refuses.
 pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
     match args.command {
-        Command::List { state, machine, output, server } => {
-            let request = ListJobsRequest {
+        Command::List { state, machine, list } => {
+            let filter = ListJobsRequest {
                 page_size: PAGE,
                 states: state.into_iter().map(|state| JobState::from(state).into()).collect(),
                 machine: machine.map(|machine| full_name("machines", &machine)).unwrap_or_default(),
                 ..ListJobsRequest::default()
             };
-            list(&mut server.connect().await?, request, output.format).await?;
+            collection::list(Jobs { filter }, list).await
         }
-        Command::Get { name, output, server } => {
-            let mut client = server.connect().await?;
-            let request = GetJobRequest { name: full_name(COLLECTION, &name) };
-            let answer = client.jobs.get_job(request).await.map_err(|status| refused(&client, &status))?;
-            let job = answer.into_inner().job.unwrap_or_default();
-            match output.format {
-                Format::Text => print(&text(&job))?,
-                Format::Json => print_json(&job)?,
-            }
-        }
+        Command::Get(args) => collection::get(Jobs::default(), args).await,
         Command::Cancel { name, server } => {
             let mut client = server.connect().await?;
-            let name = full_name(COLLECTION, &name);
+            let name = full_name(Jobs::NAME, &name);
             let request = CancelJobRequest { name: name.clone() };
             client.jobs.cancel_job(request).await.map_err(|status| refused(&client, &status))?;
             print(&format!("{name}: cancelled\n"))?;
+            Ok(ExitCode::SUCCESS)
         }
-        Command::Delete { name, etag, server } => {
-            let mut client = server.connect().await?;
-            let name = full_name(COLLECTION, &name);
-            let request = DeleteJobRequest { name: name.clone(), etag };
-            let answer = client.jobs.delete_job(request).await;
-            return deleted(&client, &name, answer);
-        }
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Shows jobs page by page: there may be any number of them.
-async fn list(client: &mut Client, mut request: ListJobsRequest, format: Format) -> Result<(), CliError> {
-    if format == Format::Text {
-        print(&format!(
-            "{:<41}  {:<10}  {:>6}  {:>8}  {:<20}  program\n",
-            "job", "state", "errors", "warnings", "machine"
-        ))?;
-    }
-    loop {
-        let page =
-            client.jobs.list_jobs(request.clone()).await.map_err(|status| refused(client, &status))?.into_inner();
-        let lines = page.jobs.iter().map(|job| match format {
-            Format::Text => line(job),
-            Format::Json => format!("{}\n", json::to_string(job)),
-        });
-        print(&lines.collect::<String>())?;
-        if page.next_page_token.is_empty() {
-            return Ok(());
-        }
-        request.page_token = page.next_page_token;
+        Command::Delete(args) => collection::delete(Jobs::default(), args).await,
     }
 }
 
-fn line(job: &Job) -> String {
-    let count = |of: fn(&ProgramSummary) -> String| job.summary.as_ref().map_or("-".to_owned(), of);
-    let line = format!(
-        "{:<41}  {:<10}  {:>6}  {:>8}  {:<20}  {}",
-        job.name,
-        words(job.state().as_str_name(), "JOB_STATE_"),
-        count(|summary| summary.errors.to_string()),
-        count(|summary| summary.warnings.to_string()),
-        job.machine,
-        job.display_name
-    );
-    format!("{}\n", line.trim_end())
+/// The jobs of a service, newest first.
+#[derive(Default)]
+struct Jobs {
+    /// Which of them are listed.
+    filter: ListJobsRequest,
+}
+
+impl Collection for Jobs {
+    const NAME: &'static str = "jobs";
+    type Resource = Job;
+
+    async fn get(&self, client: &Client, name: String) -> Result<Job, Status> {
+        let answer = client.jobs.clone().get_job(GetJobRequest { name }).await?;
+        Ok(answer.into_inner().job.unwrap_or_default())
+    }
+
+    async fn page(&self, client: &Client, page_token: String) -> Result<Page<Job>, Status> {
+        let request = ListJobsRequest { page_token, ..self.filter.clone() };
+        let page = client.jobs.clone().list_jobs(request).await?.into_inner();
+        Ok((page.jobs, page.next_page_token))
+    }
+
+    async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {
+        client.jobs.clone().delete_job(DeleteJobRequest { name, etag }).await.map(drop)
+    }
+
+    fn card(job: &Job) -> String {
+        text(job)
+    }
+
+    fn head() -> String {
+        format!("{:<41}  {:<10}  {:>6}  {:>8}  {:<20}  program", "job", "state", "errors", "warnings", "machine")
+    }
+
+    fn line(job: &Job) -> String {
+        let count = |of: fn(&ProgramSummary) -> String| job.summary.as_ref().map_or("-".to_owned(), of);
+        format!(
+            "{:<41}  {:<10}  {:>6}  {:>8}  {:<20}  {}",
+            job.name,
+            words(job.state().as_str_name(), "JOB_STATE_"),
+            count(|summary| summary.errors.to_string()),
+            count(|summary| summary.warnings.to_string()),
+            job.machine,
+            job.display_name
+        )
+    }
+
+    /// One job a line: there may be too many for one answer.
+    async fn print_json(&self, client: &Client) -> Result<(), CliError> {
+        let line = |job: &Job| format!("{}\n", json::to_string(job));
+        collection::each_page(self, client, |page| print(&page.iter().map(line).collect::<String>())).await
+    }
 }
 
 /// A job for people.

@@ -12,14 +12,12 @@ use feedwave_contract::proto::{
 use prost_types::FieldMask;
 use tonic::Status;
 
-use super::{Output, PAGE, card, deleted, full_name, put, refused, target, time, words};
+use super::collection::{self, Collection, DeleteArgs, GetArgs, ListArgs, PAGE, Page};
+use super::{card, put, target, time, words};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
 use crate::commands::machine::{Kind, read_machine};
-use crate::commands::terminal::{print, print_json, tell};
-use crate::commands::validate::Format;
-
-const COLLECTION: &str = "machines";
+use crate::commands::terminal::{print_json, tell};
 
 /// Arguments of `feedwave machine`.
 #[derive(Debug, clap::Args)]
@@ -37,23 +35,10 @@ Examples:
   feedwave machine get lathe
   feedwave machine get mill-3 --format json > mill-3.json
       A file for `feedwave machine put`, `feedwave validate --profile` and so on.")]
-    Get {
-        /// The machine, `machines/{machine}` or the part after the slash
-        #[arg(value_name = "MACHINE")]
-        name: String,
-        #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Get(GetArgs),
     /// Show all machines
     #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage or no answer.")]
-    List {
-        #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    List(ListArgs),
     /// Replace a machine by what a file says, or create it
     ///
     /// The file is that of `--profile`: the contract's `MachineProfile` or `Machine`. It is checked as the service checks it
@@ -72,16 +57,7 @@ Examples:
     ///
     /// Jobs keep the profile they were created with.
     #[command(after_long_help = "Exit codes: 0 deleted or not there, 2 wrong usage, another etag or no answer.")]
-    Delete {
-        /// The machine, `machines/{machine}` or the part after the slash
-        #[arg(value_name = "MACHINE")]
-        name: String,
-        /// Only if it has this etag still
-        #[arg(long, value_name = "ETAG", default_value = "")]
-        etag: String,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Delete(DeleteArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -108,59 +84,60 @@ struct PutArgs {
 /// [`CliError`] when the service does not answer or refuses, or a file cannot be used.
 pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
     match args.command {
-        Command::Get { name, output, server } => {
-            let client = server.connect().await?;
-            let request = GetMachineRequest { name: full_name(COLLECTION, &name) };
-            let answer = client.machines().get_machine(request).await.map_err(|status| refused(&client, &status))?;
-            let machine = answer.into_inner().machine.unwrap_or_default();
-            match output.format {
-                Format::Text => print(&text(&machine))?,
-                Format::Json => print_json(&machine)?,
-            }
-            Ok(ExitCode::SUCCESS)
-        }
-        Command::List { output, server } => list(&server.connect().await?, output.format).await,
+        Command::Get(args) => collection::get(Machines, args).await,
+        Command::List(args) => collection::list(Machines, args).await,
         Command::Put(args) => put_file(args).await,
-        Command::Delete { name, etag, server } => {
-            let client = server.connect().await?;
-            let name = full_name(COLLECTION, &name);
-            let request = DeleteMachineRequest { name: name.clone(), etag };
-            deleted(&client, &name, client.machines().delete_machine(request).await)
-        }
+        Command::Delete(args) => collection::delete(Machines, args).await,
     }
 }
 
-async fn list(client: &Client, format: Format) -> Result<ExitCode, CliError> {
-    let mut machines: Vec<Machine> = Vec::new();
-    let mut page_token = String::new();
-    loop {
+/// The machines of a service.
+struct Machines;
+
+impl Collection for Machines {
+    const NAME: &'static str = "machines";
+    type Resource = Machine;
+
+    async fn get(&self, client: &Client, name: String) -> Result<Machine, Status> {
+        let answer = client.machines().get_machine(GetMachineRequest { name }).await?;
+        Ok(answer.into_inner().machine.unwrap_or_default())
+    }
+
+    async fn page(&self, client: &Client, page_token: String) -> Result<Page<Machine>, Status> {
         let request = ListMachinesRequest { page_size: PAGE, page_token };
-        let page = client.machines().list_machines(request).await.map_err(|status| refused(client, &status))?;
-        let page = page.into_inner();
-        machines.extend(page.machines);
-        if page.next_page_token.is_empty() {
-            break;
-        }
-        page_token = page.next_page_token;
+        let page = client.machines().list_machines(request).await?.into_inner();
+        Ok((page.machines, page.next_page_token))
     }
-    match format {
-        Format::Json => {
-            let all = ListMachinesResponse { machines, next_page_token: String::new() };
-            print_json(&all)?;
-        }
-        Format::Text => {
-            let mut table = format!("{:<28}  {:<6}  {:<20}  name for people\n", "machine", "kind", "axes");
-            for machine in &machines {
-                let model = machine.profile.as_ref().and_then(|profile| profile.machine.clone()).unwrap_or_default();
-                let kind = words(model.kind().as_str_name(), "MACHINE_KIND_");
-                let axes: Vec<_> = model.axes.iter().map(|axis| axis.name.as_str()).collect();
-                let line = format!("{:<28}  {kind:<6}  {:<20}  {}", machine.name, axes.join(" "), machine.display_name);
-                let _ = writeln!(table, "{}", line.trim_end());
-            }
-            print(&table)?;
-        }
+
+    async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {
+        client.machines().delete_machine(DeleteMachineRequest { name, etag }).await.map(drop)
     }
-    Ok(ExitCode::SUCCESS)
+
+    fn card(machine: &Machine) -> String {
+        text(machine)
+    }
+
+    fn head() -> String {
+        format!("{:<28}  {:<6}  {:<20}  name for people", "machine", "kind", "axes")
+    }
+
+    fn line(machine: &Machine) -> String {
+        let model = machine.profile.as_ref().and_then(|profile| profile.machine.clone()).unwrap_or_default();
+        let kind = words(model.kind().as_str_name(), "MACHINE_KIND_");
+        let axes: Vec<_> = model.axes.iter().map(|axis| axis.name.as_str()).collect();
+        format!("{:<28}  {kind:<6}  {:<20}  {}", machine.name, axes.join(" "), machine.display_name)
+    }
+
+    /// One answer with all pages.
+    async fn print_json(&self, client: &Client) -> Result<(), CliError> {
+        let mut all = ListMachinesResponse::default();
+        collection::each_page(self, client, |page| {
+            all.machines.extend(page);
+            Ok(())
+        })
+        .await?;
+        print_json(&all)
+    }
 }
 
 async fn put_file(args: PutArgs) -> Result<ExitCode, CliError> {
@@ -172,7 +149,7 @@ async fn put_file(args: PutArgs) -> Result<ExitCode, CliError> {
         )));
     }
     let mut machine = file.machine;
-    machine.name = target(COLLECTION, &args.file, &machine.name, args.name.as_deref())?;
+    machine.name = target(Machines::NAME, &args.file, &machine.name, args.name.as_deref())?;
     let id = feedwave_contract::names::parse_machine(&machine.name);
     let id = id.map_err(|error| CliError::trouble(format!("{}: {error}", machine.name)))?.to_owned();
     let mut paths = if file.is_profile { vec!["profile".to_owned()] } else { vec!["*".to_owned()] };

@@ -1,7 +1,6 @@
 //! `feedwave tool`
 
 use std::collections::HashSet;
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -13,14 +12,12 @@ use feedwave_contract::proto::{
 use prost_types::FieldMask;
 use tonic::Status;
 
-use super::{Output, PAGE, card, deleted, full_name, put, refused, target, time, words};
+use super::collection::{self, Collection, DeleteArgs, GetArgs, ListArgs, PAGE, Page};
+use super::{card, put, target, time, words};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
-use crate::commands::terminal::{print, print_json};
+use crate::commands::terminal::print_json;
 use crate::commands::tools::read_library;
-use crate::commands::validate::Format;
-
-const COLLECTION: &str = "tools";
 
 /// Arguments of `feedwave tool`.
 #[derive(Debug, clap::Args)]
@@ -33,27 +30,14 @@ pub struct Args {
 enum Command {
     /// Show a tool
     #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage, no such tool or no answer.")]
-    Get {
-        /// The tool, `tools/{tool}` or the part after the slash
-        #[arg(value_name = "TOOL")]
-        name: String,
-        #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Get(GetArgs),
     /// Show all tools
     #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage or no answer.
 
 Examples:
   feedwave tool list --format json > tools.json
       A file for `feedwave tool put` and `feedwave validate --tools`.")]
-    List {
-        #[command(flatten)]
-        output: Output,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    List(ListArgs),
     /// Replace tools by what a file says, or create them
     ///
     /// The file is that of `--tools`: a list `tools`, or one tool. Every tool in it needs its `name`, but for one alone, which
@@ -81,16 +65,7 @@ Examples:
     ///
     /// Jobs keep the tools they were created with.
     #[command(after_long_help = "Exit codes: 0 deleted or not there, 2 wrong usage, another etag or no answer.")]
-    Delete {
-        /// The tool, `tools/{tool}` or the part after the slash
-        #[arg(value_name = "TOOL")]
-        name: String,
-        /// Only if it has this etag still
-        #[arg(long, value_name = "ETAG", default_value = "")]
-        etag: String,
-        #[command(flatten)]
-        server: ServerArgs,
-    },
+    Delete(DeleteArgs),
 }
 
 /// Does it.
@@ -99,18 +74,8 @@ Examples:
 /// [`CliError`] when the service does not answer or refuses, or a file cannot be used.
 pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
     match args.command {
-        Command::Get { name, output, server } => {
-            let client = server.connect().await?;
-            let request = GetToolRequest { name: full_name(COLLECTION, &name) };
-            let answer = client.tools().get_tool(request).await.map_err(|status| refused(&client, &status))?;
-            let tool = answer.into_inner().tool.unwrap_or_default();
-            match output.format {
-                Format::Text => print(&text(&tool))?,
-                Format::Json => print_json(&tool)?,
-            }
-            Ok(ExitCode::SUCCESS)
-        }
-        Command::List { output, server } => list(&server.connect().await?, output.format).await,
+        Command::Get(args) => collection::get(Tools, args).await,
+        Command::List(args) => collection::list(Tools, args).await,
         Command::Put { file, name, server } => {
             let tools = named(&file, name.as_deref())?;
             let client = server.connect().await?;
@@ -119,46 +84,55 @@ pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
             }
             Ok(ExitCode::SUCCESS)
         }
-        Command::Delete { name, etag, server } => {
-            let client = server.connect().await?;
-            let name = full_name(COLLECTION, &name);
-            let request = DeleteToolRequest { name: name.clone(), etag };
-            deleted(&client, &name, client.tools().delete_tool(request).await)
-        }
+        Command::Delete(args) => collection::delete(Tools, args).await,
     }
 }
 
-async fn list(client: &Client, format: Format) -> Result<ExitCode, CliError> {
-    let mut tools: Vec<Tool> = Vec::new();
-    let mut page_token = String::new();
-    loop {
-        let request = ListToolsRequest { page_size: PAGE, page_token };
-        let page = client.tools().list_tools(request).await.map_err(|status| refused(client, &status))?.into_inner();
-        tools.extend(page.tools);
-        if page.next_page_token.is_empty() {
-            break;
-        }
-        page_token = page.next_page_token;
+/// The tool library of a service.
+struct Tools;
+
+impl Collection for Tools {
+    const NAME: &'static str = "tools";
+    type Resource = Tool;
+
+    async fn get(&self, client: &Client, name: String) -> Result<Tool, Status> {
+        let answer = client.tools().get_tool(GetToolRequest { name }).await?;
+        Ok(answer.into_inner().tool.unwrap_or_default())
     }
-    match format {
-        Format::Json => {
-            let all = ListToolsResponse { tools, next_page_token: String::new() };
-            print_json(&all)?;
-        }
-        Format::Text => {
-            let mut table =
-                format!("{:<28}  {:>6}  {:>10}  {:<10}  name for people\n", "tool", "number", "length mm", "kind");
-            for tool in &tools {
-                let length = tool.length_mm.map_or("-".to_owned(), |length| length.to_string());
-                let kind = words(tool.kind().as_str_name(), "TOOL_KIND_");
-                let line =
-                    format!("{:<28}  {:>6}  {length:>10}  {kind:<10}  {}", tool.name, tool.number, tool.display_name);
-                let _ = writeln!(table, "{}", line.trim_end());
-            }
-            print(&table)?;
-        }
+
+    async fn page(&self, client: &Client, page_token: String) -> Result<Page<Tool>, Status> {
+        let page = client.tools().list_tools(ListToolsRequest { page_size: PAGE, page_token }).await?.into_inner();
+        Ok((page.tools, page.next_page_token))
     }
-    Ok(ExitCode::SUCCESS)
+
+    async fn delete(&self, client: &Client, name: String, etag: String) -> Result<(), Status> {
+        client.tools().delete_tool(DeleteToolRequest { name, etag }).await.map(drop)
+    }
+
+    fn card(tool: &Tool) -> String {
+        text(tool)
+    }
+
+    fn head() -> String {
+        format!("{:<28}  {:>6}  {:>10}  {:<10}  name for people", "tool", "number", "length mm", "kind")
+    }
+
+    fn line(tool: &Tool) -> String {
+        let length = tool.length_mm.map_or("-".to_owned(), |length| length.to_string());
+        let kind = words(tool.kind().as_str_name(), "TOOL_KIND_");
+        format!("{:<28}  {:>6}  {length:>10}  {kind:<10}  {}", tool.name, tool.number, tool.display_name)
+    }
+
+    /// One answer with all pages.
+    async fn print_json(&self, client: &Client) -> Result<(), CliError> {
+        let mut all = ListToolsResponse::default();
+        collection::each_page(self, client, |page| {
+            all.tools.extend(page);
+            Ok(())
+        })
+        .await?;
+        print_json(&all)
+    }
 }
 
 /// The tools of a file with their identifiers, each of them another.
@@ -171,7 +145,7 @@ fn named(file: &std::path::Path, asked: Option<&str>) -> Result<Vec<(Tool, Strin
     let mut known = HashSet::new();
     let mut named = Vec::new();
     for mut tool in tools {
-        tool.name = target(COLLECTION, file, &tool.name, asked)
+        tool.name = target(Tools::NAME, file, &tool.name, asked)
             .map_err(|error| CliError::trouble(format!("{} (tool number {})", error.message, tool.number)))?;
         let id = names::parse_tool(&tool.name).map_err(|error| CliError::trouble(format!("{}: {error}", tool.name)))?;
         let id = id.to_owned();

@@ -2,28 +2,22 @@
 
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use feedwave_contract::convert::tool_for_pipeline;
-use feedwave_contract::proto::create_job_request::Source as ProgramSource;
 use feedwave_contract::proto::feed_override_change::At;
 use feedwave_contract::proto::{
-    CreateJobRequest, CreateToolRequest, FeedOverrideChange, JobState, OscillationEdge, OscillationSectionReport, Tool,
+    CreateToolRequest, FeedOverrideChange, JobState, OscillationEdge, OscillationSectionReport, Tool,
 };
 use feedwave_cutting::tool_oscillation::{OscillationPeriod, Waveform};
 use feedwave_cutting::{MachineProfile, PipelineConfig, SetpointBlock, code};
 
 use super::super::CliError;
 use super::super::client::Client;
-use super::super::local;
 use super::super::machine::read_machine;
-use super::super::pictures::FirstVibration;
-use super::super::plan;
-use super::super::source::Source;
 use super::super::terminal::{count, number};
 use super::super::tools::read_library;
 use super::Stage;
-use super::steps::{Checked, make_machine, read};
+use super::common::{self, Checked, make_machine, read, submit_with};
 
 const PROGRAM: &str = include_str!("../../../../../tests/fixtures/oscillation-mill.nc");
 const NAME: &str = "oscillation-mill.nc";
@@ -55,13 +49,13 @@ pub(super) async fn all(stage: &mut Stage, client: &mut Client, out: &Path) -> R
          revolution, so that its edges share the work: some rough, one finishes. As published.",
     )?;
     let mut written = Vec::new();
-    for (name, text) in [(NAME, PROGRAM), ("oscillation-mill.toml", PROFILE), ("oscillation-tools.toml", TOOLS)] {
+    for (name, text) in [("oscillation-mill.toml", PROFILE), ("oscillation-tools.toml", TOOLS)] {
         let path = out.join(name);
         std::fs::write(&path, text).map_err(|error| CliError::file(&path, &error))?;
         written.push(path);
     }
-    let mut profile = read_machine(&written[1], None)?.profile;
-    let tools = read_library(&written[2])?;
+    let mut profile = read_machine(&written[0], None)?.profile;
+    let tools = read_library(&written[1])?;
     add_wrong_conditions(&mut profile);
     make_machine(stage, client, MACHINE, "Mill whose tool oscillates", &profile).await?;
     make_tool(stage, client, &tools).await?;
@@ -91,21 +85,6 @@ async fn make_tool(stage: &Stage, client: &Client, tools: &[Tool]) -> Result<(),
     stage.say(&format!("and tools/{TOOL}: its edges, their length, height and angles"))
 }
 
-async fn submit(client: &mut Client, name: &str, program: &str, tools: &[&str]) -> Result<Checked, CliError> {
-    let request = CreateJobRequest {
-        machine: feedwave_contract::names::machine(MACHINE),
-        tools: tools.iter().map(|tool| feedwave_contract::names::tool(tool)).collect(),
-        source: Some(ProgramSource::InlineProgram(program.as_bytes().to_vec().into())),
-        display_name: name.to_owned(),
-        ..CreateJobRequest::default()
-    };
-    let response = client.jobs.create_job(request).await.map_err(|status| client.failed(&status))?;
-    let job = response.into_inner().job.unwrap_or_default();
-    let job = client.validated(&job.name).await?;
-    let report = client.report(&job.name).await?;
-    Ok(Checked { job, report })
-}
-
 /// Width and height of each layer of an edge, mm.
 fn layers(edge: &OscillationEdge) -> Vec<[f64; 4]> {
     edge.layers.iter().map(|layer| [layer.low_mm, layer.high_mm, layer.from_mm, layer.to_mm]).collect()
@@ -113,7 +92,7 @@ fn layers(edge: &OscillationEdge) -> Vec<[f64; 4]> {
 
 /// The worked example: what every edge removes.
 async fn judge(stage: &mut Stage, client: &mut Client) -> Result<Checked, CliError> {
-    let checked = submit(client, NAME, PROGRAM, &[TOOL]).await?;
+    let checked = submit_with(client, MACHINE, NAME, PROGRAM, &[TOOL]).await?;
     let section = checked.report.oscillations.first().cloned().unwrap_or_default();
     let OscillationSectionReport { hold_share, required_hold_share, edges, .. } = &section;
     stage.check(
@@ -254,7 +233,7 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
         ("short-hold.nc", PROGRAM.replace("P1", "P9"), &[TOOL], code::OSC_HOLD_SHORT.name(), false),
     ];
     for (name, program, tools, code, refused) in wrong {
-        let checked = submit(client, name, &program, tools).await?;
+        let checked = submit_with(client, MACHINE, name, &program, tools).await?;
         let finding = checked.report.findings.iter().find(|finding| finding.code == code).cloned().unwrap_or_default();
         let cure = finding.suggestions.first().map_or("", |suggestion| suggestion.message.as_str());
         stage.say(&format!("{}: {}", finding.code, finding.message))?;
@@ -266,12 +245,6 @@ async fn refuse(stage: &mut Stage, client: &mut Client) -> Result<(), CliError> 
 }
 
 fn draw(profile: MachineProfile, tools: &[Tool], out: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let config = Arc::new(PipelineConfig {
-        tools: tools.iter().map(tool_for_pipeline).collect(),
-        ..PipelineConfig::new(profile)
-    });
-    let mut source = Source::of_text(NAME, PROGRAM)?;
-    let mut vibration = FirstVibration::default();
-    let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;
-    plan::draw(&mut source, &config, &report, &vibration, &out.join("oscillation"))
+    let tools = tools.iter().map(tool_for_pipeline).collect();
+    common::draw(NAME, PROGRAM, PipelineConfig { tools, ..PipelineConfig::new(profile) }, out, "oscillation")
 }
