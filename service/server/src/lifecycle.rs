@@ -114,15 +114,6 @@ impl Server {
         let rpc = RpcLayer::new(metrics.clone(), &config.limits, draining.clone());
         let routes = services::routes(&api, config.limits.message_bytes, &health)
             .map_err(|error| StartError::Setup(error.to_string()))?;
-        let mut server = tonic::transport::Server::builder()
-            .accept_http1(true)
-            .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-            .max_concurrent_streams(config.limits.streams_per_connection);
-        if let Some(tls) = &config.grpc.tls {
-            server = server
-                .tls_config(tls_config(tls)?)
-                .map_err(|error| StartError::Tls { key: "grpc.tls", reason: error.to_string() })?;
-        }
         let trace = TraceLayer::new(SharedClassifier::new(classifier()))
             .make_span_with(span)
             .on_response(DefaultOnResponse::new().level(Level::DEBUG))
@@ -130,7 +121,7 @@ impl Server {
         // A client that still reads when its connection is closed has the time that open calls have.
         let timeout = config.limits.drain();
         let linger = move |stream| Lingering::new(stream, timeout);
-        let grpc = server
+        let grpc = transport(&config)?
             .layer(tonic_web::GrpcWebLayer::new())
             .layer(MapRequestLayer::new(bound_request_id))
             .layer(SetRequestIdLayer::x_request_id(NewRequestId))
@@ -162,6 +153,16 @@ impl Server {
             config,
         })
     }
+}
+
+/// The gRPC server with the limits and certificates of its connections.
+fn transport(config: &Config) -> Result<tonic::transport::Server, StartError> {
+    let server = tonic::transport::Server::builder()
+        .accept_http1(true)
+        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+        .max_concurrent_streams(config.limits.streams_per_connection);
+    let Some(tls) = &config.grpc.tls else { return Ok(server) };
+    server.tls_config(tls_config(tls)?).map_err(|error| StartError::Tls { key: "grpc.tls", reason: error.to_string() })
 }
 
 impl RunningServer {

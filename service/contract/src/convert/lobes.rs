@@ -113,24 +113,29 @@ pub fn stability_model_from_proto(
     if let Some(Cut::Milling(cut)) = &model.cut {
         check_arc(&mut found, cut);
     }
-    match &cut {
-        Some(StabilityModel::Milling(model_of)) if model_of.modes_x.is_empty() && model_of.modes_y.is_empty() => {
-            found.add("dynamics.modes_x", missing(model));
+    check_model(&mut found, model, cut.as_ref());
+    let valid = found.is_empty();
+    violations.extend(field, found);
+    cut.filter(|_| valid)
+}
+
+/// What is wrong with a model whose parts are known.
+fn check_model(found: &mut Violations, given: &proto::StabilityModel, model: Option<&StabilityModel>) {
+    match model {
+        Some(StabilityModel::Milling(milling)) if milling.modes_x.is_empty() && milling.modes_y.is_empty() => {
+            found.add("dynamics.modes_x", missing(given));
         }
-        Some(StabilityModel::Turning(model_of)) if model_of.modes.is_empty() => {
-            found.add("dynamics.modes_normal", missing(model));
+        Some(StabilityModel::Turning(turning)) if turning.modes.is_empty() => {
+            found.add("dynamics.modes_normal", missing(given));
         }
         // What the request's own data or the arc has wrong is reported already, in their own words and units.
-        Some(StabilityModel::Milling(model_of)) if found.is_empty() => {
-            for problem in model_of.problems() {
-                add(&mut found, "milling.", &problem);
+        Some(StabilityModel::Milling(milling)) if found.is_empty() => {
+            for problem in milling.problems() {
+                add(found, "milling.", &problem);
             }
         }
         _ => {}
     }
-    let valid = found.is_empty();
-    violations.extend(field, found);
-    cut.filter(|_| valid)
 }
 
 fn missing(model: &proto::StabilityModel) -> String {

@@ -23,40 +23,14 @@ pub fn monitoring_from_proto(
     let default = MonitoringConfig::default();
     let tool = config.tool.as_ref().map(|tool| sensors(&mut found, "tool", tool));
     let work = config.work.as_ref().map(|work| sensors(&mut found, "work", work));
-    let grouping = match config.grouping.as_ref().map(|grouping| grouping.by) {
-        None => default.grouping,
-        Some(Some(By::AngularPoints(points))) => monitoring::Grouping::Angle { points },
-        Some(Some(By::SamplesPerPoint(samples_per_point))) => monitoring::Grouping::Time { samples_per_point },
-        Some(None) => {
-            found.add("grouping", "angular_points or samples_per_point must be set");
-            default.grouping
-        }
-    };
+    let grouping = grouping(&mut found, config.grouping.as_ref(), default.grouping);
     let baseline = length(&mut found, "baseline", config.baseline.as_ref(), default.baseline);
     let window = length(&mut found, "window", config.window.as_ref(), default.window);
-    let idle_run_up = config.idle_run_up.as_ref().map(|idle| {
-        let default = IdleRunUp::over(idle.spindle_rev_per_min.clone());
-        IdleRunUp {
-            speed_tolerance: idle.speed_tolerance.unwrap_or(default.speed_tolerance),
-            length: length(&mut found, "idle_run_up.length", idle.length.as_ref(), default.length),
-            max_difference: idle.max_difference.unwrap_or(default.max_difference),
-            ..default
-        }
-    });
+    let idle_run_up = config.idle_run_up.as_ref().map(|idle| idle_run_up(&mut found, idle));
     let contact = config.contact.as_ref().map_or(ContactSource::Flag, |contact| ContactSource::Detected {
         threshold: contact.threshold,
         on_samples: contact.on_samples.unwrap_or(ContactSource::ON_SAMPLES),
         off_samples: contact.off_samples.unwrap_or(ContactSource::OFF_SAMPLES),
-    });
-    let spectrum = config.spectrum.map(|spectrum| {
-        let default = SpectrumConfig::default();
-        SpectrumConfig {
-            samples: spectrum.samples.unwrap_or(default.samples),
-            min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(default.min_frequency_hz),
-            noise_floor: spectrum.noise_floor.unwrap_or(default.noise_floor),
-            harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(default.harmonic_tolerance_hz),
-            edges: spectrum.edge_count.unwrap_or(default.edges),
-        }
     });
     if config.rules.is_none() {
         found.add("rules", "must be set: without limits nothing can be decided");
@@ -76,7 +50,7 @@ pub fn monitoring_from_proto(
         contact,
         settling_s: config.settling_s.unwrap_or(default.settling_s),
         window,
-        spectrum,
+        spectrum: config.spectrum.map(spectrum),
         quality: quality(&config.quality.unwrap_or_default(), default.quality),
         rules,
     };
@@ -86,6 +60,43 @@ pub fn monitoring_from_proto(
     let valid = found.is_empty();
     violations.extend(field, found);
     valid.then_some(converted)
+}
+
+fn grouping(
+    found: &mut Violations,
+    given: Option<&proto::Grouping>,
+    default: monitoring::Grouping,
+) -> monitoring::Grouping {
+    match given.map(|grouping| grouping.by) {
+        None => default,
+        Some(Some(By::AngularPoints(points))) => monitoring::Grouping::Angle { points },
+        Some(Some(By::SamplesPerPoint(samples_per_point))) => monitoring::Grouping::Time { samples_per_point },
+        Some(None) => {
+            found.add("grouping", "angular_points or samples_per_point must be set");
+            default
+        }
+    }
+}
+
+fn idle_run_up(found: &mut Violations, idle: &proto::IdleRunUp) -> IdleRunUp {
+    let default = IdleRunUp::over(idle.spindle_rev_per_min.clone());
+    IdleRunUp {
+        speed_tolerance: idle.speed_tolerance.unwrap_or(default.speed_tolerance),
+        length: length(found, "idle_run_up.length", idle.length.as_ref(), default.length),
+        max_difference: idle.max_difference.unwrap_or(default.max_difference),
+        ..default
+    }
+}
+
+fn spectrum(spectrum: proto::SpectrumSettings) -> SpectrumConfig {
+    let default = SpectrumConfig::default();
+    SpectrumConfig {
+        samples: spectrum.samples.unwrap_or(default.samples),
+        min_frequency_hz: spectrum.min_frequency_hz.unwrap_or(default.min_frequency_hz),
+        noise_floor: spectrum.noise_floor.unwrap_or(default.noise_floor),
+        harmonic_tolerance_hz: spectrum.harmonic_tolerance_hz.unwrap_or(default.harmonic_tolerance_hz),
+        edges: spectrum.edge_count.unwrap_or(default.edges),
+    }
 }
 
 /// Path of a field of the monitor's configuration in the message.
