@@ -38,7 +38,7 @@ pub struct Mode {
 }
 
 /// Milling: transfer functions in X (feed direction) and Y, immersion, cutting coefficients.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MillingModel {
     /// Modes in the feed direction; may be empty.
     pub modes_x: Vec<Mode>,
@@ -57,7 +57,7 @@ pub struct MillingModel {
 }
 
 /// Turning: one direction normal to the cut surface.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TurningModel {
     /// Modes normal to the cut surface.
     pub modes: Vec<Mode>,
@@ -206,7 +206,7 @@ fn receptance(modes: &[Mode], frequency_hz: f64) -> Complex {
 }
 
 /// A point of the stability limit before it is spread over the lobes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LobePoint {
     /// Chatter frequency ω_c/2π, Hz.
     pub frequency_hz: f64,

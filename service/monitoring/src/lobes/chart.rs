@@ -2,7 +2,6 @@
 
 use super::limit::Exact;
 use super::{ChartLimit, Check, LobeError, Lobes};
-use serde::{Deserialize, Serialize};
 
 /// Most speeds of a chart that can be asked for.
 const MAX_CHART_SPEEDS: f64 = 20_000.0;
@@ -18,7 +17,7 @@ const TANGENT: f64 = 1e-8;
 const NARROW: f64 = 1e-10;
 
 /// One speed of the stability chart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChartPoint {
     /// Spindle speed, rev/min.
     pub spindle_rev_per_min: f64,

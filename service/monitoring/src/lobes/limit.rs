@@ -3,7 +3,6 @@
 use super::pockets::MAX_RPM;
 use super::trace::{Block, Branch};
 use super::{Check, LobeError, LobePoint, Lobes, MAX_LOBES};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// By how much the limit between two points of a branch may lie below both of them, as a fraction; the points are so close
@@ -17,7 +16,7 @@ const ROOT: f64 = 4e-15;
 const MAX_STEPS: u32 = 60;
 
 /// Where stability ends at one speed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChartLimit {
     /// Largest stable depth or width, mm, without margin.
     pub limit_mm: f64,

@@ -2,7 +2,6 @@
 
 use super::{Check, LOW_IMMERSION_ERROR, LobeError, Lobes};
 use crate::rules::{SpindleTable, TableRow};
-use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Speeds examined in each band.
@@ -13,7 +12,7 @@ const MAX_BANDS: u32 = 256;
 pub(super) const MAX_RPM: f64 = 1e6;
 
 /// What the spindle table is to cover.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PocketRequest {
     /// Lowest speed, rev/min.
     pub lowest_rev_per_min: f64,
@@ -30,7 +29,7 @@ pub struct PocketRequest {
 }
 
 /// Best speed of one band.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pocket {
     /// Band and speed, as a row of the table.
     pub row: TableRow,
