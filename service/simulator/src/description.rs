@@ -1,10 +1,11 @@
-//! What is simulated: tool, work, sensors, and what goes wrong.
+//! What is simulated: tool, work, sensors, and what goes wrong. Its file has the names and units of the contract.
 
+mod sensors;
 mod validate;
 
 use feedwave_monitoring::{Length, MillingModel, Mode, MonitoringConfig, Quantity, Sensors, Violation};
+pub use sensors::SensorPair;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
 
 /// A stretch of the run. Lower ends belong to it, upper ends do not, except for lines.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,13 +51,13 @@ impl Where {
 #[serde(default, deny_unknown_fields)]
 pub struct Tool {
     /// Cutting edges z.
-    pub edges: u32,
+    pub edge_count: u32,
     /// Radius of what rotates, mm: of the mill, or of the turned work. Gives the cutting speed.
     pub radius_mm: f64,
     /// Mode in X.
-    pub x: Mode,
+    pub mode_x: Mode,
     /// Mode in Y.
-    pub y: Mode,
+    pub mode_y: Mode,
     /// Run-out of the surface that the sensors see, mm: half of the total indicated reading. It is the tool's in milling and
     /// the work's in turning.
     pub run_out_mm: f64,
@@ -67,10 +68,10 @@ pub struct Tool {
 impl Default for Tool {
     fn default() -> Self {
         Self {
-            edges: 4,
+            edge_count: 4,
             radius_mm: 5.0,
-            x: Mode { frequency_hz: 900.0, damping_ratio: 0.04, stiffness_n_per_mm: 12_000.0 },
-            y: Mode { frequency_hz: 950.0, damping_ratio: 0.04, stiffness_n_per_mm: 13_000.0 },
+            mode_x: Mode { frequency_hz: 900.0, damping_ratio: 0.04, stiffness_n_per_mm: 12_000.0 },
+            mode_y: Mode { frequency_hz: 950.0, damping_ratio: 0.04, stiffness_n_per_mm: 13_000.0 },
             run_out_mm: 0.002,
             edge_run_out_mm: 0.0,
         }
@@ -116,10 +117,10 @@ pub enum Process {
     /// The tool rotates. Angles from the normal of the feed direction in the direction of rotation, as in [`MillingModel`];
     /// chip h = c·sin φ with the feed per edge c.
     Milling {
-        /// Entry angle, rad, 0..π.
-        entry_rad: f64,
-        /// Exit angle, rad, to π.
-        exit_rad: f64,
+        /// Entry angle, degrees, 0 to below 180.
+        entry_deg: f64,
+        /// Exit angle, degrees, above the entry angle, at most 180.
+        exit_deg: f64,
     },
     /// The work rotates; the chip is the feed per revolution. The radial force pushes the tool in X+, the tangential in Y+.
     Turning,
@@ -155,38 +156,6 @@ pub struct Sway {
     pub frequency_hz: f64,
 }
 
-/// Two equal sensors at 90°. Values are in the sensor's unit: mm, strain or mm/s².
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SensorPair {
-    /// What they measure.
-    pub quantity: Quantity,
-    /// Reading at rest.
-    pub stand_off: f64,
-    /// Standard deviation of the noise.
-    pub noise: f64,
-    /// Chance of a wrong value per sample and pair.
-    pub outlier_rate: f64,
-    /// How far a wrong value is off: between half of this and all of it, to either side.
-    pub outlier_size: f64,
-    /// Drift of the reading per second.
-    pub drift_per_s: f64,
-}
-
-impl Default for SensorPair {
-    /// Distance at 1 mm with a noise of 0.1 µm.
-    fn default() -> Self {
-        Self {
-            quantity: Quantity::Displacement,
-            stand_off: 1.0,
-            noise: 1e-4,
-            outlier_rate: 0.0,
-            outlier_size: 0.0,
-            drift_per_s: 0.0,
-        }
-    }
-}
-
 /// Chatter on demand, added to what the forces do to the tool.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -197,8 +166,8 @@ pub struct Chatter {
     pub frequency_hz: f64,
     /// Amplitude, mm.
     pub amplitude_mm: f64,
-    /// Direction from X, rad.
-    pub direction_rad: f64,
+    /// Direction from X, degrees, −360 to 360.
+    pub direction_deg: f64,
 }
 
 /// Which pair of sensors.
@@ -289,7 +258,7 @@ impl Default for Description {
             interpolation_period_us: 1000,
             tool: Tool::default(),
             material: Material::default(),
-            process: Process::Milling { entry_rad: PI / 2.0, exit_rad: PI },
+            process: Process::Milling { entry_deg: 90.0, exit_deg: 180.0 },
             regenerative: false,
             contacts: Vec::new(),
             ripple: Ripple::default(),
@@ -338,13 +307,13 @@ impl Description {
 
     /// The model whose stability lobes are those of this tool in a straight cut along X; `None` in turning.
     pub fn milling_model(&self) -> Option<MillingModel> {
-        let Process::Milling { entry_rad, exit_rad } = self.process else { return None };
+        let Process::Milling { entry_deg, exit_deg } = self.process else { return None };
         Some(MillingModel {
-            modes_x: vec![self.tool.x],
-            modes_y: vec![self.tool.y],
-            edges: self.tool.edges,
-            entry_rad,
-            exit_rad,
+            modes_x: vec![self.tool.mode_x],
+            modes_y: vec![self.tool.mode_y],
+            edges: self.tool.edge_count,
+            entry_rad: entry_deg.to_radians(),
+            exit_rad: exit_deg.to_radians(),
             tangential_n_per_mm2: self.material.tangential_n_per_mm2,
             radial_ratio: self.material.radial_ratio,
         })

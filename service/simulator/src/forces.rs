@@ -1,12 +1,12 @@
 //! Cutting forces of all edges at one instant.
 
 use crate::description::{Description, Material, Process, Tool};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Memory of the surface, samples of all edges: a revolution at 92 rev/min with 100 kHz.
 const WAVE_SAMPLES: usize = 1 << 16;
 /// Slower than this the spindle is stopped, rev/min.
-const STANDSTILL_RPM: f64 = 1e-3;
+const STANDSTILL_REV_PER_MIN: f64 = 1e-3;
 
 /// An edge relative to the first one.
 #[derive(Debug, Clone)]
@@ -84,9 +84,9 @@ pub(crate) struct Forces {
 impl Forces {
     pub fn new(description: &Description) -> Self {
         let Description { tool, material, process, .. } = *description;
-        let (entry_rad, exit_rad, count) = match process {
-            Process::Milling { entry_rad, exit_rad } => (entry_rad, exit_rad, tool.edges),
-            Process::Turning => (0.0, PI, 1),
+        let (entry_deg, exit_deg, count) = match process {
+            Process::Milling { entry_deg, exit_deg } => (entry_deg, exit_deg, tool.edge_count),
+            Process::Turning => (0.0, 180.0, 1),
         };
         let pitch = TAU / f64::from(count);
         let radius = |edge: u32| tool.edge_run_out_mm * libm::cos(pitch * f64::from(edge));
@@ -100,8 +100,8 @@ impl Forces {
             material,
             process,
             edges: edges.collect(),
-            entry: libm::sincos(entry_rad),
-            exit: libm::sincos(exit_rad),
+            entry: libm::sincos(entry_deg.to_radians()),
+            exit: libm::sincos(exit_deg.to_radians()),
             sample_rate_hz: f64::from(description.sample_rate_hz),
             waves: description.regenerative.then(|| Waves::new(count as usize)),
         }
@@ -120,7 +120,7 @@ impl Forces {
         let rev_per_min = spindle_rad_per_s.abs() * (60.0 / TAU);
         let speed_m_per_min = TAU * self.tool.radius_mm * 1e-3 * rev_per_min;
         let exponent = self.material.radial_speed_exponent;
-        let falling = if exponent == 0.0 || rev_per_min < STANDSTILL_RPM {
+        let falling = if exponent == 0.0 || rev_per_min < STANDSTILL_REV_PER_MIN {
             1.0
         } else {
             libm::pow(speed_m_per_min / self.material.reference_speed_m_per_min, -exponent)
@@ -130,13 +130,14 @@ impl Forces {
             rotation,
             rev_per_min,
             radial_ratio: self.material.radial_ratio * falling,
-            delay_samples: self.sample_rate_hz * 60.0 / (self.edges.len() as f64 * rev_per_min.max(STANDSTILL_RPM)),
+            delay_samples: self.sample_rate_hz * 60.0
+                / (self.edges.len() as f64 * rev_per_min.max(STANDSTILL_REV_PER_MIN)),
         }
     }
 
     /// Whether the spindle turns.
     pub fn turns(motion: &Motion) -> bool {
-        motion.rev_per_min >= STANDSTILL_RPM
+        motion.rev_per_min >= STANDSTILL_REV_PER_MIN
     }
 
     /// Force on the tool in N in the sensors' directions. `depth_mm` is `None` while tool and work do not touch.

@@ -95,7 +95,7 @@ impl Simulator {
         };
         Ok(Self {
             forces: Forces::new(&description),
-            tool: [description.tool.x, description.tool.y].map(|mode| Oscillator::new(&mode, sample_s)),
+            tool: [description.tool.mode_x, description.tool.mode_y].map(|mode| Oscillator::new(&mode, sample_s)),
             pairs,
             drops: Random::new(description.seed, 5),
             telemetry: Telemetry::new(description.batch_samples as usize, has),
@@ -279,7 +279,7 @@ impl Simulator {
         let mut moved = Moved { position_mm: deflection_mm, acceleration };
         if depth_mm.is_some() {
             for chatter in self.description.chatter.iter().filter(|chatter| chatter.at.holds(time_s, path_mm, line)) {
-                let (sin, cos) = libm::sincos(chatter.direction_rad);
+                let (sin, cos) = libm::sincos(chatter.direction_deg.to_radians());
                 moved.vibrate(chatter.amplitude_mm, chatter.frequency_hz, time_s, [cos, sin]);
             }
         }

@@ -5,7 +5,7 @@ mod common;
 use common::{Path, everywhere, follow};
 use feedwave_monitoring::{Mode, Quantity};
 use feedwave_simulator::{Chatter, Contact, Description, Material, Process, Ripple, SensorPair, Sway, Tool, Where};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 
 /// Sensors without noise at 0.
 fn exact(quantity: Quantity) -> Option<SensorPair> {
@@ -20,7 +20,7 @@ fn stiff(stiffness_n_per_mm: f64) -> Mode {
 fn turning() -> Description {
     Description {
         process: Process::Turning,
-        tool: Tool { x: stiff(10_000.0), y: stiff(20_000.0), run_out_mm: 0.0, ..Tool::default() },
+        tool: Tool { mode_x: stiff(10_000.0), mode_y: stiff(20_000.0), run_out_mm: 0.0, ..Tool::default() },
         contacts: everywhere(2.0),
         tool_sensors: exact(Quantity::Displacement),
         ..Description::default()
@@ -29,8 +29,14 @@ fn turning() -> Description {
 
 fn milling(edges: u32) -> Description {
     Description {
-        process: Process::Milling { entry_rad: 0.0, exit_rad: PI },
-        tool: Tool { edges, x: stiff(10_000.0), y: stiff(10_000.0), run_out_mm: 0.0, ..Tool::default() },
+        process: Process::Milling { entry_deg: 0.0, exit_deg: 180.0 },
+        tool: Tool {
+            edge_count: edges,
+            mode_x: stiff(10_000.0),
+            mode_y: stiff(10_000.0),
+            run_out_mm: 0.0,
+            ..Tool::default()
+        },
         ..turning()
     }
 }
@@ -95,7 +101,7 @@ fn edges_pass_at_their_frequency_and_run_out_adds_that_of_the_spindle() {
         libm::hypot(sum.0, sum.1) / 5000.0
     };
     let mut description = milling(2);
-    description.process = Process::Milling { entry_rad: FRAC_PI_2, exit_rad: PI };
+    description.process = Process::Milling { entry_deg: 90.0, exit_deg: 180.0 };
     let mut path = Path::default().add(650, 300.0, 3000.0, [1.0, 0.0]).clone();
     // A sample is 0.9°: half of it keeps every sample clear of entry and exit.
     path.angle_deg.iter_mut().for_each(|angle| *angle += 0.45);
@@ -175,7 +181,7 @@ fn speed_fluctuates_sway_is_shared_and_chatter_comes_on_demand() {
         at: Where::Time { from_s: 0.1, to_s: 0.2 },
         frequency_hz: 333.0,
         amplitude_mm: 0.005,
-        direction_rad: 0.0,
+        direction_deg: 0.0,
     }];
     let path = Path::default().add(300, 100.0, 1000.0, [1.0, 0.0]).clone();
     let log = follow(description, &path);
@@ -228,10 +234,10 @@ fn noise_outliers_drift_and_lost_samples_have_their_rates() {
 /// A tool whose lobes are known: deep cuts chatter, shallow ones do not.
 fn regenerative(depth_mm: f64) -> Description {
     Description {
-        process: Process::Milling { entry_rad: FRAC_PI_2, exit_rad: PI },
+        process: Process::Milling { entry_deg: 90.0, exit_deg: 180.0 },
         tool: Tool {
-            x: Mode { frequency_hz: 600.0, damping_ratio: 0.03, stiffness_n_per_mm: 10_000.0 },
-            y: Mode { frequency_hz: 660.0, damping_ratio: 0.03, stiffness_n_per_mm: 10_000.0 },
+            mode_x: Mode { frequency_hz: 600.0, damping_ratio: 0.03, stiffness_n_per_mm: 10_000.0 },
+            mode_y: Mode { frequency_hz: 660.0, damping_ratio: 0.03, stiffness_n_per_mm: 10_000.0 },
             run_out_mm: 0.0,
             ..Tool::default()
         },

@@ -11,7 +11,6 @@ use feedwave_simulator::{
 use proptest::prelude::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::f64::consts::PI;
 
 thread_local! {
     /// Allocations of this thread: the test harness has threads of its own.
@@ -43,13 +42,18 @@ const SOME: Where = Where::Time { from_s: 0.1, to_s: 0.2 };
 fn busy(seed: u64) -> Description {
     Description {
         seed,
-        process: Process::Milling { entry_rad: 0.5, exit_rad: PI },
+        process: Process::Milling { entry_deg: 0.5_f64.to_degrees(), exit_deg: 180.0 },
         material: Material { edge_radial_n_per_mm: 3.0, radial_speed_exponent: 0.2, ..Material::default() },
         regenerative: true,
         contacts: vec![Contact { at: Where::Path { from_mm: 0.05, to_mm: 0.9 }, depth_mm: 0.8 }],
         ripple: Ripple { fraction: 0.01, frequency_hz: 3.0 },
         sway: Some(Sway { amplitude_mm: 0.001, frequency_hz: 30.0 }),
-        chatter: vec![Chatter { at: SOME, frequency_hz: 777.0, amplitude_mm: 0.002, direction_rad: 0.3 }],
+        chatter: vec![Chatter {
+            at: SOME,
+            frequency_hz: 777.0,
+            amplitude_mm: 0.002,
+            direction_deg: 0.3_f64.to_degrees(),
+        }],
         sample_rate_hz: 10_001,
         batch_samples: 97,
         drop_rate: 0.01,
@@ -99,8 +103,8 @@ proptest! {
     ) {
         let mut description = busy(seed);
         description.contacts = everywhere(depth);
-        description.tool.edges = edges;
-        (description.tool.x.damping_ratio, description.tool.y.frequency_hz) = (damping, frequency);
+        description.tool.edge_count = edges;
+        (description.tool.mode_x.damping_ratio, description.tool.mode_y.frequency_hz) = (damping, frequency);
         let mut path = Path::default();
         path.add(100, feed, rev_per_min, [1.0, 0.0]);
         let log = follow(description, &path);
@@ -250,10 +254,10 @@ fn impossible_descriptions_are_refused_field_by_field() {
     assert_eq!(fields(|_| {}), Vec::<String>::new());
     assert_eq!(fields(|d| d.sample_rate_hz = 100_001), ["sample_rate_hz"]);
     assert_eq!(fields(|d| d.interpolation_period_us = 0), ["interpolation_period_us"]);
-    assert_eq!(fields(|d| d.tool.edges = 0), ["tool.edges"]);
-    assert_eq!(fields(|d| d.tool.x.damping_ratio = 0.0), ["tool.x.damping_ratio"]);
-    assert_eq!(fields(|d| d.tool.y.stiffness_n_per_mm = f64::NAN), ["tool.y.stiffness_n_per_mm"]);
-    assert_eq!(fields(|d| d.process = Process::Milling { entry_rad: 2.0, exit_rad: 1.0 }), ["process.exit_rad"]);
+    assert_eq!(fields(|d| d.tool.edge_count = 0), ["tool.edge_count"]);
+    assert_eq!(fields(|d| d.tool.mode_x.damping_ratio = 0.0), ["tool.mode_x.damping_ratio"]);
+    assert_eq!(fields(|d| d.tool.mode_y.stiffness_n_per_mm = f64::NAN), ["tool.mode_y.stiffness_n_per_mm"]);
+    assert_eq!(fields(|d| d.process = Process::Milling { entry_deg: 120.0, exit_deg: 60.0 }), ["process.exit_deg"]);
     assert_eq!(fields(|d| d.ripple.frequency_hz = 0.0), ["ripple.frequency_hz"]);
     assert_eq!(fields(|d| (d.tool_sensors, d.work_sensors) = (None, None)), ["tool_sensors"]);
     assert_eq!(fields(|d| d.contacts[0].depth_mm = -1.0), ["contacts[0].depth_mm"]);

@@ -31,11 +31,11 @@ const NAME: &str = "lobes";
 
 Examples:
   feedwave lobes --mode-x 600,0.03,10000 --mode-y 660,0.03,10000 --tangential 700 --radial-ratio 0.3 --edges 4 \\
-      --entry 90 --exit 180 --lowest-rpm 2000 --highest-rpm 12000 --bands 5 --plots pictures
+      --entry 90 --exit 180 --lowest-rev-per-min 2000 --highest-rev-per-min 12000 --bands 5 --plots pictures
       Half-immersion climb milling with a tool that is compliant in both directions.
-  feedwave lobes --tool tools/em12 --entry 0 --exit 180 --lowest-rpm 3000 --highest-rpm 15000 --required 1.5
+  feedwave lobes --tool tools/em12 --entry 0 --exit 180 --lowest-rev-per-min 3000 --highest-rev-per-min 15000 --required 1.5
       A slot with a tool of the library of a running service; refused where 1.5 mm cannot be had in every band.
-  feedwave lobes --turning --mode-normal 250,0.04,8000 --specific 2000 --lowest-rpm 500 --highest-rpm 4000 \\
+  feedwave lobes --turning --mode-normal 250,0.04,8000 --specific 2000 --lowest-rev-per-min 500 --highest-rev-per-min 4000 \\
       --format json | jq .leastLimitMm"
 )]
 pub struct Args {
@@ -73,10 +73,10 @@ pub struct Args {
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0, help_heading = "Cut")]
     exit: f64,
     /// Lowest spindle speed
-    #[arg(long = "lowest-rpm", value_name = "REV/MIN", help_heading = "Spindle table")]
+    #[arg(long, value_name = "REV/MIN", help_heading = "Spindle table")]
     lowest_rev_per_min: f64,
     /// Highest spindle speed
-    #[arg(long = "highest-rpm", value_name = "REV/MIN", help_heading = "Spindle table")]
+    #[arg(long, value_name = "REV/MIN", help_heading = "Spindle table")]
     highest_rev_per_min: f64,
     /// Bands of equal width, each with its best speed
     #[arg(long, value_name = "COUNT", default_value_t = PocketRequest::BANDS, help_heading = "Spindle table")]

@@ -12,8 +12,8 @@ const MILL: [&str; 10] = [
     "--radial-ratio=0.3",
     "--edges=4",
     "--entry=90",
-    "--lowest-rpm=2000",
-    "--highest-rpm=12000",
+    "--lowest-rev-per-min=2000",
+    "--highest-rev-per-min=12000",
     "--bands=5",
 ];
 

@@ -148,9 +148,11 @@ fn a_run_that_makes_no_sense_is_refused_before_it_begins() {
     let description = ["--simulate", "--cut", "3:1", "--description", file.to_str().unwrap()];
     std::fs::write(&file, r#"{"sample_rate": 20000}"#).unwrap();
     assert!(refused(&description).contains("unknown field `sample_rate`"));
+    std::fs::write(&file, r#"{"process": {"milling": {"entry_deg": 90, "exit_deg": 45}}}"#).unwrap();
+    assert!(refused(&description).contains("process.exit_deg: 45° is not after the entry at 90°"));
     std::fs::write(&file, r#"{"sample_rate_hz": 0}"#).unwrap();
     assert!(refused(&description).contains("sample_rate_hz"));
-    let strain = r#"{"tool_sensors": {"quantity": {"Strain": {"mm_per_strain": 1.5}}}}"#;
+    let strain = r#"{"tool_sensors": {"quantity": "SENSOR_QUANTITY_STRAIN", "mm_per_strain": 1.5}}"#;
     std::fs::write(&file, strain).unwrap();
     assert!(refused(&description).contains("set it first"));
 

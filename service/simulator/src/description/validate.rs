@@ -2,7 +2,6 @@
 
 use super::{Description, Process, SensorPair, Where};
 use feedwave_monitoring::{MAX_BATCH_SAMPLES, Mode, Quantity, Violation};
-use std::f64::consts::PI;
 
 /// Most stretches of one kind: each is examined for every sample.
 const MAX_STRETCHES: usize = 256;
@@ -43,6 +42,26 @@ impl Check {
         self.require(from < to, field, || format!("the stretch from {from} to {to} is empty"));
     }
 
+    fn stretches(&mut self, description: &Description) {
+        let rate_hz = f64::from(description.sample_rate_hz);
+        self.count("contacts", description.contacts.len());
+        self.count("chatter", description.chatter.len());
+        self.count("faults", description.faults.len());
+        for (index, contact) in description.contacts.iter().take(MAX_STRETCHES).enumerate() {
+            self.stretch(format!("contacts[{index}].at"), &contact.at);
+            self.within(format!("contacts[{index}].depth_mm"), contact.depth_mm, 0.0, 1e3);
+        }
+        for (index, chatter) in description.chatter.iter().take(MAX_STRETCHES).enumerate() {
+            self.stretch(format!("chatter[{index}].at"), &chatter.at);
+            self.within(format!("chatter[{index}].frequency_hz"), chatter.frequency_hz, 0.0, rate_hz / 2.0);
+            self.within(format!("chatter[{index}].amplitude_mm"), chatter.amplitude_mm, 0.0, 10.0);
+            self.within(format!("chatter[{index}].direction_deg"), chatter.direction_deg, -360.0, 360.0);
+        }
+        for (index, fault) in description.faults.iter().take(MAX_STRETCHES).enumerate() {
+            self.stretch(format!("faults[{index}].at"), &fault.at);
+        }
+    }
+
     fn sensors(&mut self, name: &str, pair: &SensorPair) {
         self.within(format!("{name}.stand_off"), pair.stand_off, -LARGE, LARGE);
         self.within(format!("{name}.noise"), pair.noise, 0.0, LARGE);
@@ -51,7 +70,7 @@ impl Check {
         self.within(format!("{name}.drift_per_s"), pair.drift_per_s, -LARGE, LARGE);
         if let Quantity::Strain { mm_per_strain } = pair.quantity {
             let possible = mm_per_strain.abs() >= 1e-9 && mm_per_strain.abs() <= LARGE;
-            self.require(possible, format!("{name}.quantity.mm_per_strain"), || {
+            self.require(possible, format!("{name}.mm_per_strain"), || {
                 format!("{mm_per_strain} mm per unit of strain does not turn displacement into strain")
             });
         }
@@ -67,10 +86,10 @@ pub(super) fn violations(description: &Description) -> Vec<Violation> {
     check.within("batch_samples", f64::from(description.batch_samples), 1.0, MAX_BATCH_SAMPLES as f64);
     check.within("drop_rate", description.drop_rate, 0.0, 1.0);
     let tool = &description.tool;
-    check.within("tool.edges", f64::from(tool.edges), 1.0, 64.0);
+    check.within("tool.edge_count", f64::from(tool.edge_count), 1.0, 64.0);
     check.within("tool.radius_mm", tool.radius_mm, 1e-3, 1e4);
-    check.mode("tool.x", &tool.x);
-    check.mode("tool.y", &tool.y);
+    check.mode("tool.mode_x", &tool.mode_x);
+    check.mode("tool.mode_y", &tool.mode_y);
     check.within("tool.run_out_mm", tool.run_out_mm, 0.0, 10.0);
     check.within("tool.edge_run_out_mm", tool.edge_run_out_mm, 0.0, 10.0);
     let material = &description.material;
@@ -80,11 +99,11 @@ pub(super) fn violations(description: &Description) -> Vec<Violation> {
     check.within("material.edge_radial_n_per_mm", material.edge_radial_n_per_mm, 0.0, 1e6);
     check.within("material.radial_speed_exponent", material.radial_speed_exponent, -2.0, 2.0);
     check.within("material.reference_speed_m_per_min", material.reference_speed_m_per_min, 1e-3, 1e5);
-    if let Process::Milling { entry_rad, exit_rad } = description.process {
-        check.within("process.entry_rad", entry_rad, 0.0, PI);
-        check.within("process.exit_rad", exit_rad, 0.0, PI);
-        check.require(entry_rad < exit_rad, "process.exit_rad", || {
-            format!("{exit_rad} rad is not after the entry at {entry_rad} rad")
+    if let Process::Milling { entry_deg, exit_deg } = description.process {
+        check.within("process.entry_deg", entry_deg, 0.0, 180.0);
+        check.within("process.exit_deg", exit_deg, 0.0, 180.0);
+        check.require(entry_deg < exit_deg, "process.exit_deg", || {
+            format!("{exit_deg}° is not after the entry at {entry_deg}°")
         });
     }
     check.within("ripple.fraction", description.ripple.fraction, 0.0, 0.5);
@@ -104,21 +123,6 @@ pub(super) fn violations(description: &Description) -> Vec<Violation> {
             check.sensors(name, pair);
         }
     }
-    check.count("contacts", description.contacts.len());
-    check.count("chatter", description.chatter.len());
-    check.count("faults", description.faults.len());
-    for (index, contact) in description.contacts.iter().take(MAX_STRETCHES).enumerate() {
-        check.stretch(format!("contacts[{index}].at"), &contact.at);
-        check.within(format!("contacts[{index}].depth_mm"), contact.depth_mm, 0.0, 1e3);
-    }
-    for (index, chatter) in description.chatter.iter().take(MAX_STRETCHES).enumerate() {
-        check.stretch(format!("chatter[{index}].at"), &chatter.at);
-        check.within(format!("chatter[{index}].frequency_hz"), chatter.frequency_hz, 0.0, rate_hz / 2.0);
-        check.within(format!("chatter[{index}].amplitude_mm"), chatter.amplitude_mm, 0.0, 10.0);
-        check.within(format!("chatter[{index}].direction_rad"), chatter.direction_rad, -10.0, 10.0);
-    }
-    for (index, fault) in description.faults.iter().take(MAX_STRETCHES).enumerate() {
-        check.stretch(format!("faults[{index}].at"), &fault.at);
-    }
+    check.stretches(description);
     check.0
 }

@@ -1,6 +1,6 @@
 //! Every fault leads to a hold, none to a decision from bad data, and the loop goes on afterwards.
 
-use super::harness::{Live, SLOT, SLOT_RPM, judging, mill, run};
+use super::harness::{Live, SLOT, SLOT_REV_PER_MIN, judging, mill, run};
 use feedwave_monitoring::{Action, Fallback, HoldReason, Overrides, Reason, State};
 use feedwave_simulator::{Fault, FaultKind, Mounting, SensorPair, Where};
 
@@ -8,7 +8,7 @@ use feedwave_simulator::{Fault, FaultKind, Mounting, SensorPair, Where};
 fn with(kind: FaultKind, to_s: f64) -> Live {
     let mut description = mill(1.0);
     description.faults = vec![Fault { at: Where::Time { from_s: 1.0, to_s }, kind }];
-    run(SLOT, SLOT_RPM, description, judging())
+    run(SLOT, SLOT_REV_PER_MIN, description, judging())
 }
 
 /// Forces are proportional to the feed, and so is the deflection: 0.0173 mm at 100 %. A window may begin at the feed before.
@@ -96,7 +96,7 @@ fn telemetry_that_stops_brings_the_configured_fallback() {
         description.faults = vec![Fault { at: Where::Time { from_s: 1.0, to_s: 1.5 }, kind: FaultKind::Silence }];
         let mut judging = judging();
         judging.rules.fallback = fallback;
-        run(SLOT, SLOT_RPM, description, judging)
+        run(SLOT, SLOT_REV_PER_MIN, description, judging)
     };
     let full = with_fallback(Fallback::Full);
     let silence = full.decisions.iter().find(|decision| decision.outcome.reason == Reason::Silence).unwrap();
@@ -118,7 +118,7 @@ fn outliers_and_lost_samples_are_removed_counted_and_do_not_matter() {
     description.tool_sensors =
         Some(SensorPair { outlier_rate: 0.01, outlier_size: 0.8, ..description.tool_sensors.unwrap() });
     description.drop_rate = 0.01;
-    let live = run(SLOT, SLOT_RPM, description, judging());
+    let live = run(SLOT, SLOT_REV_PER_MIN, description, judging());
     believes_nothing_false(&live);
     let removed = live.decisions.iter().fold([0, 0], |[spikes, dropped], decision| {
         let removed = decision.span.removed;

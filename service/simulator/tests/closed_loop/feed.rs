@@ -1,6 +1,6 @@
 //! The feed rule: too fast comes down, too slow goes up, right stays.
 
-use super::harness::{Live, SLOT, SLOT_RPM, judging, mill, run};
+use super::harness::{Live, SLOT, SLOT_REV_PER_MIN, judging, mill, run};
 use feedwave_monitoring::{Action, Bound, Reason};
 
 /// Depth at which the programmed feed is between the limits: the deflection is 0.0076 mm.
@@ -8,7 +8,7 @@ const RIGHT_MM: f64 = 0.5;
 
 #[test]
 fn a_feed_too_high_comes_down_until_the_deflection_is_inside_the_limits() {
-    let live = run(SLOT, SLOT_RPM, mill(2.0 * RIGHT_MM), judging());
+    let live = run(SLOT, SLOT_REV_PER_MIN, mill(2.0 * RIGHT_MM), judging());
     let reasons = live.reasons();
     let slower = reasons.iter().filter(|reason| **reason == Reason::FeedAboveLimit).count();
     assert_eq!(reasons[0], Reason::ToolFit);
@@ -32,7 +32,7 @@ fn a_feed_too_high_comes_down_until_the_deflection_is_inside_the_limits() {
 
 #[test]
 fn a_feed_too_low_goes_up_to_the_limits() {
-    let live = run(SLOT, SLOT_RPM, mill(0.3 * RIGHT_MM), judging());
+    let live = run(SLOT, SLOT_REV_PER_MIN, mill(0.3 * RIGHT_MM), judging());
     let reasons = live.reasons();
     let faster = reasons.iter().filter(|reason| **reason == Reason::FeedBelowLimit).count();
     assert!(faster >= 2, "{reasons:?}");
@@ -46,7 +46,7 @@ fn a_feed_too_low_goes_up_to_the_limits() {
 
 #[test]
 fn inside_the_limits_nothing_changes() {
-    let live = run(SLOT, SLOT_RPM, mill(RIGHT_MM), judging());
+    let live = run(SLOT, SLOT_REV_PER_MIN, mill(RIGHT_MM), judging());
     let reasons = live.reasons();
     assert!(reasons.len() > 20 && reasons[1..].iter().all(|reason| *reason == Reason::WithinLimits), "{reasons:?}");
     assert_eq!(live.changes(), 0);
@@ -57,7 +57,7 @@ fn a_cut_that_no_feed_can_save_comes_to_rest_and_a_resume_tries_the_bound_again(
     let mut judging = judging();
     judging.rules.feed.step = 0.5;
     judging.rules.feed_bounds.lower = 0.4;
-    let mut live = run(SLOT, SLOT_RPM, mill(10.0 * RIGHT_MM), judging);
+    let mut live = run(SLOT, SLOT_REV_PER_MIN, mill(10.0 * RIGHT_MM), judging);
     let rows = |live: &Live, from: usize| -> Vec<_> {
         let outcomes = live.decisions[from..].iter().map(|decision| decision.outcome);
         outcomes.map(|outcome| (outcome.action, outcome.reason, outcome.after.feed)).collect()
@@ -87,7 +87,7 @@ fn a_cut_that_no_feed_can_save_goes_on_at_the_bound_where_escalation_is_off() {
     judging.rules.feed.step = 0.5;
     judging.rules.feed_bounds.lower = 0.4;
     judging.rules.escalation = None;
-    let live = run(SLOT, SLOT_RPM, mill(10.0 * RIGHT_MM), judging);
+    let live = run(SLOT, SLOT_REV_PER_MIN, mill(10.0 * RIGHT_MM), judging);
     let outcomes: Vec<_> = live.decisions[1..].iter().map(|decision| decision.outcome).collect();
     assert_eq!((outcomes[0].after.feed, outcomes[0].feed_bound), (0.5, None));
     assert_eq!((outcomes[1].after.feed, outcomes[1].feed_bound), (0.4, Some(Bound::Lower)));
@@ -106,15 +106,15 @@ fn the_same_seed_decides_the_same_and_a_replay_from_the_log_is_identical() {
         pair
     });
     description.drop_rate = 0.001;
-    let live = run(SLOT, SLOT_RPM, description.clone(), judging());
-    let again = run(SLOT, SLOT_RPM, description.clone(), judging());
+    let live = run(SLOT, SLOT_REV_PER_MIN, description.clone(), judging());
+    let again = run(SLOT, SLOT_REV_PER_MIN, description.clone(), judging());
     assert!(live.changes() > 0);
     assert_eq!(live.decisions, again.decisions);
     assert_eq!(live.setpoints, again.setpoints);
     assert_eq!(live.replayed_decisions(), live.decisions);
     assert!(live.replayed_setpoints() == live.setpoints, "the path under these overrides to the bit");
     description.seed += 1;
-    let other = run(SLOT, SLOT_RPM, description, judging());
+    let other = run(SLOT, SLOT_REV_PER_MIN, description, judging());
     assert_ne!(other.decisions, live.decisions, "other noise is other evidence");
     assert!((other.monitor.overrides().feed / live.monitor.overrides().feed - 1.0).abs() < 0.06);
 }

@@ -13,7 +13,7 @@ const AHEAD: usize = 20;
 
 /// One slot of 120 mm along X at 20 mm/s and 3000 rev/min; line 3 cuts.
 pub const SLOT: &str = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X130 F1200\nG0 X140\nM30\n";
-pub const SLOT_RPM: f64 = 3000.0;
+pub const SLOT_REV_PER_MIN: f64 = 3000.0;
 
 pub fn line(line: u32, depth_mm: f64) -> Vec<Contact> {
     vec![Contact { at: Where::Lines { first: line, last: line }, depth_mm }]

@@ -1,12 +1,12 @@
 //! The same loop through every kind of sensor, and with contact found from the signal.
 
-use super::harness::{Live, SLOT, SLOT_RPM, judging, mill, run};
+use super::harness::{Live, SLOT, SLOT_REV_PER_MIN, judging, mill, run};
 use feedwave_monitoring::{ContactSource, MonitoringConfig, Quantity, Reason, Sensors, ToolCheck};
 use feedwave_simulator::{Description, SensorPair, Sway};
 
 /// The slot twice as deep as its feed allows; a change of sensors must not change what is decided.
 fn comes_down(description: Description, config: MonitoringConfig) -> Live {
-    let live = run(SLOT, SLOT_RPM, description, config);
+    let live = run(SLOT, SLOT_REV_PER_MIN, description, config);
     let reasons = live.reasons();
     let slower = reasons.iter().filter(|reason| **reason == Reason::FeedAboveLimit).count();
     assert_eq!(reasons[0], Reason::ToolFit);
@@ -48,7 +48,8 @@ fn accelerometers_without_the_commanded_motion() {
     config.rules.feed.lower = 0.0;
     // Nothing is too much at first; then what the first window shows has to come down to 70 %.
     config.rules.feed.upper = 1e9;
-    let first = run(SLOT, SLOT_RPM, description.clone(), config.clone()).windows().next().unwrap().0.max_deviation;
+    let first =
+        run(SLOT, SLOT_REV_PER_MIN, description.clone(), config.clone()).windows().next().unwrap().0.max_deviation;
     config.rules.feed.upper = 0.7 * first;
     let live = comes_down(description, config);
     assert!((0.62..0.74).contains(&live.monitor.overrides().feed), "{:?}", live.monitor.overrides());
@@ -69,7 +70,7 @@ fn the_tool_relative_to_the_work_where_both_sway() {
     // The tool alone is believed to be bent by what only sways.
     let mut alone = judging();
     alone.tool_check = ToolCheck { max_ratio: None, max_run_out: Some(1.0) };
-    let alone = run(SLOT, SLOT_RPM, description, alone);
+    let alone = run(SLOT, SLOT_REV_PER_MIN, description, alone);
     assert!(alone.windows().any(|(properties, _)| properties.max_deviation > 0.03));
 }
 

@@ -1,13 +1,12 @@
 //! The spindle rules, and chatter.
 
-use super::harness::{SLOT, SLOT_RPM, judging, line, mill, run, run_on};
+use super::harness::{SLOT, SLOT_REV_PER_MIN, judging, line, mill, run, run_on};
 use feedwave_cutting::MachineProfile;
 use feedwave_monitoring::{
     Evidence, LineOrigin, Mode, MonitoringConfig, PocketRequest, Property, Reason, SpectrumConfig, SpindleRule,
     SpindleTable,
 };
 use feedwave_simulator::{Chatter, Description, Material, Process, Tool, Where};
-use std::f64::consts::PI;
 
 fn with_spectrum(mut config: MonitoringConfig) -> MonitoringConfig {
     config.spectrum = Some(SpectrumConfig {
@@ -27,9 +26,9 @@ fn chatter_is_found_and_named_with_its_frequency() {
         at: Where::Time { from_s: 2.0, to_s: 4.0 },
         frequency_hz: 1234.5,
         amplitude_mm: 0.02,
-        direction_rad: 0.7,
+        direction_deg: 40.0,
     }];
-    let live = run(SLOT, SLOT_RPM, description, with_spectrum(judging()));
+    let live = run(SLOT, SLOT_REV_PER_MIN, description, with_spectrum(judging()));
     let mut named = 0;
     for decision in &live.decisions {
         let Evidence::Process(properties) = decision.inputs.evidence else { continue };
@@ -57,8 +56,8 @@ fn a_speed_that_chatters_is_left_for_the_pocket_of_the_lobes_and_the_chip_stays(
         seed: 3,
         // A full slot with four edges: the force is constant but for chatter. The best pockets lie where edges pass at a natural
         // frequency, so another immersion would answer them with forced vibration.
-        process: Process::Milling { entry_rad: 0.0, exit_rad: PI },
-        tool: Tool { x: mode(600.0), y: mode(660.0), ..Tool::default() },
+        process: Process::Milling { entry_deg: 0.0, exit_deg: 180.0 },
+        tool: Tool { mode_x: mode(600.0), mode_y: mode(660.0), ..Tool::default() },
         material: Material { tangential_n_per_mm2: 700.0, ..Material::default() },
         regenerative: true,
         ..Description::default()
@@ -106,7 +105,7 @@ fn the_angle_of_the_deflection_steers_the_speed_of_turning() {
     let mode = Mode { frequency_hz: 900.0, damping_ratio: 0.05, stiffness_n_per_mm: 20_000.0 };
     let description = Description {
         process: Process::Turning,
-        tool: Tool { radius_mm: 20.0, x: mode, y: mode, run_out_mm: 0.0, ..Tool::default() },
+        tool: Tool { radius_mm: 20.0, mode_x: mode, mode_y: mode, run_out_mm: 0.0, ..Tool::default() },
         material: Material {
             radial_ratio: 0.5,
             radial_speed_exponent: 0.5,

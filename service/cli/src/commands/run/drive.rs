@@ -194,7 +194,7 @@ impl Drive {
     ) -> Result<(), CliError> {
         let mut slices = 0_usize;
         while self.summary.end.is_none() {
-            let rpm = match self.state {
+            let rev_per_min = match self.state {
                 MonitorState::Baseline => baseline_rev_per_min,
                 // Speeds in turn: each step collects what belongs to it.
                 MonitorState::IdleRunUp => {
@@ -205,14 +205,14 @@ impl Drive {
             if slices as f64 * STRETCH_S >= MAX_IDLE_S {
                 let state = self.state.as_str_name();
                 return Err(CliError::trouble(format!(
-                    "{}: still {state} after {MAX_IDLE_S} s of idling at {rpm} rev/min: raise --idle-rpm or shorten the \
+                    "{}: still {state} after {MAX_IDLE_S} s of idling at {rev_per_min} rev/min: raise --idle-rev-per-min or shorten the \
                      baseline of the job's monitoring",
                     self.name
                 )));
             }
             let mut batches = Vec::new();
             let mut sink = |batch: &Batch<'_>| batches.push(batch_to_proto(batch));
-            self.machine.idle(STRETCH_S, rpm, &mut sink).map_err(|error| unable(&error))?;
+            self.machine.idle(STRETCH_S, rev_per_min, &mut sink).map_err(|error| unable(&error))?;
             self.machine.flush(&mut sink);
             self.send(batches).await;
             while self.summary.end.is_none() && !self.waiting.is_empty() {

@@ -13,7 +13,7 @@ use crate::commands::terminal::tell;
 /// Options that say what is simulated.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct MachineArgs {
-    /// The machine, tool, work, sensors and faults as JSON [default: a four-edged mill of 10 mm in steel, half immersed, two
+    /// The machine, tool, work, sensors and faults as JSON, with the names and units of the contract [default: a four-edged mill of 10 mm in steel, half immersed, two
     /// distance sensors at 20 kHz]
     #[arg(long, value_name = "FILE", requires = "simulate")]
     description: Option<PathBuf>,
@@ -24,8 +24,8 @@ pub(super) struct MachineArgs {
     /// [default: nothing is cut]
     #[arg(long, value_name = "FIRST-LAST:DEPTH", requires = "simulate", value_parser = cut)]
     cut: Vec<Cut>,
-    /// Spindle speed at which the machine idles for the baseline, rev/min
-    #[arg(long = "idle-rpm", value_name = "RPM", default_value_t = 1000.0, requires = "simulate", value_parser = speed)]
+    /// Spindle speed at which the machine idles for the baseline
+    #[arg(long, value_name = "REV/MIN", default_value_t = 1000.0, requires = "simulate", value_parser = speed)]
     pub(super) idle_rev_per_min: f64,
 }
 
@@ -50,8 +50,12 @@ fn cut(text: &str) -> Result<Cut, String> {
 }
 
 fn speed(text: &str) -> Result<f64, String> {
-    let rpm: f64 = text.parse().map_err(|_| "must be a speed in rev/min".to_owned())?;
-    if rpm > 0.0 && rpm <= 1e6 { Ok(rpm) } else { Err(format!("must be above 0 and at most 1000000, is {rpm}")) }
+    let speed: f64 = text.parse().map_err(|_| "must be a speed in rev/min".to_owned())?;
+    if speed > 0.0 && speed <= 1e6 {
+        Ok(speed)
+    } else {
+        Err(format!("must be above 0 and at most 1000000, is {speed}"))
+    }
 }
 
 impl MachineArgs {
