@@ -2,6 +2,7 @@
 
 mod comment;
 mod computed;
+mod corner;
 mod machine;
 
 use crate::code;
@@ -14,6 +15,7 @@ use crate::lookalike::{self, Stretch};
 use crate::number::Number;
 use crate::{Finding, FindingCode, FindingLog, SourceSpan};
 
+use corner::CommaWords;
 use machine::MachineWords;
 
 pub(crate) use machine::MachineWord;
@@ -100,6 +102,7 @@ pub(crate) struct Block {
     machine: MachineWords,
     /// What of the line is no word: a control statement, or the arguments of a macro.
     pub(crate) rest: Option<Rest>,
+    commas: CommaWords,
     /// A leading `%`.
     pub(crate) percent: Option<SourceSpan>,
     /// Something in the block could not be understood, so that what its words mean together is unknown.
@@ -128,6 +131,7 @@ impl Default for Block {
             codes: [code; GROUP_COUNT],
             machine: MachineWords::default(),
             rest: None,
+            commas: CommaWords::default(),
             percent: None,
             unclear: false,
             unread: 0,
@@ -180,6 +184,7 @@ impl Block {
                         return;
                     }
                 }
+                TokenKind::Corner => self.add_comma_word(line, token, table, findings),
                 TokenKind::Statement if self.is_labelled_only() => {
                     self.rest = Some(Rest::Statement(token.start));
                     return;
@@ -247,6 +252,7 @@ impl Block {
         self.groups = 0;
         self.machine.clear();
         self.rest = None;
+        self.commas.clear();
         self.percent = None;
         self.unclear = false;
         self.unread = 0;
@@ -501,7 +507,6 @@ impl Block {
             TokenKind::StrayNumber => code::NUMBER_STRAY,
             TokenKind::Text => code::TEXT,
             TokenKind::Expression | TokenKind::Statement | TokenKind::Output => code::EXPRESSION,
-            TokenKind::Corner => code::UNSUPPORTED_CODE,
             TokenKind::Nul => code::NUL,
             TokenKind::NotUtf8 => code::NOT_UTF8,
             _ => code::CHARACTER,
@@ -524,10 +529,6 @@ impl Block {
                 TokenKind::Expression | TokenKind::Statement | TokenKind::Output => (
                     format!("this is no statement that can stand here: {text}"),
                     "write it as the first of its block, or the blocks themselves",
-                ),
-                TokenKind::Corner => (
-                    format!("the corner {text} is not supported yet"),
-                    "write the chamfer or the rounding as a block of its own, with G1, G2 or G3",
                 ),
                 TokenKind::Nul => (format!("{length} NUL bytes"), if within { AGAIN } else { "remove them" }),
                 TokenKind::NotUtf8 => {

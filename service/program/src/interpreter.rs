@@ -1,7 +1,9 @@
 //! Interpreter: lines in, operations and findings out. It performs no I/O: the caller holds the buffer.
 
+mod angle;
 mod arc;
 mod assign;
+mod corner;
 mod doubt;
 mod execute;
 mod flow;
@@ -38,6 +40,8 @@ pub(crate) use flow::FlowState;
 use flow::{Index, Indexer};
 pub(crate) use system::System;
 
+pub(crate) use angle::AngleLine;
+pub(crate) use corner::PendingCorner;
 pub(crate) use saved::SavedModes;
 
 /// What [`Interpreter::read_line`] did.
@@ -350,9 +354,12 @@ impl Interpreter {
             findings,
             used: 0,
             exact_stop: false,
+            corners: Vec::new(),
+            commas_used: false,
             doubt: None,
         };
         let end = execution.run();
+        let corners = core::mem::take(&mut execution.corners);
         let is_refused = findings.has_errors_since(mark);
         if unread != 0 {
             self.note_unread(mark.kept(), unread, findings);
@@ -363,6 +370,11 @@ impl Interpreter {
         if is_refused {
             operations.truncate(operations_before);
             self.break_nurbs();
+        }
+        if self.state.corner.is_some() || !corners.is_empty() {
+            // A block of a number alone is nothing between two moves.
+            let between = self.block.has_codes().then(|| self.block.span());
+            corner::join(&mut self.state, &corners, is_refused, between, operations, operations_before, findings);
         }
         if let Some(span) = end {
             return self.end(span, operations, findings);
@@ -464,6 +476,10 @@ impl Interpreter {
                 Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
                     .suggest("close it with G5.3")
             });
+        }
+        corner::interrupted(&mut self.state, span, operations, findings);
+        if let Some(line) = self.state.angle_line.take() {
+            angle::unfinished(&line, findings);
         }
         self.state.phase = Phase::Ended;
         operations.push(Operation { span, kind: OperationKind::End });

@@ -187,14 +187,15 @@ impl<'a> Lexer<'a> {
         (if is_text { TokenKind::Unexpected } else { TokenKind::NotUtf8 }, end)
     }
 
-    /// Where a comma with a word behind it ends.
-    fn corner(&self, start: usize) -> Option<usize> {
+    /// The letter and the number of a word behind a comma.
+    fn corner(&self, start: usize) -> Option<(u8, Scan)> {
         let letter = start + 1;
         if self.line[start] != b',' || self.class_at(letter) != Some(Class::Letter) {
             return None;
         }
         let number = self.skip_class(letter + 1, Class::Blank);
-        (self.class_at(number) == Some(Class::Number)).then(|| scan_number(self.line, number).end)
+        let scan = (self.class_at(number) == Some(Class::Number)).then(|| scan_number(self.line, number))?;
+        Some((upper(self.line[letter]), scan))
     }
 
     /// A parameter at the start of a token, and the value that it is assigned.
@@ -261,8 +262,9 @@ impl Iterator for Lexer<'_> {
             Class::Macro => (TokenKind::Expression, self.line.len()),
             Class::Nul => (TokenKind::Nul, self.skip_class(start, Class::Nul)),
             Class::HighByte => self.high_bytes(start),
-            Class::Other if self.corner(start).is_some() => {
-                (TokenKind::Corner, self.corner(start).unwrap_or(start + 1))
+            Class::Other if let Some((letter, Scan { end, number, defect: None })) = self.corner(start) => {
+                self.at = end;
+                return Some(Token { kind: TokenKind::Corner, letter, number, start: start as u32, end: end as u32 });
             }
             Class::Other | Class::Blank => (TokenKind::Unexpected, self.skip_class(start + 1, Class::Other)),
         };

@@ -160,6 +160,8 @@ pub struct LanguageSettings {
     pub contour_tolerances_mm: [f64; 10],
     /// `X` and `U` of `G4` under feed per revolution are revolutions instead of seconds.
     pub dwell_in_revolutions: bool,
+    /// On a lathe without axes A and C these letters are the angle of a line and a chamfer, without a comma.
+    pub plain_drawing_words: bool,
     /// Inch (`G20`) at program start instead of mm.
     pub initial_inch: bool,
     /// Unit of `G4 P`.
@@ -217,6 +219,7 @@ impl Default for LanguageSettings {
             // From roughing to finishing, the default tolerance in the middle.
             contour_tolerances_mm: [0.05, 0.04, 0.03, 0.02, 0.01, 0.008, 0.006, 0.004, 0.003, 0.002],
             dwell_in_revolutions: false,
+            plain_drawing_words: false,
             initial_inch: false,
             dwell_p_unit: DwellUnit::Milliseconds,
             block_delete: false,

@@ -3,8 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dialect::FeedUnit;
-use crate::interpreter::FlowState;
-use crate::interpreter::SavedModes;
+use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
     AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Place, Plane, Position, SourceSpan,
@@ -72,6 +71,10 @@ pub struct InterpreterState {
     pub(crate) before_contour: Option<PathControl>,
     /// Where the last probing move would have ended without a contact, in work coordinates.
     pub(crate) probed: Option<Position>,
+    /// A move that waits for the next one, as there is a corner between them.
+    pub(crate) corner: Option<Box<PendingCorner>>,
+    /// A line with an angle whose end the next line says.
+    pub(crate) angle_line: Option<Box<AngleLine>>,
     /// Where a `G5` that continues the one before has its first control point: from its start along the axes of the
     /// plane, mm.
     pub(crate) spline_exit: Option<[f64; 2]>,
@@ -320,6 +323,8 @@ impl InterpreterState {
             work_offset: 0,
             path_control: settings.path_control(settings.initial_path_control),
             before_contour: None,
+            corner: None,
+            angle_line: None,
             probed: None,
             spline_exit: None,
             nurbs: None,

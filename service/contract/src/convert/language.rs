@@ -170,6 +170,7 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         input_result: Some(language.input_result),
         contour_tolerances_mm: language.contour_tolerances_mm.to_vec(),
         dwell_in_revolutions: language.dwell_in_revolutions,
+        plain_drawing_words: language.plain_drawing_words,
         ..proto::LanguageSettings::default()
     };
     functions::words_to_proto(language, &mut shown);

@@ -208,4 +208,12 @@ crate::finding_codes! {
         cure: "Check what the program does with the result; no part of it is judged by what the probe would find.",
         example: mill("G31 Z-10 F100"),
     }
+
+    "PRG-CORNER" [CORNER: Error] {
+        meaning: "a chamfer, a rounding or a line with an angle that cannot be made",
+        cause: "The next block is no move with G1, G2 or G3 in the plane, the corner is larger than one of the moves, a sign \
+              says the wrong side, or two lines with angles are parallel.",
+        cure: "Let the move that the corner leads to follow at once, make the corner smaller, or write it as a block of its own.",
+        example: mill("G1 X10 ,R5 F100\nY2\nX0"),
+    }
 }

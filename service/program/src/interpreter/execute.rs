@@ -1,5 +1,6 @@
 //! Execution of one block: everything but motion.
 
+use super::corner::Corner;
 use super::doubt::Doubt;
 use crate::block::{Block, CodeWord, Word};
 use crate::code;
@@ -34,6 +35,10 @@ pub(super) struct Execution<'a> {
     pub(super) used: u32,
     /// `G9`: this block ends in an exact stop.
     pub(super) exact_stop: bool,
+    /// Corners behind operations, by the places of these.
+    pub(super) corners: Vec<(usize, Corner)>,
+    /// The words with a comma have been used.
+    pub(super) commas_used: bool,
     /// A code that another control reads as a cycle.
     pub(super) doubt: Option<Doubt>,
 }
@@ -102,6 +107,9 @@ impl Execution<'_> {
         self.machine_step(&mut machine, MachineStep::After);
         if other_codes && self.block.code(Group::Subprogram).is_some() {
             self.used |= letter_bit(b'P') | letter_bit(b'L') | letter_bit(b'Q');
+        }
+        if self.block.has_comma_words() {
+            self.check_comma_words();
         }
         self.unused_words();
         if other_codes { self.stop() } else { None }

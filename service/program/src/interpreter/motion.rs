@@ -11,6 +11,9 @@ use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, Operation
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 
+/// The letters of chamfers and roundings without a comma.
+const PLAIN_CORNER_LETTERS: u32 = letter_bit(b'R') | letter_bit(b'I') | letter_bit(b'K') | letter_bit(b'C');
+
 /// Every letter of a curve beside its end.
 pub(super) const CURVE_LETTERS: u32 = CENTRE_LETTERS
     | letter_bit(b'R')
@@ -97,6 +100,12 @@ impl Execution<'_> {
             return self.thread_motion();
         }
         let axes = self.block.letters & self.table.axis_letters & !self.used;
+        if (self.block.has_comma_words() || self.settings.plain_drawing_words)
+            && frame == Frame::Work
+            && let Some(word) = self.angle_word()
+        {
+            return self.angle_motion(word, axes);
+        }
         let curve_words = self.block.letters & !self.used & curve_letters(self.state.motion);
         if frame == Frame::Machine && !self.block.unclear {
             if self.is_wrong_machine_motion(axes) {
@@ -110,6 +119,11 @@ impl Execution<'_> {
         } else if axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before)) {
             return;
         }
+        if self.state.angle_line.is_some() {
+            self.check_angle_line();
+        }
+        let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
+        let may_have_corner = self.block.has_comma_words() || plain;
         let end = self.target(axes, frame);
         if self.block.unclear {
             self.state.position = end;
@@ -121,14 +135,16 @@ impl Execution<'_> {
                 if end != self.state.position
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    self.emit_move(MoveKind::Cutting, end, None, feed);
+                    let corner = if may_have_corner { self.corner_words(axes) } else { None };
+                    self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, None, feed));
                 }
             }
             Motion::Arc { clockwise } => {
                 if let Some(arc) = self.arc(clockwise, &end)
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    self.emit_move(MoveKind::Cutting, end, Some(arc), feed);
+                    let corner = if self.block.has_comma_words() { self.corner_words(axes) } else { None };
+                    self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, Some(arc), feed));
                 }
             }
             Motion::Cubic | Motion::Quadratic => {

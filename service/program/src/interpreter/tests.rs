@@ -3,6 +3,7 @@
 mod arcs;
 mod arcs_of_linuxcnc;
 mod consequences;
+mod corners;
 mod doubt;
 mod dwell;
 mod flow;

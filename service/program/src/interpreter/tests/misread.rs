@@ -65,16 +65,6 @@ fn nothing_is_taken_out_of_the_middle_of_a_word() {
 }
 
 #[test]
-fn corners_are_no_moves_of_an_axis() {
-    check(
-        &mill(),
-        "G0 X1\nG1 Y5 ,C2 F10\nX3",
-        "rapid 0 -> X1\nline X1 Y5 -> X3 Y5 @10/min\n! 2:7+3 PRG-UNSUPPORTED-CODE",
-    );
-    check(&lathe(), "G0 X2 ,R5.", "! 1:7+4 PRG-UNSUPPORTED-CODE");
-}
-
-#[test]
 fn numbers_of_lines_and_programs() {
     check(&mill(), "N0 G0 X1\nN99999999 X2\nN10. X3", "rapid 0 -> X1\nrapid X1 -> X2\nrapid X2 -> X3");
     check(&mill(), "N-1 G0 X1", "! 1:1+3 PRG-NUMBER-NOT-WHOLE");

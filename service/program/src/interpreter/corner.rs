@@ -1,0 +1,280 @@
+//! Chamfers and roundings between two blocks: the first move waits for the second.
+
+mod geometry;
+
+use serde::{Deserialize, Serialize};
+
+use super::execute::Execution;
+use super::motion::set_bits;
+use crate::block::Word;
+use crate::code;
+use crate::dialect::{Letter, letter_bit};
+use crate::state::InterpreterState;
+use crate::{
+    ArcGeometry, Axis, Feed, Finding, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
+};
+
+use geometry::{Joint, Segment};
+
+/// What is put between two moves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) enum CornerKind {
+    /// A straight cut that begins and ends this far from the corner, mm.
+    Chamfer(f64),
+    /// A tangent arc of this radius, mm.
+    Round(f64),
+}
+
+/// A corner as its words ask for it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Corner {
+    pub(crate) kind: CornerKind,
+    /// For words without a comma: the axis of the next move and whether it goes in the positive direction.
+    pub(crate) direction: Option<(Axis, bool)>,
+    pub(crate) plane: Plane,
+    pub(crate) span: SourceSpan,
+}
+
+/// A move that waits for the next one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PendingCorner {
+    held: Operation,
+    corner: Corner,
+}
+
+impl Execution<'_> {
+    /// The corner that the words of a block ask for, for its last move; the axis words are in the mask `axes`.
+    #[cold]
+    pub(super) fn corner_words(&mut self, axes: u32) -> Option<Corner> {
+        let plane = self.state.plane;
+        let block = self.block;
+        let with_comma = [b'C', b'R'].into_iter().find_map(|letter| Some((letter, *block.comma_word(letter)?)));
+        if let Some((letter, word)) = with_comma {
+            self.commas_used = true;
+            let size = self.scaled(&word, true);
+            return self.corner(letter, &word, size, None, plane);
+        }
+        if !self.table.dialect.plain_corners || axes.count_ones() != 1 {
+            return None;
+        }
+        let along = set_bits(axes).find_map(|place| match self.table.dialect.letters[place] {
+            Letter::Axis(axis) | Letter::Increment(axis) => Some(axis),
+            _ => None,
+        })?;
+        let (across, chamfer) = match along {
+            Axis::X => (Axis::Z, b'K'),
+            Axis::Z => (Axis::X, b'I'),
+            _ => return None,
+        };
+        let plain = if self.settings.plain_drawing_words { letter_bit(b'C') } else { 0 };
+        let known = plain | letter_bit(b'R') | letter_bit(chamfer);
+        let mut words = set_bits(self.block.letters & !self.used & known);
+        let letter = b'A' + words.next()? as u8;
+        let word = self.take(letter)?;
+        let size = self.scaled(&word, true);
+        self.corner(letter, &word, size.abs(), Some((across, size > 0.0)), plane)
+    }
+
+    fn corner(
+        &mut self,
+        letter: u8,
+        word: &Word,
+        size_mm: f64,
+        direction: Option<(Axis, bool)>,
+        plane: Plane,
+    ) -> Option<Corner> {
+        let span = self.block.word_span(word);
+        if size_mm < 0.0 || size_mm == 0.0 && direction.is_some() {
+            self.findings.push_with(code::CORNER, |code| {
+                Finding::new(code, span, "the size of a chamfer or a rounding must be positive")
+                    .with_value("size", size_mm, "mm")
+            });
+            return None;
+        }
+        let kind = if letter == b'R' { CornerKind::Round(size_mm) } else { CornerKind::Chamfer(size_mm) };
+        // A corner of no size is none.
+        (size_mm > 0.0).then_some(Corner { kind, direction, plane, span })
+    }
+
+    /// Emits a move that may have a corner at its end.
+    pub(super) fn emit_with_corner(&mut self, corner: Option<Corner>, emit: impl FnOnce(&mut Self)) {
+        let before = self.operations.len();
+        emit(self);
+        if let Some(corner) = corner
+            && self.operations.len() > before
+        {
+            self.corners.push((self.operations.len() - 1, corner));
+        }
+    }
+
+    /// Says that the words of a corner are in a block without the move that they belong to.
+    pub(super) fn check_comma_words(&mut self) {
+        if !self.block.has_comma_words() || self.block.unclear || self.commas_used {
+            return;
+        }
+        let block = self.block;
+        for word in [b'C', b'R', b'A'].into_iter().filter_map(|letter| block.comma_word(letter)) {
+            self.findings.push_with(code::CORNER, |code| {
+                Finding::new(code, block.word_span(word), "a word with a comma belongs to a move with G1, G2 or G3")
+            });
+        }
+    }
+}
+
+/// Hands operations on, except a move with a corner, which waits for the next one. `corners` names operations by their place.
+#[cold]
+pub(super) fn join(
+    state: &mut InterpreterState,
+    corners: &[(usize, Corner)],
+    is_refused: bool,
+    blocks_corner: Option<SourceSpan>,
+    operations: &mut Vec<Operation>,
+    from: usize,
+    findings: &mut FindingLog,
+) {
+    let new = operations.split_off(from);
+    if new.is_empty() {
+        if is_refused {
+            release(state, operations);
+        } else if let Some(span) = blocks_corner
+            && state.angle_line.is_none()
+        {
+            interrupted(state, span, operations, findings);
+        }
+        return;
+    }
+    for (place, mut operation) in new.into_iter().enumerate() {
+        if let Some(pending) = state.corner.take() {
+            close(*pending, &mut operation, operations, findings);
+        }
+        match corners.iter().find(|(at, _)| *at == from + place) {
+            Some((_, corner)) => state.corner = Some(Box::new(PendingCorner { held: operation, corner: *corner })),
+            None if is_nothing(&operation) => {}
+            None => operations.push(operation),
+        }
+    }
+}
+
+/// Whether a corner has taken the whole of a move.
+fn is_nothing(operation: &Operation) -> bool {
+    matches!(&operation.kind, OperationKind::Move(step)
+        if step.start == step.end && step.arc.is_none() && step.spline.is_none())
+}
+
+/// The move that waits, without a corner.
+pub(super) fn release(state: &mut InterpreterState, operations: &mut Vec<Operation>) {
+    if let Some(pending) = state.corner.take() {
+        operations.push(pending.held);
+    }
+}
+
+/// Reports that no move follows the one that waits.
+pub(super) fn interrupted(
+    state: &mut InterpreterState,
+    by: SourceSpan,
+    operations: &mut Vec<Operation>,
+    findings: &mut FindingLog,
+) {
+    if let Some(pending) = &state.corner {
+        refuse(&pending.corner, by.line, "no move follows in the next block", findings);
+    }
+    release(state, operations);
+}
+
+#[cold]
+fn refuse(corner: &Corner, next_line: u32, message: &str, findings: &mut FindingLog) {
+    findings.push_with(code::CORNER, |code| {
+        Finding::new(code, corner.span, format!("the corner cannot be made: {message}"))
+            .with_value("next_line", f64::from(next_line), "")
+            .suggest("let a move with G1, G2 or G3 in the plane follow at once, long enough for the corner")
+    });
+}
+
+/// Puts the corner between the move that waits and the one behind it.
+fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+    let PendingCorner { mut held, corner } = pending;
+    let line = next.span.line;
+    match joined(&held, &corner, next) {
+        Err(message) => refuse(&corner, line, message, findings),
+        Ok(None) => {}
+        Ok(Some(parts)) => {
+            let span = held.span;
+            let [first, middle, last] = *parts;
+            if first.start != first.end {
+                held.kind = OperationKind::Move(first);
+                operations.push(held);
+            }
+            next.kind = OperationKind::Move(last);
+            operations.push(Operation { span, kind: OperationKind::Move(middle) });
+            return;
+        }
+    }
+    operations.push(held);
+}
+
+/// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
+fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, &'static str> {
+    let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
+        return Err("what follows is no move");
+    };
+    let is_curve = |step: &Move| step.kind == MoveKind::Cutting && step.spline.is_none();
+    if !is_curve(first) || !is_curve(last) {
+        return Err("what follows is no move with G1, G2 or G3");
+    }
+    if first.end != last.start || first.work_offset != last.work_offset {
+        return Err("the coordinates change behind it");
+    }
+    if matches!(first.feed, Feed::InverseTime(_)) {
+        return Err("under inverse time the corner has no time of its own");
+    }
+    let (along, across) = corner.plane.axes();
+    let outside = |step: &Move| {
+        let planar = |axis: usize| axis == along.index() || axis == across.index();
+        (0..step.end.len()).any(|axis| !planar(axis) && step.start[axis] != step.end[axis])
+            || step.arc.is_some_and(|arc| arc.plane != corner.plane)
+    };
+    if outside(first) || outside(last) {
+        return Err("a move leaves the plane");
+    }
+    if let Some((axis, positive)) = corner.direction {
+        let travel = last.end[axis.index()] - last.start[axis.index()];
+        let other = if axis == along { across } else { along };
+        let is_straight = last.arc.is_none() && last.end[other.index()] == last.start[other.index()];
+        if !is_straight || travel == 0.0 || (travel > 0.0) != positive {
+            return Err("its sign is not the direction of the next move, which must be at right angles");
+        }
+    }
+    let point = |position: &Position| [position[along.index()], position[across.index()]];
+    let segment = |step: &Move| Segment::new(point(&step.start), point(&step.end), step.arc.as_ref());
+    let joint = match corner.kind {
+        CornerKind::Chamfer(size) => geometry::chamfer(&segment(first), &segment(last), size)?,
+        CornerKind::Round(radius) => geometry::rounding(&segment(first), &segment(last), radius)?,
+    };
+    let Some(Joint { from, to, arc }) = joint else { return Ok(None) };
+    let placed = |point: [f64; 2]| {
+        let mut position = first.end;
+        (position[along.index()], position[across.index()]) = (point[0], point[1]);
+        position
+    };
+    let (from_position, to_position) = (placed(from), placed(to));
+    let trimmed = |step: &Move, start: Position, end: Position| {
+        // Of a move that the corner takes whole nothing is left.
+        let is_left = !geometry::is_same(point(&start), point(&end));
+        let start = if is_left { start } else { end };
+        let arc = step.arc.filter(|_| is_left).map(|arc| ArcGeometry {
+            sweep_rad: geometry::sweep(point(&start), point(&end), arc.center, arc.clockwise),
+            ..arc
+        });
+        Move { start, end, arc, ..step.clone() }
+    };
+    let head = trimmed(first, first.start, from_position);
+    let tail = trimmed(last, to_position, last.end);
+    let arc = arc.map(|(center, clockwise)| ArcGeometry {
+        plane: corner.plane,
+        center,
+        clockwise,
+        sweep_rad: geometry::sweep(from, to, center, clockwise),
+    });
+    let middle = Move { start: from_position, end: to_position, arc, ..first.clone() };
+    Ok(Some(Box::new([head, middle, tail])))
+}
