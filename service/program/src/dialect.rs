@@ -316,14 +316,13 @@ pub(crate) struct Dialect {
     m_codes: &'static [&'static [Code]],
     /// A `T` word changes the tool at once, its last two digits being the offset; otherwise `M6` does.
     pub(crate) tool_word_changes: bool,
-    /// Arcs as in LinuxCNC: `P` says how many turns, and radii may differ as its interpreter has it.
-    pub(crate) arcs_take_turns: bool,
+    /// LinuxCNC's reading of what has no setting of its own: turns and tolerances of arcs, requests of path control, what a
+    /// dwell goes with, active comments, and that a program has an end.
+    pub(crate) is_linuxcnc: bool,
     /// Words with a comma: `,C`, `,R` and `,A`.
     pub(crate) takes_comma_words: bool,
     /// Chamfers and roundings of a line along one axis are also written without a comma, with a sign: `R`, `I`, `K`.
     pub(crate) plain_corners: bool,
-    /// A program without an end is refused.
-    pub(crate) needs_an_end: bool,
     /// A tool change stops the spindle and leaves the tool selected.
     pub(crate) tool_stays_selected: bool,
     /// Most M codes in a block.

@@ -497,7 +497,7 @@ impl Interpreter {
         self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
         let column = self.state.last_line_bytes.saturating_add(1);
         let span = SourceSpan { program: self.state.place.program, line: self.state.lines.max(1), column, length: 0 };
-        let code = if self.table.dialect.needs_an_end { code::NO_END_REFUSED } else { code::NO_END };
+        let code = if self.table.dialect.is_linuxcnc { code::NO_END_REFUSED } else { code::NO_END };
         findings.push_with(code, |code| {
             Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
         });

@@ -93,7 +93,7 @@ impl Execution<'_> {
 
     /// `P`: how often an arc of LinuxCNC passes its end, the last time included.
     fn turns(&mut self) -> Option<u32> {
-        let word = if self.table.dialect.arcs_take_turns { self.take(b'P') } else { None };
+        let word = if self.table.dialect.is_linuxcnc { self.take(b'P') } else { None };
         let Some(word) = word else { return Some(1) };
         let value = word.number.value();
         let turns = value as u32;
@@ -119,7 +119,7 @@ impl Execution<'_> {
         }
         let half = chord.length * 0.5;
         let excess = radius.abs() - half;
-        let tolerance = match self.table.dialect.arcs_take_turns {
+        let tolerance = match self.table.dialect.is_linuxcnc {
             true => LINUXCNC_SHORT_RADIUS_MM,
             false => self.settings.arc_radius_tolerance_mm,
         };
@@ -162,7 +162,7 @@ impl Execution<'_> {
         let end_radius = distance(center, chord.end);
         let mut tolerance = self.settings.arc_radius_tolerance_mm;
         let mut least_radius = SHORTEST_CHORD_MM;
-        if self.table.dialect.arcs_take_turns {
+        if self.table.dialect.is_linuxcnc {
             let share = LINUXCNC_SPIRAL_SHARE * start_radius.max(end_radius);
             tolerance = tolerance.max(share.clamp(LINUXCNC_SPIRAL_MM, LINUXCNC_LARGEST_SPIRAL_MM));
             least_radius = LINUXCNC_LEAST_RADIUS_MM;

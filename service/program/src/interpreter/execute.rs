@@ -210,7 +210,11 @@ impl Execution<'_> {
         self.state.thread.lead_mm = None;
         self.state.reported.lead = false;
         let value = word.number.value();
-        if value >= LEAST_RATE {
+        if value == 0.0 && self.table.dialect.is_linuxcnc {
+            // No feed: what needs one says so.
+            (self.state.feed, self.state.feed_as_written) = (0.0, 0.0);
+            self.state.reported.feed = false;
+        } else if value >= LEAST_RATE {
             let per_length = self.state.inch && self.state.feed_unit != FeedUnit::InverseTime;
             self.state.feed = if per_length { value * MM_PER_INCH } else { value };
             self.state.feed_as_written = value;
@@ -371,8 +375,11 @@ impl Execution<'_> {
         let Some((Meaning::Dwell, span)) = self.code(Group::NonModal) else {
             return;
         };
-        let u = if self.table.dialect.dwell_takes_u { self.take(b'U') } else { None };
-        let candidates = [(self.take(b'P'), true), (self.take(b'X'), false), (u, false)];
+        let dialect = self.table.dialect;
+        let u = if dialect.dwell_takes_u { self.take(b'U') } else { None };
+        // In LinuxCNC X is a word of the motion in the same block.
+        let x = if dialect.is_linuxcnc { None } else { self.take(b'X') };
+        let candidates = [(self.take(b'P'), true), (x, false), (u, false)];
         let mut times = candidates.into_iter().filter_map(|(word, is_p)| Some((word?, is_p)));
         let first = times.next();
         if let (Some((word, _)), Some(_)) = (first, times.next()) {

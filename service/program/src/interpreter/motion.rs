@@ -75,6 +75,10 @@ impl Execution<'_> {
             Some(Meaning::MachineCoordinates) => Frame::Machine,
             _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
             // Its axis words are its own; what it left is reported as unused.
+            // In LinuxCNC a move may follow the dwell, if a motion code is written.
+            Some(Meaning::Dwell) if self.table.dialect.is_linuxcnc && self.block.code(Group::Motion).is_some() => {
+                Frame::Work
+            }
             Some(
                 Meaning::Dwell
                 | Meaning::SpeedClamp
@@ -117,7 +121,7 @@ impl Execution<'_> {
                 return;
             }
         } else if axes == 0 && (curve_words == 0 || self.is_contour_control(axes, before)) {
-            return;
+            return self.check_motion_words();
         }
         if self.state.angle_line.is_some() {
             self.check_angle_line();
@@ -170,10 +174,24 @@ impl Execution<'_> {
                 self.doubtful_before(tenths, line);
             }
             Motion::Nurbs | Motion::Probe | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => {
-                self.used |= CURVE_LETTERS
+                self.used |= CURVE_LETTERS;
             }
         }
         self.state.position = end;
+    }
+
+    /// LinuxCNC refuses an arc and a probing move that no word describes.
+    fn check_motion_words(&mut self) {
+        if !self.table.dialect.is_linuxcnc || self.block.unclear {
+            return;
+        }
+        let (code, message) = match self.code(Group::Motion) {
+            Some((Meaning::Arc { .. }, _)) => (code::ARC_CENTRE_MISSING, "the arc has no words"),
+            Some((Meaning::Probe, _)) => (code::PROBE, "a probing move names no axis"),
+            _ => return,
+        };
+        let span = self.block.span();
+        self.findings.push_with(code, |code| Finding::new(code, span, message));
     }
 
     /// `G28`: rapid over the intermediate point to the reference position, in the axes named.

@@ -53,7 +53,7 @@ impl Execution<'_> {
             return;
         };
         // In LinuxCNC no tolerance is none at all, as without P: the profile's is meant.
-        let unlimited = self.table.dialect.arcs_take_turns && given_mm == 0.0;
+        let unlimited = self.table.dialect.is_linuxcnc && given_mm == 0.0;
         let tolerance_mm = if unlimited { default_mm } else { given_mm };
         // As in LinuxCNC, lines are merged within P where there is no Q; Q0 merges none.
         let Some(mut merge_tolerance_mm) = merge_word.map_or(Some(tolerance_mm), |word| self.path_tolerance(&word))
@@ -105,7 +105,7 @@ impl Execution<'_> {
         let Some((meaning @ (Meaning::CubicSpline | Meaning::QuadraticSpline), span)) = self.code(Group::Motion) else {
             return false;
         };
-        if curve || word(b'P') == word(b'Q') || self.table.dialect.arcs_take_turns {
+        if curve || word(b'P') == word(b'Q') || self.table.dialect.is_linuxcnc {
             return false;
         }
         self.state.motion = before;

@@ -81,6 +81,9 @@ impl Execution<'_> {
                 self.speed_missing(span, "constant surface speed has no S word");
             }
             self.state.surface_speed = true;
+            if self.table.dialect.is_linuxcnc {
+                self.clamp_word();
+            }
             if self.state.max_rev_per_min.is_none() && !self.state.reported.speed_clamp {
                 self.state.reported.speed_clamp = true;
                 self.findings.push_with(code::SPEED_CLAMP_MISSING, |code| {
@@ -100,6 +103,19 @@ impl Execution<'_> {
             self.state.reported.thread_surface_speed = false;
         }
         Some(span)
+    }
+
+    /// `D` of LinuxCNC's `G96`: the speed clamp, none where it is missing.
+    fn clamp_word(&mut self) {
+        self.state.max_rev_per_min = None;
+        if let Some(word) = self.take(b'D') {
+            let value = word.number.value();
+            if value >= LEAST_RATE {
+                self.state.max_rev_per_min = Some(value);
+            } else {
+                self.speed_invalid(self.block.word_span(&word), value);
+            }
+        }
     }
 
     /// `G97` without `S` goes on at the speed the spindle has at the present radius.

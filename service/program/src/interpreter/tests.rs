@@ -12,6 +12,7 @@ mod framing;
 mod hostile;
 mod language;
 mod length;
+mod lines_of_linuxcnc;
 mod machine_codes;
 mod misread;
 mod order;
