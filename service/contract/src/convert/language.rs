@@ -88,6 +88,7 @@ pub(super) fn language_from_proto(
             default.contour_tolerances_mm,
         ),
         dwell_in_revolutions: given.dwell_in_revolutions,
+        plain_drawing_words: given.plain_drawing_words,
         input_result: given.input_result.unwrap_or(default.input_result),
         default_path_tolerance_mm: given.default_path_tolerance_mm.unwrap_or(default.default_path_tolerance_mm),
         initial_inch: given.initial_inch,
