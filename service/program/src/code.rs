@@ -1,5 +1,6 @@
 //! The codes of the program language's findings.
 
+mod compensation;
 mod expression;
 mod flow;
 mod motion;
@@ -8,6 +9,7 @@ mod thread;
 mod tool;
 mod words;
 
+pub use self::compensation::*;
 pub use self::expression::*;
 pub use self::flow::*;
 pub use self::motion::*;
@@ -19,8 +21,8 @@ pub use self::words::*;
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 7] =
-    [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, FLOW_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES];
+pub const TABLES: [CodeTable; 8] =
+    [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, FLOW_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES, COMPENSATION_CODES];
 
 /// Whether the program language makes findings of this code.
 pub(crate) fn is_of_language(code: FindingCode) -> bool {

@@ -143,6 +143,13 @@ pub(crate) enum Meaning {
     RotationOff,
     /// `G53.1`
     AlignTool,
+    /// `G40`
+    CompensationOff,
+    /// `G41`, `G42` by the number of a tool offset, `G41.1`, `G42.1` by words.
+    Compensation {
+        left: bool,
+        by_words: bool,
+    },
     Distance {
         absolute: bool,
     },
@@ -451,6 +458,13 @@ impl CodeTable {
     pub(crate) fn machine_rule(&self, number: f64) -> Option<&MachineRule> {
         let place = self.machine.binary_search_by(|rule| f64::from(rule.number).total_cmp(&number)).ok()?;
         Some(&self.machine[place])
+    }
+
+    /// A code of a group as it is written, such as `G28`.
+    pub(crate) fn name(&self, group: Group, place: u8) -> String {
+        let number = f64::from(self.code(place).tenths) / 10.0;
+        let letter = if matches!(group, Group::ToolChange | Group::Overrides) { 'M' } else { 'G' };
+        format!("{letter}{number}")
     }
 
     /// The supported codes of this letter, ascending, for suggestions.

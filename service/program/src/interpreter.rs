@@ -3,6 +3,7 @@
 mod angle;
 mod arc;
 mod assign;
+mod compensation;
 mod corner;
 mod doubt;
 mod execute;
@@ -32,7 +33,8 @@ use crate::finding::FindingMark;
 use crate::foreign::{self, Foreign};
 use crate::state::Phase;
 use crate::{
-    Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan, ToolOffset,
+    Compensator, Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan,
+    ToolOffset,
 };
 
 use execute::Execution;
@@ -175,6 +177,21 @@ impl Interpreter {
     /// to what is appended; a caller that offers more than [`LanguageSettings::max_line_bytes`] always gets on.
     #[inline]
     pub fn read_line(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        let before = operations.len();
+        let outcome = self.read_line_as_programmed(input, end_of_input, operations, findings);
+        self.state.compensator.apply(operations, before, findings);
+        outcome
+    }
+
+    /// The same without the compensation of tool radius and nose.
+    #[inline]
+    fn read_line_as_programmed(
         &mut self,
         input: &[u8],
         end_of_input: bool,
@@ -370,6 +387,8 @@ impl Interpreter {
         if is_refused {
             operations.truncate(operations_before);
             self.break_nurbs();
+            // Without the block, what follows is another contour: it is not judged.
+            self.state.compensator = Compensator::default();
         }
         if self.state.corner.is_some() || !corners.is_empty() {
             // A block of a number alone is nothing between two moves.

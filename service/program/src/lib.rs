@@ -8,6 +8,7 @@
 mod axis;
 mod block;
 pub mod code;
+mod compensation;
 mod consequence;
 mod dialect;
 mod expression;
@@ -28,6 +29,9 @@ mod state;
 mod tool_table;
 
 pub use axis::{AXIS_COUNT, Axis, Plane, Position};
+pub use compensation::{
+    CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,
+};
 pub use finding::{
     CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, Severity, SourceSpan,
     Suggestion,
@@ -45,8 +49,8 @@ pub use operation::{
 pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{
-    AngleRange, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings,
-    MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
+    AngleRange, CompensationSettings, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes,
+    FunctionSwitch, LanguageSettings, MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
 };
 pub use source::{Place, SourcePages};
 pub use state::InterpreterState;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{GuidedMove, MachineCommand, Plane, Position, SourceSpan};
+use crate::{CompensationCommand, GuidedMove, MachineCommand, Plane, Position, SourceSpan};
 
 /// One step of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,6 +44,9 @@ pub enum OperationKind {
     Function(FunctionCommand),
     /// An M code that the machine carries out itself.
     MachineCode(MachineCommand),
+    /// The compensation of the tool's radius is switched; the stage behind the interpreter takes this out, and nothing
+    /// behind that sees it.
+    Compensation(CompensationCommand),
     /// Program stop: `M0`, or `M1` when `optional`.
     Stop {
         /// Whether the stop is taken only when the operator asks for it.

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes};
+use crate::{
+    CompensationCorner, CompensationEntry, InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes,
+};
 
 /// Which table of codes a program is read with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -139,6 +141,16 @@ pub enum AngleRange {
     Signed,
 }
 
+/// How FANUC controls and the like join the blocks of a contour with radius compensation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CompensationSettings {
+    /// Way to the contour and away from it.
+    pub entry: CompensationEntry,
+    /// Way round outside corners.
+    pub corner: CompensationCorner,
+}
+
 /// How programs for one machine are written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -184,6 +196,8 @@ pub struct LanguageSettings {
     pub thread_vibration: FunctionSwitch,
     /// `E` in threads.
     pub thread_e_word: ThreadEWord,
+    /// Radius compensation, except in LinuxCNC.
+    pub compensation: CompensationSettings,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
     pub work_offsets: [Position; 6],
     /// Reference position of `G28`, machine coordinates, mm (X a radius) and degrees.
@@ -231,6 +245,7 @@ impl Default for LanguageSettings {
             input_result: -1.0,
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,
+            compensation: CompensationSettings::default(),
             work_offsets: [[0.0; 9]; 6],
             reference_position: [0.0; 9],
             initial_position: [0.0; 9],

@@ -6,8 +6,8 @@ use crate::dialect::FeedUnit;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
 use crate::{
-    AxisSet, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Place, Plane, Position, SourceSpan,
-    Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
+    AxisSet, Compensator, Coolant, Feed, FeedMode, Function, LanguageSettings, PathControl, Place, Plane, Position,
+    SourceSpan, Spindle, SpindleDirection, SpindleSpeed, TiltedPlane,
 };
 
 /// Everything an [`crate::Interpreter`] remembers between two lines: modal state, position, place in the source.
@@ -88,6 +88,9 @@ pub struct InterpreterState {
     pub(crate) machine: MachineModes,
     /// What the program has assigned.
     pub(crate) parameters: Parameters,
+    pub(crate) compensation: RadiusCompensation,
+    /// The stage behind the interpreter.
+    pub(crate) compensator: Compensator,
     /// Machining functions that a block without errors has switched on.
     pub(crate) functions_on: FunctionSet,
     /// Machining functions that are off because the block that should have switched them on has an error.
@@ -134,6 +137,23 @@ pub(crate) struct LengthCompensation {
     pub(crate) along_z_mm: f64,
     /// Line that switched it on.
     pub(crate) on_line: u32,
+}
+
+/// Compensation of tool radius and nose, as it is programmed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RadiusCompensation {
+    pub(crate) on: Option<CompensationOn>,
+    /// `D`, which is modal on FANUC mills.
+    pub(crate) number: Option<u32>,
+}
+
+/// See [`RadiusCompensation`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CompensationOn {
+    /// Line that switched it on.
+    pub(crate) line: u32,
+    pub(crate) left: bool,
+    pub(crate) radius_mm: f64,
 }
 
 /// Tool centre point control, and tilted planes.
@@ -333,6 +353,8 @@ impl InterpreterState {
             length: LengthCompensation::default(),
             machine: MachineModes::default(),
             parameters: Parameters::default(),
+            compensation: RadiusCompensation::default(),
+            compensator: Compensator::default(),
             functions_on: FunctionSet::default(),
             functions_refused: FunctionSet::default(),
         }

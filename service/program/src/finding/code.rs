@@ -54,6 +54,12 @@ impl Example {
         Self::on("mill", text)
     }
 
+    /// A program for the mill as delivered, in the dialect of LinuxCNC.
+    #[must_use]
+    pub const fn linuxcnc(text: &'static str) -> Self {
+        Self::on("mill, language.dialect = DIALECT_LINUXCNC", text)
+    }
+
     /// A program for the five-axis mill of the fixtures, with tool 1 of 120 mm.
     #[must_use]
     pub const fn five_axis(text: &'static str) -> Self {

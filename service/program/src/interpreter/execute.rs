@@ -89,7 +89,9 @@ impl Execution<'_> {
             }
             self.machine_step(&mut machine, MachineStep::Before);
             self.dwell();
+            self.check_compensated_block();
             self.modes();
+            self.compensation();
             self.length_compensation();
             self.tilted_plane();
             if let Some((span, command)) = function
@@ -98,6 +100,8 @@ impl Execution<'_> {
                 self.emit(span, OperationKind::Function(command));
             }
             self.reference();
+        } else if self.state.compensation.on.is_some() {
+            self.check_compensated_block();
         }
         self.motion();
         if other_codes && order.stops_after_motion {

@@ -145,6 +145,7 @@ fn render_operation(operation: &Operation) -> String {
             format!("M{}{words} {:?}", command.number, command.effect)
         }
         OperationKind::Stop { optional } => format!("stop {optional}"),
+        OperationKind::Compensation(_) => unreachable!("the stage takes it out"),
         OperationKind::End => "end".to_owned(),
     }
 }

@@ -161,7 +161,8 @@ impl Builder {
                 self.tool(number, span, config, findings);
                 planner.push_barrier(Barrier::Dwell { duration_s: 0.0, line });
             }
-            OperationKind::Coolant(_) => {}
+            // Compensation is carried out before.
+            OperationKind::Coolant(_) | OperationKind::Compensation(_) => {}
             OperationKind::Function(command) => self.switch(command, span, config, planner, findings),
             OperationKind::MachineCode(command) => self.machine_code(command, span, planner, findings),
             OperationKind::Stop { .. } => self.rest(line, planner, findings),

@@ -1,0 +1,513 @@
+//! A contour between `G41` and the move behind `G40`: operations in, the path of the tool out.
+
+use core::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use super::geometry::{Circle, Curve, Point, Side, angle_between, distance, dot, minus, plus};
+use super::joint::{Corner, Joint, Meeting};
+use super::window::{Place, Window, is_same};
+use super::{CompensationEntry, CompensationMode, CompensationRules, report};
+use crate::{
+    ArcGeometry, Axis, Feed, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
+};
+
+/// Blocks without motion in the plane that FANUC controls look over.
+const MAX_IDLE_BLOCKS: u32 = 2;
+
+/// Operations that wait for the next motion in the plane at most.
+const MAX_WAITING: usize = 1_000;
+
+/// Rounding of lengths and angles, mm and rad.
+const ROUNDING: f64 = 1e-9;
+
+/// Where the stage is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Phase {
+    /// On, but nothing has moved in the plane yet.
+    Entering,
+    On,
+    /// Off, but the tool still stands beside the programmed point.
+    Leaving,
+}
+
+/// A move in the plane.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Block {
+    span: SourceSpan,
+    step: Move,
+    /// As programmed.
+    curve: Curve,
+}
+
+/// A block whose end is not known yet.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Pending {
+    block: Block,
+    /// Where the centre of the tool starts.
+    from: Point,
+    /// What an arc has lost at its start, rad.
+    lost_rad: f64,
+    is_entry: bool,
+    /// After an error: it is not judged any more.
+    is_broken: bool,
+    place: Place,
+}
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Contour {
+    mode: CompensationMode,
+    /// What switched it on, then off.
+    span: SourceSpan,
+    phase: Phase,
+    /// Where the tool is, beside the programmed point.
+    displacement: Point,
+    /// Where the tool is, along the axes of the plane.
+    at: Point,
+    pending: Option<Pending>,
+    /// What follows the pending block without motion in the plane.
+    waiting: Vec<Operation>,
+    idle_blocks: u32,
+    idle_line: u32,
+    /// Something was said that need not be said again until the next motion in the plane.
+    reported: bool,
+    window: Window,
+}
+
+/// Where operations and findings go.
+pub(super) struct Sink<'a> {
+    pub(super) out: &'a mut Vec<Operation>,
+    pub(super) findings: &'a mut FindingLog,
+}
+
+impl Sink<'_> {
+    fn push(&mut self, span: SourceSpan, step: Move) {
+        self.out.push(Operation { span, kind: OperationKind::Move(step) });
+    }
+}
+
+/// How a move moves in the plane.
+enum InPlane {
+    Rests,
+    Moves(Curve),
+    /// A spline, or an arc of another plane.
+    Foreign,
+}
+
+impl Contour {
+    pub(super) fn new(mode: CompensationMode, span: SourceSpan, displacement: Point) -> Self {
+        Self {
+            mode,
+            span,
+            phase: Phase::Entering,
+            displacement,
+            at: [0.0; 2],
+            pending: None,
+            waiting: Vec::new(),
+            idle_blocks: 0,
+            idle_line: 0,
+            reported: false,
+            window: Window::default(),
+        }
+    }
+
+    pub(super) fn is_leaving(&self) -> bool {
+        self.phase == Phase::Leaving
+    }
+
+    pub(super) const fn displacement(&self) -> Point {
+        self.displacement
+    }
+
+    fn side(&self) -> Side {
+        Side { left: self.mode.left, radius: self.mode.radius_mm }
+    }
+
+    fn axes(&self) -> [usize; 2] {
+        let (first, second) = self.mode.plane.axes();
+        [first.index(), second.index()]
+    }
+
+    fn in_plane(&self, position: &Position) -> Point {
+        self.axes().map(|axis| position[axis])
+    }
+
+    fn place(&self, position: &mut Position, point: Point) {
+        for (axis, value) in self.axes().into_iter().zip(point) {
+            position[axis] = value;
+        }
+    }
+
+    fn motion(&self, step: &Move) -> InPlane {
+        let (from, to) = (self.in_plane(&step.start), self.in_plane(&step.end));
+        match (&step.arc, &step.spline) {
+            (_, Some(_)) => InPlane::Foreign,
+            (Some(arc), None) if arc.plane != self.mode.plane => InPlane::Foreign,
+            (Some(arc), None) => InPlane::Moves(Curve::arc(from, to, arc.center, arc.sweep_rad)),
+            (None, None) if from == to => InPlane::Rests,
+            (None, None) => InPlane::Moves(Curve::line(from, to)),
+        }
+    }
+
+    /// Takes an operation; whether the tool is on the programmed path again behind it.
+    pub(super) fn take(&mut self, operation: Operation, sink: &mut Sink) -> bool {
+        let Operation { span, kind } = operation;
+        let step = match kind {
+            OperationKind::Move(step) => step,
+            OperationKind::End => {
+                if self.phase != Phase::Leaving && self.mode.rules != CompensationRules::LinuxCnc {
+                    report::unfinished(span, self.span, sink.findings);
+                }
+                self.stand(sink);
+                sink.out.push(Operation { span, kind });
+                return true;
+            }
+            OperationKind::Thread(_) | OperationKind::Guided(_) => {
+                return self.refuse(Operation { span, kind }, "a thread or a guided tool", sink);
+            }
+            kind => {
+                self.wait(Operation { span, kind }, sink);
+                return false;
+            }
+        };
+        match (self.motion(&step), self.phase) {
+            (InPlane::Foreign, _) => {
+                let operation = Operation { span, kind: OperationKind::Move(step) };
+                self.refuse(operation, "a spline or an arc in another plane", sink)
+            }
+            (InPlane::Rests, Phase::Entering) => {
+                self.rest_before_entry(step, span, sink);
+                false
+            }
+            (InPlane::Rests, Phase::On) => {
+                if step.kind == MoveKind::Rapid {
+                    // The tool is lifted or comes down: what follows is cut elsewhere.
+                    self.window.clear();
+                }
+                self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
+                false
+            }
+            (InPlane::Rests, Phase::Leaving) => self.rest_before_exit(step, span, sink),
+            (InPlane::Moves(curve), Phase::Entering) => {
+                self.enter(Block { span, step, curve }, sink);
+                false
+            }
+            (InPlane::Moves(curve), Phase::On) => {
+                self.go_on(Block { span, step, curve }, sink);
+                false
+            }
+            (InPlane::Moves(curve), Phase::Leaving) => {
+                self.exit(Block { span, step, curve }, sink);
+                true
+            }
+        }
+    }
+
+    /// What no compensated contour can hold; the contour ends with it.
+    #[cold]
+    fn refuse(&mut self, operation: Operation, what: &'static str, sink: &mut Sink) -> bool {
+        report::not_permitted(operation.span, self.span, what, sink.findings);
+        self.stand(sink);
+        sink.out.push(operation);
+        true
+    }
+
+    /// An operation without motion in the plane.
+    fn wait(&mut self, mut operation: Operation, sink: &mut Sink) {
+        let Some(pending) = &self.pending else {
+            if let OperationKind::Move(step) = &mut operation.kind {
+                self.displace(step);
+            }
+            return sink.out.push(operation);
+        };
+        let (line, pending_span) = (operation.span.line, pending.block.span);
+        self.idle_blocks += u32::from(line != pending_span.line && line != self.idle_line);
+        self.idle_line = line;
+        self.waiting.push(operation);
+        let looks_over = self.mode.rules == CompensationRules::LinuxCnc || self.idle_blocks <= MAX_IDLE_BLOCKS;
+        let is_full = self.waiting.len() >= MAX_WAITING;
+        let is_leaving = self.phase == Phase::Leaving;
+        if (is_full || !looks_over) && !is_leaving && !self.reported {
+            self.reported = true;
+            let most = if looks_over { MAX_WAITING as u32 } else { MAX_IDLE_BLOCKS };
+            report::idle_blocks(self.waiting[0].span, pending_span, most, sink.findings);
+        }
+        if is_full || !looks_over && is_leaving {
+            self.stand(sink);
+        }
+    }
+
+    /// A move that rests in the plane rests where the tool is.
+    fn displace(&self, step: &mut Move) {
+        let point = plus(self.in_plane(&step.start), self.displacement);
+        self.place(&mut step.start, point);
+        self.place(&mut step.end, point);
+    }
+
+    fn rest_before_entry(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) {
+        if self.mode.rules == CompensationRules::LinuxCnc && !self.reported {
+            self.reported = true;
+            report::entry_short(span, 0.0, self.mode.radius_mm, sink.findings);
+        }
+        self.displace(&mut step);
+        sink.push(span, step);
+    }
+
+    /// The first move in the plane.
+    fn enter(&mut self, mut block: Block, sink: &mut Sink) {
+        let Block { span, curve, .. } = block;
+        self.phase = Phase::On;
+        self.reported = false;
+        self.at = plus(curve.from, self.displacement);
+        let radius = self.mode.radius_mm;
+        let reach = distance(curve.from, curve.to);
+        let is_arc = curve.circle.is_some();
+        let mut is_broken = false;
+        match self.mode.rules {
+            CompensationRules::LinuxCnc if reach <= radius => {
+                is_broken = true;
+                report::entry_short(span, reach, radius, sink.findings);
+            }
+            CompensationRules::Fanuc { .. } if is_arc => {
+                is_broken = true;
+                report::entry_arc(span, sink.findings);
+            }
+            _ => {}
+        }
+        resolve_feed(&mut block, self.mode.plane);
+        let is_type_c = matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::C, .. });
+        let is_beside = is_type_c && span.line != self.span.line && !is_broken;
+        let mut from = curve.from;
+        let mut place = Place::LINK;
+        if is_beside {
+            from = plus(from, self.side().offset(curve.start_tangent()));
+            place = self.window.advance(&curve, 0.0);
+            report::gouges(span, self.window.add(curve, radius, place, span.line), sink.findings);
+        }
+        if is_beside || is_arc {
+            // The reference point moves along an arc only once it is beside the centre of the nose.
+            self.piece(&block, from, None, sink);
+        }
+        self.pending = Some(Pending { block, from, lost_rad: 0.0, is_entry: !is_beside, is_broken, place });
+    }
+
+    /// A further move in the plane.
+    fn go_on(&mut self, mut block: Block, sink: &mut Sink) {
+        let side = self.side();
+        let Block { span, curve, .. } = block;
+        resolve_feed(&mut block, self.mode.plane);
+        let mut is_broken = false;
+        if curve.circle.is_some() && side.offset_radius(&curve) <= ROUNDING {
+            is_broken = true;
+            report::arc_too_small(span, curve.radius(), side.radius, sink.findings);
+        }
+        let (joint, turn_rad) = match self.pending.take() {
+            // Where they do not meet, a block that was refused is missing between them.
+            Some(pending) if is_same(pending.block.curve.to, curve.from) => self.join(pending, &block, is_broken, sink),
+            pending => {
+                self.pending = pending;
+                self.stand(sink);
+                (Joint::at(plus(curve.from, side.offset(curve.start_tangent()))), 0.0)
+            }
+        };
+        let place = self.window.advance(&curve, turn_rad);
+        self.corner(&joint, &block, place, sink);
+        if !is_broken {
+            report::gouges(span, self.window.add(curve, side.radius, place, span.line), sink.findings);
+        }
+        let lost_rad = joint.lost_rad[1];
+        self.pending = Some(Pending { block, from: joint.start, lost_rad, is_entry: false, is_broken, place });
+    }
+
+    /// Joins the pending block to the next; how the direction changes there, rad.
+    fn join(&mut self, pending: Pending, next: &Block, is_broken: bool, sink: &mut Sink) -> (Joint, f64) {
+        let is_rapid = next.step.kind == MoveKind::Rapid;
+        let meeting = Meeting::new(self.side(), &pending.block.curve, &next.curve, is_rapid);
+        let joint = if is_broken || pending.is_broken {
+            meeting.around()
+        } else {
+            let rules = self.mode.rules;
+            let joint = if pending.is_entry { meeting.entry(rules) } else { meeting.joint(rules) };
+            joint.unwrap_or_else(|| {
+                report::no_crossing(next.span, pending.block.span, self.mode.radius_mm, sink.findings);
+                meeting.around()
+            })
+        };
+        report::overcut(self.span, next.span, joint.overcut, sink.findings);
+        let turn_rad = if pending.is_entry { 0.0 } else { meeting.heading_rad() };
+        self.hand_on(pending, &joint, sink);
+        (joint, turn_rad)
+    }
+
+    /// Hands on the pending block up to the joint, and what waits behind it.
+    fn hand_on(&mut self, pending: Pending, joint: &Joint, sink: &mut Sink) {
+        let Pending { block: Block { span, mut step, curve }, from, lost_rad, is_entry, is_broken, place } = pending;
+        let to = joint.end;
+        let mut path = Curve::line(from, to);
+        let mut is_backwards = !is_entry && dot(minus(to, from), curve.end_tangent()) < -ROUNDING;
+        if let Some(circle) = &curve.circle {
+            let left = circle.sweep_rad.abs() - lost_rad - joint.lost_rad[0];
+            is_backwards = !is_entry && left < -ROUNDING;
+            let between = angle_between(minus(from, circle.center), minus(to, circle.center), circle.is_clockwise());
+            let turns = libm::round((left - between) / TAU).max(0.0);
+            let sweep_rad = (between + turns * TAU).copysign(circle.sweep_rad);
+            path.circle = Some(Circle { center: circle.center, sweep_rad });
+        }
+        if is_broken || is_backwards {
+            path.circle = None;
+        }
+        if is_backwards && !is_broken {
+            report::backwards(span, self.mode.radius_mm, sink.findings);
+        } else if !is_broken {
+            let gouges = self.window.pass(path, self.mode.radius_mm, place, span.line);
+            report::gouges(span, gouges, sink.findings);
+        }
+        step.arc = path.circle.map(|circle| self.geometry(&circle));
+        let target = plus(to, self.mode.reference_mm);
+        let moves = step.arc.is_some() || !is_same(self.at, target);
+        self.place(&mut step.start, self.at);
+        if moves {
+            self.at = target;
+        }
+        self.place(&mut step.end, self.at);
+        if moves || step.start != step.end {
+            sink.push(span, step);
+        }
+        self.displacement = minus(self.at, curve.to);
+        self.hand_on_waiting(sink);
+    }
+
+    fn hand_on_waiting(&mut self, sink: &mut Sink) {
+        self.idle_blocks = 0;
+        self.idle_line = 0;
+        self.reported = false;
+        let mut waiting = std::mem::take(&mut self.waiting);
+        for mut operation in waiting.drain(..) {
+            if let OperationKind::Move(step) = &mut operation.kind {
+                self.place(&mut step.start, self.at);
+                self.place(&mut step.end, self.at);
+            }
+            sink.out.push(operation);
+        }
+        // Its storage is used again.
+        self.waiting = waiting;
+    }
+
+    fn geometry(&self, circle: &Circle) -> ArcGeometry {
+        let center = plus(circle.center, self.mode.reference_mm);
+        let Circle { sweep_rad, .. } = *circle;
+        ArcGeometry { plane: self.mode.plane, center, clockwise: circle.is_clockwise(), sweep_rad }
+    }
+
+    /// The way round a corner, by the words of the block behind it.
+    fn corner(&mut self, joint: &Joint, next: &Block, place: Place, sink: &mut Sink) {
+        let (points, count, circle) = match joint.corner {
+            Corner::Lines(points, count) => (points, count, None),
+            Corner::Arc(circle) => ([joint.start; 3], 1, Some(circle)),
+        };
+        for to in points.into_iter().take(count) {
+            let from = minus(self.at, self.mode.reference_mm);
+            let gouges =
+                self.window.pass(Curve { from, to, circle }, self.mode.radius_mm, place.corner(), next.span.line);
+            report::gouges(next.span, gouges, sink.findings);
+            self.piece(next, to, circle, sink);
+        }
+    }
+
+    /// A move before a block, to where the centre of the tool gets.
+    fn piece(&mut self, next: &Block, to: Point, circle: Option<Circle>, sink: &mut Sink) {
+        let target = plus(to, self.mode.reference_mm);
+        if circle.is_none() && is_same(self.at, target) {
+            return;
+        }
+        let mut piece = next.step.clone();
+        piece.arc = circle.map(|circle| self.geometry(&circle));
+        piece.feed = feed_per_minute(next, self.mode.plane);
+        piece.end = piece.start;
+        self.place(&mut piece.start, self.at);
+        self.place(&mut piece.end, target);
+        self.at = target;
+        sink.push(next.span, piece);
+    }
+
+    /// Ends the pending block beside its programmed end.
+    pub(super) fn stand(&mut self, sink: &mut Sink) {
+        if let Some(pending) = self.pending.take() {
+            let curve = &pending.block.curve;
+            let joint = Joint::at(plus(curve.to, self.side().offset(curve.end_tangent())));
+            self.hand_on(pending, &joint, sink);
+        }
+    }
+
+    /// `G40`: whether the tool is on the programmed path.
+    pub(super) fn leave(&mut self, span: SourceSpan, sink: &mut Sink) -> bool {
+        if !matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::B, .. }) {
+            self.stand(sink);
+        }
+        self.span = span;
+        self.phase = Phase::Leaving;
+        self.reported = false;
+        self.pending.is_none() && self.displacement == [0.0; 2]
+    }
+
+    /// The move behind `G40`.
+    fn exit(&mut self, mut block: Block, sink: &mut Sink) {
+        let Block { span, curve, .. } = block;
+        if curve.circle.is_some() {
+            report::exit_curve(span, self.span, sink.findings);
+            self.stand(sink);
+        }
+        if let Some(pending) = self.pending.take() {
+            let is_rapid = block.step.kind == MoveKind::Rapid;
+            let joint = Meeting::new(self.side(), &pending.block.curve, &curve, is_rapid).exit(self.mode.rules);
+            let place = pending.place;
+            self.hand_on(pending, &joint, sink);
+            self.corner(&joint, &block, place, sink);
+        } else {
+            self.at = plus(curve.from, self.displacement);
+        }
+        let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
+        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
+        self.place(&mut block.step.start, self.at);
+        sink.push(span, block.step);
+    }
+
+    /// A block behind `G40` that rests in the plane: whether the tool is on the programmed path behind it.
+    fn rest_before_exit(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) -> bool {
+        if self.pending.is_some() {
+            self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
+            return false;
+        }
+        let goes = self.mode.rules == CompensationRules::LinuxCnc;
+        if !self.reported {
+            self.reported = true;
+            report::exit_elsewhere(span, self.span, goes, self.displacement, sink.findings);
+        }
+        let end = self.in_plane(&step.end);
+        self.displace(&mut step);
+        if goes {
+            self.place(&mut step.end, end);
+        }
+        sink.push(span, step);
+        goes
+    }
+}
+
+/// Inverse time is that of the programmed length, as the compensated one is longer or shorter; rotary axes keep it.
+fn resolve_feed(block: &mut Block, plane: Plane) {
+    let Move { start, end, feed, .. } = &block.step;
+    let turns = [Axis::A, Axis::B, Axis::C].iter().any(|axis| start[axis.index()] != end[axis.index()]);
+    if matches!(feed, Feed::InverseTime(_)) && !turns {
+        block.step.feed = feed_per_minute(block, plane);
+    }
+}
+
+/// The feed, as one per minute where it is an inverse time: the programmed length in that time.
+fn feed_per_minute(block: &Block, plane: Plane) -> Feed {
+    let Block { step, curve, .. } = block;
+    let Feed::InverseTime(per_minute) = step.feed else { return step.feed };
+    let normal = plane.normal().index();
+    let [in_plane, across] = [curve.length(), step.end[normal] - step.start[normal]];
+    Feed::PerMinute((in_plane * in_plane + across * across).sqrt() * per_minute)
+}

@@ -1,0 +1,257 @@
+//! Compensation of tool radius and nose as it is programmed: `G40`, `G41`, `G42`, in LinuxCNC `G41.1` and `G42.1` as well.
+
+use super::execute::Execution;
+use crate::code;
+use crate::dialect::{Group, Meaning, letter_bit};
+use crate::state::{CompensationOn, ToolMode};
+use crate::{
+    CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, SourceSpan,
+};
+
+/// From the centre of the nose to the reference point, in radii along X and Z, by FANUC's number of the tip.
+const TIPS: [[f64; 2]; 10] = [
+    [0.0, 0.0],
+    [1.0, 1.0],
+    [1.0, -1.0],
+    [-1.0, -1.0],
+    [-1.0, 1.0],
+    [0.0, 1.0],
+    [1.0, 0.0],
+    [0.0, -1.0],
+    [-1.0, 0.0],
+    [0.0, 0.0],
+];
+
+/// FANUC's number of the tip by LinuxCNC's orientation, which is mirrored in X.
+const TIP_OF_ORIENTATION: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
+
+/// Radius and tip of a tool.
+struct Nose {
+    radius_mm: f64,
+    tip: u8,
+    /// L said where the tip is.
+    is_said: bool,
+}
+
+impl Execution<'_> {
+    /// Switches the compensation.
+    pub(super) fn compensation(&mut self) {
+        match self.code(Group::CutterCompensation) {
+            Some((Meaning::CompensationOff, span)) if self.state.compensation.on.is_some() => {
+                self.state.compensation.on = None;
+                self.emit(span, OperationKind::Compensation(CompensationCommand::Off));
+            }
+            Some((Meaning::Compensation { left, by_words }, span)) => self.compensation_on(left, by_words, span),
+            _ => {}
+        }
+    }
+
+    fn compensation_on(&mut self, left: bool, by_words: bool, span: SourceSpan) {
+        let plane = self.state.plane;
+        let nose = if by_words { self.nose_of_words(span) } else { self.nose_of_offset(span) };
+        let Some(Nose { radius_mm, tip, is_said }) = nose else { return };
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
+        let [x, z] = TIPS.get(usize::from(tip)).copied().unwrap_or_default();
+        let is_nose = [x, z] != [0.0; 2];
+        let wrong_plane = match plane {
+            Plane::Zx => None,
+            _ if is_nose || is_said => Some("a turning tool is compensated in G18 only"),
+            Plane::Yz if is_linuxcnc => Some("the radius is compensated in G17 and G18 only"),
+            Plane::Xy | Plane::Yz => None,
+        };
+        if let Some(message) = wrong_plane {
+            return self.findings.push_with(code::COMP_PLANE, |code| {
+                Finding::new(code, span, message).suggest("select the plane before it")
+            });
+        }
+        if self.state.tool_control.mode != ToolMode::Off {
+            return self.compensation_refused(span, "tool centre point control or a tilted plane", span.line);
+        }
+        // A negative radius is that of a tool smaller than the one that the path was made for.
+        let left = left == (radius_mm >= 0.0);
+        let radius_mm = radius_mm.abs();
+        let reference_mm = if plane == Plane::Zx { [z * radius_mm, x * radius_mm] } else { [0.0; 2] };
+        if let Some(on) = self.state.compensation.on {
+            // FANUC posts repeat the code.
+            let is_same = on.left == left && on.radius_mm == radius_mm && !is_linuxcnc;
+            if !is_same {
+                self.compensation_nested(on, span);
+            }
+            return;
+        }
+        if radius_mm == 0.0 {
+            self.findings.push_with(code::COMP_RADIUS_ZERO, |code| {
+                Finding::new(code, span, "the radius is zero, so that nothing is compensated")
+                    .suggest("write the number of the tool's offset, unless the program has the path of its centre")
+            });
+        }
+        let rules = match self.settings.compensation {
+            _ if is_linuxcnc => CompensationRules::LinuxCnc,
+            settings => CompensationRules::Fanuc { entry: settings.entry, corner: settings.corner },
+        };
+        self.state.compensation.on = Some(CompensationOn { line: span.line, left, radius_mm });
+        let mode = CompensationMode { left, plane, radius_mm, reference_mm, rules };
+        self.emit(span, OperationKind::Compensation(CompensationCommand::On(mode)));
+    }
+
+    /// `D` as the diameter and `L` as the orientation of a turning tool (LinuxCNC).
+    fn nose_of_words(&mut self, span: SourceSpan) -> Option<Nose> {
+        let (diameter, orientation) = (self.take(b'D'), self.take(b'L'));
+        let Some(diameter) = diameter else {
+            self.findings.push_with(code::COMP_NUMBER, |code| {
+                Finding::new(code, span, "the diameter D of the tool is missing").suggest("add D with the diameter")
+            });
+            return None;
+        };
+        let radius_mm = self.scaled(&diameter, true) * 0.5;
+        let Some(word) = orientation else {
+            return Some(Nose { radius_mm, tip: 0, is_said: false });
+        };
+        let number = self.whole(&word)?;
+        let tip = TIP_OF_ORIENTATION.get(number as usize).copied();
+        if tip.is_none() {
+            let span = self.block.word_span(&word);
+            self.findings.push_with(code::COMP_TIP, |code| {
+                Finding::new(code, span, format!("L{number} is no orientation of a turning tool, which is 0 to 9"))
+                    .with_value("orientation", f64::from(number), "")
+                    .suggest("write where the nose is, such as L2 for turning toward the chuck outside")
+            });
+        }
+        Some(Nose { radius_mm, tip: tip?, is_said: true })
+    }
+
+    /// The radius of a tool offset: by `D` on mills, by the offset of the `T` word on lathes, by the tool in LinuxCNC.
+    fn nose_of_offset(&mut self, span: SourceSpan) -> Option<Nose> {
+        let word = match self.settings.dialect {
+            DialectName::Lathe => None,
+            DialectName::Mill | DialectName::LinuxCnc => self.take(b'D'),
+        };
+        let number = match (self.settings.dialect, word) {
+            (_, Some(word)) => {
+                let number = self.whole(&word)?;
+                if self.settings.dialect == DialectName::Mill {
+                    self.state.compensation.number = Some(number);
+                }
+                Some(number)
+            }
+            (DialectName::Mill, None) => self.state.compensation.number,
+            (DialectName::Lathe | DialectName::LinuxCnc, None) => Some(self.state.tool),
+        };
+        let span = word.map_or(span, |word| self.block.word_span(&word));
+        let Some(number) = number else {
+            self.findings.push_with(code::COMP_NUMBER, |code| {
+                Finding::new(code, span, "the number D of the tool offset is missing")
+                    .suggest("add D with the number of the tool's offset, such as D1")
+            });
+            return None;
+        };
+        if number == 0 {
+            return Some(Nose { radius_mm: 0.0, tip: 0, is_said: false });
+        }
+        let nose = self.nose_by_number(number);
+        if nose.is_none() {
+            self.findings.push_with(code::COMP_NUMBER, |code| {
+                let message = format!("no tool offset {number} with a radius is known");
+                Finding::new(code, span, message)
+                    .with_value("offset", f64::from(number), "")
+                    .suggest("give the tool its radius, and the job the tool")
+            });
+        }
+        nose
+    }
+
+    /// The tool offset of this number, if it has a radius.
+    const fn nose_by_number(&self, _number: u32) -> Option<Nose> {
+        None
+    }
+
+    /// Reports codes that contradict the compensation, before they change anything.
+    pub(super) fn check_compensated_block(&mut self) {
+        let was_on = self.state.compensation.on.is_some();
+        let switch = self.code(Group::CutterCompensation).map(|(meaning, _)| meaning);
+        if !was_on && switch.is_none() {
+            return;
+        }
+        let is_linuxcnc = self.settings.dialect == DialectName::LinuxCnc;
+        let starts = matches!(switch, Some(Meaning::Compensation { .. }));
+        let ends = switch == Some(Meaning::CompensationOff);
+        // Plane, tool and overrides come before the compensation in a block, everything else behind it.
+        let is_on = was_on && !ends || starts && is_linuxcnc;
+        let on_line = self.state.compensation.on.map(|on| on.line);
+        for group in CHECKED {
+            let Some((meaning, span)) = self.code(group) else { continue };
+            let comes_before = matches!(group, Group::Plane | Group::ToolChange | Group::Overrides);
+            let is_on = if comes_before { was_on } else { is_on };
+            if is_on && self.is_refused_on_contour(group, meaning, is_linuxcnc) {
+                let what = self.block.code(group).map(|code| self.table.name(group, code.place)).unwrap_or_default();
+                self.compensation_refused(span, &what, on_line.unwrap_or(span.line));
+            }
+        }
+        for word in self.block.machine_codes().iter().filter(|_| is_linuxcnc && was_on) {
+            let number = word.rule.number;
+            if matches!(number, 48..=53 | 62..=68 | 72) {
+                self.compensation_refused(word.span, &format!("M{number}"), on_line.unwrap_or(word.span.line));
+            }
+        }
+        if was_on
+            && self.table.dialect.tool_word_changes
+            && let Some(word) = self.block.word(b'T')
+        {
+            let span = self.block.word_span(word);
+            self.compensation_refused(span, "a tool change", on_line.unwrap_or(span.line));
+        }
+    }
+
+    fn is_refused_on_contour(&self, group: Group, meaning: Meaning, is_linuxcnc: bool) -> bool {
+        match (group, meaning) {
+            // They have their own finding.
+            (_, Meaning::Unsupported(_)) => false,
+            (Group::Plane, Meaning::Plane(plane)) => plane != self.state.plane,
+            (Group::ToolChange, meaning) => meaning == Meaning::ToolChange,
+            (Group::WorkOffset, Meaning::WorkOffset(index)) => is_linuxcnc || index != self.state.work_offset,
+            (Group::WorkOffset, _) => true,
+            (Group::LengthCompensation, Meaning::ToolControl { .. }) => true,
+            (Group::LengthCompensation | Group::PathControl | Group::CycleReturn | Group::Overrides, _) => is_linuxcnc,
+            (Group::NonModal, Meaning::Dwell | Meaning::ExactStop | Meaning::AlreadySo | Meaning::SpeedClamp) => false,
+            (Group::NonModal, Meaning::SpeedClampOrThreadCycle) => {
+                self.block.letters & self.table.axis_letters & !letter_bit(b'S') != 0
+            }
+            (Group::NonModal, _) => true,
+            (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
+            _ => false,
+        }
+    }
+
+    #[cold]
+    fn compensation_refused(&mut self, span: SourceSpan, what: &str, on_line: u32) {
+        self.findings.push_with(code::COMP_BLOCK, |code| {
+            let message = format!("{what} with the radius compensation on, since line {on_line}");
+            Finding::new(code, span, message)
+                .with_value("on_line", f64::from(on_line), "")
+                .suggest("leave the contour with G40 and a straight move first")
+        });
+    }
+
+    #[cold]
+    fn compensation_nested(&mut self, on: CompensationOn, span: SourceSpan) {
+        self.findings.push_with(code::COMP_NESTED, |code| {
+            let message = format!("the radius compensation is on already, since line {}", on.line);
+            Finding::new(code, span, message)
+                .with_value("on_line", f64::from(on.line), "")
+                .suggest("leave the contour with G40 and a straight move first")
+        });
+    }
+}
+
+/// The groups that hold what a compensated contour does not permit.
+const CHECKED: [Group; 9] = [
+    Group::Plane,
+    Group::ToolChange,
+    Group::Overrides,
+    Group::WorkOffset,
+    Group::LengthCompensation,
+    Group::PathControl,
+    Group::CycleReturn,
+    Group::NonModal,
+    Group::Motion,
+];
