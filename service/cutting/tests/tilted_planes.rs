@@ -10,7 +10,7 @@ use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, su
 use feedwave_motion::kinematics::{
     BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Setup, ToolPose, Wrap,
 };
-use feedwave_program::{Axis, TiltedPlane};
+use feedwave_program::{Axis, TiltedPlane, ToolOffset};
 use proptest::prelude::*;
 
 const LENGTH_MM: f64 = 120.0;
@@ -52,9 +52,8 @@ fn config_of(chain: Vec<ChainAxis>) -> PipelineConfig {
     });
     profile.language.work_offsets[0][..3].copy_from_slice(&[30.0, -40.0, 55.0]);
     assert_eq!(profile.problems(), []);
-    let tool =
-        |number, length_mm| Tool { number, name: String::new(), max_rev_per_min: None, length_mm, geometry: None };
-    let tools = vec![tool(1, Some(LENGTH_MM)), tool(2, None)];
+    let tool = |number, offset| Tool { number, name: String::new(), max_rev_per_min: None, offset, geometry: None };
+    let tools = vec![tool(1, ToolOffset::new(1).with_length(LENGTH_MM)), tool(2, ToolOffset::new(2))];
     PipelineConfig { tools, ..PipelineConfig::new(profile) }
 }
 

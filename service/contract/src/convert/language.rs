@@ -2,8 +2,8 @@
 
 use feedwave_motion::MachineKind;
 use feedwave_program::{
-    AngleRange, DecimalPointRule, DialectName, DwellUnit, FeedMode, LanguageSettings, PathControlMode, Position,
-    ThreadEWord, UnlistedMachineCodes, XWord,
+    AngleRange, CompensationCorner, CompensationEntry, CompensationSettings, DecimalPointRule, DialectName, DwellUnit,
+    FeedMode, LanguageSettings, PathControlMode, Position, ThreadEWord, UnlistedMachineCodes, XWord,
 };
 
 use super::functions;
@@ -55,6 +55,8 @@ choices! {
     ThreadEWord = ThreadEWord { ThreadsPerInch = ThreadsPerInch, PreciseLead = PreciseLead }
     AngleRange = AngleRange { Positive = Positive, Signed = Signed }
     UnlistedMachineCodes = UnlistedMachineCodes { Note = Note, Error = Error }
+    CompensationEntry = CompensationEntry { A = A, B = B, C = C }
+    CompensationCorner = CompensationCorner { Linear = Linear, Circular = Circular }
 }
 
 /// A choice; what `default` says where it is open, and, with a violation, where it is unknown.
@@ -125,6 +127,9 @@ fn chosen(violations: &mut Violations, given: &proto::LanguageSettings, dialect:
     }
     choose!(decimal_point, x_word, initial_feed_mode, dwell_p_unit, initial_path_control, thread_e_word);
     choose!(unlisted_machine_codes, angle_range);
+    let CompensationSettings { entry, corner } = &mut language.compensation;
+    *entry = choice(violations, "language.compensation_entry", given.compensation_entry, *entry);
+    *corner = choice(violations, "language.compensation_corner", given.compensation_corner, *corner);
     language
 }
 
@@ -172,6 +177,8 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         contour_tolerances_mm: language.contour_tolerances_mm.to_vec(),
         dwell_in_revolutions: language.dwell_in_revolutions,
         plain_drawing_words: language.plain_drawing_words,
+        compensation_entry: language.compensation.entry.message().into(),
+        compensation_corner: language.compensation.corner.message().into(),
         ..proto::LanguageSettings::default()
     };
     functions::words_to_proto(language, &mut shown);

@@ -34,6 +34,8 @@ fn profiles_survive_the_round_trip() {
     lathe.language.contour_tolerances_mm[3] = 0.5;
     lathe.language.dwell_in_revolutions = true;
     lathe.language.plain_drawing_words = true;
+    lathe.language.compensation.entry = feedwave_program::CompensationEntry::C;
+    lathe.language.compensation.corner = feedwave_program::CompensationCorner::Circular;
     lathe.following.filter_length_s = Some(0.02);
     lathe.look_ahead_blocks = 100;
     lathe.max_feed_override = 1.2;
