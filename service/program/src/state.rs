@@ -143,7 +143,7 @@ pub(crate) struct LengthCompensation {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RadiusCompensation {
     pub(crate) on: Option<CompensationOn>,
-    /// `D`, which is modal on FANUC mills.
+    /// Number of the tool offset on FANUC controls: `D` of a mill, of the `T` word on a lathe.
     pub(crate) number: Option<u32>,
 }
 

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::geometry::{Circle, Curve, Point, Side, angle_between, distance, dot, minus, plus};
+use super::geometry::{Circle, Curve, Point, Side, along, angle_between, distance, dot, length, minus, plus};
 use super::joint::{Corner, Joint, Meeting};
 use super::window::{Place, Window, is_same};
 use super::{CompensationEntry, CompensationMode, CompensationRules, report};
@@ -69,7 +69,8 @@ pub(super) struct Contour {
     /// What follows the pending block without motion in the plane.
     waiting: Vec<Operation>,
     idle_blocks: u32,
-    idle_line: u32,
+    /// Program and line of the last of them.
+    idle_line: (u32, u32),
     /// Something was said that need not be said again until the next motion in the plane.
     reported: bool,
     window: Window,
@@ -106,7 +107,7 @@ impl Contour {
             pending: None,
             waiting: Vec::new(),
             idle_blocks: 0,
-            idle_line: 0,
+            idle_line: (0, 0),
             reported: false,
             window: Window::default(),
         }
@@ -221,8 +222,9 @@ impl Contour {
             }
             return sink.out.push(operation);
         };
-        let (line, pending_span) = (operation.span.line, pending.block.span);
-        self.idle_blocks += u32::from(line != pending_span.line && line != self.idle_line);
+        let pending_span = pending.block.span;
+        let line = line_of(operation.span);
+        self.idle_blocks += u32::from(line != line_of(pending_span) && line != self.idle_line);
         self.idle_line = line;
         self.waiting.push(operation);
         let looks_over = self.mode.rules == CompensationRules::LinuxCnc || self.idle_blocks <= MAX_IDLE_BLOCKS;
@@ -263,21 +265,21 @@ impl Contour {
         let radius = self.mode.radius_mm;
         let reach = distance(curve.from, curve.to);
         let is_arc = curve.circle.is_some();
-        let mut is_broken = false;
-        match self.mode.rules {
-            CompensationRules::LinuxCnc if reach <= radius => {
-                is_broken = true;
+        let mut is_broken = true;
+        resolve_feed(&mut block, self.mode.plane);
+        match (self.mode.rules, &curve.circle) {
+            (CompensationRules::LinuxCnc, _) if reach <= radius => {
                 report::entry_short(span, reach, radius, sink.findings);
             }
-            CompensationRules::Fanuc { .. } if is_arc => {
-                is_broken = true;
-                report::entry_arc(span, sink.findings);
-            }
-            _ => {}
+            (CompensationRules::LinuxCnc, Some(_)) => match entry_arc(self.side(), &curve) {
+                Some(arc) => (block.curve, is_broken) = (arc, false),
+                None => report::arc_too_small(span, curve.radius(), radius, sink.findings),
+            },
+            (CompensationRules::Fanuc { .. }, Some(_)) => report::entry_arc(span, sink.findings),
+            (_, None) => is_broken = false,
         }
-        resolve_feed(&mut block, self.mode.plane);
         let is_type_c = matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::C, .. });
-        let is_beside = is_type_c && span.line != self.span.line && !is_broken;
+        let is_beside = is_type_c && line_of(span) != line_of(self.span) && !is_broken;
         let mut from = curve.from;
         let mut place = Place::LINK;
         if is_beside {
@@ -380,7 +382,7 @@ impl Contour {
 
     fn hand_on_waiting(&mut self, sink: &mut Sink) {
         self.idle_blocks = 0;
-        self.idle_line = 0;
+        self.idle_line = (0, 0);
         self.reported = false;
         let mut waiting = std::mem::take(&mut self.waiting);
         for mut operation in waiting.drain(..) {
@@ -492,6 +494,31 @@ impl Contour {
         sink.push(span, step);
         goes
     }
+}
+
+/// Which block of which program.
+const fn line_of(span: SourceSpan) -> (u32, u32) {
+    (span.program, span.line)
+}
+
+/// The arc of an entry as LinuxCNC changes it: from where the tool is to beside the programmed end, where it has the
+/// programmed direction. `None` where there is none.
+fn entry_arc(side: Side, arc: &Curve) -> Option<Curve> {
+    let circle = arc.circle?;
+    if side.offset_radius(arc) <= ROUNDING {
+        return None;
+    }
+    let beside = plus(arc.to, side.offset(arc.end_tangent()));
+    let (chord, toward) = (minus(arc.from, beside), minus(circle.center, beside));
+    // The centre is on the line from the end to the programmed centre, as far from the start as from the end.
+    let along_line = dot(chord, toward);
+    if along_line <= 1e-4 * length(chord) * length(toward) {
+        return None;
+    }
+    let center = along(beside, toward, dot(chord, chord) / (2.0 * along_line));
+    let is_clockwise = circle.is_clockwise();
+    let sweep_rad = angle_between(minus(arc.from, center), minus(beside, center), is_clockwise);
+    Some(Curve::arc(arc.from, arc.to, center, if is_clockwise { -sweep_rad } else { sweep_rad }))
 }
 
 /// Inverse time is that of the programmed length, as the compensated one is longer or shorter; rotary axes keep it.

@@ -61,7 +61,7 @@ fn compensated(program: &str, (on, off): (u32, u32), mode: CompensationMode) -> 
     let mut switches = [(on, CompensationCommand::On(mode)), (off, CompensationCommand::Off)].into_iter().peekable();
     for operation in programmed {
         while let Some((line, command)) = switches.next_if(|&(line, _)| line <= operation.span.line) {
-            let span = SourceSpan { line, column: 1, length: 3 };
+            let span = SourceSpan { line, column: 1, length: 3, ..SourceSpan::default() };
             stage.push(Operation { span, kind: OperationKind::Compensation(command) }, &mut out, &mut findings);
         }
         stage.push(operation, &mut out, &mut findings);

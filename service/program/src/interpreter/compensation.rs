@@ -134,15 +134,18 @@ impl Execution<'_> {
                 }
                 Some(number)
             }
-            (DialectName::Mill, None) => self.state.compensation.number,
-            (DialectName::Lathe | DialectName::LinuxCnc, None) => Some(self.state.tool),
+            (DialectName::Mill | DialectName::Lathe, None) => self.state.compensation.number,
+            (DialectName::LinuxCnc, None) => Some(self.state.tool),
         };
         let span = word.map_or(span, |word| self.block.word_span(&word));
         let Some(number) = number else {
-            self.findings.push_with(code::COMP_NUMBER, |code| {
-                Finding::new(code, span, "the number D of the tool offset is missing")
-                    .suggest("add D with the number of the tool's offset, such as D1")
-            });
+            let (message, cure) = match self.settings.dialect {
+                DialectName::Lathe => {
+                    ("no T word has named a tool offset", "call the tool with its offset, such as T0101")
+                }
+                _ => ("the number D of the tool offset is missing", "add D with the number of the offset, such as D1"),
+            };
+            self.findings.push_with(code::COMP_NUMBER, |code| Finding::new(code, span, message).suggest(cure));
             return None;
         };
         if number == 0 {
@@ -161,8 +164,9 @@ impl Execution<'_> {
     }
 
     /// The tool offset of this number, if it has a radius.
-    const fn nose_by_number(&self, _number: u32) -> Option<Nose> {
-        None
+    fn nose_by_number(&self, number: u32) -> Option<Nose> {
+        let offset = self.tools.iter().find(|offset| offset.number == number)?;
+        Some(Nose { radius_mm: offset.total_radius_mm()?, tip: offset.tip, is_said: false })
     }
 
     /// Reports codes that contradict the compensation, before they change anything.

@@ -326,6 +326,7 @@ impl Execution<'_> {
                 let (number, offset) =
                     if word.number.integer_digits() > 2 { (tool / 100, tool % 100) } else { (tool, 0) };
                 self.state.tool = number;
+                self.state.compensation.number = Some(offset);
                 self.emit(self.block.word_span(&word), OperationKind::Tool { number, offset });
             } else {
                 self.state.next_tool = Some(tool);

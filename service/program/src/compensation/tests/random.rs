@@ -203,7 +203,7 @@ fn check(elements: &[Element], entry_turn: f64, left: bool, rules: CompensationR
     let mode = CompensationMode { left, plane: Plane::Xy, radius_mm: RADIUS_MM, reference_mm: [0.0; 2], rules };
     let mut stage = Compensator::default();
     let (mut out, mut findings) = (Vec::new(), FindingLog::default());
-    let span = |line: usize| SourceSpan { line: line as u32, column: 1, length: 1 };
+    let span = |line: usize| SourceSpan { line: line as u32, column: 1, length: 1, ..SourceSpan::default() };
     let last = programmed.len();
     let mut push = |line: usize, kind: OperationKind| {
         stage.push(Operation { span: span(line), kind }, &mut out, &mut findings);

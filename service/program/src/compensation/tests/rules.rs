@@ -324,3 +324,61 @@ fn a_state_restored_on_a_contour_goes_on_identically() {
 fn a_refused_block_on_a_contour_is_the_only_finding() {
     assert_eq!(errors("G0 X-20 Y-20\nG41.1 D6 G1 X0 Y-10\nY20\nX30 R5\nX2\nY0\nG40 X50 Y-10"), ["PRG-WORD-UNUSED"]);
 }
+
+#[test]
+fn an_arc_is_an_entry_in_linuxcnc() {
+    // Numbers of rs274: ends beside the programmed end, tangent there.
+    let (operations, findings) = read("G0 X-20 Y0\nG41.1 D6 G3 X0 Y20 I20 J0\nG1 X-30\nG40 X-50 Y30");
+    assert_eq!(codes(&findings, Severity::Error), [""; 0], "{:?}", findings.findings());
+    assert!(moves(&operations)[1].arc.is_some());
+    assert_eq!(errors("G0 X-4 Y0\nG41.1 D6 G3 X0 I2\nG1 X-30\nG40 X-50 Y30"), ["PRG-COMP-ARC"]);
+}
+
+/// Findings of a program for a mill or a lathe with a table of tool offsets.
+fn with_tools(settings: LanguageSettings, program: &str) -> (Vec<Operation>, FindingLog) {
+    let tools = vec![
+        crate::ToolOffset { radius_wear_mm: -0.25, ..crate::ToolOffset::new(7).with_radius(3.25) },
+        crate::ToolOffset { tip: 3, ..crate::ToolOffset::new(1).with_radius(0.4) },
+        crate::ToolOffset::new(2).with_length(100.0),
+    ];
+    Interpreter::new(settings).with_tools(tools).read_all(format!("{program}\nM30\n").as_bytes())
+}
+
+#[test]
+fn d_names_radius_and_wear_of_a_mill() {
+    let program = "G0 X-20 Y-20\nG41 D7 G1 X0 Y-10 F100\nY20\nX30\nY0\nG40 X50 Y-10";
+    let (operations, findings) = with_tools(LanguageSettings::mill(), program);
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    let expected =
+        [(-3.0, -10.0, None), (-3.0, 23.0, None), (33.0, 23.0, None), (33.0, 0.0, None), (50.0, -10.0, None)];
+    assert_xy(&operations, &expected);
+    // D is modal; the side cannot change on a contour, but FANUC posts repeat the code.
+    let with = |program: &str| codes(&with_tools(LanguageSettings::mill(), program).1, Severity::Error);
+    let again = "G41 D7 G1 X0 Y-10 F100\nY20\nG40 X-20\nG41 G1 X0 Y-10\nG41 Y20\nG40 X-20";
+    assert_eq!(with(again), [""; 0]);
+    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20\nG42 X30\nG40 X-20"), ["PRG-COMP-NESTED"]);
+    assert_eq!(with("G41 D2 G1 X0 Y-10 F100\nY20\nG40 X-20"), ["PRG-COMP-NUMBER"]);
+    assert_eq!(with("G41 D1 G1 X0 Y-10 F100\nY20\nG40 X-20"), ["PRG-COMP-PLANE"]);
+    assert_eq!(with("G41 D7 G1 X0 Y-10 F100\nY20"), ["PRG-COMP-UNFINISHED"]);
+}
+
+#[test]
+fn a_lathe_takes_radius_and_tip_of_the_offset_of_its_tool() {
+    // Example 10 on a lathe with diameters.
+    let program = "G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nX30 Z-15\nZ-20\nX40\nG40 G0 X80 Z0";
+    let (operations, findings) = with_tools(LanguageSettings::default(), program);
+    assert!(!findings.has_errors(), "{:?}", findings.findings());
+    let mitre = -15.4 + 0.4 * libm::tan(core::f64::consts::FRAC_PI_8);
+    let expected = [
+        (10.0, 4.6, None),
+        (10.0, -10.2343, None),
+        (15.0, mitre, None),
+        (15.0, -20.0, None),
+        (19.6, -20.0, None),
+        (40.0, 0.0, None),
+    ];
+    assert_ends(&operations, [Axis::X, Axis::Z], 1, &expected);
+    let with = |program: &str| codes(&with_tools(LanguageSettings::default(), program).1, Severity::Error);
+    assert_eq!(with("G98 F100 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG40 X60"), ["PRG-COMP-NUMBER"]);
+    assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nT0202\nG40 X60"), ["PRG-COMP-BLOCK"]);
+}
