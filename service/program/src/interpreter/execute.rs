@@ -51,72 +51,81 @@ impl Execution<'_> {
             self.check_open_nurbs();
         }
         self.labels();
-        let other_codes = self.block.has_codes_besides_motion();
-        let order = &self.table.dialect.order;
-        let unit_first = other_codes && (order.unit_before_feed || self.block.code(Group::Function).is_some());
-        let mut function = None;
-        let mut machine = Vec::new();
-        if other_codes {
-            if self.block.code(Group::Cycle).is_some() {
-                self.state.machine.rigid_tapping = false;
-            }
-            if !self.block.machine_codes().is_empty() {
-                machine = self.machine_codes();
-            }
-            self.doubt = self.doubt();
-            if unit_first {
-                self.units();
-            }
-            self.feed_unit();
-            self.tool_control();
-            function = self.function();
+        if self.block.has_codes_besides_motion() {
+            return self.run_codes();
         }
+        // Most blocks: of the steps that codes have, these can do something.
         self.feed();
-        let speed_or_tool = letter_bit(b'S') | letter_bit(b'T');
-        if other_codes || self.block.letters & speed_or_tool != 0 {
-            self.machine_step(&mut machine, MachineStep::Signals);
+        if self.block.letters & (letter_bit(b'S') | letter_bit(b'T')) != 0 {
             self.tool();
             self.spindle();
         }
-        if other_codes {
-            self.machine_step(&mut machine, MachineStep::Spindle);
-            if !order.stops_after_motion {
-                self.spindle_stop();
-            }
-            self.coolant(!order.stops_after_motion);
-            if !unit_first {
-                self.units();
-            }
-            self.machine_step(&mut machine, MachineStep::Before);
-            self.dwell();
-            self.check_compensated_block();
-            self.modes();
-            self.compensation();
-            self.length_compensation();
-            self.tilted_plane();
-            if let Some((span, command)) = function
-                && !self.is_off_already(&command)
-            {
-                self.emit(span, OperationKind::Function(command));
-            }
-            self.reference();
-        } else if self.state.compensation.on.is_some() {
+        if self.state.compensation.on.is_some() {
             self.check_compensated_block();
         }
         self.motion();
-        if other_codes && order.stops_after_motion {
+        if self.block.has_comma_words() {
+            self.check_comma_words();
+        }
+        self.unused_words();
+        None
+    }
+
+    /// A block with codes besides motion, in the order of its dialect.
+    #[inline(never)]
+    fn run_codes(&mut self) -> Option<SourceSpan> {
+        let order = &self.table.dialect.order;
+        let unit_first = order.unit_before_feed || self.block.code(Group::Function).is_some();
+        if self.block.code(Group::Cycle).is_some() {
+            self.state.machine.rigid_tapping = false;
+        }
+        let mut machine = if self.block.machine_codes().is_empty() { Vec::new() } else { self.machine_codes() };
+        self.doubt = self.doubt();
+        if unit_first {
+            self.units();
+        }
+        self.feed_unit();
+        self.tool_control();
+        let function = self.function();
+        self.feed();
+        self.machine_step(&mut machine, MachineStep::Signals);
+        self.tool();
+        self.spindle();
+        self.machine_step(&mut machine, MachineStep::Spindle);
+        if !order.stops_after_motion {
+            self.spindle_stop();
+        }
+        self.coolant(!order.stops_after_motion);
+        if !unit_first {
+            self.units();
+        }
+        self.machine_step(&mut machine, MachineStep::Before);
+        self.dwell();
+        self.check_compensated_block();
+        self.modes();
+        self.compensation();
+        self.length_compensation();
+        self.tilted_plane();
+        if let Some((span, command)) = function
+            && !self.is_off_already(&command)
+        {
+            self.emit(span, OperationKind::Function(command));
+        }
+        self.reference();
+        self.motion();
+        if order.stops_after_motion {
             self.spindle_stop();
             self.coolant(true);
         }
         self.machine_step(&mut machine, MachineStep::After);
-        if other_codes && self.block.code(Group::Subprogram).is_some() {
+        if self.block.code(Group::Subprogram).is_some() {
             self.used |= letter_bit(b'P') | letter_bit(b'L') | letter_bit(b'Q');
         }
         if self.block.has_comma_words() {
             self.check_comma_words();
         }
         self.unused_words();
-        if other_codes { self.stop() } else { None }
+        self.stop()
     }
 
     pub(super) fn emit(&mut self, span: SourceSpan, kind: OperationKind) {

@@ -49,7 +49,15 @@ impl Execution<'_> {
     }
 
     /// Carries out those of one step.
+    #[inline(always)]
     pub(super) fn machine_step(&mut self, pending: &mut [Pending], step: MachineStep) {
+        // Almost no block has any.
+        if !pending.is_empty() {
+            self.carry_out(pending, step);
+        }
+    }
+
+    fn carry_out(&mut self, pending: &mut [Pending], step: MachineStep) {
         for code in pending.iter_mut().filter(|code| code.word.rule.step == step) {
             let MachineWord { rule, span, .. } = code.word;
             match rule.action {
