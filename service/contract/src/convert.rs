@@ -2,6 +2,7 @@
 //! and once on exit.
 
 mod decision;
+mod drilling;
 mod feed_override;
 mod functions;
 mod language;

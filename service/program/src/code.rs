@@ -1,6 +1,7 @@
 //! The codes of the program language's findings.
 
 mod compensation;
+mod cycle;
 mod expression;
 mod flow;
 mod motion;
@@ -10,6 +11,7 @@ mod tool;
 mod words;
 
 pub use self::compensation::*;
+pub use self::cycle::*;
 pub use self::expression::*;
 pub use self::flow::*;
 pub use self::motion::*;
@@ -21,8 +23,17 @@ pub use self::words::*;
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 8] =
-    [TEXT_CODES, WORDS_CODES, EXPRESSION_CODES, FLOW_CODES, MOTION_CODES, THREAD_CODES, TOOL_CODES, COMPENSATION_CODES];
+pub const TABLES: [CodeTable; 9] = [
+    TEXT_CODES,
+    WORDS_CODES,
+    EXPRESSION_CODES,
+    FLOW_CODES,
+    MOTION_CODES,
+    CYCLE_CODES,
+    THREAD_CODES,
+    TOOL_CODES,
+    COMPENSATION_CODES,
+];
 
 /// Whether the program language makes findings of this code.
 pub(crate) fn is_of_language(code: FindingCode) -> bool {

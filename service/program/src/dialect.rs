@@ -13,6 +13,7 @@ pub(crate) use tables::{FunctionWordRule, function_words};
 
 use crate::expression::Rules;
 use crate::parameters::Ranges;
+use crate::state::Cycle;
 use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane, XWord};
 
 /// A modal group: a block may hold at most one code of each.
@@ -180,6 +181,16 @@ pub(crate) enum Meaning {
     Thread,
     /// A lathe's `G76`, in one of its three forms.
     ThreadCycles,
+    /// A drilling, boring or tapping cycle.
+    Drill(Cycle),
+    /// `G80`
+    CycleEnd,
+    /// `G98`, `G99` where they are the level to which cycles return.
+    CycleReturn {
+        to_r: bool,
+    },
+    /// `G33.1`
+    RigidTap,
     Function {
         function: Function,
         on: bool,

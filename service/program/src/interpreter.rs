@@ -6,6 +6,7 @@ mod assign;
 mod compensation;
 mod corner;
 mod doubt;
+mod drill;
 mod execute;
 mod flow;
 mod length;

@@ -44,13 +44,15 @@ pub use machine_code::{
 pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
-    OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadMove,
+    OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadKind,
+    ThreadMove,
 };
 pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{
-    AngleRange, CompensationSettings, DecimalPointRule, DialectName, DwellUnit, FeedMode, FunctionCodes,
-    FunctionSwitch, LanguageSettings, MAX_PATH_TOLERANCE_MM, PathControlMode, ThreadEWord, XWord,
+    AngleRange, BoringShift, CompensationSettings, DecimalPointRule, DialectName, DrillingSettings, DrillingStyle,
+    DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings, MAX_PATH_TOLERANCE_MM, PathControlMode,
+    PeckReturn, ThreadEWord, XWord,
 };
 pub use source::{Place, SourcePages};
 pub use state::InterpreterState;

@@ -97,13 +97,15 @@ pub struct Move {
 /// waits for the spindle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadMove {
+    /// Turned or tapped.
+    pub kind: ThreadKind,
     /// Where the block before ended, in the work coordinates of this block.
     pub start: Position,
     /// The programmed end point, in work coordinates.
     pub end: Position,
     /// Work offset: machine position = work position + offset, per axis.
     pub work_offset: Position,
-    /// Travel per spindle revolution along whichever of X (radius) and Z travels further, mm.
+    /// Travel per spindle revolution along whichever of X (radius) and Z travels further, mm; of a tap along its path.
     pub lead_mm: f64,
     /// Spindle angle from the thread-start reference point at which the lead axis starts (`Q`), degrees.
     pub start_angle_deg: f64,
@@ -121,6 +123,17 @@ pub struct ThreadMove {
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.
     pub tool: u32,
+}
+
+/// How a thread is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ThreadKind {
+    /// Turned: the lead axis comes into step with a spindle that turns at its speed.
+    #[default]
+    Turned,
+    /// A stroke of a rigid tap, in or out: the spindle starts and comes to rest with the tool, which is at every instant
+    /// where its angle says.
+    Tapped,
 }
 
 /// How the tool leaves a thread before its end: a chamfer of a threading cycle. The move after it starts at the end

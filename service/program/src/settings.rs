@@ -1,6 +1,11 @@
 //! Language settings: what a machine profile says about how its programs are written.
 
+mod drilling;
+
 use serde::{Deserialize, Serialize};
+
+pub use self::drilling::{BoringShift, DrillingSettings, DrillingStyle, PeckReturn};
+pub(crate) use self::drilling::{FANUC_RETRACT_MM, LINUXCNC_RETRACT_MM};
 
 use crate::{
     CompensationCorner, CompensationEntry, InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes,
@@ -196,6 +201,8 @@ pub struct LanguageSettings {
     pub thread_vibration: FunctionSwitch,
     /// `E` in threads.
     pub thread_e_word: ThreadEWord,
+    /// Drilling, boring and tapping cycles.
+    pub drilling: DrillingSettings,
     /// Radius compensation, except in LinuxCNC.
     pub compensation: CompensationSettings,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
@@ -245,6 +252,7 @@ impl Default for LanguageSettings {
             input_result: -1.0,
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,
+            drilling: DrillingSettings::default(),
             compensation: CompensationSettings::default(),
             work_offsets: [[0.0; 9]; 6],
             reference_position: [0.0; 9],

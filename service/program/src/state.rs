@@ -1,6 +1,10 @@
 //! Everything the interpreter remembers between two lines.
 
+mod drilling;
+
 use serde::{Deserialize, Serialize};
+
+pub(crate) use self::drilling::{Cycle, Drilling};
 
 use crate::dialect::FeedUnit;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
@@ -61,6 +65,7 @@ pub struct InterpreterState {
     /// Tool in use, 0 for none.
     pub(crate) tool: u32,
     pub(crate) thread: ThreadModes,
+    pub(crate) drilling: Drilling,
     /// Tool that the next `M6` changes to.
     pub(crate) next_tool: Option<u32>,
     pub(crate) coolant: Coolant,
@@ -277,6 +282,8 @@ pub(crate) enum Motion {
     Thread,
     /// A lathe's `G92` with axis words: further blocks with axis words are further passes.
     ThreadCycle,
+    /// `G33.1`
+    RigidTap,
     /// After a code that another control reads as a cycle: axis words are refused until the next motion code.
     Doubtful {
         /// Code number in tenths.
@@ -338,6 +345,8 @@ impl InterpreterState {
             max_rev_per_min: None,
             tool: 0,
             thread: ThreadModes::default(),
+            // As LinuxCNC starts, whatever its handbook says.
+            drilling: Drilling { to_r: settings.dialect == crate::DialectName::LinuxCnc, ..Drilling::default() },
             next_tool: None,
             coolant: Coolant::default(),
             work_offset: 0,

@@ -6,6 +6,7 @@ use feedwave_program::{
     FeedMode, LanguageSettings, PathControlMode, Position, ThreadEWord, UnlistedMachineCodes, XWord,
 };
 
+use super::drilling::{drilling_from_proto, drilling_to_proto};
 use super::functions;
 use super::machine_codes::{machine_code_to_proto, machine_codes_from_proto};
 use super::parameters::{parameters_from_proto, parameters_to_proto};
@@ -103,6 +104,7 @@ pub(super) fn language_from_proto(
         max_executed_blocks: given.max_executed_blocks.unwrap_or(default.max_executed_blocks),
         max_still_blocks: given.max_still_blocks.unwrap_or(default.max_still_blocks),
         parameters: parameters_from_proto(violations, &given.parameters),
+        drilling: drilling_from_proto(violations, &given.drilling.unwrap_or_default()).unwrap_or_default(),
         ..chosen(violations, given, default)
     };
     let (count, most) = (given.work_offsets.len(), language.work_offsets.len());
@@ -172,6 +174,7 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         max_still_blocks: Some(language.max_still_blocks),
         angle_range: language.angle_range.message().into(),
         parameters: parameters_to_proto(&language.parameters),
+        drilling: Some(drilling_to_proto(&language.drilling)),
         unlisted_machine_codes: language.unlisted_machine_codes.message().into(),
         input_result: Some(language.input_result),
         contour_tolerances_mm: language.contour_tolerances_mm.to_vec(),

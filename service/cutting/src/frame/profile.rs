@@ -167,6 +167,16 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
             problems.push(problem(&format!("contour_tolerances_mm[{level}]"), message));
         }
     }
+    let drilling = &language.drilling;
+    for (field, length_mm) in [
+        ("drilling.chip_break_retract_mm", drilling.chip_break_retract_mm),
+        ("drilling.peck_clearance_mm", drilling.peck_clearance_mm),
+        ("drilling.peck_lift_mm", Some(drilling.peck_lift_mm)),
+    ] {
+        if let Some(length_mm) = length_mm.filter(|length_mm| !(0.0..=MAX_PECK_RETRACT_MM).contains(length_mm)) {
+            problems.push(problem(field, format!("must lie between 0 and {MAX_PECK_RETRACT_MM}, is {length_mm}")));
+        }
+    }
     if !language.input_result.is_finite() {
         problems.push(problem("input_result", "must be finite"));
     }
@@ -286,6 +296,8 @@ pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
 pub const MAX_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 5.0;
 /// A tenth of a degree moves the flank of a tool by 0.02 mm in 10 mm: less than is left for finishing.
 const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;
+/// Largest retract between pecks, mm.
+const MAX_PECK_RETRACT_MM: f64 = 100.0;
 /// Largest `P` word that switches a machining function.
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
@@ -336,6 +348,7 @@ mod tests {
         profile.language.thread_vibration = FunctionSwitch { code: 200.55, on_p: 10_000, off_p: 10_000 };
         profile.language.max_line_bytes = 1;
         profile.language.default_path_tolerance_mm = f64::NAN;
+        profile.language.drilling.peck_lift_mm = -1.0;
         profile.language.work_offsets[2][1] = f64::NAN;
         profile.language.thinning = FunctionCodes { on: 8.0, off: f64::NAN };
         profile.thinning.group_blocks = 2;
@@ -353,6 +366,7 @@ mod tests {
             "machine.max_spindle_rev_per_min",
             "language.work_offsets[2][1]",
             "language.default_path_tolerance_mm",
+            "language.drilling.peck_lift_mm",
             "language.max_line_bytes",
             "language.path_vibration.on",
             "language.path_vibration.off",

@@ -44,7 +44,7 @@ crate::finding_codes! {
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {
         meaning: "a known code that is not supported yet",
-        cause: "Canned cycles, subprograms and the setting of coordinates are known, but \
+        cause: "Turning cycles and the setting of coordinates are known, but \
               nothing carries them out.",
         cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for \
               coordinates.",

@@ -1,6 +1,7 @@
 //! The tables: codes, letters and function words of each dialect.
 
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
+use crate::state::Cycle;
 use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord, expression, parameters};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
@@ -90,16 +91,16 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(590, Group::WorkOffset, Meaning::WorkOffset(5)),
     code(611, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(640, Group::PathControl, Meaning::PathControl(PathControlMode::Continuous)),
-    doubtful(800, Group::Cycle, Meaning::AlreadySo, &CYCLE_END),
-    code(810, Group::Motion, Meaning::Unsupported("drilling cycle")),
-    code(820, Group::Motion, Meaning::Unsupported("drilling cycle with dwell")),
-    code(830, Group::Motion, Meaning::Unsupported("deep-hole drilling cycle")),
-    code(840, Group::Motion, Meaning::Unsupported("tapping cycle")),
-    code(850, Group::Motion, Meaning::Unsupported("boring cycle")),
-    code(860, Group::Motion, Meaning::Unsupported("boring cycle")),
-    code(870, Group::Motion, Meaning::Unsupported("boring cycle")),
-    code(880, Group::Motion, Meaning::Unsupported("boring cycle")),
-    code(890, Group::Motion, Meaning::Unsupported("boring cycle")),
+    doubtful(800, Group::Cycle, Meaning::CycleEnd, &CYCLE_END),
+    code(810, Group::Motion, Meaning::Drill(Cycle::Drill)),
+    code(820, Group::Motion, Meaning::Drill(Cycle::DrillDwell)),
+    code(830, Group::Motion, Meaning::Drill(Cycle::Peck)),
+    code(840, Group::Motion, Meaning::Drill(Cycle::Tap)),
+    code(850, Group::Motion, Meaning::Drill(Cycle::Bore)),
+    code(860, Group::Motion, Meaning::Drill(Cycle::BoreStop)),
+    code(870, Group::Motion, Meaning::Drill(Cycle::BackBore)),
+    code(880, Group::Motion, Meaning::Drill(Cycle::BoreManual)),
+    code(890, Group::Motion, Meaning::Drill(Cycle::BoreDwell)),
     code(900, Group::Distance, Meaning::Distance { absolute: true }),
     code(910, Group::Distance, Meaning::Distance { absolute: false }),
     code(930, Group::FeedUnit, Meaning::Feed(FeedUnit::InverseTime)),
@@ -284,12 +285,12 @@ const MILL_G_CODES: &[Code] = &[
     code(531, Group::NonModal, Meaning::AlignTool),
     code(682, Group::Rotation, Meaning::TiltedPlane),
     code(690, Group::Rotation, Meaning::RotationOff),
-    code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
-    code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
-    code(760, Group::Motion, Meaning::Unsupported("fine boring cycle")),
+    code(730, Group::Motion, Meaning::Drill(Cycle::ChipBreak)),
+    code(740, Group::Motion, Meaning::Drill(Cycle::TapLeft)),
+    code(760, Group::Motion, Meaning::Drill(Cycle::FineBore)),
     code(920, Group::NonModal, Meaning::SpeedClamp),
-    code(980, Group::CycleReturn, Meaning::AlreadySo),
-    code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
+    code(980, Group::CycleReturn, Meaning::CycleReturn { to_r: false }),
+    code(990, Group::CycleReturn, Meaning::CycleReturn { to_r: true }),
 ];
 
 pub(super) static LINUXCNC: Dialect = Dialect {
@@ -326,7 +327,7 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(80, Group::Diameter, Meaning::XWord(XWord::Radius)),
     code(281, Group::NonModal, Meaning::Unsupported("storing the reference position")),
     code(301, Group::NonModal, Meaning::Unsupported("storing the second reference position")),
-    code(331, Group::Motion, Meaning::Unsupported("rigid tapping")),
+    code(331, Group::Motion, Meaning::RigidTap),
     code(382, Group::Motion, Meaning::Probe),
     code(383, Group::Motion, Meaning::Probe),
     code(384, Group::Motion, Meaning::Probe),
@@ -347,8 +348,8 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
     code(721, Group::Motion, Meaning::Unsupported("facing cycle")),
     code(722, Group::Motion, Meaning::Unsupported("facing cycle")),
-    code(730, Group::Motion, Meaning::Unsupported("peck drilling cycle")),
-    code(740, Group::Motion, Meaning::Unsupported("tapping cycle")),
+    code(730, Group::Motion, Meaning::Drill(Cycle::ChipBreak)),
+    code(740, Group::Motion, Meaning::Drill(Cycle::TapLeft)),
     code(760, Group::Motion, Meaning::ThreadCycles),
     code(901, Group::ArcDistance, Meaning::ArcDistance { absolute: true }),
     code(911, Group::ArcDistance, Meaning::ArcDistance { absolute: false }),
@@ -357,8 +358,8 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(921, Group::NonModal, Meaning::AlreadySo),
     code(922, Group::NonModal, Meaning::AlreadySo),
     code(923, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
-    code(980, Group::CycleReturn, Meaning::AlreadySo),
-    code(990, Group::CycleReturn, Meaning::Unsupported("return to the R level in cycles")),
+    code(980, Group::CycleReturn, Meaning::CycleReturn { to_r: false }),
+    code(990, Group::CycleReturn, Meaning::CycleReturn { to_r: true }),
 ];
 
 const LINUXCNC_M_CODES: &[Code] = &[code(60, Group::ToolChange, Meaning::ToolChange)];

@@ -34,7 +34,7 @@ fn what_a_dialect_carries_out_itself() {
     for (number, lathe, mill) in [
         (1.0, true, true),
         (33.0, true, true),
-        (76.0, true, false),
+        (76.0, true, true),
         (99.0, true, false),
         (43.4, false, true),
         (200.0, false, false),

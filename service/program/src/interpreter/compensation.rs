@@ -227,7 +227,7 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn compensation_refused(&mut self, span: SourceSpan, what: &str, on_line: u32) {
+    pub(super) fn compensation_refused(&mut self, span: SourceSpan, what: &str, on_line: u32) {
         self.findings.push_with(code::COMP_BLOCK, |code| {
             let message = format!("{what} with the radius compensation on, since line {on_line}");
             Finding::new(code, span, message)

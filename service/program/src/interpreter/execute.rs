@@ -111,6 +111,7 @@ impl Execution<'_> {
         {
             self.emit(span, OperationKind::Function(command));
         }
+        self.drilling_modes();
         self.reference();
         self.motion();
         if order.stops_after_motion {

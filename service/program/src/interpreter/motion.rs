@@ -52,7 +52,17 @@ impl Execution<'_> {
             return;
         }
         if let Some(code) = self.block.code(Group::Motion) {
-            self.state.motion = match self.table.code(code.place).meaning {
+            let meaning = self.table.code(code.place).meaning;
+            if !matches!(meaning, Meaning::Drill(_)) {
+                self.leave_cycle();
+            }
+            self.state.motion = match meaning {
+                // The motion code before it counts again after G80.
+                Meaning::Drill(cycle) => {
+                    self.enter_cycle(cycle);
+                    before
+                }
+                Meaning::RigidTap => Motion::RigidTap,
                 Meaning::Rapid => Motion::Rapid,
                 Meaning::Linear => Motion::Linear,
                 Meaning::Arc { clockwise } => Motion::Arc { clockwise },
@@ -91,6 +101,9 @@ impl Execution<'_> {
             Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
             _ => Frame::Work,
         };
+        if self.state.drilling.cycle.is_some() {
+            return self.drill(frame);
+        }
         if self.state.motion == Motion::Probe
             && frame == Frame::Work
             && self.block.letters & self.table.axis_letters & !self.used != 0
@@ -99,6 +112,9 @@ impl Execution<'_> {
         }
         if !self.state.tool_control.is_plain() {
             return self.guided_motion(frame);
+        }
+        if frame == Frame::Work && self.state.motion == Motion::RigidTap {
+            return self.rigid_tap();
         }
         if frame == Frame::Work && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle) {
             return self.thread_motion();
@@ -173,7 +189,12 @@ impl Execution<'_> {
                 self.used |= CURVE_LETTERS;
                 self.doubtful_before(tenths, line);
             }
-            Motion::Nurbs | Motion::Probe | Motion::Thread | Motion::ThreadCycle | Motion::Unclear => {
+            Motion::Nurbs
+            | Motion::Probe
+            | Motion::Thread
+            | Motion::ThreadCycle
+            | Motion::RigidTap
+            | Motion::Unclear => {
                 self.used |= CURVE_LETTERS;
             }
         }
@@ -256,7 +277,8 @@ impl Execution<'_> {
             | Motion::Nurbs
             | Motion::Probe
             | Motion::Thread
-            | Motion::ThreadCycle => "machine coordinates go with G0 or G1 only",
+            | Motion::ThreadCycle
+            | Motion::RigidTap => "machine coordinates go with G0 or G1 only",
             _ => return false,
         };
         self.findings.push_with(code::MACHINE_MOTION, |code| Finding::new(code, span, message));

@@ -25,6 +25,7 @@ pub(crate) struct SavedModes {
     coolant: Coolant,
     work_offset: u8,
     path_control: PathControl,
+    cycles_return_to_r: bool,
 }
 
 impl SavedModes {
@@ -46,6 +47,7 @@ impl SavedModes {
             coolant: state.coolant,
             work_offset: state.work_offset,
             path_control: state.path_control,
+            cycles_return_to_r: state.drilling.to_r,
         }
     }
 }
@@ -71,6 +73,7 @@ impl Execution<'_> {
         state.m_per_min = saved.m_per_min;
         state.max_rev_per_min = saved.max_rev_per_min;
         state.path_control = saved.path_control;
+        state.drilling.to_r = saved.cycles_return_to_r;
         (state.reported.feed, state.reported.spindle) = (false, false);
         self.select_work_offset(saved.work_offset);
         self.emit_spindle(before, span);

@@ -5,6 +5,7 @@ mod arcs_of_linuxcnc;
 mod consequences;
 mod corners;
 mod doubt;
+mod drilling;
 mod dwell;
 mod flow;
 mod foreign_files;
@@ -27,7 +28,8 @@ mod tool_control;
 
 use super::*;
 use crate::{
-    Axis, DwellTime, Feed, Move, MoveKind, Position, Severity, SpindleDirection, SpindleSpeed, ThreadMove, ToolGuide,
+    Axis, DwellTime, Feed, Move, MoveKind, Position, Severity, SpindleDirection, SpindleSpeed, ThreadKind, ThreadMove,
+    ToolGuide,
 };
 
 /// Up to six decimals, without trailing zeros.
@@ -54,6 +56,11 @@ fn feed(feed: Feed) -> String {
 
 /// The path and the lead, then whatever differs from the default.
 fn thread(step: &ThreadMove) -> String {
+    if step.kind == ThreadKind::Tapped {
+        let sense = if step.spindle.direction == SpindleDirection::Clockwise { "cw" } else { "ccw" };
+        let speed = number(step.spindle.rev_per_s(0.0) * 60.0);
+        return format!("tap {} -> {} @{} {sense} {speed}", place(&step.start), place(&step.end), number(step.lead_mm));
+    }
     let mut text = format!("thread {} -> {} @{}", place(&step.start), place(&step.end), number(step.lead_mm));
     let mut add = |name: &str, value: Option<f64>| {
         if let Some(value) = value {

@@ -18,7 +18,9 @@ use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
-use crate::{Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadMove};
+use crate::{
+    Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadKind, ThreadMove,
+};
 
 /// Leads of threads, mm: what common controls take.
 const LEADS_MM: RangeInclusive<f64> = 1e-4..=500.0;
@@ -50,7 +52,8 @@ impl Execution<'_> {
         match meaning(Group::Motion) {
             Some(meaning) => matches!(meaning, Meaning::Thread | Meaning::ThreadCycles),
             None => {
-                let in_force = matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
+                let in_force = self.state.drilling.cycle.is_none()
+                    && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
                 in_force && self.doubt.is_none_or(|doubt| !doubt.stays())
             }
         }
@@ -163,7 +166,7 @@ impl Execution<'_> {
         self.state.thread.lead_mm
     }
 
-    fn checked_lead(&mut self, word: &Word, lead_mm: f64) -> Option<f64> {
+    pub(super) fn checked_lead(&mut self, word: &Word, lead_mm: f64) -> Option<f64> {
         // Of a zero or negative number of threads per inch, and of zero, too.
         if LEADS_MM.contains(&lead_mm) {
             return Some(lead_mm);
@@ -259,7 +262,7 @@ impl Execution<'_> {
     }
 
     /// Whether the spindle turns at a constant speed, which a thread needs; reported once while it lasts.
-    fn spindle_cuts_threads(&mut self) -> bool {
+    pub(super) fn spindle_cuts_threads(&mut self) -> bool {
         let span = self.block.span();
         if self.state.surface_speed {
             if !self.state.reported.thread_surface_speed {
@@ -310,6 +313,7 @@ impl Execution<'_> {
     /// Emits a pass from the present position and moves there, a pull-out included.
     fn cut_thread(&mut self, end: Position, cut: Cut) {
         let step = ThreadMove {
+            kind: ThreadKind::Turned,
             start: self.state.position,
             end,
             work_offset: self.machine_offset(),

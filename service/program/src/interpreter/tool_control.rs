@@ -220,7 +220,8 @@ impl Execution<'_> {
             | Motion::Nurbs
             | Motion::Probe
             | Motion::Thread
-            | Motion::ThreadCycle => {
+            | Motion::ThreadCycle
+            | Motion::RigidTap => {
                 self.used = u32::MAX;
                 let span = self.block.span();
                 match mode {
@@ -354,7 +355,7 @@ impl Execution<'_> {
         }
     }
 
-    fn held_start(&mut self, span: SourceSpan) {
+    pub(super) fn held_start(&mut self, span: SourceSpan) {
         self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
             let message = "an arc, a spline or a thread from a place that the program does not know: the coordinates \
                            have changed with the tool centre point control or a tilted plane";

@@ -1,4 +1,7 @@
-use feedwave_program::{DecimalPointRule, FunctionSwitch, PathControlMode, ThreadEWord};
+use feedwave_program::{
+    BoringShift, DecimalPointRule, DrillingSettings, DrillingStyle, FunctionSwitch, PathControlMode, PeckReturn,
+    ThreadEWord,
+};
 
 use super::functions::five_axis::tests::five_axis_mill;
 use super::functions::tool_oscillation::tests::oscillating_mill;
@@ -28,6 +31,16 @@ fn profiles_survive_the_round_trip() {
     lathe.language.decimal_point = DecimalPointRule::LeastIncrement;
     lathe.language.thread_vibration = FunctionSwitch { code: 165.1, on_p: 1, off_p: 2 };
     lathe.language.thread_e_word = ThreadEWord::PreciseLead;
+    lathe.language.drilling = DrillingSettings {
+        style: DrillingStyle::Haas,
+        chip_break_retract_mm: Some(0.3),
+        peck_clearance_mm: Some(0.0),
+        peck_lift_mm: 0.5,
+        lathe_peck: Some(PeckReturn::Back),
+        rigid_tapping: true,
+        tap_peck: Some(PeckReturn::RLevel),
+        boring_shift: Some(BoringShift::SecondMinus),
+    };
     lathe.language.unlisted_machine_codes = feedwave_program::UnlistedMachineCodes::Error;
     lathe.language.input_result = 1.0;
     lathe.language.machine_codes = machine_codes();

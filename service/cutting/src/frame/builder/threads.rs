@@ -1,7 +1,7 @@
 //! Threading blocks: passes wait for the block behind them, and rapids for the pass that may follow.
 
 use feedwave_motion::Planner;
-use feedwave_program::{Axis, Finding, FindingLog, Move, SourceSpan, ThreadMove};
+use feedwave_program::{Axis, Finding, FindingLog, Move, SourceSpan, ThreadKind, ThreadMove};
 
 use super::Builder;
 use crate::code;
@@ -24,10 +24,41 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
+        if mv.kind == ThreadKind::Tapped {
+            self.flush_threads(config, planner, findings);
+            return self.tap(mv, span, config, planner, findings);
+        }
         if self.state.functions.threads.ends_pass(mv) {
             self.flush_threads(config, planner, findings);
         }
         self.state.functions.threads.add_block(mv, span, findings);
+    }
+
+    /// A stroke of a rigid tap.
+    fn tap(
+        &mut self,
+        stroke: &ThreadMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        planner: &mut Planner<Barrier>,
+        findings: &mut FindingLog,
+    ) {
+        self.close_thread(config, findings);
+        self.check_speed(&stroke.spindle, stroke.tool, span, config, findings);
+        if self.state.functions.vibration.is_on() {
+            vibrates_no_thread(span, findings);
+        }
+        let machine = &config.profile.machine;
+        let Some(run) = self.state.functions.threads.tap(stroke, span, machine, findings) else { return };
+        self.state.radius_mm = stroke.end[Axis::X.index()];
+        if let Some(analysis) = &mut self.analysis {
+            analysis.moves += 1;
+            analysis.cutting_moves += 1;
+            analysis.path_length_mm += run.element.length;
+            analysis.cutting_length_mm += run.element.length;
+            analysis.turns_at(60.0 * run.peak_rev_per_s());
+        }
+        planner.push_barrier(Barrier::from(run));
     }
 
     /// Plans what waits: a rapid, or a pass that is complete now.
@@ -74,11 +105,15 @@ impl Builder {
         let path = Pass::path(&waiting.blocks, &config.profile.machine, findings)?;
         self.check_speed(&first.mv.spindle, first.mv.tool, first.span, config, findings);
         if self.state.functions.vibration.is_on() {
-            let message = "vibration along the path does not act on a thread, but is on";
-            let finding = Finding::new(code::VIB_THREAD, first.span, message);
-            findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
+            vibrates_no_thread(first.span, findings);
         }
         let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.threads);
         self.state.functions.threads.pass(first, path, &config.thread_inputs(), analysis, findings)
     }
+}
+
+fn vibrates_no_thread(span: SourceSpan, findings: &mut FindingLog) {
+    let message = "vibration along the path does not act on a thread, but is on";
+    let finding = Finding::new(code::VIB_THREAD, span, message);
+    findings.push(finding.suggest("switch it off before the thread; threads have a vibration of their own"));
 }

@@ -12,7 +12,7 @@ use super::{Activity, After, Barrier, Interpolator};
 use crate::functions::path_vibration::{
     GenerationMode, RunningVibration, SectionBarrier, SectionSamples, SectionStart, VibrationScratch,
 };
-use crate::functions::thread::{ThreadRun, ThreadScratch};
+use crate::functions::thread::{TapRun, ThreadRun, ThreadScratch};
 use crate::functions::tool_oscillation::{OscillationRun, OscillationScratch};
 use crate::shared::columns::{Samples, fill_axes, still};
 use crate::shared::setpoint::SetpointBlock;
@@ -30,6 +30,8 @@ pub(crate) enum FunctionBarrier {
     EndSuperposition,
     /// A threading pass.
     Thread(Box<ThreadRun>),
+    /// A stroke of a rigid tap.
+    Tap(Box<TapRun>),
 }
 
 /// Offsets of a function on a part of the path: 0 at both of its ends, where the path rests.
@@ -94,6 +96,12 @@ impl From<ThreadRun> for FunctionBarrier {
     }
 }
 
+impl From<TapRun> for FunctionBarrier {
+    fn from(run: TapRun) -> Self {
+        Self::Tap(Box::new(run))
+    }
+}
+
 impl PathBarrier for FunctionBarrier {
     fn starts_path(&self) -> bool {
         matches!(self, Self::Vibration(SectionBarrier::PartStart(_)) | Self::Superpose(_))
@@ -117,6 +125,8 @@ pub(super) enum FunctionActivity {
         /// The angle; not positive.
         start_deg: f64,
     },
+    /// The current stroke of a rigid tap.
+    Tap,
 }
 
 /// What a function does when an activity that it asked for has ended.
@@ -126,6 +136,8 @@ pub(super) enum FunctionStep {
     RunThread,
     /// The pass is over.
     LeaveThread,
+    /// The stroke of a rigid tap is over.
+    LeaveTap,
     /// The vibrating section starts.
     OpenSection(SectionStart),
     /// The wait for the vibration is over: align to the grid.
@@ -203,6 +215,7 @@ impl Interpolator {
             }
             FunctionBarrier::EndSuperposition => self.align_then(After::Function(FunctionStep::EndSuperposition)),
             FunctionBarrier::Thread(_) => self.begin_thread(),
+            FunctionBarrier::Tap(_) => self.begin_tap(),
         }
     }
 
@@ -211,6 +224,7 @@ impl Interpolator {
         match step {
             FunctionStep::RunThread => self.run_thread(),
             FunctionStep::LeaveThread => self.leave_thread(),
+            FunctionStep::LeaveTap => self.leave_tap(),
             FunctionStep::OpenSection(condition) => self.open_section(condition),
             FunctionStep::SettleSection => self.settle_section(),
             FunctionStep::CloseSection => self.close_section(),
@@ -233,6 +247,7 @@ impl Interpolator {
         match kind {
             FunctionActivity::ThreadPreparation { line } => self.emit_preparation(block, start, first, line),
             FunctionActivity::Thread { start_deg } => self.emit_thread(block, start, first, activity, start_deg),
+            FunctionActivity::Tap => self.emit_tap(block, start, first, activity),
         }
     }
 
@@ -241,6 +256,7 @@ impl Interpolator {
         match kind {
             FunctionActivity::ThreadPreparation { .. } => self.share_preparation(),
             FunctionActivity::Thread { .. } => self.share_pass(activity.duration_s),
+            FunctionActivity::Tap => self.share_tap(),
         }
     }
 }

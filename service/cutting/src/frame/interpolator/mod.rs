@@ -12,6 +12,7 @@ mod clock;
 mod columns;
 mod feed_override;
 mod functions;
+mod tapping;
 mod threading;
 mod time_shares;
 mod vibrating;

@@ -52,6 +52,16 @@ impl TimeShares {
         self.limits.rest_s += duration_s - lead_s;
     }
 
+    /// A stroke of a rigid tap is cutting, at the feed of its spindle while that is constant.
+    pub(super) fn add_tap(&mut self, profile: Profile) {
+        let PhaseTimes { jerk_s, acceleration_s, cruise_s } =
+            ProfilePart::new(profile, 0.0, profile.length()).phase_times();
+        self.cutting_s += profile.duration();
+        self.limits.jerk_s += jerk_s;
+        self.limits.acceleration_s += acceleration_s;
+        self.limits.feed_s += cruise_s;
+    }
+
     pub(super) fn add_preparation(&mut self, profile: Profile) {
         let PhaseTimes { jerk_s, acceleration_s, cruise_s } =
             ProfilePart::new(profile, 0.0, profile.length()).phase_times();

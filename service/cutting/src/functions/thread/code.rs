@@ -96,6 +96,21 @@ feedwave_program::finding_codes! {
         example: words("a threading block of 1 mm with a lead of a picometre"),
     }
 
+    "THREAD-TAP-OVERRIDE" [THREAD_TAP_OVERRIDE: Info] {
+        meaning: "rigid taps, on which the feed override does not act",
+        cause: "`M29` with `G84` or `G74`, a profile with rigid tapping, or `G33.1`: the tool is bound to the spindle; feed hold \
+              acts before and behind a stroke.",
+        cure: "Nothing is needed; change the speed of the spindle where the tap is to run slower.",
+        example: mill("M29 S500\nG0 Z10\nG84 X0 Y0 Z-8 R2 F500\nG80\nM30"),
+    }
+
+    "THREAD-TAP-SPEED" [THREAD_TAP_SPEED: Info] {
+        meaning: "a stroke of a rigid tap that is too short for its spindle speed",
+        cause: "The limits of the axis let spindle and tool reach only a part of the speed before they have to slow down.",
+        cure: "Nothing is needed for the thread; write a lower speed where the cutting speed is to be as programmed.",
+        example: words("a tap of M3 that goes 1 mm deep at 5000 rev/min"),
+    }
+
     "THREAD-PULL-OUT" [THREAD_PULL_OUT: Error] {
         meaning: "the tool is pulled out over all of the thread",
         cause: "The chamfer of a cycle is as long as the thread, or the thread does not move along Z.",

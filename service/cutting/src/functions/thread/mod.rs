@@ -22,6 +22,7 @@ mod run_up;
 mod settings;
 mod state;
 mod superposition;
+mod tap;
 #[cfg(test)]
 mod tests;
 mod wave;
@@ -42,4 +43,5 @@ pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
 pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
+pub(crate) use tap::TapRun;
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

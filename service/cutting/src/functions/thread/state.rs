@@ -11,7 +11,7 @@ use super::code;
 use super::open_thread::OpenThread;
 use super::pass::{PassPath, ThreadBlock, peak_velocity};
 use super::{
-    MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, ThreadPath, ThreadRun,
+    MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, TapRun, ThreadPath, ThreadRun,
     ThreadSectionReport, ThreadVibrationSettings,
 };
 use crate::functions::switch::{Modal, Switch};
@@ -38,6 +38,8 @@ pub(crate) struct Threads {
     /// Blocks of one pass, as long as more may follow.
     blocks: Vec<ThreadBlock>,
     open: Option<Box<OpenThread>>,
+    /// That the feed override does not act on taps was said.
+    taps_reported: bool,
 }
 
 /// Vibration of threads is on.
@@ -239,6 +241,25 @@ impl Threads {
             if place.is_some() && place == analysis.wanted_pass {
                 analysis.wanted_path = Some(run.path.clone());
             }
+        }
+        Some(run)
+    }
+
+    /// A stroke of a rigid tap; nothing after a finding that forbids it.
+    pub(crate) fn tap(
+        &mut self,
+        stroke: &ThreadMove,
+        span: SourceSpan,
+        machine: &Machine,
+        findings: &mut FindingLog,
+    ) -> Option<TapRun> {
+        let run = TapRun::new(stroke, span, machine, findings)?;
+        if !std::mem::replace(&mut self.taps_reported, true) {
+            let message = "the feed override does not act on rigid taps: the tool is bound to the spindle";
+            findings.push(Finding::new(code::THREAD_TAP_OVERRIDE, span, message));
+        }
+        if let Some(finding) = run.speed_finding(stroke) {
+            findings.push(finding);
         }
         Some(run)
     }

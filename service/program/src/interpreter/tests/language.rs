@@ -349,10 +349,9 @@ fn unsupported_codes_are_one_finding_each() {
     );
     check(
         &mill(),
-        "G30 Z5.\nG81 X1 Y1 R2 Z-5 F100\nX2\nG80\nG41 D1 G1 X3 F10",
+        "G30 Z5.\nG41 D1 G1 X3 F10",
         "! 1:1+3 PRG-UNSUPPORTED-CODE
-         ! 2:1+3 PRG-UNSUPPORTED-CODE
-         ! 5:5+2 PRG-COMP-NUMBER",
+         ! 2:5+2 PRG-COMP-NUMBER",
     );
 }
 

@@ -329,7 +329,6 @@ fn words_of_g76_that_are_refused() {
     refused("G76 P0 Z-5. I-1. J.1 K.9", "! 3:5+2 PRG-THREAD-LEAD");
     refused("G76 P2. Z5. I-1. J.1 K.9", "! 3:1+24 PRG-THREAD-TRAVEL");
     refused("G17 G76 P2. Z-5. I-1. J.1 K.9", "! 3:1+29 PRG-THREAD-CYCLE-FORM");
-    check(&mill(), "G76 X1 Z1", "! 1:1+3 PRG-UNSUPPORTED-CODE");
 }
 
 #[test]

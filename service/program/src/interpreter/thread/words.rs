@@ -15,7 +15,7 @@ pub(super) const AMOUNTS_MM: RangeInclusive<f64> = 0.0..=100.0;
 
 impl Execution<'_> {
     /// A length that is counted in least increments without a decimal point whatever the machine's rule, mm.
-    pub(super) fn thousandths(&self, word: &Word) -> f64 {
+    pub(in super::super) fn thousandths(&self, word: &Word) -> f64 {
         let value = word.number.value();
         match (word.number.has_point(), self.state.inch) {
             (true, true) => value * MM_PER_INCH,
