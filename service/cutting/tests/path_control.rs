@@ -192,7 +192,7 @@ fn corners_are_passed_with_the_velocity_step_that_the_machine_permits() {
     for axis in &mut config.profile.machine.axes {
         axis.max_velocity_step_per_s = 10.0;
     }
-    let program = "G17 G21 G90 M3 S3000 F3000. G61\nG1 X20.\nY20.\nX0.\nY0.\nM30\n";
+    let program = "G17 G21 G90 M3 S3000 F3000.\nG1 X20.\nY20.\nX0.\nY0.\nM30\n";
     let passing = run(program, &config);
     let resting = run(program, &mill());
     assert!(passing.len() + 5 < resting.len(), "{} of {}", passing.len(), resting.len());

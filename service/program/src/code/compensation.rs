@@ -98,7 +98,7 @@ crate::finding_codes! {
         cause: "The path of the tool along one block does not meet the one along the next: the corner is narrower than the \
               tool.",
         cure: "Use a smaller tool, or round the corner.",
-        example: linuxcnc("G0 X-20 Y0\nG42.1 D9 G1 X0 Y0 F100\nG3 X10 R5\nG1 X9 Y20\nG40 G0 X40\nM2"),
+        example: words("An arc and a line whose paths beside the tool pass each other"),
     }
 
     "PRG-COMP-BACKWARDS" [COMP_BACKWARDS: Error] {
