@@ -80,7 +80,8 @@ fn operations(blocks: &[String], rules: CompensationRules) -> Vec<Operation> {
 
 fn benchmark(criterion: &mut Criterion) {
     let fanuc = CompensationRules::Fanuc { entry: CompensationEntry::A, corner: CompensationCorner::Linear };
-    let programs: [(&str, fn(&mut Vec<String>), CompensationRules); 3] = [
+    type Write = fn(&mut Vec<String>);
+    let programs: [(&str, Write, CompensationRules); 3] = [
         ("rounded linuxcnc", rounded, CompensationRules::LinuxCnc),
         ("rounded fanuc", rounded, fanuc),
         ("wavy fanuc", wavy, fanuc),

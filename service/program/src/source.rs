@@ -91,7 +91,7 @@ impl SourcePages {
             let (now, later) = bytes.split_at(space.min(bytes.len()));
             let continued = |page: &&mut Page| page.start.program == wanted.program && page.end() == wanted.offset;
             match self.pages.iter_mut().find(continued) {
-                Some(page) if wanted.offset % PAGE_BYTES != 0 => page.bytes.extend_from_slice(now),
+                Some(page) if !wanted.offset.is_multiple_of(PAGE_BYTES) => page.bytes.extend_from_slice(now),
                 _ => self.add_page(wanted, now),
             }
             self.wanted.offset += now.len() as u64;
@@ -135,7 +135,8 @@ impl SourcePages {
         }
         let continues = |page: &Page| page.start.program == place.program && page.end() == place.offset;
         self.wanted = place;
-        if self.wanted.offset % PAGE_BYTES != 0 && !self.pages.iter().any(continues) && !self.pages.is_empty() {
+        if !self.wanted.offset.is_multiple_of(PAGE_BYTES) && !self.pages.iter().any(continues) && !self.pages.is_empty()
+        {
             self.wanted.offset -= place.offset % PAGE_BYTES;
         }
         None

@@ -164,7 +164,7 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     for (level, tolerance_mm) in language.contour_tolerances_mm.iter().enumerate() {
         if !(0.0..=MAX_PATH_TOLERANCE_MM).contains(tolerance_mm) {
             let message = format!("must lie between 0 and {MAX_PATH_TOLERANCE_MM}, is {tolerance_mm}");
-            problems.push(problem(&format!("contour_tolerances_mm[{level}]"), message));
+            problems.push(problem(format!("contour_tolerances_mm[{level}]"), message));
         }
     }
     let drilling = &language.drilling;
