@@ -35,7 +35,7 @@ fn what_a_dialect_carries_out_itself() {
         (1.0, true, true),
         (33.0, true, true),
         (76.0, true, true),
-        (99.0, true, false),
+        (99.0, true, true),
         (43.4, false, true),
         (200.0, false, false),
     ] {
