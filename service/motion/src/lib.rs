@@ -29,6 +29,6 @@ pub use planner::{
     Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
 pub use profile::{PhaseTimes, Profile, ProfilePart};
-pub use smoothing::{Carried, PathSmoother, Smoothed};
+pub use smoothing::{Carried, Joining, PathSmoother, Smoothed};
 pub use tolerance::TANGENT_TOLERANCE_RAD;
 pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

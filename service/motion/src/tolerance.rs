@@ -175,3 +175,49 @@ pub(crate) const SAME_START_RAD: f64 = 1e-8;
 pub(crate) const SAME_START_MM: f64 = 1e-5;
 /// Coefficients of a five-axis element's polynomials below this are left out, mm and degrees.
 pub(crate) const FIVE_AXIS_NOTHING: f64 = 1e-15;
+
+/// First scale of the fit of a curve as a share of the reach at a place: a corner is then left by 0.87 of the tolerance.
+pub(crate) const CURVE_SCALE_SHARE: f64 = 0.65;
+/// Distance of a curve's knots as a share of the reach: half of the scale, so that the knots hardly bind the curve.
+pub(crate) const CURVE_KNOT_SHARE: f64 = 0.33;
+/// Longest reach, mm: beyond it a curve is passed at any speed that a machine has.
+pub(crate) const CURVE_MOST_REACH_MM: f64 = 6.0;
+/// Most turns that the reach at a place is taken from.
+pub(crate) const CURVE_TURNS_SEEN: usize = 256;
+/// Parts of an arc whose turns are counted each, rad.
+pub(crate) const CURVE_ARC_STEP_RAD: f64 = 0.05;
+/// Least spans of a curve: three coefficients are given at each end, and some have to be free.
+pub(crate) const CURVE_LEAST_SPANS: usize = 8;
+/// Part of the tolerance that a curve may use where a window starts, and where it ends: what is fitted again in the next
+/// window, then farther ahead, has room for what differs.
+pub(crate) const CURVE_FIRST_SHARE: f64 = 0.98;
+/// See [`CURVE_FIRST_SHARE`].
+pub(crate) const CURVE_LAST_SHARE: f64 = 0.88;
+/// Most rounds of the fit.
+pub(crate) const CURVE_ROUNDS: usize = 24;
+/// Largest change of the fit's scale along the path: a fit knows little of what is some scales away.
+pub(crate) const CURVE_SCALE_GRADE: f64 = 0.3;
+/// Most knots of a window.
+pub(crate) const CURVE_KNOTS: usize = 64;
+/// Part of a window's knots that is settled by its fit; the rest is what the settled part has to know.
+pub(crate) const CURVE_SETTLED_SHARE: f64 = 0.7;
+/// Most blocks of a window.
+pub(crate) const CURVE_BLOCKS: usize = 512;
+/// Largest part of what two neighbouring corners ask of an element that it may fall short of without being part of one curve
+/// over both.
+pub(crate) const CURVE_LINK_SHARE: f64 = 0.8;
+/// Longest reach of a corner into an element, mm; see [`CURVE_MOST_REACH_MM`].
+pub(crate) const CURVE_MOST_END_MM: f64 = 10.0;
+/// Deviation of the curve through a step of curvature Δκ that reaches d to both sides, as a share of Δκ·d².
+pub(crate) const RAMP_DEVIATION: f64 = 0.0107;
+/// Steps of direction and of curvature, 1/mm, below this need no ramp.
+pub(crate) const LEAST_RAMP: f64 = 1e-5;
+/// Largest angle that an element turns in the length cut from it for a ramp of curvature, rad.
+pub(crate) const LARGEST_RAMP_TURN_RAD: f64 = 0.8;
+/// Longest reach of a corner into a bent element as a multiple of √(tolerance/curvature): a ramp from straight takes ten.
+pub(crate) const CURVE_MOST_END_REACH: f64 = 12.0;
+/// Least part of the tolerance that merging has to leave for a corner.
+pub(crate) const LEAST_CURVE_SHARE: f64 = 0.1;
+/// Least tolerance, mm, within which many blocks become one curve: with less, its knots would be nearer than positions are
+/// rounded.
+pub(crate) const LEAST_CURVE_TOLERANCE_MM: f64 = 1e-5;

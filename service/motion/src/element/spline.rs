@@ -125,12 +125,22 @@ impl Spline {
     /// `None` where they do not hang together, do not move, hold a number that is not finite, or have a cusp.
     #[must_use]
     pub fn from_polynomial_spans(spans: &[[[f64; 3]; 6]]) -> Option<Self> {
+        Self::from_control_points(spans)
+    }
+
+    /// [`Spline::from_polynomial_spans`] of degree 3.
+    #[must_use]
+    pub fn from_cubic_spans(spans: &[[[f64; 3]; 4]]) -> Option<Self> {
+        Self::from_control_points(spans)
+    }
+
+    fn from_control_points<const POINTS: usize>(spans: &[[[f64; 3]; POINTS]]) -> Option<Self> {
         let origin = spans.first()?[0];
         let beziers = spans
             .iter()
             .map(|points| Bezier::new(&points.map(|[x, y, z]| [x - origin[0], y - origin[1], z - origin[2], 1.0])));
         let same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_POINT_MM);
-        if !spans.windows(2).all(|pair| same(&pair[0][5], &pair[1][0])) {
+        if !spans.windows(2).all(|pair| same(&pair[0][POINTS - 1], &pair[1][0])) {
             return None;
         }
         Self::from_spans(&origin, beziers)

@@ -37,8 +37,9 @@ use feedwave_program::Axis;
 
 use super::vector::{Vector, difference, dot, linear, norm, scaled, sum};
 use crate::tolerance::{
-    CORNER_HALF_SAMPLES, LARGEST_CORNER_TURN_RAD, LEAST_CORNER_COSINE, LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES,
-    SAME_POINT_MM, TANGENT_TOLERANCE_RAD, UNUSED_TOLERANCE_MM, USED_SAMPLED_TOLERANCE,
+    CORNER_HALF_SAMPLES, CURVE_MOST_END_MM, LARGEST_CORNER_TURN_RAD, LARGEST_RAMP_TURN_RAD, LEAST_CORNER_COSINE,
+    LEAST_CORNER_CUT_MM, LEAST_RAMP, MAX_CORNER_TRIES, RAMP_DEVIATION, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
+    UNUSED_TOLERANCE_MM, USED_SAMPLED_TOLERANCE,
 };
 use crate::{Curve, Element};
 
@@ -143,10 +144,46 @@ pub(super) fn between_lines(
     (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape })
 }
 
+/// Length cut for a corner between lines whose unit directions differ by `kink`, mm.
+pub(super) fn reach_mm(kink: f64, tolerance_mm: f64) -> f64 {
+    let half_sine = 0.5 * kink;
+    tolerance_mm / (Shape::of(half_sine).deviation() * half_sine)
+}
+
+/// Differences of the directions and of the curvature vectors where two elements meet, and the cosine of the deflection; `None`
+/// where they are farther apart than `gap_mm`.
+pub(super) fn steps(before: &Element, after: &Element, gap_mm: f64) -> Option<(f64, f64, f64)> {
+    let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
+    let kink = norm(difference(to.tangent, from.tangent));
+    let bend = norm(difference(to.curvature, from.curvature));
+    (norm(difference(to.point, from.point)) <= gap_mm).then(|| (kink, bend, dot(from.tangent, to.tangent)))
+}
+
+/// Largest curvature of two elements where they meet, 1/mm.
+pub(super) fn largest_curvature(before: &Element, after: &Element) -> f64 {
+    let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
+    norm(from.curvature).max(norm(to.curvature))
+}
+
 /// How to round the corner between two elements; `None` where it has to stay.
 ///
-/// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut.
+/// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut. Tangent
+/// elements stay; see [`rounding_or_ramp`].
 pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64) -> Option<Rounding> {
+    fitted(before, after, tolerance_mm, most_cut_mm, false)
+}
+
+/// [`rounding`], where tangent elements are joined by a ramp of curvature.
+pub(super) fn rounding_or_ramp(
+    before: &Element,
+    after: &Element,
+    tolerance_mm: f64,
+    most_cut_mm: f64,
+) -> Option<Rounding> {
+    fitted(before, after, tolerance_mm, most_cut_mm, true)
+}
+
+fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64, ramps: bool) -> Option<Rounding> {
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     if norm(difference(to.point, from.point)) > SAME_POINT_MM {
         return None;
@@ -154,19 +191,26 @@ pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, mos
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let kink = norm(difference(to.tangent, from.tangent));
     // A direction that is no number is refused as well.
-    let is_corner = kink > TANGENT_TOLERANCE_RAD && dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
-    if !is_corner {
+    let goes_on = dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
+    let bend = norm(difference(to.curvature, from.curvature));
+    let is_bend = ramps && (kink > LEAST_RAMP || bend > LEAST_RAMP);
+    if !goes_on || !(kink > TANGENT_TOLERANCE_RAD || is_bend) {
         return None;
     }
+    let most_cut_mm = if kink > TANGENT_TOLERANCE_RAD { most_cut_mm } else { most_cut_mm.min(CURVE_MOST_END_MM) };
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
         return between_lines(before, after, tolerance_mm, most_cut_mm);
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
     let shape = Shape::of(0.5 * kink);
-    let for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
+    let mut for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
+    if kink <= TANGENT_TOLERANCE_RAD {
+        for_lines = for_lines.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());
+    }
     let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape });
     let curvature = norm(from.curvature).max(norm(to.curvature));
-    let most_cut_mm = most_cut_mm.min(LARGEST_CORNER_TURN_RAD / curvature);
+    let most_turn_rad = if ramps { LARGEST_RAMP_TURN_RAD } else { LARGEST_CORNER_TURN_RAD };
+    let most_cut_mm = most_cut_mm.min(most_turn_rad / curvature);
     let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;
     let mut good: Option<Rounding> = None;
     let mut bad = f64::INFINITY;

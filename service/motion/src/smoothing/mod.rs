@@ -7,26 +7,34 @@
 //!
 //! A corner is rounded where two cutting elements of one work offset meet, moving X, Y and Z only, or both under tool centre
 //! point control with the tool centre point in motion, and the block before it asks for continuous path control. It stays where the direction turns by more than 170°, where the
-//! elements are too short, and at the ends of everything else. Where the elements are tangent already there is
-//! nothing to round.
+//! elements are too short, and at the ends of everything else.
 //!
-//! Smoothing looks ahead one element, or one run of mergeable lines, and keeps nothing else.
+//! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
+//! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
+//!
+//! Smoothing looks ahead over one run of mergeable lines and one window of the curve, and keeps nothing else.
 
 mod corner;
+mod curve;
 mod guided;
+mod joint;
 mod merge;
 #[cfg(test)]
 mod test_path;
 mod trim;
 mod vector;
 
+use std::collections::VecDeque;
+
 use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
+use self::curve::Open;
+use self::joint::Joint;
 use self::vector::Vector;
 use crate::kinematics::FiveAxisCorners;
-use crate::tolerance::{CORNER_SHARE, MAX_MERGED_POINTS, MERGING_SHARE};
-use crate::{Curve, Element, Spline};
+use crate::tolerance::{CORNER_SHARE, LEAST_CURVE_SHARE, MAX_MERGED_POINTS, MERGING_SHARE};
+use crate::{Curve, Element, Machine, Spline};
 
 /// What belongs to an element besides its path, such as its feed. Lines are merged where it is equal.
 pub trait Carried: Clone + PartialEq {
@@ -55,8 +63,20 @@ pub struct PathSmoother<T> {
     run: Option<Entry<T>>,
     /// Ends of the blocks within the run, mm, work coordinates.
     between: Vec<Vector>,
-    /// The element whose end may be cut back for the corner to the next.
-    held: Option<Entry<T>>,
+    /// Elements whose ends may be cut back for the corners to the next, in order.
+    pending: VecDeque<Entry<T>>,
+    /// The curve over many of them that has been begun.
+    open: Option<Open>,
+}
+
+/// How the corners of a path are passed.
+#[derive(Clone, Copy, Debug)]
+pub struct Joining<'a> {
+    /// Whose travel a curve over many blocks does not leave.
+    pub machine: &'a Machine,
+    /// Whether short blocks become one curve and tangent elements meet in ramps of curvature; otherwise each corner is
+    /// rounded by itself, as far as its elements leave room.
+    pub many_blocks: bool,
 }
 
 /// An element in the smoother.
@@ -71,18 +91,31 @@ struct Entry<T> {
     merged_within_mm: f64,
     /// Length before its start was cut back, mm.
     full_length_mm: f64,
+    /// Whether its start was cut back.
+    start_is_cut: bool,
+    /// Whether it may become part of a curve over many blocks.
+    joins: bool,
+    /// Where it meets the next one.
+    joint: Joint,
 }
 
 impl<T> Default for PathSmoother<T> {
     fn default() -> Self {
-        Self { run: None, between: Vec::new(), held: None }
+        Self { run: None, between: Vec::new(), pending: VecDeque::new(), open: None }
     }
 }
 
 impl<T: Carried> PathSmoother<T> {
     /// Adds the next element and gives on what is settled by it. Corners between five-axis elements stay.
-    pub fn push(&mut self, element: Element, control: PathControl, carried: T, emit: &mut impl FnMut(Smoothed<T>)) {
-        self.push_next(element, control, carried, None, emit);
+    pub fn push(
+        &mut self,
+        element: Element,
+        control: PathControl,
+        carried: T,
+        joining: Joining<'_>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
+        self.push_next(element, control, carried, joining, None, emit);
     }
 
     /// [`PathSmoother::push`] of an element under tool centre point control.
@@ -91,10 +124,11 @@ impl<T: Carried> PathSmoother<T> {
         element: Element,
         control: PathControl,
         carried: T,
+        joining: Joining<'_>,
         corners: FiveAxisCorners<'_>,
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
-        self.push_next(element, control, carried, Some(corners), emit);
+        self.push_next(element, control, carried, joining, Some(corners), emit);
     }
 
     fn push_next(
@@ -102,28 +136,40 @@ impl<T: Carried> PathSmoother<T> {
         element: Element,
         control: PathControl,
         carried: T,
+        joining: Joining<'_>,
         corners: Option<FiveAxisCorners<'_>>,
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
         let full_length_mm = element.length;
-        let next = Entry { element, control, carried, blocks: 1, merged_within_mm: 0.0, full_length_mm };
+        let joins = joining.many_blocks && corners.is_none();
+        let (start_is_cut, joint) = (false, Joint::Unknown);
+        let merged_within_mm = 0.0;
+        let next = Entry {
+            element,
+            control,
+            carried,
+            blocks: 1,
+            merged_within_mm,
+            full_length_mm,
+            start_is_cut,
+            joins,
+            joint,
+        };
         if self.merge(&next) {
             return;
         }
-        self.end_run(emit);
+        self.end_run(joining, emit);
         if next.merge_tolerance_mm().is_some() {
             self.run = Some(next);
         } else {
-            self.join(next, corners, emit);
+            self.join(next, joining, corners, emit);
         }
     }
 
     /// Gives on everything that is held: the last end point stays exact.
-    pub fn flush(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
-        self.end_run(emit);
-        if let Some(held) = self.held.take() {
-            emit(held.finish());
-        }
+    pub fn flush(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
+        self.end_run(joining, emit);
+        self.advance(true, joining, None, emit);
     }
 
     /// Merges a line into the present run; `false` where it does not belong to it.
@@ -132,6 +178,7 @@ impl<T: Carried> PathSmoother<T> {
         let Some(tolerance_mm) = run.merge_tolerance_mm() else { return false };
         let alike = next.merge_tolerance_mm() == Some(tolerance_mm)
             && next.control == run.control
+            && next.joins == run.joins
             && next.carried == run.carried
             && next.element.work_offset == run.element.work_offset
             && next.element.start == run.element.end;
@@ -153,26 +200,69 @@ impl<T: Carried> PathSmoother<T> {
         true
     }
 
-    fn end_run(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
+    fn end_run(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         self.between.clear();
         if let Some(run) = self.run.take() {
-            self.join(run, None, emit);
+            self.join(run, joining, None, emit);
         }
     }
 
-    /// Settles the corner from the element held to the next one.
-    fn join(&mut self, mut next: Entry<T>, corners: Option<FiveAxisCorners<'_>>, emit: &mut impl FnMut(Smoothed<T>)) {
-        if let Some(mut held) = self.held.take() {
-            let corner = held.round_corner(&mut next, corners);
-            emit(held.finish());
-            if let Some(corner) = corner {
-                emit(corner);
+    /// Takes the next element and gives on what is settled by it.
+    fn join(
+        &mut self,
+        next: Entry<T>,
+        joining: Joining<'_>,
+        corners: Option<FiveAxisCorners<'_>>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
+        if let Some(before) = self.pending.back_mut() {
+            before.joint = before.joint_to(&next);
+        }
+        self.pending.push_back(next);
+        self.advance(false, joining, corners, emit);
+    }
+
+    /// Gives on what is settled.
+    fn advance(
+        &mut self,
+        is_last: bool,
+        joining: Joining<'_>,
+        corners: Option<FiveAxisCorners<'_>>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
+        loop {
+            if self.open.is_some() {
+                if !self.advance_curve(is_last, joining, emit) {
+                    return;
+                }
+                continue;
+            }
+            let Some(front) = self.pending.front() else { return };
+            if self.pending.len() == 1 {
+                if is_last || front.corner_tolerance_mm().is_none() {
+                    emit(self.pending.remove(0).expect("one is held").finish());
+                }
+                return;
+            }
+            let goes_on = match front.joint {
+                Joint::Corner { .. } => self.goes_on_over(1, is_last),
+                Joint::Unknown | Joint::Fixed => Some(false),
+            };
+            match goes_on {
+                None => return,
+                Some(true) => self.open_curve(emit),
+                Some(false) => self.round_front(corners, emit),
             }
         }
-        if next.corner_tolerance_mm().is_some() {
-            self.held = Some(next);
-        } else {
-            emit(next.finish());
+    }
+
+    /// Gives on the first element and the curve at its corner to the next, if it has one.
+    fn round_front(&mut self, corners: Option<FiveAxisCorners<'_>>, emit: &mut impl FnMut(Smoothed<T>)) {
+        let Some(mut front) = self.pending.pop_front() else { return };
+        let corner = self.pending.front_mut().and_then(|next| front.round_corner(next, corners));
+        emit(front.finish());
+        if let Some(corner) = corner {
+            emit(corner);
         }
     }
 }
@@ -210,6 +300,27 @@ impl<T: Carried> Entry<T> {
         }
     }
 
+    /// What the corner to the next element asks for.
+    fn joint_to(&self, next: &Self) -> Joint {
+        let Some(tolerance_mm) = self.corner_tolerance_mm() else { return Joint::Fixed };
+        let may_be_passed = next.is_smoothable()
+            && self.element.work_offset == next.element.work_offset
+            && self.carried.at_corner(&next.carried).is_some();
+        if !may_be_passed {
+            return Joint::Fixed;
+        }
+        let left_mm = tolerance_mm - self.merged_within_mm.max(next.merged_within_mm);
+        // Another control may have merged more behind it.
+        let is_enough = left_mm >= LEAST_CURVE_SHARE * tolerance_mm;
+        if !is_enough {
+            return Joint::Fixed;
+        }
+        if matches!(self.element.curve, Curve::FiveAxis(_)) {
+            return Joint::Corner { reach_mm: 0.0, kink: 0.0 };
+        }
+        Joint::between(&self.element, &next.element, left_mm)
+    }
+
     /// Cuts this element and the next one back for the curve between them.
     fn round_corner(&mut self, next: &mut Self, corners: Option<FiveAxisCorners<'_>>) -> Option<Smoothed<T>> {
         let tolerance_mm = self.corner_tolerance_mm()? - self.merged_within_mm.max(next.merged_within_mm);
@@ -226,7 +337,8 @@ impl<T: Carried> Entry<T> {
             (self.element, next.element) = (before, after);
             return Some(Smoothed { element, carried, blocks: 0, rest_at_end: false });
         }
-        let rounding = corner::rounding(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
+        let fitted = if self.joins && next.joins { corner::rounding_or_ramp } else { corner::rounding };
+        let rounding = fitted(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
         let before = self.element.part(0.0, self.element.length - rounding.cut_mm)?;
         let after = next.element.part(rounding.cut_mm, next.element.length)?;
         let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
@@ -234,11 +346,16 @@ impl<T: Carried> Entry<T> {
         let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
         self.element = before;
         next.element = after;
+        next.start_is_cut = true;
         Some(Smoothed { element, carried, blocks: 0, rest_at_end: false })
     }
 
+    fn rests_at_end(&self) -> bool {
+        self.control == PathControl::ExactStop
+    }
+
     fn finish(self) -> Smoothed<T> {
-        let rest_at_end = self.control == PathControl::ExactStop;
+        let rest_at_end = self.rests_at_end();
         Smoothed { element: self.element, carried: self.carried, blocks: self.blocks, rest_at_end }
     }
 }

@@ -7,7 +7,7 @@ use super::*;
 
 /// Feed, mm/min; the curve at a corner has the slower one, and 0 keeps every corner.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Cut(f64);
+pub(super) struct Cut(pub(super) f64);
 
 impl Carried for Cut {
     fn at_corner(&self, next: &Self) -> Option<Self> {
@@ -16,14 +16,19 @@ impl Carried for Cut {
     }
 }
 
-const fn within(tolerance_mm: f64, merge_tolerance_mm: f64) -> PathControl {
+pub(super) const fn within(tolerance_mm: f64, merge_tolerance_mm: f64) -> PathControl {
     PathControl::Continuous { tolerance_mm, merge_tolerance_mm }
 }
 
-type Block = (Element, PathControl, Cut);
+/// Each corner by itself.
+const fn each_corner(machine: &Machine) -> Joining<'_> {
+    Joining { machine, many_blocks: false }
+}
+
+pub(super) type Block = (Element, PathControl, Cut);
 
 /// Blocks on lines 1, 2, 3... with one control.
-fn blocks(elements: Vec<Element>, control: PathControl) -> Vec<Block> {
+pub(super) fn blocks(elements: Vec<Element>, control: PathControl) -> Vec<Block> {
     let number = |(mut element, line): (Element, u32)| {
         element.source = SourceSpan { line, column: 1, length: 1, ..SourceSpan::default() };
         (element, control, Cut(100.0))
@@ -32,12 +37,13 @@ fn blocks(elements: Vec<Element>, control: PathControl) -> Vec<Block> {
 }
 
 fn smooth(blocks: &[Block]) -> Vec<Smoothed<Cut>> {
+    let mill = Machine::mill();
     let mut smoother = PathSmoother::default();
     let mut smoothed = Vec::new();
     for (element, control, cut) in blocks {
-        smoother.push(element.clone(), *control, *cut, &mut |element| smoothed.push(element));
+        smoother.push(element.clone(), *control, *cut, each_corner(&mill), &mut |element| smoothed.push(element));
     }
-    smoother.flush(&mut |element| smoothed.push(element));
+    smoother.flush(each_corner(&mill), &mut |element| smoothed.push(element));
     assert_eq!(smoother, PathSmoother::default(), "nothing is left behind");
     smoothed
 }
@@ -51,10 +57,11 @@ fn sides() -> Vec<Element> {
 #[test]
 fn exact_path_goes_straight_through() {
     for (control, rest_at_end) in [(PathControl::ExactPath, false), (PathControl::ExactStop, true)] {
+        let mill = Machine::mill();
         let mut smoother = PathSmoother::default();
         for (element, control, cut) in blocks(sides(), control) {
             let mut smoothed = Vec::new();
-            smoother.push(element.clone(), control, cut, &mut |element| smoothed.push(element));
+            smoother.push(element.clone(), control, cut, each_corner(&mill), &mut |element| smoothed.push(element));
             assert_eq!(smoothed, [Smoothed { element, carried: cut, blocks: 1, rest_at_end }]);
         }
         assert_eq!(smoother, PathSmoother::default());
@@ -115,11 +122,12 @@ fn corners_stay_exact_where_they_must() {
 #[test]
 fn flushing_between_keeps_the_corner() {
     let square = blocks(sides(), within(0.01, 0.01));
+    let mill = Machine::mill();
     let mut smoother = PathSmoother::default();
     let mut smoothed = Vec::new();
     for (element, control, cut) in square.iter().cloned() {
-        smoother.push(element, control, cut, &mut |element| smoothed.push(element));
-        smoother.flush(&mut |element| smoothed.push(element));
+        smoother.push(element, control, cut, each_corner(&mill), &mut |element| smoothed.push(element));
+        smoother.flush(each_corner(&mill), &mut |element| smoothed.push(element));
     }
     assert!(smoothed.iter().map(|smoothed| &smoothed.element).eq(square.iter().map(|(element, ..)| element)));
 }
@@ -132,7 +140,7 @@ fn the_corner_has_what_belongs_to_both_blocks() {
     assert_eq!(feeds, [100.0, 50.0, 50.0, 50.0, 100.0]);
 }
 
-fn polyline(points: &[Vector]) -> Vec<Element> {
+pub(super) fn polyline(points: &[Vector]) -> Vec<Element> {
     points.windows(2).map(|pair| line(pair[0], pair[1])).collect()
 }
 
@@ -174,13 +182,14 @@ fn only_blocks_alike_are_merged() {
 #[test]
 fn a_run_is_bounded() {
     let points: Vec<Vector> = (0..=2_000).map(|k| [f64::from(k), 0.0, 0.0]).collect();
+    let mill = Machine::mill();
     let mut smoother = PathSmoother::default();
     let mut smoothed = Vec::new();
     for (element, control, cut) in blocks(polyline(&points), within(0.01, 0.01)) {
-        smoother.push(element, control, cut, &mut |element| smoothed.push(element));
+        smoother.push(element, control, cut, each_corner(&mill), &mut |element| smoothed.push(element));
         assert!(smoother.between.len() <= MAX_MERGED_POINTS);
     }
-    smoother.flush(&mut |element| smoothed.push(element));
+    smoother.flush(each_corner(&mill), &mut |element| smoothed.push(element));
     assert_eq!(smoothed.iter().map(|smoothed| smoothed.blocks).collect::<Vec<_>>(), [513, 513, 513, 461]);
 }
 
@@ -192,7 +201,7 @@ fn rapids_and_rotary_blocks_are_not_merged() {
 }
 
 /// Distance from a point to the nearest of the elements, by samples refined around the nearest.
-fn distance_to(elements: &[Element], point: Vector) -> f64 {
+pub(super) fn distance_to(elements: &[Element], point: Vector) -> f64 {
     let to = |element: &Element| {
         let at = |s: f64| norm(difference(linear(&element.position(s)), point));
         if element.curve == Curve::Line {
@@ -209,7 +218,20 @@ fn distance_to(elements: &[Element], point: Vector) -> f64 {
         }
         at(0.5 * (low + high))
     };
-    elements.iter().map(to).fold(f64::INFINITY, f64::min)
+    // An element comes no nearer than its start less its length.
+    let mut by_start: Vec<(f64, &Element)> = elements
+        .iter()
+        .map(|element| (norm(difference(linear(&element.start), point)) - element.length, element))
+        .collect();
+    by_start.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut nearest = f64::INFINITY;
+    for (least, element) in by_start {
+        if least >= nearest {
+            break;
+        }
+        nearest = nearest.min(to(element));
+    }
+    nearest
 }
 
 fn assert_smooth(original: &[Element], smoothed: &[Smoothed<Cut>], tolerance_mm: f64) -> Result<(), TestCaseError> {
@@ -293,13 +315,14 @@ proptest! {
             block.1 = control;
         }
         let mut stored = Vec::new();
-        let mut smoother = PathSmoother::default();
+        let mill = Machine::mill();
+    let mut smoother = PathSmoother::default();
         for (element, control, cut) in &blocks {
             let bytes = postcard::to_stdvec(&smoother).expect("plain data");
             smoother = postcard::from_bytes(&bytes).expect("just written");
-            smoother.push(element.clone(), *control, *cut, &mut |element| stored.push(element));
+            smoother.push(element.clone(), *control, *cut, each_corner(&mill), &mut |element| stored.push(element));
         }
-        smoother.flush(&mut |element| stored.push(element));
+        smoother.flush(each_corner(&mill), &mut |element| stored.push(element));
         prop_assert_eq!(stored, smooth(&blocks));
     }
 }

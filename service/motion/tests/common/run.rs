@@ -1,8 +1,8 @@
 //! From a program to the path that is run, and to its time.
 
 use feedwave_motion::{
-    Carried, Element, Machine, MotionRequest, PathMotion, PathSmoother, Planned, Planner, PlannerSettings, Smoothed,
-    limit_pieces, stretches,
+    Carried, Element, Joining, Machine, MotionRequest, PathMotion, PathSmoother, Planned, Planner, PlannerSettings,
+    Smoothed, limit_pieces, stretches,
 };
 use feedwave_program::{Feed, PathControl, Spindle};
 
@@ -30,12 +30,19 @@ pub fn within(tolerance_mm: f64) -> PathControl {
 /// The path as it is run under this path control.
 #[must_use]
 pub fn smoothed(program: &Program, control: PathControl) -> Vec<Smoothed<Cut>> {
+    smoothed_elements(program.elements(), control, &super::machine())
+}
+
+/// [`smoothed`] of elements, within the travel of a machine.
+#[must_use]
+pub fn smoothed_elements(elements: Vec<Element>, control: PathControl, machine: &Machine) -> Vec<Smoothed<Cut>> {
+    let joining = Joining { machine, many_blocks: true };
     let mut smoother = PathSmoother::default();
     let mut run = Vec::new();
-    for element in program.elements() {
-        smoother.push(element, control, Cut, &mut |smoothed| run.push(smoothed));
+    for element in elements {
+        smoother.push(element, control, Cut, joining, &mut |smoothed| run.push(smoothed));
     }
-    smoother.flush(&mut |smoothed| run.push(smoothed));
+    smoother.flush(joining, &mut |smoothed| run.push(smoothed));
     run
 }
 

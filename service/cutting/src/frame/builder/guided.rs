@@ -49,11 +49,13 @@ impl Builder {
             analysis.cutting_moves += u64::from(cutting);
         }
         let corners = guide.corners(&config.guide_inputs());
+        let joining = self.joining(config);
         for element in motion.elements {
             check_travel(&element, &config.profile.machine, findings);
             let cut = Cut::of(mv, &element);
             let (control, smoothed) = (mv.path_control, &mut self.smoothed);
-            self.state.smoother.push_guided(element, control, cut, corners, &mut |element| smoothed.push(element));
+            let mut take = |element| smoothed.push(element);
+            self.state.smoother.push_guided(element, control, cut, joining, corners, &mut take);
         }
         self.run_smoothed(config, planner, findings);
     }

@@ -9,7 +9,7 @@ mod threads;
 use std::collections::BTreeSet;
 
 use feedwave_motion::{
-    Element, LimitExceeded, Machine, MotionRequest, PathLimits, PathSmoother, Planner, Smoothed, missing_axis,
+    Element, Joining, LimitExceeded, Machine, MotionRequest, PathLimits, PathSmoother, Planner, Smoothed, missing_axis,
     stretches,
 };
 use feedwave_program::{
@@ -111,7 +111,8 @@ impl Builder {
 
     /// Plans what path smoothing holds back.
     pub(crate) fn flush(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>, findings: &mut FindingLog) {
-        self.state.smoother.flush(&mut |smoothed| self.smoothed.push(smoothed));
+        let joining = self.joining(config);
+        self.state.smoother.flush(joining, &mut |smoothed| self.smoothed.push(smoothed));
         self.run_smoothed(config, planner, findings);
     }
 
@@ -252,14 +253,22 @@ impl Builder {
             analysis.cutting_moves += u64::from(cutting);
         }
         let cut = Cut::of(mv, &element);
+        let joining = self.joining(config);
         let mut parts = element.smooth_parts().into_iter().peekable();
         while let Some(part) = parts.next() {
             // The block stops at its own end only.
             let stops_within = parts.peek().is_some() && mv.path_control == PathControl::ExactStop;
             let control = if stops_within { PathControl::ExactPath } else { mv.path_control };
-            self.state.smoother.push(part, control, cut, &mut |smoothed| self.smoothed.push(smoothed));
+            self.state.smoother.push(part, control, cut, joining, &mut |smoothed| self.smoothed.push(smoothed));
         }
         self.run_smoothed(config, planner, findings);
+    }
+
+    /// How corners are passed. What is superposed is shaped by the programmed blocks and their corners.
+    fn joining<'a>(&self, config: &'a PipelineConfig) -> Joining<'a> {
+        let functions = &self.state.functions;
+        let many_blocks = !functions.vibration.is_on() && !functions.oscillation.is_on();
+        Joining { machine: &config.profile.machine, many_blocks }
     }
 
     /// Plans what came out of the smoother.

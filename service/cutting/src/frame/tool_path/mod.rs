@@ -5,7 +5,7 @@ mod guided;
 
 use std::f64::consts::PI;
 
-use feedwave_motion::{Element, PathSmoother, Smoothed};
+use feedwave_motion::{Element, Joining, Machine, PathSmoother, Smoothed};
 use feedwave_program::{
     Feed, FindingLog, Function, Interpreter, Move, MoveKind, Operation, OperationKind, Place, Position, Reader,
     Reading, SourcePages, Spindle, SpindleSpeed, ThreadMove,
@@ -68,6 +68,7 @@ pub struct ToolPath {
 struct Follower {
     tip: GuidedTip,
     smoother: PathSmoother<Cut>,
+    machine: Machine,
     /// What cuts are at this place of the program.
     cutting: ToolMotion,
     thread_vibration: bool,
@@ -87,6 +88,7 @@ impl ToolPath {
             follower: Follower {
                 tip: GuidedTip::default(),
                 smoother: PathSmoother::default(),
+                machine: config.profile.machine.clone(),
                 cutting: ToolMotion::Cutting,
                 thread_vibration: false,
                 max_override: config.overrides.iter().map(|change| change.ratio).fold(1.0, f64::max),
@@ -131,6 +133,11 @@ impl ToolPath {
     }
 }
 
+/// What is superposed is shaped by the programmed blocks and their corners.
+fn joining(cutting: ToolMotion, machine: &Machine) -> Joining<'_> {
+    Joining { machine, many_blocks: cutting == ToolMotion::Cutting }
+}
+
 impl Follower {
     fn follow(&mut self, Operation { kind, span }: &Operation, sink: &mut impl ToolPathSink) {
         match kind {
@@ -143,9 +150,10 @@ impl Follower {
                 let Some(element) = Element::from_move(step, *span) else { return };
                 let cut = Cut::of(step, &element);
                 let cutting = self.cutting;
+                let joining = joining(self.cutting, &self.machine);
                 let mut draw = |smoothed: Smoothed<Cut>| chords(&smoothed.element, cutting, sink);
                 for part in element.smooth_parts() {
-                    self.smoother.push(part, step.path_control, cut, &mut draw);
+                    self.smoother.push(part, step.path_control, cut, joining, &mut draw);
                 }
             }
             OperationKind::Guided(guided) => {
@@ -174,7 +182,8 @@ impl Follower {
 
     fn flush(&mut self, sink: &mut impl ToolPathSink) {
         let cutting = self.cutting;
-        self.smoother.flush(&mut |smoothed| chords(&smoothed.element, cutting, sink));
+        let joining = joining(self.cutting, &self.machine);
+        self.smoother.flush(joining, &mut |smoothed| chords(&smoothed.element, cutting, sink));
     }
 
     /// Tells whether a line moves rapidly, and how fast it cuts.

@@ -173,6 +173,11 @@ impl ActiveOscillation {
 }
 
 impl Oscillation {
+    /// Whether it is switched on.
+    pub(crate) const fn is_on(&self) -> bool {
+        self.switch.is_on()
+    }
+
     /// Cutting time with an oscillating tool so far, at the programmed feed, s.
     pub(crate) const fn cutting_time_s(&self) -> f64 {
         self.cutting_time_s

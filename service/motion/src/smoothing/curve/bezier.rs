@@ -1,0 +1,74 @@
+//! Cubic Bézier spans of a curve over the arc length of the programmed path.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::vector::{Vector, difference, scaled, sum};
+
+/// Position and its first two derivatives by the arc length of the programmed path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct State {
+    pub(super) point: Vector,
+    pub(super) first: Vector,
+    pub(super) second: Vector,
+    /// Whether the second derivative is a guess: nothing goes on there.
+    pub(super) is_free: bool,
+}
+
+/// A cubic polynomial of the arc length of the programmed path, from one place of it to another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Span {
+    /// Arc lengths of the programmed path, mm.
+    pub(super) from: f64,
+    pub(super) to: f64,
+    /// Bézier control points.
+    pub(super) points: [Vector; 4],
+}
+
+fn mix(a: Vector, b: Vector, share: f64) -> Vector {
+    sum(a, scaled(difference(b, a), share))
+}
+
+impl Span {
+    /// The polar form at three arc lengths, as shares of the span.
+    fn polar(&self, [a, b, c]: [f64; 3]) -> Vector {
+        let [p0, p1, p2, p3] = self.points;
+        let [q0, q1, q2] = [mix(p0, p1, a), mix(p1, p2, a), mix(p2, p3, a)];
+        mix(mix(q0, q1, b), mix(q1, q2, b), c)
+    }
+
+    fn share(&self, s: f64) -> f64 {
+        (s - self.from) / (self.to - self.from)
+    }
+
+    /// The control points of the part between two arc lengths; its own ends stay as they are.
+    pub(super) fn part(&self, from: f64, to: f64) -> Self {
+        let [a, b] = [self.share(from), self.share(to)];
+        let [p0, _, _, p3] = self.points;
+        let points = [
+            if from > self.from { self.polar([a, a, a]) } else { p0 },
+            self.polar([a, a, b]),
+            self.polar([a, b, b]),
+            if to < self.to { self.polar([b, b, b]) } else { p3 },
+        ];
+        if from <= self.from && to >= self.to { *self } else { Self { from, to, points } }
+    }
+
+    pub(super) fn state(&self, s: f64) -> State {
+        let t = self.share(s);
+        let [p0, p1, p2, p3] = self.points;
+        let legs = [difference(p1, p0), difference(p2, p1), difference(p3, p2)];
+        let bends = [difference(legs[1], legs[0]), difference(legs[2], legs[1])];
+        let per_length = 1.0 / (self.to - self.from);
+        State {
+            point: self.polar([t, t, t]),
+            first: scaled(mix(mix(legs[0], legs[1], t), mix(legs[1], legs[2], t), t), 3.0 * per_length),
+            second: scaled(mix(bends[0], bends[1], t), 6.0 * per_length * per_length),
+            is_free: false,
+        }
+    }
+
+    /// The same behind a place of the programmed path that becomes its start.
+    pub(super) fn moved(&self, by: f64) -> Self {
+        Self { from: self.from - by, to: self.to - by, ..*self }
+    }
+}

@@ -1,0 +1,359 @@
+//! One curve over many blocks.
+//!
+//! Where the corners of a path lie so close together that each leaves no room for the next, they are not rounded one by
+//! one: the elements between two places that lie on long elements become one curve, a smoothing spline (see [`fit`])
+//! with the position, direction and curvature of the programmed path at both ends. Its parts are given on block by block.
+//!
+//! The curve is made in windows of at most [`CURVE_KNOTS`] knots and [`CURVE_BLOCKS`] blocks. A window ends on the path in the
+//! middle of its last element; what lies in its first part is settled, and the next window goes on from there with the same
+//! position and first two derivatives. Should the next one not keep the tolerance, the rest of the window before is run,
+//! which does. A first window that fails leaves its first corner to be rounded by itself.
+
+mod bezier;
+mod fit;
+mod path;
+
+use feedwave_program::Position;
+use serde::{Deserialize, Serialize};
+
+use self::bezier::{Span, State};
+use self::fit::Fit;
+use self::path::Path;
+use super::joint::Joint;
+use super::vector::{Vector, linear};
+use super::{Carried, Entry, Joining, PathSmoother, Smoothed};
+use crate::limits::travel_exceeded;
+use crate::tolerance::{
+    CORNER_SHARE, CURVE_BLOCKS, CURVE_KNOTS, CURVE_LINK_SHARE, CURVE_MOST_END_MM, CURVE_SETTLED_SHARE,
+    LEAST_CURVE_TOLERANCE_MM,
+};
+use crate::{Curve, Element, Machine, Spline};
+
+/// A curve in progress: its first element is the first that is held.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Open {
+    /// Where it goes on, at the start of the first element.
+    start: State,
+    /// The last element that certainly belongs to it.
+    last: usize,
+    /// What the window before has fitted beyond the start; empty where the curve starts on the path.
+    rest: Vec<Span>,
+    /// Elements with which the next window is tried.
+    next_try: usize,
+}
+
+/// Where what is settled ends.
+#[derive(Clone, Copy)]
+pub(super) enum Ending {
+    /// On the curve, at this arc length of the programmed path.
+    Within(f64),
+    /// On the programmed path, so far from the start of an element.
+    OnPath { leg: usize, offset_mm: f64 },
+}
+
+/// What a fit settles.
+struct Settled<T> {
+    parts: Vec<Smoothed<T>>,
+    /// Elements that are done.
+    done: usize,
+    /// Where the next one goes on, mm from its start.
+    offset_mm: f64,
+}
+
+/// The programmed path at a place.
+fn exact(element: &Element, s: f64) -> State {
+    State {
+        point: linear(&element.position(s)),
+        first: linear(&element.tangent(s)),
+        second: linear(&element.second_derivative(s)),
+        is_free: false,
+    }
+}
+
+impl<T> Entry<T> {
+    /// Whether it can be part of a curve over many blocks.
+    fn is_joinable(&self) -> bool {
+        self.joins && matches!(self.element.curve, Curve::Line | Curve::Arc(_))
+    }
+
+    fn reach_mm(&self) -> Option<f64> {
+        match self.joint {
+            Joint::Corner { reach_mm, .. } => Some(reach_mm),
+            Joint::Unknown | Joint::Fixed => None,
+        }
+    }
+}
+
+impl<T: Carried> PathSmoother<T> {
+    /// Whether the curve over the corner before an element goes on over the corner behind it; `None` until that is known.
+    pub(super) fn goes_on_over(&self, index: usize, is_last: bool) -> Option<bool> {
+        let (before, entry) = (&self.pending[index - 1], &self.pending[index]);
+        let (true, Some(reach_mm)) = (before.is_joinable() && entry.is_joinable(), before.reach_mm()) else {
+            return Some(false);
+        };
+        let is_wide = before.corner_tolerance_mm().is_some_and(|tolerance_mm| tolerance_mm >= LEAST_CURVE_TOLERANCE_MM);
+        let is_alike = entry.control == before.control && is_wide;
+        let is_far = entry.full_length_mm >= CURVE_LINK_SHARE * (reach_mm + CURVE_MOST_END_MM);
+        if !is_alike || is_far {
+            return Some(false);
+        }
+        match (self.pending.get(index + 1), entry.reach_mm()) {
+            (None, _) => is_last.then_some(false),
+            (Some(next), Some(next_reach_mm)) if next.is_joinable() => {
+                Some(entry.full_length_mm < CURVE_LINK_SHARE * (reach_mm + next_reach_mm))
+            }
+            _ => Some(false),
+        }
+    }
+
+    /// Starts a curve within the first element, or at its start.
+    pub(super) fn open_curve(&mut self, emit: &mut impl FnMut(Smoothed<T>)) {
+        let Some(front) = self.pending.front_mut() else { return };
+        let length = front.element.length;
+        let most_cut_mm = if front.start_is_cut { CORNER_SHARE * front.full_length_mm } else { length };
+        let cut_mm = front.reach_mm().unwrap_or(0.0).min(most_cut_mm);
+        if cut_mm < (1.0 - 2.0 * (0.5 - CORNER_SHARE)) * length
+            && let (Some(before), Some(after)) =
+                (front.element.part(0.0, length - cut_mm), front.element.part(length - cut_mm, length))
+        {
+            let carried = front.carried.clone();
+            emit(Smoothed { element: before, carried, blocks: 0, rest_at_end: false });
+            front.element = after;
+        }
+        let is_free = !front.start_is_cut && front.element.length >= front.full_length_mm;
+        let start = State { is_free, ..exact(&front.element, 0.0) };
+        self.open = Some(Open { start, last: 1, rest: Vec::new(), next_try: 2 });
+    }
+
+    /// Gives on what of the curve is settled; whether there was anything to do.
+    pub(super) fn advance_curve(
+        &mut self,
+        is_last: bool,
+        joining: Joining<'_>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) -> bool {
+        let machine = joining.machine;
+        let Some(mut open) = self.open.take() else { return false };
+        let ends = loop {
+            if open.last == 0 {
+                break true;
+            }
+            match self.goes_on_over(open.last, is_last) {
+                Some(true) => open.last += 1,
+                Some(false) => break true,
+                None => break false,
+            }
+        };
+        if open.last == 0 {
+            // Nothing but the rest of its last element, which is on the path.
+            return true;
+        }
+        if !ends && self.pending.len() < open.next_try {
+            self.open = Some(open);
+            return false;
+        }
+        let path = self.path(open.last);
+        let mut knots = path.knots(path.length(), CURVE_KNOTS, 1.0);
+        let is_full = knots.len() >= CURVE_KNOTS || self.pending.len() >= CURVE_BLOCKS;
+        if !ends && !is_full {
+            let count = self.pending.len();
+            open.next_try = (count + 4).max(count * CURVE_KNOTS / knots.len() * 9 / 10).min(CURVE_BLOCKS);
+            self.open = Some(open);
+            return false;
+        }
+        // The window ends where the curve does, or in the middle of an element.
+        let whole = Ending::OnPath { leg: open.last, offset_mm: self.end_offset_mm(open.last) };
+        let [last_knot, _] = knots[knots.len() - 1];
+        let part = {
+            let leg = path.leg_at(last_knot).min(open.last);
+            Ending::OnPath { leg, offset_mm: 0.5 * self.pending[leg].element.length }
+        };
+        let is_short = knots.len() < CURVE_KNOTS || open.last == 1 || path.place(whole) <= path.place(part);
+        let is_whole = ends && is_short;
+        let ending = if is_whole { whole } else { part };
+        let Ending::OnPath { leg, offset_mm } = ending else { return false };
+        let programmed = &self.pending[leg].element;
+        let goal = State { is_free: offset_mm >= programmed.length, ..exact(programmed, offset_mm) };
+        let (end, mut spans, mut samples, mut settled) = (path.place(ending), Vec::new(), Vec::new(), None);
+        for refinement in [1, 2, 4] {
+            knots = path.knots(end, 2 * CURVE_KNOTS * refinement, refinement as f64);
+            path.close(&mut knots, end);
+            path.samples(&knots, &mut samples);
+            let places: Vec<f64> = knots.iter().map(|knot| knot[0]).collect();
+            let farthest = |spans: &[Span], ratios: &mut Vec<f64>| path.farthest(spans, &samples, ratios);
+            if Fit::default().solve(&places, &samples, [&open.start, &goal], &mut spans, farthest) {
+                let upto = if is_whole { ending } else { Self::settled_end(&path, &spans, leg.min(open.last)) };
+                settled = self.settle(&path, &spans, open.start.point, upto, machine).map(|settled| (settled, upto));
+                if settled.is_some() {
+                    break;
+                }
+            }
+        }
+        let (settled, rest) = match settled {
+            Some((settled, Ending::Within(upto))) => (settled, rest_of(&spans, upto)),
+            Some((settled, Ending::OnPath { .. })) => (settled, Vec::new()),
+            None => {
+                // What the window before has fitted keeps the tolerance, and ends on the path.
+                let ending = open.rest.last().map(|span| path.on_path(span.to));
+                match ending.and_then(|ending| self.settle(&path, &open.rest, open.start.point, ending, machine)) {
+                    Some(settled) => (settled, Vec::new()),
+                    None => {
+                        self.round_front(None, emit);
+                        return true;
+                    }
+                }
+            }
+        };
+        self.go_on(open, settled, rest, is_whole, emit);
+        true
+    }
+
+    /// Gives on what is settled and keeps where the curve goes on.
+    fn go_on(
+        &mut self,
+        mut open: Open,
+        settled: Settled<T>,
+        rest: Vec<Span>,
+        is_whole: bool,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
+        let Settled { parts, done, offset_mm } = settled;
+        parts.into_iter().for_each(emit);
+        self.pending.drain(..done);
+        let is_over = is_whole && rest.is_empty() && done >= open.last || done > open.last;
+        open.last -= done.min(open.last);
+        let Some(front) = self.pending.front_mut() else { return };
+        if offset_mm > 0.0
+            && let Some(part) = front.element.part(offset_mm, front.element.length)
+        {
+            front.element = part;
+            front.start_is_cut = true;
+        }
+        if !is_over {
+            open.start = rest.first().map_or_else(|| exact(&front.element, 0.0), |span| span.state(span.from));
+            open.next_try = self.pending.len() + 1;
+            open.rest = rest;
+            self.open = Some(open);
+        }
+    }
+
+    /// The path of the elements up to and with `last`.
+    fn path(&self, last: usize) -> Path<'_> {
+        let entries = self.pending.iter().take(last + 1);
+        let merged_mm = entries.clone().map(|entry| entry.merged_within_mm).fold(0.0, f64::max);
+        let tolerance_mm = self.pending.front().and_then(Entry::corner_tolerance_mm).unwrap_or(0.0);
+        let mut path = Path::new(tolerance_mm - merged_mm);
+        for (index, entry) in entries.enumerate() {
+            let kink = match entry.joint {
+                Joint::Corner { kink, .. } if index < last => kink,
+                _ => 0.0,
+            };
+            path.push(&entry.element, kink);
+        }
+        path
+    }
+
+    /// Where a curve ends whose last element this is, mm from its start.
+    fn end_offset_mm(&self, last: usize) -> f64 {
+        let entry = &self.pending[last];
+        let reach_mm = self.pending[last - 1].reach_mm().unwrap_or(0.0);
+        let length = entry.element.length;
+        let is_cut_behind = entry.reach_mm().is_some();
+        let share = if is_cut_behind { CORNER_SHARE } else { 2.0 * CORNER_SHARE };
+        if reach_mm < share * length {
+            reach_mm
+        } else if is_cut_behind {
+            share * length
+        } else {
+            length
+        }
+    }
+
+    /// Up to where a window is settled: the end of an element about where the settled share of its spans ends, or there; before
+    /// the last element in any case, so that the curve still knows the corner before that.
+    fn settled_end(path: &Path<'_>, spans: &[Span], last: usize) -> Ending {
+        let count = ((spans.len() as f64) * CURVE_SETTLED_SHARE) as usize;
+        let most = spans[count.clamp(1, spans.len() - 1)].from;
+        let leg = path.leg_at(most);
+        if leg >= last {
+            let [from, to] = path.range(last - 1);
+            return Ending::Within(0.5 * (from + to));
+        }
+        let [from, _] = path.range(leg);
+        Ending::Within(if from > 0.5 * most { from } else { most })
+    }
+
+    /// The parts of a curve up to its ending, block by block; `None` where one of them is no curve or leaves the travel.
+    fn settle(
+        &self,
+        path: &Path<'_>,
+        spans: &[Span],
+        start: Vector,
+        ending: Ending,
+        machine: &Machine,
+    ) -> Option<Settled<T>> {
+        let mut parts = Vec::new();
+        let mut at = place(&self.pending.front()?.element.start, start);
+        let mut beziers: Vec<[Vector; 4]> = Vec::new();
+        let mut span = 0;
+        for (index, entry) in self.pending.iter().enumerate() {
+            let [from, leg_end] = path.range(index);
+            let programmed = &entry.element;
+            // Where the curve ends within this element, from its start; beyond its length where it goes on.
+            let (to, offset_mm, is_last) = match ending {
+                Ending::Within(upto) => (leg_end.min(upto), upto - from, upto <= leg_end),
+                Ending::OnPath { leg, offset_mm } if leg == index => ((from + offset_mm).min(leg_end), offset_mm, true),
+                Ending::OnPath { .. } => (leg_end, f64::INFINITY, false),
+            };
+            let is_done = match ending {
+                Ending::Within(upto) => upto >= leg_end,
+                Ending::OnPath { .. } => offset_mm >= programmed.length,
+            };
+            beziers.clear();
+            while span < spans.len() && spans[span].to <= from {
+                span += 1;
+            }
+            for own in spans[span..].iter().take_while(|own| own.from < to) {
+                beziers.push(own.part(own.from.max(from), own.to.min(to)).points);
+            }
+            let end = match ending {
+                Ending::OnPath { .. } if is_last && is_done => programmed.end,
+                Ending::OnPath { .. } if is_last => programmed.position(offset_mm),
+                _ => place(&programmed.end, beziers.last()?[3]),
+            };
+            let count = beziers.len();
+            beziers.first_mut()?[0] = linear(&at);
+            beziers[count - 1][3] = linear(&end);
+            let spline = Spline::from_cubic_spans(&beziers)?;
+            let element = Element::from_spline(at, end, spline, programmed.work_offset, programmed.source, false)?;
+            if travel_exceeded(&element, machine).is_some() {
+                return None;
+            }
+            let rest_at_end = is_done && entry.rests_at_end();
+            let blocks = if is_done { entry.blocks } else { 0 };
+            parts.push(Smoothed { element, carried: entry.carried.clone(), blocks, rest_at_end });
+            at = end;
+            if is_last {
+                let (done, offset_mm) = if is_done { (index + 1, 0.0) } else { (index, offset_mm) };
+                return Some(Settled { parts, done, offset_mm });
+            }
+        }
+        None
+    }
+}
+
+/// A position with X, Y and Z of its own.
+fn place(beside: &Position, [x, y, z]: Vector) -> Position {
+    let mut position = *beside;
+    position[..3].copy_from_slice(&[x, y, z]);
+    position
+}
+
+/// The spans behind a place, from which arc lengths are counted then.
+fn rest_of(spans: &[Span], from: f64) -> Vec<Span> {
+    let behind = spans.iter().filter(|span| span.to > from);
+    behind.map(|span| span.part(span.from.max(from), span.to).moved(from)).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,279 @@
+//! The programmed path of a window: where its elements lie by arc length, how it turns, and what is sampled of it.
+//!
+//! What a curve within the tolerance P can smooth out at a place is the length ℓ within which the path turns so much that it
+//! cannot be left behind: with Θ the sum of all turns nearer than ℓ, ℓ·Θ = 4·P. Beside a corner of θ that is 4·P/θ, the
+//! reach of a curve that passes it; farther away the distance to the corner; on a circle √(2·P·R). The scales of the fit
+//! and the distances of its knots are shares of ℓ.
+
+use feedwave_program::Axis;
+
+use super::super::vector::{Vector, difference, linear, norm, scaled, sum};
+use super::Ending;
+use super::bezier::Span;
+use super::fit::basis;
+use crate::tolerance::{
+    CURVE_ARC_STEP_RAD, CURVE_FIRST_SHARE, CURVE_KNOT_SHARE, CURVE_LAST_SHARE, CURVE_LEAST_SPANS, CURVE_MOST_REACH_MM,
+    CURVE_SCALE_SHARE, CURVE_TURNS_SEEN, UNUSED_TOLERANCE_MM,
+};
+use crate::{Curve, Element};
+
+/// A place of the programmed path that the curve is held to.
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    /// Arc length from the start of the window, mm.
+    pub(super) s: f64,
+    pub(super) point: Vector,
+    /// Span of the curve that ends here or goes on beyond.
+    pub(super) span: usize,
+    /// Values of the four basis functions of that span here.
+    pub(super) basis: [f64; 4],
+    /// Length of the path that it stands for, mm.
+    pub(super) weight_mm: f64,
+    /// Largest distance of the curve, mm.
+    pub(super) tolerance_mm: f64,
+    /// First scale of the fit, mm.
+    pub(super) scale: f64,
+}
+
+/// An element of the window.
+struct Leg<'a> {
+    element: &'a Element,
+    /// Arc lengths from the start of the window.
+    from: f64,
+    to: f64,
+}
+
+/// A change of direction.
+#[derive(Clone, Copy)]
+struct Turn {
+    s: f64,
+    angle_rad: f64,
+}
+
+/// The programmed path of a window.
+pub(super) struct Path<'a> {
+    legs: Vec<Leg<'a>>,
+    turns: Vec<Turn>,
+    tolerance_mm: f64,
+}
+
+impl<'a> Path<'a> {
+    pub(super) fn new(tolerance_mm: f64) -> Self {
+        Self { legs: Vec::new(), turns: Vec::new(), tolerance_mm: tolerance_mm - UNUSED_TOLERANCE_MM }
+    }
+
+    /// Adds an element and the turn behind it; `merged_within_mm` of the tolerance is used already.
+    pub(super) fn push(&mut self, element: &'a Element, kink: f64) {
+        let from = self.length();
+        let to = from + element.length;
+        if let Curve::Arc(arc) = &element.curve {
+            let parts = (arc.sweep_rad.abs() / CURVE_ARC_STEP_RAD).ceil().max(1.0);
+            let angle_rad = arc.sweep_rad.abs() / parts;
+            let mut part = 0.5;
+            while part < parts {
+                self.turns.push(Turn { s: from + element.length * (part / parts), angle_rad });
+                part += 1.0;
+            }
+        }
+        self.legs.push(Leg { element, from, to });
+        if kink > 0.0 {
+            self.turns.push(Turn { s: to, angle_rad: kink });
+        }
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.legs.last().map_or(0.0, |leg| leg.to)
+    }
+
+    /// ℓ at a place, mm.
+    fn reach(&self, s: f64) -> f64 {
+        let limit = 4.0 * self.tolerance_mm;
+        let mut right = self.turns.partition_point(|turn| turn.s < s);
+        let mut left = right;
+        let mut angle_rad = 0.0;
+        for _ in 0..CURVE_TURNS_SEEN {
+            let before = if left > 0 { s - self.turns[left - 1].s } else { f64::INFINITY };
+            let behind = self.turns.get(right).map_or(f64::INFINITY, |turn| turn.s - s);
+            let next = before.min(behind).min(CURVE_MOST_REACH_MM);
+            if angle_rad * next >= limit {
+                return limit / angle_rad;
+            }
+            if next >= CURVE_MOST_REACH_MM {
+                return next;
+            }
+            if before <= behind {
+                left -= 1;
+                angle_rad += self.turns[left].angle_rad;
+            } else {
+                angle_rad += self.turns[right].angle_rad;
+                right += 1;
+            }
+            if angle_rad * next >= limit {
+                return next;
+            }
+        }
+        limit / angle_rad
+    }
+
+    /// Knots up to `end`, or as many as `most`, each with its ℓ; a `refinement` of 2 halves their distances.
+    pub(super) fn knots(&self, end: f64, most: usize, refinement: f64) -> Vec<[f64; 2]> {
+        let mut knots = vec![[0.0, self.reach(0.0)]];
+        while knots.len() < most {
+            let [s, reach] = knots[knots.len() - 1];
+            let next = s + reach * (CURVE_KNOT_SHARE / refinement);
+            if next >= end {
+                break;
+            }
+            knots.push([next, self.reach(next)]);
+        }
+        knots
+    }
+
+    /// Makes the knots end at `end`, with enough spans.
+    pub(super) fn close(&self, knots: &mut Vec<[f64; 2]>, end: f64) {
+        let [last, _] = knots[knots.len() - 1];
+        if knots.len() > 2 {
+            let before = last - knots[knots.len() - 2][0];
+            if end - last < 0.5 * before {
+                knots.pop();
+            }
+        }
+        if end > knots[knots.len() - 1][0] {
+            knots.push([end, self.reach(end)]);
+        }
+        if knots.len() <= CURVE_LEAST_SPANS {
+            knots.clear();
+            knots.extend((0..=CURVE_LEAST_SPANS).map(|k| {
+                let s = if k == CURVE_LEAST_SPANS { end } else { end * (k as f64 / CURVE_LEAST_SPANS as f64) };
+                [s, self.reach(s)]
+            }));
+        }
+    }
+
+    /// Index of the element at a place.
+    pub(super) fn leg_at(&self, s: f64) -> usize {
+        self.legs.partition_point(|leg| leg.to <= s).min(self.legs.len() - 1)
+    }
+
+    /// Where an element lies.
+    pub(super) fn range(&self, leg: usize) -> [f64; 2] {
+        [self.legs[leg].from, self.legs[leg].to]
+    }
+
+    /// Arc length from the start of the window.
+    pub(super) fn place(&self, ending: Ending) -> f64 {
+        match ending {
+            Ending::Within(s) => s,
+            Ending::OnPath { leg, offset_mm } => self.legs[leg].from + offset_mm,
+        }
+    }
+
+    /// The path at an arc length.
+    pub(super) fn on_path(&self, s: f64) -> Ending {
+        let leg = self.leg_at(s);
+        Ending::OnPath { leg, offset_mm: s - self.legs[leg].from }
+    }
+
+    fn point(&self, leg: usize, s: f64) -> Vector {
+        let Leg { element, from, to } = &self.legs[leg];
+        if matches!(element.curve, Curve::Line) {
+            let [start, end] = [linear(&element.start), linear(&element.end)];
+            let share = (s - from) / (to - from);
+            return if s >= *to { end } else { sum(start, scaled(difference(end, start), share)) };
+        }
+        [Axis::X, Axis::Y, Axis::Z].map(|axis| {
+            let mut at = [0.0];
+            element.fill_axis(axis, &[s - from], &mut at);
+            at[0]
+        })
+    }
+
+    /// Samples on the knots and on the ends of elements, and between them where they are far apart; none at the ends.
+    pub(super) fn samples(&self, knots: &[[f64; 2]], samples: &mut Vec<Sample>) {
+        samples.clear();
+        let count = knots.len() - 1;
+        let end = knots[count][0];
+        let mut leg = 0;
+        let mut last = 0.0;
+        for span in 0..count {
+            let [[from, reach], [to, next_reach]] = [knots[span], knots[span + 1]];
+            let knot = |k: isize| knots[(span as isize + k).clamp(0, count as isize) as usize][0];
+            let most = 0.5 * (to - from);
+            while last < to {
+                while leg + 1 < self.legs.len() && self.legs[leg].to <= last {
+                    leg += 1;
+                }
+                let stop = if leg + 1 < self.legs.len() { self.legs[leg].to.min(to) } else { to };
+                let parts = ((stop - last) / most).ceil().max(1.0);
+                let step = (stop - last) / parts;
+                let start = last;
+                let mut part = 1.0;
+                while part <= parts {
+                    let s = if part < parts { start + step * part } else { stop };
+                    let share = (s - from) / (to - from);
+                    let local =
+                        self.tolerance_mm * (CURVE_FIRST_SHARE + (CURVE_LAST_SHARE - CURVE_FIRST_SHARE) * (s / end));
+                    if s < end {
+                        samples.push(Sample {
+                            s,
+                            point: self.point(leg, s),
+                            span,
+                            basis: basis(knot, s),
+                            weight_mm: s - last,
+                            tolerance_mm: local,
+                            scale: CURVE_SCALE_SHARE * (reach + (next_reach - reach) * share),
+                        });
+                    }
+                    last = s;
+                    part += 1.0;
+                }
+            }
+        }
+        for k in 1..samples.len() {
+            let half = 0.5 * samples[k].weight_mm;
+            samples[k].weight_mm = half;
+            samples[k - 1].weight_mm += half;
+        }
+    }
+
+    /// Upper bounds of the deviation of the curve between the samples, as ratios to the tolerance at either end.
+    ///
+    /// Curve and path are compared at the same place, as polynomials: their difference stays within the hull of its
+    /// control points. An arc is the cubic with its ends and directions, to r·φ⁴/384.
+    pub(super) fn farthest(&self, spans: &[Span], samples: &[Sample], ratios: &mut [f64]) {
+        let end = spans[spans.len() - 1].to;
+        let mut last = 0.0;
+        for k in 0..=samples.len() {
+            let (to, span) = samples.get(k).map_or((end, spans.len() - 1), |sample| (sample.s, sample.span));
+            let leg = self.leg_at(0.5 * (last + to));
+            let curve = spans[span].part(last, to).points;
+            let (path, error_mm) = self.control_points(leg, last, to);
+            let bound_mm = (0..4).map(|i| norm(difference(curve[i], path[i]))).fold(0.0, f64::max) + error_mm;
+            for place in k.saturating_sub(1)..=k.min(samples.len().saturating_sub(1)) {
+                let ratio = &mut ratios[place];
+                // Not `max`, which would pass over what is no number.
+                let own = bound_mm / samples[place].tolerance_mm;
+                *ratio = if own <= *ratio { *ratio } else { own };
+            }
+            last = to;
+        }
+    }
+
+    /// Cubic Bézier control points of the path between two places of one element, and how far off they are, mm.
+    fn control_points(&self, leg: usize, from: f64, to: f64) -> ([Vector; 4], f64) {
+        let [start, end] = [self.point(leg, from), self.point(leg, to)];
+        let Leg { element, from: leg_from, .. } = &self.legs[leg];
+        let Curve::Arc(arc) = &element.curve else {
+            let third = scaled(difference(end, start), 1.0 / 3.0);
+            return ([start, sum(start, third), difference(end, third), end], 0.0);
+        };
+        let third = (to - from) / 3.0;
+        let [first, last] = [from, to].map(|s| scaled(linear(&element.tangent(s - leg_from)), third));
+        let angle_rad = arc.sweep_rad * ((to - from) / element.length);
+        let square = angle_rad * angle_rad;
+        // Where the radius changes, its derivative counts beside it.
+        let radius_mm =
+            arc.start_radius_mm.max(arc.end_radius_mm) + 4.0 * (arc.end_radius_mm - arc.start_radius_mm).abs();
+        ([start, sum(start, first), difference(end, last), end], radius_mm * (square * square) / 384.0)
+    }
+}

@@ -1,0 +1,44 @@
+//! What the place where two elements meet asks of the curve.
+
+use serde::{Deserialize, Serialize};
+
+use super::corner;
+use crate::Element;
+use crate::tolerance::{
+    CURVE_MOST_END_MM, CURVE_MOST_END_REACH, LEAST_CORNER_COSINE, RAMP_DEVIATION, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
+};
+
+/// Where an element meets the next one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Joint {
+    /// Nothing is known of the next one.
+    Unknown,
+    /// It stays as it is.
+    Fixed,
+    /// A curve may pass it.
+    Corner {
+        /// What it would reach into both elements, mm.
+        reach_mm: f64,
+        /// Difference of the directions, 2·sin(θ/2).
+        kink: f64,
+    },
+}
+
+impl Joint {
+    /// What a curve within this tolerance would reach, whatever the lengths of the elements.
+    pub(super) fn between(before: &Element, after: &Element, tolerance_mm: f64) -> Self {
+        let Some((kink, bend, cosine)) = corner::steps(before, after, SAME_POINT_MM) else { return Self::Fixed };
+        // A direction that is no number is kept as well.
+        let goes_on = cosine >= LEAST_CORNER_COSINE;
+        if !goes_on {
+            return Self::Fixed;
+        }
+        let mut reach_mm = corner::reach_mm(kink, tolerance_mm);
+        if kink <= TANGENT_TOLERANCE_RAD {
+            reach_mm = reach_mm.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());
+        }
+        let curvature = corner::largest_curvature(before, after);
+        reach_mm = reach_mm.min(CURVE_MOST_END_REACH * (tolerance_mm / curvature).sqrt());
+        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink }
+    }
+}
