@@ -283,8 +283,9 @@ fn the_chart_never_shows_more_than_the_exact_limit() {
                 );
                 // Where a lobe turns back in speed the limit jumps, and the grid of the reference is too wide for its last
                 // stretch: there the limit is that of a speed beside it.
-                let beside = [1.0 - 1e-4, 1.0 + 1e-4].map(|share| reference.limit_mm(spindle_rev_per_min * share));
-                let lower = if drawn < 0.999 * exact { exact.min(beside[0]).min(beside[1]) } else { exact };
+                let beside = |share: f64| reference.limit_mm(spindle_rev_per_min * share);
+                let lower =
+                    if drawn < 0.999 * exact { exact.min(beside(1.0 - 1e-4)).min(beside(1.0 + 1e-4)) } else { exact };
                 assert!(
                     drawn >= lower * (1.0 - 1e-3),
                     "case {case}, {spindle_rev_per_min} rev/min: {drawn} of {exact} mm"

@@ -54,12 +54,13 @@ fn on_each(
     pieces: &LimitPieces,
     mut check: impl FnMut(usize, f64, [[f64; 3]; 3]) -> Result<(), TestCaseError>,
 ) -> Result<(), TestCaseError> {
+    let least_radius = 1.0 / element.curvature();
     let mut from = 0.0;
     for (index, piece) in pieces.iter().enumerate() {
         let length = piece.end - from;
         for share in PLACES {
             let s = from + share * length;
-            let step = 0.005 * length.min(1.0 / element.curvature());
+            let step = 0.005 * length.min(least_radius);
             let [before, at, after] = [s - step, s, s + step].map(|s| element.tangent(s));
             let second = core::array::from_fn(|axis| (after[axis] - before[axis]) / (2.0 * step));
             let third = core::array::from_fn(|axis| (after[axis] - 2.0 * at[axis] + before[axis]) / (step * step));

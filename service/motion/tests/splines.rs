@@ -60,6 +60,9 @@ impl Reference<'_> {
                 self.knot(index) <= u && (u < self.knot(index + 1) || last) && self.knot(index) < self.knot(index + 1);
             return f64::from(u8::from(inside));
         }
+        if u < self.knot(index) || u > self.knot(index + degree + 1) {
+            return 0.0;
+        }
         let part = |numerator: f64, width: f64, basis: f64| if width > 0.0 { numerator / width * basis } else { 0.0 };
         let (left, right) = (self.knot(index), self.knot(index + degree + 1));
         part(u - left, self.knot(index + degree) - left, self.basis(index, degree - 1, u))

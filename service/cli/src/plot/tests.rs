@@ -4,6 +4,7 @@ use feedwave_cutting::{CutCondition, FeedCoupling, SetpointBlock};
 use feedwave_motion::kinematics::{BranchPreference, ChainAxis, Kinematics, KinematicsDescription, Wrap};
 use feedwave_program::Axis;
 
+use super::canvas;
 use super::figure::Figure;
 use super::{AxisShown, Cut, PathTrace, Plots, RapidLines, RunTrace, Stretch};
 
@@ -151,9 +152,7 @@ fn every_picture_is_written_as_svg_and_png() {
 
 #[test]
 fn a_picture_has_title_axes_with_units_and_legend() {
-    let directory = tempfile::tempdir().unwrap();
-    plots().write(directory.path()).unwrap();
-    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    let figures = plots().figures();
     for (name, wanted) in [
         ("tool-path", &["Tool path", "Z, mm", "X (radius), mm", "rapid", "cutting with vibration"][..]),
         ("tool-path", &["threading with vibration of X", "beyond the scale: start at Z 150 mm, X (radius) 100 mm"]),
@@ -175,8 +174,9 @@ fn a_picture_has_title_axes_with_units_and_legend() {
         ("motion", &["acceleration along the path", "limit of X, Z 30\u{a0}000 mm/min"]),
         ("chip-1", &["chip thickness h, mm", "air: the chip is cut through", "41.667 Hz"]),
     ] {
+        let text = canvas::svg_text(figures.iter().find(|figure| figure.name == name).unwrap()).unwrap();
         for wanted in wanted {
-            assert!(text(&format!("{name}.svg")).contains(wanted), "{name}: {wanted}");
+            assert!(text.contains(wanted), "{name}: {wanted}");
         }
     }
 }
@@ -231,7 +231,7 @@ mod thread {
         ThreadPlan, ThreadRequest, ThreadSide, judge_thread, plan_thread,
     };
 
-    use crate::plot::{ThreadPictures, write_thread};
+    use crate::plot::{ThreadPictures, canvas, write_thread};
 
     pub(super) fn figures() -> Vec<super::Figure> {
         let plans = [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)];
@@ -277,30 +277,25 @@ mod thread {
     fn a_thread_has_three_pictures_whatever_its_passes() {
         for (side, starts, first_depth_mm) in [(ThreadSide::External, 1, 0.6), (ThreadSide::Internal, 3, 0.25)] {
             let plan = plan(side, starts, first_depth_mm);
-            let directory = tempfile::tempdir().unwrap();
             let pictures = ThreadPictures { name: "thread".to_owned(), job: &plan.job, report: &plan.report };
-            let files = write_thread(&pictures, directory.path()).unwrap();
-            let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
-            let pictures = ["unrolled", "position", "section"];
-            let expected: Vec<_> =
-                pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("thread-{name}.{end}"))).collect();
-            assert_eq!(names, expected);
-            let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+            let figures = crate::plot::thread::figures(&pictures);
+            let names: Vec<_> = figures.iter().map(|figure| figure.name.as_str()).collect();
+            assert_eq!(names, ["thread-unrolled", "thread-position", "thread-section"]);
+            let text =
+                |name: &str| canvas::svg_text(figures.iter().find(|figure| figure.name == name).unwrap()).unwrap();
             for (name, wanted) in [
-                (
-                    "thread-unrolled.svg",
-                    ["spindle angle (360 degrees are", "Z, mm", "in the air with the full section"],
-                ),
-                ("thread-position.svg", ["spindle angle, degrees", "X (radius), mm", "a ribbon holds the chip"]),
-                ("thread-section.svg", ["along Z from the tip", "finished groove", "most is left at"]),
-                ("thread-unrolled.svg", ["magnified", "no vibration", "mm of the circumference), degrees"]),
+                ("thread-unrolled", ["spindle angle (360 degrees are", "Z, mm", "in the air with the full section"]),
+                ("thread-position", ["spindle angle, degrees", "X (radius), mm", "a ribbon holds the chip"]),
+                ("thread-section", ["along Z from the tip", "finished groove", "most is left at"]),
+                ("thread-unrolled", ["magnified", "no vibration", "mm of the circumference), degrees"]),
             ] {
+                let text = text(name);
                 for wanted in wanted {
-                    assert!(text(name).contains(wanted), "{name}: {wanted}");
+                    assert!(text.contains(wanted), "{name}: {wanted}");
                 }
             }
             if starts > 1 {
-                assert!(text("thread-section.svg").contains("first of 3 starts"));
+                assert!(text("thread-section").contains("first of 3 starts"));
             }
         }
     }
@@ -323,9 +318,7 @@ mod tool_oscillation {
         ToolGeometry, ToolOscillation, Waveform, judge,
     };
 
-    use tempfile::TempDir;
-
-    use crate::plot::{OscillationPictures, write_oscillation};
+    use crate::plot::{OscillationPictures, canvas};
 
     pub(super) fn figures() -> Vec<super::Figure> {
         let mut measured = ToolGeometry::even(4, 60.0, 1.5, 5.0);
@@ -342,16 +335,23 @@ mod tool_oscillation {
             .collect()
     }
 
-    fn draw(tool: &ToolGeometry, periods_per_rev: u32, feed_mm_per_min: f64, across_mm: Option<f64>) -> TempDir {
-        let directory = tempfile::tempdir().unwrap();
-        let write = |pass: &OscillationPictures<'_>| write_oscillation(pass, directory.path()).unwrap();
-        let files = with(tool, periods_per_rev, feed_mm_per_min, across_mm, write);
-        let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
-        let pictures = ["waveform", "path", "edges", "stages", "layers", "floor"];
-        let expected: Vec<_> =
-            pictures.iter().flat_map(|name| ["svg", "png"].map(|end| format!("pass-{name}.{end}"))).collect();
-        assert_eq!(names, expected);
-        directory
+    /// Name and SVG of every picture.
+    fn draw(
+        tool: &ToolGeometry,
+        periods_per_rev: u32,
+        feed_mm_per_min: f64,
+        across_mm: Option<f64>,
+    ) -> Vec<(String, String)> {
+        let figures = with(tool, periods_per_rev, feed_mm_per_min, across_mm, crate::plot::tool_oscillation::figures);
+        let names: Vec<_> = figures.iter().map(|figure| figure.name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["waveform", "path", "edges", "stages", "layers", "floor"].map(|name| format!("pass-{name}"))
+        );
+        for figure in &figures {
+            canvas::pixels(figure).unwrap();
+        }
+        figures.iter().map(|figure| (figure.name.clone(), canvas::svg_text(figure).unwrap())).collect()
     }
 
     /// The worked example of docs/functions/tool-oscillation.md, or it with another tool, feed and motion across.
@@ -411,8 +411,9 @@ mod tool_oscillation {
         use_it(&pass)
     }
 
-    fn text(directory: &TempDir, name: &str) -> String {
-        std::fs::read_to_string(directory.path().join(format!("pass-{name}.svg"))).unwrap()
+    fn text<'a>(drawn: &'a [(String, String)], name: &str) -> &'a str {
+        let wanted = format!("pass-{name}");
+        &drawn.iter().find(|(name, _)| *name == wanted).unwrap().1
     }
 
     #[test]
