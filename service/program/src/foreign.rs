@@ -141,7 +141,8 @@ fn controls(line: &[u8]) -> Option<Foreign> {
     if is_siemens(block) {
         return Some(SIEMENS);
     }
-    if starts_with(text, b"MAZATROL") {
+    // Printed programs begin with the head of their table of units.
+    if starts_with(text, b"MAZATROL") || starts_with(text, b"UNo.") {
         return Some(foreign("a program for a MAZATROL control", POST));
     }
     let is_cl_data = [&b"PARTNO"[..], b"PPRINT", b"LOADTL/", b"FEDRAT/", b"CUTTER/", b"GOTO/", b"SPINDL/"];

@@ -93,6 +93,7 @@ fn programs_of_other_controls() {
         "HEIDENHAIN",
         1,
     );
+    check_file("UNo. MATERIAL OUTER-DIA MIN INNER-DIA LENGTH\n0 S45C 100. 0. 120.\nUNo. UNIT CONTI.\n", "MAZATROL", 1);
     check_file("; from elsewhere\n6 L X+10 Y+5 R0 FMAX M3\n7 L Z-5\n", "HEIDENHAIN", 2);
 }
 

@@ -2,7 +2,8 @@
 //!
 //! The drive line is the parallel to Z through the X where the cycle starts. The crest of the thread lies I from it,
 //! pass n cuts J·n^(1/R) below the crest, the last K, and H more passes after that at K. With Q the whole pass moves
-//! along the drive line by depth · tan Q in the direction of the cut, such that the last one ends at Z. E is the length
+//! along the drive line by depth · tan Q in the direction of the cut, such that the last one ends at Z. Between two passes the
+//! tool is the distance I + K from the cut before, so that the last one ends on the drive line. E is the length
 //! of the tapers at the ends that L names. The cycle ends on the drive line at Z. With diameters in X, I, J and K are
 //! diameters too.
 
@@ -96,10 +97,11 @@ impl Execution<'_> {
             return;
         };
         for Pass { depth_mm, finishing } in passes {
-            // Back along the drive line, but for the first pass.
-            self.rapid_to(x, z);
             let cut_x = x + crest_mm + inwards * depth_mm;
             let start_z = z + forwards * slope * depth_mm;
+            // Every pass leaves the work by the same distance: the last one to the drive line, those before it beyond.
+            let clear_x = x - inwards * (full_mm - depth_mm);
+            self.rapid_to(clear_x, start_z);
             let cut = Cut { lead_mm, amplitude_mm: finishing.then_some(0.0), ..Cut::default() };
             if entry {
                 self.rapid_to(cut_x - inwards * full_mm, start_z);
@@ -113,7 +115,7 @@ impl Execution<'_> {
             // Exactly Z for the last pass.
             let pass_end_z = end_z - forwards * slope * (full_mm - depth_mm);
             self.cut_thread(self.moved(cut_x, pass_end_z), Cut { pull_out, ..cut });
-            self.rapid_to(x, pass_end_z);
+            self.rapid_to(clear_x, pass_end_z);
         }
         self.rapid_to(x, end_z);
     }
