@@ -67,6 +67,17 @@ pub struct Occurrence {
     pub number: u64,
 }
 
+/// A place that has to do with a finding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RelatedPlace {
+    /// What is there, as a short clause.
+    pub message: Cow<'static, str>,
+    /// Where it is.
+    pub span: SourceSpan,
+    /// Whether it is a call that led to the place of the finding.
+    pub is_call: bool,
+}
+
 /// One thing found in a program. What is found again at the same place and for the same cause is one finding: a
 /// [`FindingLog`] counts its occurrences and keeps the worst.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,6 +100,8 @@ pub struct Finding {
     pub first: Option<Occurrence>,
     /// The worst occurrence, likewise.
     pub worst: Option<Occurrence>,
+    /// Other places that have to do with it: what it disagrees with, then the calls that led there, innermost first.
+    pub related: Vec<RelatedPlace>,
     /// What distinguishes occurrences of one finding from other findings, and ranks them.
     rank: Option<Rank>,
 }
@@ -114,6 +127,7 @@ impl Finding {
             occurrences: 1,
             first: None,
             worst: None,
+            related: Vec::new(),
             rank: None,
         }
     }
@@ -133,6 +147,31 @@ impl Finding {
         let occurrence = Occurrence { name: name.into(), number };
         (self.first, self.worst) = (Some(occurrence.clone()), Some(occurrence));
         self.with_value(name, number as f64, "")
+    }
+
+    /// Names another place that has to do with the finding; nothing where that is not known (line 0).
+    #[must_use]
+    pub fn related_to(mut self, message: impl Into<Cow<'static, str>>, span: SourceSpan) -> Self {
+        if span.line > 0 {
+            self.related.push(RelatedPlace { message: message.into(), span, is_call: false });
+        }
+        self
+    }
+
+    /// Says that it was met in a program that is executed more than once: behind these calls, innermost first, and in this round
+    /// of the innermost loop. Occurrences at one place are then one finding, whatever the values of variables are.
+    pub(crate) fn met_within(&mut self, calls: impl Iterator<Item = SourceSpan>, round: Option<u64>) {
+        let call = |span| RelatedPlace { message: "called from here".into(), span, is_call: true };
+        self.related.extend(calls.map(call));
+        if self.rank.is_none() {
+            let about = self.message.split(|letter: char| letter.is_ascii_digit() || "+-.e".contains(letter));
+            let about: String = about.filter(|part| !part.is_empty()).collect();
+            self.rank = Some(Rank { about: about.into(), excess: 0.0 });
+        }
+        if let (Some(number), None) = (round, &self.first) {
+            let occurrence = Occurrence { name: "iteration".into(), number };
+            (self.first, self.worst) = (Some(occurrence.clone()), Some(occurrence));
+        }
     }
 
     /// Adds a number that led to the finding.

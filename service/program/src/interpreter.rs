@@ -202,7 +202,13 @@ impl Interpreter {
         if self.indexing.is_some() {
             return self.read_for_index(input, end_of_input, operations, findings);
         }
+        let mark = self.is_nested().then(|| findings.mark());
         let outcome = self.read(input, end_of_input, operations, findings);
+        if let Some(mark) = mark
+            && findings.has_grown_since(mark)
+        {
+            self.place_in_calls(mark, findings);
+        }
         if let LineOutcome::Consumed(length) = outcome {
             self.state.place.offset += length as u64;
             if self.state.flow.waits() {
@@ -357,12 +363,15 @@ impl Interpreter {
         self.execute(mark, operations, findings);
     }
 
-    /// Executes the words of the present block; findings from `mark` on are its own.
+    /// Lets the execution of the present block do something.
     #[inline]
-    fn execute(&mut self, mark: FindingMark, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
-        let operations_before = operations.len();
-        let unread = self.state.unread | self.block.unread;
-        let mut execution = Execution {
+    fn with_execution<T>(
+        &mut self,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+        act: impl FnOnce(&mut Execution<'_>) -> T,
+    ) -> T {
+        act(&mut Execution {
             settings: &self.settings,
             table: &self.table,
             tools: &self.tools,
@@ -375,9 +384,18 @@ impl Interpreter {
             corners: Vec::new(),
             commas_used: false,
             doubt: None,
-        };
-        let end = execution.run();
-        let corners = core::mem::take(&mut execution.corners);
+        })
+    }
+
+    /// Executes the words of the present block; findings from `mark` on are its own.
+    #[inline]
+    fn execute(&mut self, mark: FindingMark, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let operations_before = operations.len();
+        let unread = self.state.unread | self.block.unread;
+        let (end, corners) = self.with_execution(operations, findings, |execution| {
+            let end = execution.run();
+            (end, core::mem::take(&mut execution.corners))
+        });
         let is_refused = findings.has_errors_since(mark);
         if unread != 0 {
             self.note_unread(mark.kept(), unread, findings);
@@ -395,6 +413,11 @@ impl Interpreter {
             // A block of a number alone is nothing between two moves.
             let between = self.block.has_codes().then(|| self.block.span());
             corner::join(&mut self.state, &corners, is_refused, between, operations, operations_before, findings);
+        }
+        if let Some(Operation { span, kind: OperationKind::Move(_) }) =
+            operations.get(operations_before..).and_then(<[_]>::last)
+        {
+            self.state.moved_by = *span;
         }
         if let Some(span) = end {
             return self.end(span, operations, findings);

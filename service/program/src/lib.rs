@@ -33,8 +33,8 @@ pub use compensation::{
     CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,
 };
 pub use finding::{
-    CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, Severity, SourceSpan,
-    Suggestion,
+    CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, RelatedPlace, Severity,
+    SourceSpan, Suggestion,
 };
 pub use guided::{AxisSet, GuidedMove, TiltedPlane, ToolAxisSolution, ToolGuide};
 pub use interpreter::{Interpreter, LineOutcome, interpret};

@@ -43,6 +43,8 @@ pub struct InterpreterState {
     pub(crate) reported: Reported,
     /// Programmed position in work coordinates, mm (X a radius) and degrees.
     pub(crate) position: Position,
+    /// The block that moved there; line 0 before the first.
+    pub(crate) moved_by: SourceSpan,
     pub(crate) motion: Motion,
     pub(crate) plane: Plane,
     pub(crate) inch: bool,
@@ -109,8 +111,18 @@ pub(crate) struct MachineModes {
     pub(crate) rigid_tapping: bool,
     /// Numbers of the unlisted M codes that have been noted.
     pub(crate) noted: Vec<u32>,
-    /// The modes that `M70` or `M73` has saved.
+    /// What `M70` or `M73` has saved in the program that is read.
+    pub(crate) context: ModeContext,
+    /// Modes that the end of a called program restores (`M73`), until that is done.
+    pub(crate) returning: Option<Box<SavedModes>>,
+}
+
+/// What `M70` or `M73` has saved: each called program has its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ModeContext {
     pub(crate) saved: Option<Box<SavedModes>>,
+    /// `M73`: the end of the program restores them.
+    pub(crate) restores_at_return: bool,
 }
 
 /// A set of machining functions.
@@ -323,6 +335,7 @@ impl InterpreterState {
             skipping_line: false,
             reported: Reported::default(),
             position: core::array::from_fn(|axis| settings.initial_position[axis] - offset[axis]),
+            moved_by: SourceSpan::default(),
             motion: Motion::None,
             plane: match settings.dialect {
                 crate::DialectName::Lathe => Plane::Zx,

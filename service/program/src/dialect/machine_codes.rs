@@ -42,7 +42,10 @@ pub(crate) enum MachineAction {
     /// `M61`: another tool is in the spindle.
     SetTool,
     /// `M70`, `M73`: saves the modes.
-    SaveModes,
+    SaveModes {
+        /// The end of the called program restores them.
+        for_return: bool,
+    },
     /// `M71`: forgets the saved modes.
     ForgetModes,
     /// `M72`: restores the saved modes.
@@ -120,10 +123,10 @@ const LINUXCNC: &[MachineRule] = &[
     rule(66, Barrier, "PELQ").at(MachineStep::Signals).of(Group::Signal),
     rule(67, Nothing, "EQ").at(MachineStep::Signals).of(Group::Signal),
     rule(68, Nothing, "EQ").at(MachineStep::Signals).of(Group::Signal),
-    rule(70, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(SaveModes),
+    rule(70, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(SaveModes { for_return: false }),
     rule(71, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(ForgetModes),
     rule(72, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(RestoreModes),
-    rule(73, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(SaveModes),
+    rule(73, Nothing, "").at(MachineStep::Spindle).of(Group::Spindle).acts(SaveModes { for_return: true }),
 ];
 
 /// The first code of LinuxCNC's users, whose commands wait for the path.

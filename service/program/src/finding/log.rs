@@ -129,6 +129,28 @@ impl FindingLog {
         self.error_occurrences = mark.error_occurrences;
     }
 
+    /// Whether findings were kept since the mark.
+    #[inline]
+    pub(crate) fn has_grown_since(&self, mark: FindingMark) -> bool {
+        self.findings.len() > mark.kept
+    }
+
+    /// Changes the findings that were kept since the mark, which may make them occurrences of others.
+    #[cold]
+    pub(crate) fn change_since(&mut self, mark: FindingMark, change: impl Fn(&mut Finding)) {
+        let FindingMark { known, .. } = mark;
+        let changed = self.findings.split_off(mark.kept);
+        for identity in self.order.drain(known.min(self.order.len())..) {
+            self.known.remove(&identity);
+        }
+        for mut finding in changed {
+            self.counts[finding.severity as usize] -= 1;
+            self.error_occurrences -= u64::from(finding.severity == Severity::Error);
+            change(&mut finding);
+            self.push(finding);
+        }
+    }
+
     /// Takes back the findings from the `from`th on that `is_void` says; those that were only counted stay counted.
     pub(crate) fn withdraw(&mut self, from: usize, is_void: impl Fn(&Finding) -> bool) {
         let mut index = 0;
@@ -155,7 +177,8 @@ impl FindingLog {
         let kept = &mut self.findings[place];
         let occurrences = kept.occurrences.saturating_add(finding.occurrences);
         if excess(&finding) > excess(kept) {
-            *kept = Finding { first: kept.first.take(), ..finding };
+            let related = core::mem::take(&mut kept.related);
+            *kept = Finding { first: kept.first.take(), related, ..finding };
         }
         kept.occurrences = occurrences;
     }
@@ -193,7 +216,7 @@ impl FindingLog {
     /// The findings kept, ordered by place and then by discovery.
     #[must_use]
     pub fn into_sorted(mut self) -> Vec<Finding> {
-        self.findings.sort_by_key(|finding| (finding.span.line, finding.span.column));
+        self.findings.sort_by_key(|finding| (finding.span.program, finding.span.line, finding.span.column));
         self.findings
     }
 }
@@ -221,7 +244,7 @@ fn identity(finding: &Finding) -> u64 {
     };
     add(finding.code.name().as_bytes());
     let span = finding.span;
-    for number in [span.line, span.column, span.length] {
+    for number in [span.program, span.line, span.column, span.length] {
         add(&number.to_le_bytes());
     }
     match &finding.rank {

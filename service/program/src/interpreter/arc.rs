@@ -179,8 +179,10 @@ impl Execution<'_> {
         if difference <= tolerance {
             return Some(());
         }
+        let moved_by = self.state.moved_by;
         self.arc_error(code::ARC_RADIUS_MISMATCH, span, |finding| {
             let mut finding = finding
+                .related_to("the arc starts where this block ends", moved_by)
                 .with_value("start_radius", start_radius, "mm")
                 .with_value("end_radius", end_radius, "mm")
                 .with_value("difference", difference, "mm")

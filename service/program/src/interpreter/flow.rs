@@ -23,7 +23,8 @@ use super::{Interpreter, LineOutcome};
 use crate::block::Rest;
 use crate::code;
 use crate::dialect::Group;
-use crate::state::Phase;
+use crate::finding::FindingMark;
+use crate::state::{ModeContext, Phase};
 use crate::{Finding, FindingLog, Operation, OperationKind, Place, SourceSpan};
 
 /// Most programs that wait for the one that is read.
@@ -103,6 +104,8 @@ pub(crate) struct Call {
     repeats: u32,
     /// The caller's loops.
     loops: Vec<Loop>,
+    /// The modes that the caller has saved.
+    modes: ModeContext,
 }
 
 /// How a program was called.
@@ -233,11 +236,31 @@ impl Interpreter {
         !(flow.calls.is_empty() && flow.loops.is_empty() && flow.last_jump.is_none())
     }
 
+    /// Whether the present line belongs to a loop or a called program.
+    #[inline]
+    pub(super) const fn is_nested(&self) -> bool {
+        !(self.state.flow.calls.is_empty() && self.state.flow.loops.is_empty())
+    }
+
+    /// Says of the findings since the mark, which are those of a line, within which calls and in which round of a loop they were made.
+    #[cold]
+    pub(super) fn place_in_calls(&self, mark: FindingMark, findings: &mut FindingLog) {
+        let flow = &self.state.flow;
+        let round = flow.loops.last().map(|open| open.iteration);
+        findings.change_since(mark, |finding| {
+            finding.met_within(flow.calls.iter().rev().map(|call| call.span), round);
+        });
+    }
+
     /// Goes on with what waits, once the bytes that it needs were read.
     pub(super) fn settle(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         let Some(pending) = self.state.flow.pending.take() else { return };
         match self.carry_out(&pending, findings) {
-            Progress::Done => {}
+            Progress::Done => {
+                if let Some(saved) = self.state.machine.returning.take() {
+                    self.with_execution(operations, findings, |execution| execution.restore(&saved, pending.span));
+                }
+            }
             Progress::NeedsIndex(program) => {
                 self.state.flow.pending = Some(pending);
                 self.begin_index(program);

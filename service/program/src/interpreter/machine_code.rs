@@ -5,6 +5,7 @@ use super::saved;
 use crate::block::MachineWord;
 use crate::code;
 use crate::dialect::{MachineAction, MachineStep, letter_bit};
+use crate::state::ModeContext;
 use crate::{Finding, FunctionWord, MachineCommand, OperationKind, SourceSpan, SpindleDirection, UnlistedMachineCodes};
 
 /// Most unlisted M codes that are noted, each once; a program with more has said enough.
@@ -70,12 +71,15 @@ impl Execution<'_> {
                     self.emit(span, OperationKind::Tool { number, offset: 0 });
                     continue;
                 }
-                MachineAction::SaveModes => {
-                    self.state.machine.saved = Some(Box::new(saved::SavedModes::of(self.state)));
+                MachineAction::SaveModes { for_return } => {
+                    let saved = Some(Box::new(saved::SavedModes::of(self.state)));
+                    let context = &mut self.state.machine.context;
+                    context.saved = saved;
+                    context.restores_at_return |= for_return;
                     continue;
                 }
                 MachineAction::ForgetModes => {
-                    self.state.machine.saved = None;
+                    self.state.machine.context = ModeContext::default();
                     continue;
                 }
                 MachineAction::RestoreModes => {
@@ -117,7 +121,7 @@ impl Execution<'_> {
 
     /// `M72`: LinuxCNC refuses it without saved modes.
     fn restore_modes(&mut self, span: SourceSpan) {
-        match self.state.machine.saved.clone() {
+        match self.state.machine.context.saved.clone() {
             Some(saved) => self.restore(&saved, span),
             None => self.findings.push_with(code::MODES_NOT_SAVED, |code| {
                 Finding::new(code, span, "no modes are saved that could be restored")

@@ -202,6 +202,7 @@ impl Interpreter {
             self.state.parameters.enter(request.locals());
         }
         let loops = std::mem::take(&mut self.state.flow.loops);
+        let modes = std::mem::take(&mut self.state.machine.context);
         self.state.flow.calls.push(Call {
             kind: request.kind,
             target,
@@ -209,6 +210,7 @@ impl Interpreter {
             span: pending.span,
             repeats: request.repeats - 1,
             loops,
+            modes,
         });
         self.state.flow.has_jumped = true;
         self.go_to(target);
@@ -334,6 +336,11 @@ impl Interpreter {
     fn leave(&mut self, has_locals: bool) {
         if let Some(call) = self.state.flow.calls.pop() {
             self.state.flow.loops = call.loops;
+            let machine = &mut self.state.machine;
+            let context = std::mem::replace(&mut machine.context, call.modes);
+            if context.restores_at_return {
+                machine.returning = context.saved;
+            }
         }
         if has_locals {
             self.state.parameters.leave();

@@ -223,3 +223,22 @@ fn further_files_are_found_by_name_and_by_number() {
         .collect();
     assert_eq!(found, [(0, 1, 1.0), (1, 2, 2.0), (2, 5, 3.0), (0, 4, 4.0)]);
 }
+
+#[test]
+fn what_is_found_in_a_loop_is_one_finding_with_its_first_iteration() {
+    let program = "#1=0\nWHILE [#1 LT 5] DO1\n#1=#1+1\nIF [#1 LT 3] GOTO 7\nG2 X[10*#1] Y0 I1 F100\nN7\nEND1\nM30";
+    let (_, findings) = interpret(program.as_bytes(), mill());
+    let [arc] = findings.findings() else { panic!("{findings:?}") };
+    assert_eq!((arc.code, arc.span.line, arc.occurrences), (code::ARC_RADIUS_MISMATCH, 5, 3));
+    assert_eq!(arc.first.as_ref().map(|first| (&*first.name, first.number)), Some(("iteration", 3)));
+    assert_eq!(findings.count(Severity::Error), 1);
+}
+
+#[test]
+fn what_is_found_in_a_called_program_names_the_calls() {
+    let program = "G0 X1\nM98 P100\nM30\nO100\nG65 P200\nM99\nO200\nG1 X3 F100\nG2 X9 Y5 I1\nM99";
+    let (_, findings) = interpret(program.as_bytes(), mill());
+    let [arc] = findings.findings() else { panic!("{findings:?}") };
+    let related: Vec<_> = arc.related.iter().map(|place| (place.span.line, place.is_call)).collect();
+    assert_eq!((arc.span.line, related), (9, vec![(8, false), (5, true), (2, true)]));
+}

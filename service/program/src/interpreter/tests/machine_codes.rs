@@ -166,6 +166,24 @@ fn saved_modes_come_back() {
 }
 
 #[test]
+fn each_called_program_has_saved_modes_of_its_own() {
+    let sub = "o1 sub\nM73\nG91 G20 S50\nG0 X1\no1 endsub\n";
+    check(
+        &linuxcnc(),
+        &format!("{sub}M3 S10\no1 call\nG0 X5"),
+        "spindle cw 10\nspindle cw 50\nrapid 0 -> X25.4\nspindle cw 10\nrapid X25.4 -> X5",
+    );
+    // What the caller has saved is its own, and comes back to it.
+    check(&linuxcnc(), "o1 sub\nM72\no1 endsub\nM70\no1 call", "! 2:1+3 PRG-MODES-NOT-SAVED");
+    check(
+        &linuxcnc(),
+        "o1 sub\nM70\nG91\no1 endsub\nM70\no1 call\nG0 X1\nX1\nM72\nX1",
+        "rapid 0 -> X1\nrapid X1 -> X2\nrapid X2 -> X1",
+    );
+    check(&linuxcnc(), "o1 sub\nM73\nG91\nM71\no1 endsub\no1 call\nG0 X1\nX1", "rapid 0 -> X1\nrapid X1 -> X2");
+}
+
+#[test]
 fn what_makes_a_profile_unusable() {
     let fields = |codes: Vec<MachineCode>| {
         let settings = LanguageSettings { machine_codes: codes, ..mill() };
