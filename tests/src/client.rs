@@ -137,8 +137,12 @@ pub fn sha256_hex(data: &[u8]) -> String {
 /// Messages that upload `program` from `offset` on, in pieces of `piece` bytes.
 #[must_use]
 pub fn upload_messages(program: &Bytes, offset: usize, piece: usize) -> Vec<UploadProgramRequest> {
-    let header =
-        UploadHeader { sha256: sha256_hex(program), program_bytes: program.len() as u64, offset: offset as u64 };
+    let header = UploadHeader {
+        sha256: sha256_hex(program),
+        program_bytes: program.len() as u64,
+        offset: offset as u64,
+        ..UploadHeader::default()
+    };
     let header = std::iter::once(Message::Header(header));
     let starts = (offset..program.len()).step_by(piece);
     let chunks = starts.map(|start| {

@@ -67,7 +67,7 @@ pub async fn measure_memory(binary: &Path, bytes: u64) -> MemoryUse {
         program_bytes += piece.len() as u64;
     }
     let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-    let header = Upload::Header(UploadHeader { sha256, program_bytes, offset: 0 });
+    let header = Upload::Header(UploadHeader { sha256, program_bytes, offset: 0, ..Default::default() });
     let chunks = pieces(bytes).scan(0, |offset, data| {
         let chunk = UploadChunk { offset: *offset, data };
         *offset += chunk.data.len() as u64;

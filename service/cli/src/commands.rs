@@ -11,6 +11,7 @@ mod decisions;
 mod demo;
 mod findings;
 pub mod healthcheck;
+mod interpret;
 mod lobes;
 mod local;
 mod machine;
@@ -56,6 +57,11 @@ pub enum Command {
     /// Writes one row per interpolation period: index, time, each axis, path position, feed, vibration offset, spindle
     /// angle, source line; the header says the units. A program with errors is refused, and no file appears.
     Plan(plan::Args),
+    /// Show what a program means: every action, fully resolved
+    ///
+    /// Carries out every modal state, expression, loop, call, cycle, offset and compensation, and writes one action for each
+    /// motion, dwell, spindle and tool change in its order. Nothing is planned; actions end before the first error.
+    Interpret(interpret::Args),
     /// Plan the passes of a thread so that its chip breaks, as a program
     ///
     /// Finds depths, amplitudes and phases with which the vibration of X breaks the chip in both models, depth only and
@@ -102,6 +108,8 @@ pub enum Command {
     Machine(resources::machines::Args),
     /// Show, upload and delete tools of a running service
     Tool(resources::tools::Args),
+    /// Show, read and delete programs of a running service
+    Program(resources::programs::Args),
     /// Show, cancel and delete jobs of a running service
     Job(resources::jobs::Args),
     /// See all of it work: a server, a turning program, the trap and its cure, pictures
@@ -122,6 +130,7 @@ impl Command {
         let result = match self {
             Self::Validate(args) => validate::run(args),
             Self::Plan(args) => plan::run(args),
+            Self::Interpret(args) => interpret::run(args),
             Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Lobes(args) => lobes::run(args).await,
             Self::Submit(args) => submit::run(args).await,
@@ -132,6 +141,7 @@ impl Command {
             Self::Replay(args) => replay::run(args).await,
             Self::Machine(args) => resources::machines::run(args).await,
             Self::Tool(args) => resources::tools::run(args).await,
+            Self::Program(args) => resources::programs::run(args).await,
             Self::Job(args) => resources::jobs::run(args).await,
             Self::Demo(args) => demo::run(args).await,
         };

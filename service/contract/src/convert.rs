@@ -1,6 +1,7 @@
 //! Between the contract's messages and the types of the pipeline: once on entry, with every violation reported,
 //! and once on exit.
 
+mod action;
 mod decision;
 mod drilling;
 mod feed_override;
@@ -17,6 +18,7 @@ mod tool;
 
 use prost_types::Timestamp;
 
+pub use action::action_to_proto;
 pub use decision::{action_name, decision_from_proto, decision_to_proto, overrides_to_proto, state_to_proto};
 pub use feed_override::{MAX_FEED_OVERRIDE, overrides_from_proto};
 pub use functions::path_vibration::{
@@ -35,6 +37,9 @@ pub use settings::pipeline_config;
 pub use tool::{check_tool, tool_for_pipeline};
 
 use crate::violations::Violations;
+
+/// Most further program files of a job.
+pub const MAX_PROGRAM_FILES: usize = 1_000;
 
 /// Longest name for people, characters.
 pub const MAX_DISPLAY_NAME: usize = 200;

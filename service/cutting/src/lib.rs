@@ -12,6 +12,7 @@ mod frame;
 mod functions;
 mod shared;
 
+pub use frame::interpretation::{Interpretation, InterpretationStep};
 pub use frame::pipeline::{
     AppendError, DEFAULT_PERIOD_US, MAX_OVERRIDE_RATIO, MAX_PERIOD_US, MAX_SETPOINTS, MIN_PERIOD_US, OverrideChange,
     Pipeline, PipelineConfig, SnapshotError, Step,

@@ -4,6 +4,7 @@
 
 mod active;
 mod columns;
+mod interpretation;
 mod live;
 mod session;
 mod source;
@@ -15,7 +16,7 @@ mod worker;
 use std::sync::Arc;
 
 use feedwave_cutting::{MachineProfile, PipelineConfig};
-use feedwave_store::{CheckpointSet, JobDetail, Store};
+use feedwave_store::{CheckpointSet, JobDetail, ProgramId, Store};
 use tokio::sync::{Notify, Semaphore};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -24,10 +25,12 @@ use uuid::Uuid;
 
 pub use active::{ActiveJobs, JobGuard};
 pub use columns::{ColumnSet, MAX_CHUNK_SIZE};
+pub use interpretation::Actions;
 pub use live::LiveRun;
 pub(crate) use live::{LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 pub(crate) use session::name_decision;
 pub use session::{MAX_BATCH_EVENTS, MAX_BATCH_SAMPLES};
+pub use source::{File, Source};
 pub(crate) use stream::beyond_end;
 pub use stream::{Generator, StreamPlan, StreamStart};
 pub use telemetry::Ingestion;
@@ -39,6 +42,7 @@ use crate::observability::VERSION;
 use crate::observability::metrics::Metrics;
 use crate::stored;
 use feedwave_contract::convert;
+use feedwave_contract::names;
 use feedwave_contract::proto;
 
 /// The engine of one server. Cloning is cheap.
@@ -138,6 +142,31 @@ impl Engine {
 pub fn job_config(detail: &JobDetail) -> Result<PipelineConfig> {
     let profile: proto::MachineProfile = stored::from_stored(detail.machine_snapshot.get())?;
     Ok(convert::pipeline_config(stored_profile(&profile)?, &job_settings(detail)?))
+}
+
+impl Engine {
+    /// The programs of a stored job: its own, and its further files. Call inside a runtime.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] when the stored documents cannot be read.
+    pub fn job_source(&self, detail: &JobDetail) -> Result<Source> {
+        let store = &self.inner.store;
+        let (own, size_bytes) = (detail.job.program_id, detail.job.program_size_bytes);
+        let mut files = vec![File::stored_of_size(store.clone(), own, size_bytes)];
+        for file in job_settings(detail)?.programs {
+            files.push(File::stored(store.clone(), stored_program(&file)?));
+        }
+        Ok(Source::new(files))
+    }
+}
+
+/// The program of a further file whose bytes are stored.
+fn stored_program(file: &proto::ProgramFile) -> Result<ProgramId> {
+    let name = match &file.source {
+        Some(proto::program_file::Source::Program(name)) => name.as_str(),
+        _ => "",
+    };
+    names::parse_program(name).map_err(|error| Error::internal(format!("a stored further file: {error}")))
 }
 
 /// Settings of a stored job.

@@ -3,6 +3,7 @@
 
 use feedwave_contract::proto::jobs_server::JobsServer;
 use feedwave_contract::proto::machines_server::MachinesServer;
+use feedwave_contract::proto::programs_server::ProgramsServer;
 use feedwave_contract::proto::runs_server::RunsServer;
 use feedwave_contract::proto::setpoints_server::SetpointsServer;
 use feedwave_contract::proto::telemetry_server::TelemetryServer;
@@ -57,6 +58,7 @@ pub(crate) fn routes(
     };
     let health = tonic_health::server::HealthService::from_health_reporter(health.clone());
     Ok(Routes::new(ruled!(JobsServer::new(api.clone())))
+        .add_service(ruled!(ProgramsServer::new(api.clone())))
         .add_service(ruled!(SetpointsServer::new(api.clone())))
         .add_service(ruled!(ThreadsServer::new(api.clone())))
         .add_service(ruled!(RunsServer::new(api.clone())))

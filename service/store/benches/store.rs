@@ -18,6 +18,7 @@ async fn create(store: Store, program_id: ProgramId, jobs: u64) {
             request_id,
             display_name: "benchmark".into(),
             program_id,
+            further_program_ids: Vec::new(),
             machine_id: "lathe-1".into(),
             machine_snapshot: body(),
             settings: body(),

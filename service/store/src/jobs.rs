@@ -103,6 +103,8 @@ pub struct NewJob {
     pub display_name: String,
     /// The program, which must be stored.
     pub program_id: ProgramId,
+    /// Further program files, which must be stored and remain while the job does; one may be there more than once.
+    pub further_program_ids: Vec<ProgramId>,
     /// The machine's identifier, by which jobs are filtered.
     pub machine_id: String,
     /// The machine profile as it is now: later edits of the profile do not change the job.

@@ -39,7 +39,8 @@ pub use jobs::{
 pub use machines::{MachineRecord, Machines};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use programs::{
-    CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+    CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo,
+    UploadStart,
 };
 pub use runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
 use crate::error::Result;
+use crate::page::{Page, PageRequest};
 
 /// Bytes of source in every chunk of a program but the last. Each chunk is compressed alone, so any
 /// offset can be read without what precedes it.
@@ -88,6 +89,17 @@ pub struct ProgramInfo {
     pub created_us: i64,
 }
 
+/// A stored program as lists show it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProgramEntry {
+    /// Size and age.
+    pub info: ProgramInfo,
+    /// Name of the file that it was uploaded as last; may be empty.
+    pub file_name: String,
+    /// Jobs that use it, as their program or as a further file.
+    pub job_count: u64,
+}
+
 /// Identifier of an upload.
 pub type UploadId = Uuid;
 
@@ -133,6 +145,24 @@ pub trait Programs {
     /// # Errors
     /// `NotFound`, `Unavailable`.
     async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo>;
+
+    /// A program as lists show it.
+    ///
+    /// # Errors
+    /// `NotFound`, `Unavailable`.
+    async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry>;
+
+    /// One page of programs, newest first: those that have this file name, or all where it is empty.
+    ///
+    /// # Errors
+    /// `InvalidPageToken`, `Unavailable`.
+    async fn list_programs(&self, file_name: &str, page: &PageRequest) -> Result<Page<ProgramEntry>>;
+
+    /// Gives a program the name of the file that it was uploaded as.
+    ///
+    /// # Errors
+    /// `NotFound`, `TooLarge`, `Unavailable`.
+    async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()>;
 
     /// One chunk of a program's source: the bytes from `chunk_index * CHUNK_BYTES`.
     ///

@@ -5,6 +5,7 @@ use std::time::Duration;
 use feedwave_contract::columns::{self, Column};
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::runs_client::RunsClient;
 use feedwave_contract::proto::setpoints_client::SetpointsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
@@ -82,6 +83,10 @@ impl Client {
         MachinesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
+    pub(super) fn programs(&self) -> ProgramsClient<Channel> {
+        ProgramsClient::new(self.channel.clone())
+    }
+
     pub(super) fn runs(&self) -> RunsClient<Channel> {
         RunsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
@@ -103,8 +108,8 @@ impl Client {
         CliError::trouble(format!("{}: {}", self.url, status.message()))
     }
 
-    /// Uploads a program, continuing where an earlier upload of the same bytes ended; its resource name.
-    pub(super) async fn upload(&mut self, source: &mut Source) -> Result<String, CliError> {
+    /// Uploads a program as a file of this name, continuing where an earlier upload of the same bytes ended; its resource name.
+    pub(super) async fn upload(&mut self, source: &mut Source, file_name: &str) -> Result<String, CliError> {
         let sha256 = sha256_hex(source)?;
         let name = format!("programs/{sha256}");
         let bar = progress("uploading", Unit::Bytes, source.size);
@@ -129,7 +134,7 @@ impl Client {
                 (received, retries) = (upload.received_bytes, 0);
             }
             bar.set_position(upload.received_bytes);
-            if let Err(status) = self.upload_from(source, &sha256, upload.received_bytes, &bar).await? {
+            if let Err(status) = self.upload_from(source, &sha256, file_name, upload.received_bytes, &bar).await? {
                 if retries == MAX_RETRIES || !is_passing(&status) {
                     return Err(self.failed(&status));
                 }
@@ -144,12 +149,18 @@ impl Client {
         &mut self,
         source: &mut Source,
         sha256: &str,
+        file_name: &str,
         offset: u64,
         bar: &indicatif::ProgressBar,
     ) -> Result<Result<(), Status>, CliError> {
         let (sender, receiver) = tokio::sync::mpsc::channel(4);
         let messages = tokio_stream::wrappers::ReceiverStream::new(receiver);
-        let header = UploadHeader { sha256: sha256.to_owned(), program_bytes: source.size, offset };
+        let header = UploadHeader {
+            sha256: sha256.to_owned(),
+            program_bytes: source.size,
+            offset,
+            file_name: file_name.to_owned(),
+        };
         source.seek(offset)?;
         let sending = send_program(source, header, sender, bar);
         let (sent, answer) = tokio::join!(sending, self.jobs.upload_program(messages));

@@ -1,8 +1,9 @@
 //! Findings under their source lines.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use feedwave_contract::proto::{Finding, Occurrence, Severity};
+use feedwave_contract::proto::{Finding, Occurrence, RelatedPlace, Severity};
 use miette::{
     Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteError, MietteSpanContents, SourceCode,
     SourceSpan, SpanContents,
@@ -17,21 +18,71 @@ const WIDTH: usize = 100;
 
 /// Every finding with its source line, in the order of the source.
 pub(super) fn text(findings: &[Finding], source: &mut Source, style: Style) -> Result<String, CliError> {
-    let places: Vec<Place> = findings
-        .iter()
-        .map(|finding| Place { line: finding.line, column: finding.column, length: finding.length })
-        .collect();
-    let snippets = source.snippets(&places)?;
+    let mut snippets = Snippets::read(findings, source)?;
     let theme = if style.is_coloured() { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
     let handler = GraphicalReportHandler::new_themed(theme).with_width(WIDTH).with_links(false).with_break_words(false);
     let mut text = String::new();
-    for (finding, snippet) in findings.iter().zip(snippets) {
-        let located = snippet.map(|snippet| Located::new(finding, snippet, &source.name));
-        let shown = Shown { finding, help: help(finding), located };
+    for finding in findings {
+        let located = snippets.take(&finding.file, place_of(finding));
+        let related = finding.related.iter().map(|place| ShownPlace {
+            message: &place.message,
+            located: snippets.take(&place.file, place_of_related(place)),
+        });
+        let related = related.collect();
+        let shown = Shown { finding, help: help(finding), located, related };
         handler.render_report(&mut text, &shown).map_err(CliError::trouble)?;
         text.push('\n');
     }
     Ok(text)
+}
+
+const fn place_of(finding: &Finding) -> Place {
+    Place { line: finding.line, column: finding.column, length: finding.length }
+}
+
+const fn place_of_related(place: &RelatedPlace) -> Place {
+    Place { line: place.line, column: place.column, length: place.length }
+}
+
+/// The source lines of all places that findings name.
+struct Snippets {
+    /// By the name of the file, empty for the program itself.
+    files: BTreeMap<String, FileSnippets>,
+}
+
+struct FileSnippets {
+    /// What findings call the file.
+    name: String,
+    lines: BTreeMap<Place, Snippet>,
+}
+
+impl Snippets {
+    /// Reads each file once.
+    fn read(findings: &[Finding], source: &mut Source) -> Result<Self, CliError> {
+        let mut wanted: BTreeMap<String, BTreeSet<Place>> = BTreeMap::new();
+        let mut want = |file: &str, place| wanted.entry(file.to_owned()).or_default().insert(place);
+        for finding in findings {
+            want(&finding.file, place_of(finding));
+            for place in &finding.related {
+                want(&place.file, place_of_related(place));
+            }
+        }
+        let mut files = BTreeMap::new();
+        for (file, places) in wanted {
+            // A report may name a file that is not at hand.
+            let Some(opened) = source.file(&file)? else { continue };
+            let places: Vec<Place> = places.into_iter().collect();
+            let snippets = opened.snippets(&places)?.into_iter().zip(places);
+            let lines = snippets.filter_map(|(snippet, place)| Some((place, snippet?))).collect();
+            files.insert(file, FileSnippets { name: opened.name.clone(), lines });
+        }
+        Ok(Self { files })
+    }
+
+    fn take(&mut self, file: &str, place: Place) -> Option<Located> {
+        let file = self.files.get(file)?;
+        Some(Located::new(place, file.lines.get(&place)?.clone(), file.name.clone()))
+    }
 }
 
 fn help(finding: &Finding) -> Option<String> {
@@ -48,7 +99,47 @@ fn help(finding: &Finding) -> Option<String> {
 struct Shown<'a> {
     finding: &'a Finding,
     help: Option<String>,
-    located: Option<Located<'a>>,
+    located: Option<Located>,
+    related: Vec<ShownPlace<'a>>,
+}
+
+/// Another place that has to do with a finding.
+#[derive(Debug)]
+struct ShownPlace<'a> {
+    message: &'a str,
+    located: Option<Located>,
+}
+
+impl fmt::Display for ShownPlace<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.message)
+    }
+}
+
+impl std::error::Error for ShownPlace<'_> {}
+
+impl Diagnostic for ShownPlace<'_> {
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(miette::Severity::Advice)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        source_code(self.located.as_ref())
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        labels(self.located.as_ref())
+    }
+}
+
+fn source_code(located: Option<&Located>) -> Option<&dyn SourceCode> {
+    located.map(|located| located as &dyn SourceCode)
+}
+
+fn labels(located: Option<&Located>) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+    let located = located?;
+    let span = (located.snippet.start, located.snippet.length);
+    Some(Box::new(std::iter::once(LabeledSpan::new_primary_with_span(None, span))))
 }
 
 impl fmt::Display for Shown<'_> {
@@ -91,35 +182,40 @@ impl Diagnostic for Shown<'_> {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.located.as_ref().map(|located| located as &dyn SourceCode)
+        source_code(self.located.as_ref())
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let located = self.located.as_ref()?;
-        let span = (located.snippet.start, located.snippet.length);
-        Some(Box::new(std::iter::once(LabeledSpan::new_primary_with_span(None, span))))
+        labels(self.located.as_ref())
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        if self.related.is_empty() {
+            return None;
+        }
+        Some(Box::new(self.related.iter().map(|place| place as &dyn Diagnostic)))
     }
 }
 
 /// One line of a program that is not in memory.
 #[derive(Debug)]
-struct Located<'a> {
+struct Located {
     snippet: Snippet,
     whole: SourceSpan,
-    name: &'a str,
+    name: String,
     line: usize,
     column: usize,
 }
 
-impl<'a> Located<'a> {
-    fn new(finding: &Finding, snippet: Snippet, name: &'a str) -> Self {
+impl Located {
+    fn new(place: Place, snippet: Snippet, name: String) -> Self {
         let from_zero = |value: u32| value.saturating_sub(1) as usize;
         let whole = (0, snippet.text.len()).into();
-        Self { snippet, whole, name, line: from_zero(finding.line), column: from_zero(finding.column) }
+        Self { snippet, whole, name, line: from_zero(place.line), column: from_zero(place.column) }
     }
 }
 
-impl SourceCode for Located<'_> {
+impl SourceCode for Located {
     /// Always the whole line. Lines and columns are those of the program, not of the part that is shown.
     fn read_span<'b>(
         &'b self,
@@ -131,7 +227,7 @@ impl SourceCode for Located<'_> {
             return Err(MietteError::OutOfBounds);
         }
         Ok(Box::new(MietteSpanContents::new_named(
-            self.name.to_owned(),
+            self.name.clone(),
             self.snippet.text.as_bytes(),
             self.whole,
             self.line,

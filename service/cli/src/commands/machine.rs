@@ -96,8 +96,8 @@ impl Envelope {
 }
 
 impl MachineArgs {
-    /// What the pipeline is to be run with.
-    pub(super) fn config(&self, frame: Frame) -> Result<Arc<PipelineConfig>, CliError> {
+    /// What the pipeline is to be run with, with further program files of these names.
+    pub(super) fn config(&self, frame: Frame, programs: Arc<[String]>) -> Result<Arc<PipelineConfig>, CliError> {
         let profile = match &self.profile {
             Some(path) => read_machine(path, self.machine_kind)?.profile,
             None => self.machine_kind.unwrap_or(Kind::Lathe).generic(),
@@ -108,8 +108,9 @@ impl MachineArgs {
             vibration_envelope: Envelope::value(self.envelope),
             tools: self.tools.read()?,
             oscillation: Some(oscillation_request_to_proto(&self.oscillation.checked(&profile.tool_oscillation)?)),
+            programs: Vec::new(),
         };
-        Ok(Arc::new(PipelineConfig { frame, ..pipeline_config(profile, &settings) }))
+        Ok(Arc::new(PipelineConfig { frame, programs, ..pipeline_config(profile, &settings) }))
     }
 }
 

@@ -15,7 +15,7 @@ use super::local::Progress;
 use super::machine::MachineArgs;
 use super::overrides::OverrideArgs;
 use super::pictures::{self, FirstVibration};
-use super::source::Source;
+use super::source::{IncludeArgs, Source};
 use super::terminal::{Style, Unit, count, print_json, progress, tell};
 use super::validate::Format;
 use super::{CliError, EXIT_REFUSED, local, report};
@@ -60,6 +60,8 @@ pub struct Args {
     plots: Option<PathBuf>,
     #[command(flatten)]
     machine: MachineArgs,
+    #[command(flatten)]
+    include: IncludeArgs,
     #[command(flatten)]
     overrides: OverrideArgs,
     /// Coordinates of the axes
@@ -117,14 +119,15 @@ pub(super) fn time(text: &str) -> Result<f64, String> {
 /// # Errors
 /// [`CliError`] when a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let mut config = args.overrides.apply(args.machine.config(args.frame.into())?)?;
+    let mut source = args.include.open(&args.file)?;
+    let config = args.machine.config(args.frame.into(), source.further_names())?;
+    let mut config = args.overrides.apply(config)?;
     Arc::make_mut(&mut config).every_block = args.every_block;
     let substeps = substeps(&args, &config)?;
     let format = args.out.as_deref().map(|path| format_of(path, args.file_format)).transpose()?;
     if args.format == Format::Json && args.out.as_deref() == Some(Path::new("-")) {
         return Err(CliError::trouble("--format json: standard output takes the setpoints, give --out a file"));
     }
-    let mut source = Source::open(&args.file)?;
 
     let mut vibration = FirstVibration::default();
     let report = local::validate(&mut source, config.clone(), |block| vibration.observe(block))?;

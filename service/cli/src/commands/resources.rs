@@ -3,6 +3,7 @@
 mod collection;
 pub mod jobs;
 pub mod machines;
+pub mod programs;
 pub mod tools;
 
 use std::path::Path;

@@ -3,7 +3,8 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read as _, Seek as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::CliError;
 
@@ -25,7 +26,58 @@ pub(super) struct Source {
     /// Where the next piece begins, bytes.
     at: u64,
     piece: Vec<u8>,
+    /// Further program files, which calls of subprograms find by their names.
+    further: Vec<FurtherFile>,
 }
+
+/// A further program file, opened when something of it is called.
+#[derive(Debug)]
+struct FurtherFile {
+    name: String,
+    path: PathBuf,
+    opened: Option<Box<Source>>,
+}
+
+impl FurtherFile {
+    fn source(&mut self) -> Result<&mut Source, CliError> {
+        match &mut self.opened {
+            Some(source) => Ok(source),
+            closed => Ok(closed.insert(Box::new(Source::open(&self.path)?))),
+        }
+    }
+}
+
+/// Options that name further program files.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct IncludeArgs {
+    /// Directory of further program files, in which calls of subprograms look for what the program itself does not have, by
+    /// the names of the files: `O1000.nc`, `1000`, `rect.ngc`; with the directories in it; may be repeated
+    #[arg(long = "include", value_name = "DIRECTORY")]
+    include: Vec<PathBuf>,
+}
+
+impl IncludeArgs {
+    /// Opens a program with the further files.
+    pub(super) fn open(&self, path: &Path) -> Result<Source, CliError> {
+        let mut source = Source::open(path)?;
+        for directory in &self.include {
+            source.include(directory, directory, 0)?;
+        }
+        source.further.sort_by(|one, other| one.name.cmp(&other.name));
+        let lower = |file: &FurtherFile| file.name.to_lowercase();
+        let mut names: Vec<_> = source.further.iter().map(lower).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(CliError::trouble(format!("--include: the file {} is there twice", twice[0])));
+        }
+        Ok(source)
+    }
+}
+
+/// Most further program files, as jobs have.
+const MOST_FURTHER_FILES: usize = feedwave_contract::convert::MAX_PROGRAM_FILES;
+/// How deep directories are searched.
+const DEEPEST_DIRECTORY: u32 = 8;
 
 /// A place in the program as text to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,7 +91,7 @@ pub(super) struct Snippet {
 }
 
 /// A place to show: line and column counted from 1, column and length in bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Place {
     pub(super) line: u32,
     pub(super) column: u32,
@@ -62,7 +114,7 @@ impl Source {
         if !metadata.is_file() {
             return Self::spool(file, &name);
         }
-        Ok(Self { name, size: metadata.len(), file, at: 0, piece: vec![0; PIECE_BYTES] })
+        Ok(Self { name, size: metadata.len(), file, at: 0, piece: vec![0; PIECE_BYTES], further: Vec::new() })
     }
 
     /// A program in memory.
@@ -74,7 +126,56 @@ impl Source {
         let failed = |error: io::Error| CliError::written(name, &error);
         let mut file = tempfile::tempfile().map_err(failed)?;
         let size = io::copy(&mut input, &mut file).map_err(failed)?;
-        Ok(Self { name: name.to_owned(), size, file, at: size, piece: vec![0; PIECE_BYTES] })
+        Ok(Self { name: name.to_owned(), size, file, at: size, piece: vec![0; PIECE_BYTES], further: Vec::new() })
+    }
+
+    /// Adds the files of a directory and of those in it, by their names within `root`.
+    fn include(&mut self, root: &Path, directory: &Path, depth: u32) -> Result<(), CliError> {
+        let failed = |error: io::Error| CliError::file(directory, &error);
+        for entry in std::fs::read_dir(directory).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let is_hidden = path.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b"."));
+            // A broken link is no file that could be called.
+            let Some(metadata) = std::fs::metadata(&path).ok().filter(|_| !is_hidden) else { continue };
+            if metadata.is_dir() && depth < DEEPEST_DIRECTORY {
+                self.include(root, &path, depth + 1)?;
+            }
+            if !metadata.is_file() {
+                continue;
+            }
+            if self.further.len() == MOST_FURTHER_FILES {
+                let place = root.display();
+                return Err(CliError::trouble(format!("{place}: has more than {MOST_FURTHER_FILES} files")));
+            }
+            let within = path.strip_prefix(root).unwrap_or(&path);
+            let parts: Vec<_> = within.iter().map(|part| part.to_string_lossy()).collect();
+            self.further.push(FurtherFile { name: parts.join("/"), path: path.clone(), opened: None });
+        }
+        Ok(())
+    }
+
+    /// The names of the further program files, in the order of their places.
+    pub(super) fn further_names(&self) -> Arc<[String]> {
+        self.further.iter().map(|file| file.name.clone()).collect()
+    }
+
+    /// The further program files with their names.
+    pub(super) fn further_files(&mut self) -> impl Iterator<Item = Result<(&str, &mut Self), CliError>> {
+        self.further.iter_mut().map(|file| {
+            let source = match &mut file.opened {
+                Some(source) => source,
+                closed => closed.insert(Box::new(Self::open(&file.path)?)),
+            };
+            Ok((file.name.as_str(), &mut **source))
+        })
+    }
+
+    /// The program itself for an empty name, or the further file of this name.
+    pub(super) fn file(&mut self, name: &str) -> Result<Option<&mut Self>, CliError> {
+        if name.is_empty() {
+            return Ok(Some(self));
+        }
+        self.further.iter_mut().find(|file| file.name == name).map(FurtherFile::source).transpose()
     }
 
     /// Goes back to the first byte.
@@ -90,6 +191,11 @@ impl Source {
 
     /// Bytes from a place on; none at the end.
     pub(super) fn read(&mut self, place: feedwave_program::Place) -> Result<&[u8], CliError> {
+        if let Some(further) = (place.program as usize).checked_sub(1) {
+            let file = self.further.get_mut(further);
+            let file = file.ok_or_else(|| CliError::trouble(format!("there is no further file {further}")))?;
+            return file.source()?.read(feedwave_program::Place { program: 0, ..place });
+        }
         if self.at != place.offset {
             self.seek(place.offset)?;
         }

@@ -6,12 +6,13 @@ use std::process::ExitCode;
 use feedwave_contract::convert::oscillation_request_to_proto;
 use feedwave_contract::names;
 use feedwave_contract::proto::create_job_request::Source as ProgramSource;
-use feedwave_contract::proto::{CreateJobRequest, Job, JobState};
+use feedwave_contract::proto::program_file::Source as FileSource;
+use feedwave_contract::proto::{CreateJobRequest, Job, JobState, ProgramFile};
 use feedwave_cutting::tool_oscillation::OscillationRequest;
 
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
-use super::source::Source;
+use super::source::{IncludeArgs, Source};
 use super::terminal::{Style, print, print_json, tell};
 use super::tool_oscillation::OscillationArgs;
 use super::validate::Format;
@@ -35,6 +36,8 @@ pub struct Args {
     /// The program; `-` reads standard input
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    #[command(flatten)]
+    include: IncludeArgs,
     #[command(flatten)]
     server: ServerArgs,
     /// Machine of the service to plan for
@@ -73,7 +76,7 @@ pub struct Args {
 /// # Errors
 /// [`CliError`] when the program cannot be read or the service does not do what is asked.
 pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
-    let mut source = Source::open(&args.file)?;
+    let mut source = args.include.open(&args.file)?;
     let mut client = args.server.connect().await?;
     let job = create(&args, &mut client, &mut source).await?;
     if !args.wait {
@@ -102,12 +105,25 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
 }
 
 async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result<Job, CliError> {
-    let program = if source.size <= INLINE_BYTES {
+    let file_name = args.file.file_name().map(|name| name.to_string_lossy().into_owned());
+    let mut inline_bytes = source.size;
+    let program = if inline_bytes <= INLINE_BYTES {
         ProgramSource::InlineProgram(read_whole(source)?)
     } else {
-        ProgramSource::Program(client.upload(source).await?)
+        inline_bytes = 0;
+        ProgramSource::Program(client.upload(source, file_name.as_deref().unwrap_or_default()).await?)
     };
-    let file_name = args.file.file_name().map(|name| name.to_string_lossy().into_owned());
+    let mut programs = Vec::new();
+    for file in source.further_files() {
+        let (name, file) = file?;
+        let content = if inline_bytes + file.size <= INLINE_BYTES {
+            inline_bytes += file.size;
+            FileSource::InlineProgram(read_whole(file)?)
+        } else {
+            FileSource::Program(client.upload(file, name).await?)
+        };
+        programs.push(ProgramFile { name: name.to_owned(), source: Some(content) });
+    }
     let oscillation = args.oscillation.request();
     let request = CreateJobRequest {
         request_id: args.request_id.clone(),
@@ -119,6 +135,7 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         vibration_envelope: Envelope::value(args.envelope),
         tools: args.tools.clone(),
         oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
+        programs,
     };
     let response = client.jobs.create_job(request).await.map_err(|status| client.failed(&status))?;
     let job = response.into_inner().job;

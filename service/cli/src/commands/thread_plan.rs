@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{ArgGroup, ValueEnum};
 use feedwave_contract::convert::{thread_plan_to_proto, thread_request_from_proto};
@@ -282,7 +283,7 @@ impl Args {
 /// # Errors
 /// [`CliError`] when an option or a file cannot be used.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let config = args.machine.config(Frame::Machine)?;
+    let config = args.machine.config(Frame::Machine, Arc::new([]))?;
     let mut violations = Violations::default();
     let request = args.request(config.interpolation_period_us);
     let request = thread_request_from_proto(&mut violations, &request, "machine_kind", Some(&config.profile));

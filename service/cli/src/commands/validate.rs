@@ -9,7 +9,7 @@ use feedwave_cutting::Frame;
 
 use super::machine::MachineArgs;
 use super::overrides::OverrideArgs;
-use super::source::Source;
+use super::source::IncludeArgs;
 use super::terminal::{Style, print, print_json};
 use super::{CliError, EXIT_REFUSED, local, report};
 
@@ -37,6 +37,8 @@ pub struct Args {
     #[command(flatten)]
     machine: MachineArgs,
     #[command(flatten)]
+    include: IncludeArgs,
+    #[command(flatten)]
     overrides: OverrideArgs,
     /// Form of the answer
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
@@ -60,8 +62,9 @@ pub(super) enum Format {
 /// # Errors
 /// [`CliError`] when the program or the profile cannot be read.
 pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
-    let config = args.overrides.apply(args.machine.config(Frame::Machine)?)?;
-    let mut source = Source::open(&args.file)?;
+    let mut source = args.include.open(&args.file)?;
+    let config = args.machine.config(Frame::Machine, source.further_names())?;
+    let config = args.overrides.apply(config)?;
     let report = local::validate(&mut source, config, |_| {})?;
     let shown = report_to_proto(&report);
     match args.format {

@@ -193,7 +193,7 @@ pub(super) fn position_from_proto(position: &proto::AxisPosition) -> Position {
     [x, y, z, a, b, c, u, v, w]
 }
 
-fn position_to_proto(position: &Position) -> proto::AxisPosition {
+pub(super) fn position_to_proto(position: &Position) -> proto::AxisPosition {
     let [x, y, z, a, b, c, u, v, w] = *position;
     proto::AxisPosition { x, y, z, a, b, c, u, v, w }
 }

@@ -245,7 +245,7 @@ impl StabilityModel {
             findings: immersion
                 .and_then(|immersion| low_immersion(immersion, search.margin))
                 .iter()
-                .map(finding_to_proto)
+                .map(|finding| finding_to_proto(finding, &[]))
                 .collect(),
         })
     }

@@ -34,14 +34,19 @@ pub(super) fn machine_codes_from_proto(
     codes.into_iter().collect()
 }
 
+/// The effect of an M code, and how long it lasts, s, where it is a dwell.
+pub(super) const fn effect_to_proto(effect: MachineEffect) -> (proto::MachineCodeEffect, Option<f64>) {
+    match effect {
+        MachineEffect::None => (proto::MachineCodeEffect::None, None),
+        MachineEffect::Stop => (proto::MachineCodeEffect::Stop, None),
+        MachineEffect::Dwell { seconds } => (proto::MachineCodeEffect::Dwell, Some(seconds)),
+        MachineEffect::Barrier => (proto::MachineCodeEffect::Barrier, None),
+    }
+}
+
 /// As the contract has it.
 pub(super) fn machine_code_to_proto(code: &MachineCode) -> proto::MachineCode {
-    let (effect, dwell_s) = match code.effect {
-        MachineEffect::None => (proto::MachineCodeEffect::None, 0.0),
-        MachineEffect::Stop => (proto::MachineCodeEffect::Stop, 0.0),
-        MachineEffect::Dwell { seconds } => (proto::MachineCodeEffect::Dwell, seconds),
-        MachineEffect::Barrier => (proto::MachineCodeEffect::Barrier, 0.0),
-    };
+    let (effect, dwell_s) = effect_to_proto(code.effect);
     let timing = match code.timing {
         MachineTiming::Before => proto::MachineCodeTiming::Before,
         MachineTiming::After => proto::MachineCodeTiming::After,
@@ -49,7 +54,7 @@ pub(super) fn machine_code_to_proto(code: &MachineCode) -> proto::MachineCode {
     proto::MachineCode {
         number: code.number,
         effect: effect.into(),
-        dwell_s,
+        dwell_s: dwell_s.unwrap_or_default(),
         timing: timing.into(),
         words: code.words.clone(),
     }

@@ -1,8 +1,9 @@
 //! Validation reports: from the pipeline to the contract.
 
 use feedwave_cutting::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
-use feedwave_program::{Finding, NamedValue, Occurrence, Severity, Suggestion};
+use feedwave_program::{Finding, NamedValue, Occurrence, RelatedPlace, Severity, Suggestion};
 
+use super::action::file_name;
 use super::functions;
 use crate::proto;
 
@@ -10,7 +11,7 @@ use crate::proto;
 #[must_use]
 pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     let mut shown = proto::ValidationReport {
-        findings: report.findings.iter().map(finding_to_proto).collect(),
+        findings: report.findings.iter().map(|finding| finding_to_proto(finding, &report.programs)).collect(),
         summary: Some(summary_to_proto(&report.summary)),
         ..proto::ValidationReport::default()
     };
@@ -77,9 +78,9 @@ const fn peak_place(place: &PeakPlace) -> proto::PeakPlace {
     proto::PeakPlace { setpoint_index, time_s, line }
 }
 
-/// A finding as the contract has it.
+/// A finding as the contract has it; `programs` are the names of the job's further files.
 #[must_use]
-pub fn finding_to_proto(finding: &Finding) -> proto::Finding {
+pub fn finding_to_proto(finding: &Finding, programs: &[String]) -> proto::Finding {
     let severity = match finding.severity {
         Severity::Info => proto::Severity::Info,
         Severity::Warning => proto::Severity::Warning,
@@ -97,6 +98,19 @@ pub fn finding_to_proto(finding: &Finding) -> proto::Finding {
         occurrences: finding.occurrences,
         first: finding.first.as_ref().map(occurrence),
         worst: finding.worst.as_ref().map(occurrence),
+        file: file_name(finding.span, programs),
+        related: finding.related.iter().map(|place| related_place(place, programs)).collect(),
+    }
+}
+
+fn related_place(place: &RelatedPlace, programs: &[String]) -> proto::RelatedPlace {
+    proto::RelatedPlace {
+        message: place.message.to_string(),
+        file: file_name(place.span, programs),
+        line: place.span.line,
+        column: place.span.column,
+        length: place.span.length,
+        is_call: place.is_call,
     }
 }
 

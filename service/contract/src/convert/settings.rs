@@ -13,6 +13,7 @@ pub fn pipeline_config(profile: MachineProfile, settings: &proto::JobSettings) -
     let mut config = PipelineConfig {
         interpolation_period_us: if period_us == 0 { DEFAULT_PERIOD_US } else { period_us },
         tools: settings.tools.iter().map(tool_for_pipeline).collect(),
+        programs: settings.programs.iter().map(|file| file.name.clone()).collect(),
         ..PipelineConfig::new(profile)
     };
     functions::job_from_proto(settings, &mut config);
@@ -38,10 +39,12 @@ mod tests {
             vibration_envelope: proto::VibrationEnvelope::Blended.into(),
             tools: vec![proto::Tool { number: 7, length_mm: Some(120.5), ..Default::default() }],
             oscillation: Some(proto::OscillationRequest { parts_before: 3, ..Default::default() }),
+            programs: vec![proto::ProgramFile { name: "O1000.nc".to_owned(), source: None }],
         };
         let config = pipeline_config(profile, &settings);
         assert_eq!((config.interpolation_period_us, config.generation_mode), (250, GenerationMode::ServoSide));
         assert_eq!((config.vibration_envelope, config.oscillation.parts_before), (VibrationEnvelope::Blended, 3));
+        assert_eq!(*config.programs, ["O1000.nc".to_owned()]);
         assert_eq!((config.tools[0].number, config.tools[0].offset.length_mm()), (7, Some(120.5)));
     }
 }

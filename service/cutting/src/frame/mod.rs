@@ -3,6 +3,7 @@
 
 pub(crate) mod builder;
 pub(crate) mod interpolator;
+pub(crate) mod interpretation;
 pub(crate) mod pipeline;
 pub(crate) mod profile;
 pub(crate) mod report;

@@ -1,5 +1,7 @@
 //! What validation says about a whole program.
 
+use std::sync::Arc;
+
 use feedwave_program::Finding;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +17,8 @@ use crate::shared::tool::ToolGeometry;
 pub struct ValidationReport {
     /// Everything found, in the order of the source; the first ones in full where there are very many.
     pub findings: Vec<Finding>,
+    /// Names of the job's further program files, in the order of their places, for the places of findings.
+    pub programs: Arc<[String]>,
     /// One report per vibrating section, in order; the first ones where there are very many.
     pub sections: Vec<SectionReport>,
     /// One report per thread, in order; the first ones where there are very many.

@@ -210,8 +210,13 @@ impl Validation {
             spindle_rev_per_min: analysis.spindle_rev_per_min,
             ..ProgramSummary::default()
         };
-        let mut report =
-            ValidationReport { findings: findings.into_sorted(), thinning, summary, ..ValidationReport::default() };
+        let mut report = ValidationReport {
+            findings: findings.into_sorted(),
+            programs: config.programs.clone(),
+            thinning,
+            summary,
+            ..ValidationReport::default()
+        };
         pipeline.builder.report_functions(analysis.functions, &mut report);
         report
     }

@@ -24,7 +24,7 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::{Api, answer, etag, page_request, tools};
-use crate::engine;
+use crate::engine::{self, File};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 
@@ -109,14 +109,17 @@ fn check_settings<'a>(
     let interpolation_period_us = check_period_us(violations, interpolation_period_us, DEFAULT_PERIOD_US);
     let generation_mode = enumeration(violations, "generation_mode", generation_mode).unwrap_or_default();
     let vibration_envelope = enumeration(violations, "vibration_envelope", vibration_envelope).unwrap_or_default();
+    let tool_ids = check_tools(violations, tools);
+    CheckedSettings { interpolation_period_us, generation_mode, vibration_envelope, tool_ids, oscillation }
+}
+
+/// The identifiers of the tools that a request names.
+pub(super) fn check_tools<'a>(violations: &mut Violations, tools: &'a [String]) -> Vec<&'a str> {
     if tools.len() > MAX_TOOLS {
         violations.add("tools", format!("must list at most {MAX_TOOLS}, lists {}", tools.len()));
     }
     let listed = tools.iter().take(MAX_TOOLS).enumerate();
-    let tool_ids =
-        listed.filter_map(|(index, name)| violations.check(format!("tools[{index}]"), names::parse_tool(name)));
-    let tool_ids = tool_ids.collect();
-    CheckedSettings { interpolation_period_us, generation_mode, vibration_envelope, tool_ids, oscillation }
+    listed.filter_map(|(index, name)| violations.check(format!("tools[{index}]"), names::parse_tool(name))).collect()
 }
 
 fn check_inline(violations: &mut Violations, size: usize, limit: u64) {
@@ -143,6 +146,11 @@ impl Api {
         check_request_id(&mut violations, &request.request_id);
         let machine_id = violations.check("machine", names::parse_machine(&request.machine));
         let program_id = self.check_source(&mut violations, request.source.as_ref());
+        let inline_bytes = match &request.source {
+            Some(create_job_request::Source::InlineProgram(program)) => program.len(),
+            _ => 0,
+        };
+        self.check_program_files(&mut violations, "programs", &request.programs, inline_bytes);
         convert::check_display_name(&mut violations, "display_name", &request.display_name);
         let checked = check_settings(
             &mut violations,
@@ -158,7 +166,9 @@ impl Api {
         };
 
         let (profile, document) = self.machine_profile(machine_id).await?;
-        let settings = self.settings(&checked, &profile).await?;
+        let mut settings = self.settings(&checked, &profile).await?;
+        let (programs, further_program_ids) = self.store_files(&request.programs).await?;
+        settings.programs = programs;
         if let Some(create_job_request::Source::InlineProgram(program)) = &request.source {
             self.store.put_program(program.clone()).await?;
         }
@@ -172,6 +182,7 @@ impl Api {
             fingerprint: Fingerprint::of([fingerprint.as_slice()]),
             display_name: request.display_name.clone(),
             program_id,
+            further_program_ids,
             machine_id: machine_id.to_owned(),
             machine_snapshot: stored::to_stored(&document)?,
             settings: stored::to_stored(&settings)?,
@@ -224,14 +235,29 @@ impl Api {
             proto::VibrationEnvelope::Unspecified => vibration_envelope_to_proto(profile.vibration.envelope),
             stated => stated,
         };
-        let mut tools: Vec<Tool> = Vec::with_capacity(checked.tool_ids.len());
         let mut violations = Violations::default();
         // Which conditions there are depends on the machine.
         let oscillation = convert::oscillation_request_from_proto(checked.oscillation);
         for problem in oscillation.problems(&profile.tool_oscillation) {
             violations.add(format!("oscillation.{}", problem.field), problem.message);
         }
-        for (index, id) in checked.tool_ids.iter().enumerate() {
+        violations.finish()?;
+        let tools = self.job_tools(&checked.tool_ids).await?;
+        Ok(JobSettings {
+            programs: Vec::new(),
+            interpolation_period_us: checked.interpolation_period_us,
+            generation_mode: generation_mode.into(),
+            vibration_envelope: vibration_envelope.into(),
+            tools,
+            oscillation: checked.oscillation.map(|_| convert::oscillation_request_to_proto(&oscillation)),
+        })
+    }
+
+    /// The data of tools, each with another number.
+    pub(super) async fn job_tools(&self, ids: &[&str]) -> Result<Vec<Tool>> {
+        let mut tools: Vec<Tool> = Vec::with_capacity(ids.len());
+        let mut violations = Violations::default();
+        for (index, id) in ids.iter().enumerate() {
             let tool = tools::from_record(&self.store.tool(id).await?)?;
             if let Some(other) = tools.iter().find(|other| other.number == tool.number) {
                 let reason = format!("has the number {}, as {} has", tool.number, other.name);
@@ -240,13 +266,7 @@ impl Api {
             tools.push(tool);
         }
         violations.finish()?;
-        Ok(JobSettings {
-            interpolation_period_us: checked.interpolation_period_us,
-            generation_mode: generation_mode.into(),
-            vibration_envelope: vibration_envelope.into(),
-            tools,
-            oscillation: checked.oscillation.map(|_| convert::oscillation_request_to_proto(&oscillation)),
-        })
+        Ok(tools)
     }
 
     /// Validates a program without storing anything.
@@ -256,6 +276,7 @@ impl Api {
     pub async fn validate_program(&self, request: ValidateProgramRequest) -> Result<ValidateProgramResponse> {
         let mut violations = Violations::default();
         check_inline(&mut violations, request.inline_program.len(), self.limits.inline_program_bytes);
+        self.check_program_files(&mut violations, "programs", &request.programs, request.inline_program.len());
         let checked = check_settings(
             &mut violations,
             request.interpolation_period_us,
@@ -287,9 +308,11 @@ impl Api {
             (None, Some(id)) => self.machine_profile(id).await?.0,
             (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
         };
-        let settings = self.settings(&checked, &profile).await?;
+        let mut settings = self.settings(&checked, &profile).await?;
+        let (source, programs) = self.sources(File::Memory(request.inline_program), &request.programs).await?;
+        settings.programs = programs;
         let config = PipelineConfig { overrides, ..convert::pipeline_config(profile, &settings) };
-        let report = self.engine.validate_program(config, request.inline_program).await?;
+        let report = self.engine.validate_program(config, source).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
     }
 

@@ -1,15 +1,26 @@
-//! Programs: uploaded by content, continued where an upload broke off.
+//! Programs: uploaded by content, continued where an upload broke off; found again, read and interpreted.
 
+use std::collections::BTreeMap;
+
+use feedwave_contract::convert::{self, MAX_PROGRAM_FILES, timestamp};
 use feedwave_contract::names;
+use feedwave_contract::proto::program_file::Source as FileSource;
+use feedwave_contract::proto::programs_server::Programs;
 use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
-    DeleteProgramRequest, DeleteProgramResponse, GetUploadRequest, GetUploadResponse, UploadChunk, UploadHeader,
-    UploadProgramRequest, UploadProgramResponse,
+    DeleteProgramRequest, DeleteProgramResponse, GetProgramRequest, GetProgramResponse, GetUploadRequest,
+    GetUploadResponse, InterpretRequest, InterpretResponse, JobSettings, ListProgramsRequest, ListProgramsResponse,
+    Program, ProgramFile, ProgramsDeleteProgramRequest, ProgramsDeleteProgramResponse, ReadProgramRequest,
+    ReadProgramResponse, UploadChunk, UploadHeader, UploadProgramRequest, UploadProgramResponse, interpret_request,
 };
-use feedwave_store::{Kind, ProgramId, StoreError, UploadInfo, UploadStart};
-use tonic::Streaming;
+use feedwave_store::{CHUNK_BYTES, Kind, ProgramEntry, ProgramId, StoreError, UploadInfo, UploadStart};
+use futures_util::{Stream, stream};
+use tonic::{Request, Response, Status, Streaming, async_trait};
 
-use super::Api;
+use super::guarded::{Guarded, deadline};
+use super::jobs::{ResponseStream, check_tools};
+use super::{Api, answer, page_request};
+use crate::engine::{self, Actions, File, Source};
 use crate::error::{Error, Result, Violations};
 
 /// A part of an upload that does not fit what came before it.
@@ -19,6 +30,29 @@ fn wrong_offset(expected: u64, given: u64) -> Error {
         message: format!("the upload continues at byte {expected}, not at byte {given}"),
         metadata: vec![("expected_offset", expected.to_string())],
     }
+}
+
+/// The identifier of a checked further file that is stored.
+fn stored_id(file: &ProgramFile) -> Result<ProgramId> {
+    match &file.source {
+        Some(FileSource::Program(name)) => program_id("programs", name),
+        _ => Err(Error::internal("a further file was neither accepted nor refused")),
+    }
+}
+
+fn program_to_proto(entry: ProgramEntry) -> Program {
+    Program {
+        name: names::program(entry.info.id),
+        size_bytes: entry.info.size_bytes,
+        file_name: entry.file_name,
+        job_count: entry.job_count,
+        create_time: Some(timestamp(entry.info.created_us)),
+    }
+}
+
+/// Checks a file name that may be empty.
+fn check_file_name(violations: &mut Violations, field: &str, name: &str) {
+    convert::check_display_name(violations, field, name);
 }
 
 fn program_id(field: &str, name: &str) -> Result<ProgramId> {
@@ -37,9 +71,14 @@ impl Api {
             None => return Err(Error::invalid("header", "must be set")),
         };
         let expected = self.check_header(&header)?;
+        let name = async |id| match header.file_name.as_str() {
+            "" => Ok(()),
+            name => self.store.name_program(id, name).await,
+        };
         let upload = match self.store.begin_upload(expected, header.program_bytes).await? {
             UploadStart::Unfinished(upload) => upload,
             UploadStart::Complete(program) => {
+                name(program.id).await?;
                 return Ok(UploadProgramResponse {
                     program: names::program(program.id),
                     received_bytes: program.size_bytes,
@@ -54,6 +93,7 @@ impl Api {
             return Ok(UploadProgramResponse { program: String::new(), received_bytes });
         }
         let program = self.store.finish_upload(upload.id).await?;
+        name(program.id).await?;
         tracing::info!(program = %program.id, bytes = program.size_bytes, "uploaded");
         Ok(UploadProgramResponse { program: names::program(program.id), received_bytes })
     }
@@ -69,6 +109,7 @@ impl Api {
             let reason = format!("is {}, beyond the size of {}", header.offset, header.program_bytes);
             violations.add("header.offset", reason);
         }
+        check_file_name(&mut violations, "header.file_name", &header.file_name);
         violations.finish()?;
         id.ok_or_else(|| Error::internal("a header was neither accepted nor refused"))
     }
@@ -134,6 +175,219 @@ impl Api {
         })
     }
 
+    /// Lists programs.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_programs(&self, request: ListProgramsRequest) -> Result<ListProgramsResponse> {
+        let mut violations = Violations::default();
+        let page = page_request(&mut violations, request.page_size, request.page_token);
+        check_file_name(&mut violations, "file_name", &request.file_name);
+        violations.finish()?;
+        let page = self.store.list_programs(&request.file_name, &page).await?;
+        Ok(ListProgramsResponse {
+            programs: page.items.into_iter().map(program_to_proto).collect(),
+            next_page_token: page.next_token.unwrap_or_default(),
+        })
+    }
+
+    /// Says what is known of a program.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn get_program(&self, request: GetProgramRequest) -> Result<GetProgramResponse> {
+        let entry = self.store.program_entry(program_id("name", &request.name)?).await?;
+        Ok(GetProgramResponse { program: Some(program_to_proto(entry)) })
+    }
+
+    /// Reads the bytes of a program.
+    async fn read_program(
+        &self,
+        request: ReadProgramRequest,
+    ) -> Result<impl Stream<Item = Result<ReadProgramResponse>> + Send + 'static> {
+        let id = program_id("name", &request.name)?;
+        let size_bytes = self.store.program_info(id).await?.size_bytes;
+        if request.offset > size_bytes {
+            return Err(Error::OutOfRange {
+                reason: "START_BEYOND_END",
+                message: format!("the program has {size_bytes} bytes, it cannot be read from byte {}", request.offset),
+                metadata: vec![("size_bytes", size_bytes.to_string())],
+            });
+        }
+        let wanted = if request.length == 0 { u64::MAX } else { request.length };
+        let end = request.offset.saturating_add(wanted).min(size_bytes);
+        let store = self.store.clone();
+        Ok(stream::try_unfold(request.offset, move |offset| {
+            let store = store.clone();
+            async move {
+                if offset >= end {
+                    return Ok(None);
+                }
+                let chunk = store.program_chunk(id, offset / CHUNK_BYTES).await?;
+                let from = (offset % CHUNK_BYTES) as usize;
+                let to = chunk.len().min(from.saturating_add((end - offset) as usize));
+                let data = chunk.slice(from.min(to)..to);
+                let next = offset + data.len() as u64;
+                if data.is_empty() {
+                    return Err(Error::internal(format!("program {id} is shorter than it says")));
+                }
+                Ok(Some((ReadProgramResponse { offset, data }, next)))
+            }
+        }))
+    }
+
+    /// Begins to interpret a program.
+    async fn start_interpretation(&self, request: InterpretRequest) -> Result<Actions> {
+        use interpret_request::{On, Source as From};
+        let mut violations = Violations::default();
+        if let Some(From::Job(job)) = &request.source {
+            if request.on.is_some() || !request.tools.is_empty() || !request.programs.is_empty() {
+                violations.add("job", "has its machine, tools and further files: nothing else may be stated");
+            }
+            violations.finish()?;
+            let detail = self.store.job_detail(super::jobs::job_id("job", job)?).await?;
+            return self.engine.interpret(engine::job_config(&detail)?, self.engine.job_source(&detail)?);
+        }
+        let mut inline_bytes = 0;
+        let stored = match &request.source {
+            Some(From::InlineProgram(program)) => {
+                inline_bytes = program.len();
+                None
+            }
+            Some(From::Program(name)) => violations.check("program", names::parse_program(name)),
+            Some(From::Job(_)) => None,
+            None => {
+                violations.add("source", "inline_program, program or job must be set");
+                None
+            }
+        };
+        self.check_program_files(&mut violations, "programs", &request.programs, inline_bytes);
+        let tools = check_tools(&mut violations, &request.tools);
+        let (machine, profile) = match &request.on {
+            Some(On::Machine(name)) => (violations.check("machine", names::parse_machine(name)), None),
+            Some(On::Profile(given)) => (None, convert::profile_from_proto(&mut violations, "profile", given)),
+            None => {
+                violations.add("on", "machine or profile must be set");
+                (None, None)
+            }
+        };
+        violations.finish()?;
+        let profile = match (profile, machine) {
+            (Some(profile), _) => profile,
+            (None, Some(id)) => self.machine_profile(id).await?.0,
+            (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
+        };
+        let tools = self.job_tools(&tools).await?;
+        let own = match (&request.source, stored) {
+            (Some(From::InlineProgram(program)), _) => File::Memory(program.clone()),
+            (_, Some(id)) => {
+                File::stored_of_size(self.store.clone(), id, self.store.program_info(id).await?.size_bytes)
+            }
+            _ => return Err(Error::internal("a request was neither accepted nor refused")),
+        };
+        let (source, programs) = self.sources(own, &request.programs).await?;
+        let settings = JobSettings { tools, programs, ..JobSettings::default() };
+        self.engine.interpret(convert::pipeline_config(profile, &settings), source)
+    }
+
+    /// Checks the further program files of a request that has `inline_bytes` beside them.
+    pub(super) fn check_program_files(
+        &self,
+        violations: &mut Violations,
+        field: &str,
+        files: &[ProgramFile],
+        inline_bytes: usize,
+    ) {
+        if files.len() > MAX_PROGRAM_FILES {
+            violations.add(field, format!("must list at most {MAX_PROGRAM_FILES}, lists {}", files.len()));
+        }
+        let mut names_seen = BTreeMap::new();
+        let mut bytes = inline_bytes as u64;
+        for (index, file) in files.iter().take(MAX_PROGRAM_FILES).enumerate() {
+            let field = format!("{field}[{index}]");
+            check_file_name(violations, &format!("{field}.name"), &file.name);
+            match &file.source {
+                Some(FileSource::InlineProgram(program)) => {
+                    bytes += program.len() as u64;
+                    if file.name.is_empty() {
+                        violations.add(format!("{field}.name"), "must be set for an inline program");
+                    }
+                }
+                Some(FileSource::Program(name)) => {
+                    violations.check(format!("{field}.program"), names::parse_program::<ProgramId>(name));
+                }
+                None => violations.add(format!("{field}.source"), "inline_program or program must be set"),
+            }
+            if file.name.is_empty() {
+                continue;
+            }
+            if let Some(first) = names_seen.insert(file.name.to_lowercase(), index) {
+                violations.add(format!("{field}.name"), format!("is that of file {first} too"));
+            }
+        }
+        let limit = self.limits.inline_program_bytes;
+        if bytes > limit && !files.is_empty() {
+            let reason =
+                format!("have {bytes} bytes inline with the program, more than the {limit} allowed; upload them");
+            violations.add(field, reason);
+        }
+    }
+
+    /// The bytes of a program with its checked further files, and those files with the names by which calls find them.
+    pub(super) async fn sources(&self, own: File, files: &[ProgramFile]) -> Result<(Source, Vec<ProgramFile>)> {
+        let mut all = vec![own];
+        let mut named = self.named_files(files).await?;
+        for file in &mut named {
+            all.push(match &file.source {
+                Some(FileSource::InlineProgram(program)) => File::Memory(program.clone()),
+                _ => File::stored(self.store.clone(), stored_id(file)?),
+            });
+            // Only the names are needed further on.
+            file.source = None;
+        }
+        Ok((Source::new(all), named))
+    }
+
+    /// Checked further files, with the names of their uploads where they state none; those that are stored are there.
+    pub(super) async fn named_files(&self, files: &[ProgramFile]) -> Result<Vec<ProgramFile>> {
+        let mut violations = Violations::default();
+        let mut named: Vec<ProgramFile> = files.to_vec();
+        for (index, file) in named.iter_mut().enumerate() {
+            if let Some(FileSource::Program(_)) = &file.source {
+                let entry = self.store.program_entry(stored_id(file)?).await?;
+                if file.name.is_empty() {
+                    file.name = entry.file_name;
+                }
+            }
+            if file.name.is_empty() {
+                violations.add(format!("programs[{index}].name"), "must be set: its upload had no file name");
+            }
+        }
+        let mut seen = BTreeMap::new();
+        for (index, file) in named.iter().enumerate().filter(|(_, file)| !file.name.is_empty()) {
+            if let Some(first) = seen.insert(file.name.to_lowercase(), index) {
+                violations.add(format!("programs[{index}].name"), format!("is that of file {first} too"));
+            }
+        }
+        violations.finish()?;
+        Ok(named)
+    }
+
+    /// Stores the inline ones of checked further files; all of them as references, and their identifiers.
+    pub(super) async fn store_files(&self, files: &[ProgramFile]) -> Result<(Vec<ProgramFile>, Vec<ProgramId>)> {
+        let mut named = self.named_files(files).await?;
+        let mut ids = Vec::with_capacity(named.len());
+        for file in &mut named {
+            let id = match &file.source {
+                Some(FileSource::InlineProgram(program)) => self.store.put_program(program.clone()).await?.id,
+                _ => stored_id(file)?,
+            };
+            file.source = Some(FileSource::Program(names::program(id)));
+            ids.push(id);
+        }
+        Ok((named, ids))
+    }
+
     /// Deletes a program, or what was received of one.
     ///
     /// # Errors
@@ -153,5 +407,51 @@ impl Api {
 
     async fn unfinished(&self, id: ProgramId) -> Result<Option<UploadInfo>> {
         Ok(self.store.uploads().await?.into_iter().find(|upload| upload.expected == id))
+    }
+}
+
+#[async_trait]
+impl Programs for Api {
+    async fn list_programs(
+        &self,
+        request: Request<ListProgramsRequest>,
+    ) -> Result<Response<ListProgramsResponse>, Status> {
+        answer(request, async |request| self.list_programs(request).await).await
+    }
+
+    async fn get_program(&self, request: Request<GetProgramRequest>) -> Result<Response<GetProgramResponse>, Status> {
+        answer(request, async |request| self.get_program(request).await).await
+    }
+
+    type ReadProgramStream = ResponseStream<ReadProgramResponse>;
+
+    async fn read_program(
+        &self,
+        request: Request<ReadProgramRequest>,
+    ) -> Result<Response<Self::ReadProgramStream>, Status> {
+        let deadline = deadline(request.metadata().as_ref());
+        let pieces = Box::pin(self.read_program(request.into_inner()).await?);
+        let guarded = Guarded::new(pieces, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
+    }
+
+    async fn delete_program(
+        &self,
+        request: Request<ProgramsDeleteProgramRequest>,
+    ) -> Result<Response<ProgramsDeleteProgramResponse>, Status> {
+        let delete = async |request: ProgramsDeleteProgramRequest| {
+            self.delete_program(DeleteProgramRequest { name: request.name }).await?;
+            Ok(ProgramsDeleteProgramResponse {})
+        };
+        answer(request, delete).await
+    }
+
+    type InterpretStream = ResponseStream<InterpretResponse>;
+
+    async fn interpret(&self, request: Request<InterpretRequest>) -> Result<Response<Self::InterpretStream>, Status> {
+        let deadline = deadline(request.metadata().as_ref());
+        let actions = self.start_interpretation(request.into_inner()).await?;
+        let guarded = Guarded::new(actions, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
     }
 }

@@ -23,7 +23,6 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_util::sync::{CancellationToken, DropGuard};
 
 use super::columns::ColumnSet;
-use super::source::Source;
 use super::telemetry::RunWork;
 use super::{Engine, JobGuard};
 use crate::error::{Error, Result};
@@ -130,7 +129,7 @@ impl Engine {
         let inner = &self.inner;
         let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
         let feed = Feed::new(&attached.overrides)?;
-        let generator = self.generator(detail, plan, feed.changes());
+        let generator = self.generator(detail, plan, feed.changes())?;
         let (sender, input) = mpsc::channel(INPUTS_IN_FLIGHT);
         let (outlet, outgoing) = mpsc::channel(MESSAGES_IN_FLIGHT);
         let error = Arc::new(Mutex::new(None));
@@ -151,9 +150,8 @@ impl Engine {
     }
 
     /// The setpoints of a run, from the first on. Call inside a runtime.
-    fn generator(&self, detail: &JobDetail, plan: LivePlan, changes: Vec<OverrideChange>) -> Setpoints {
+    fn generator(&self, detail: &JobDetail, plan: LivePlan, changes: Vec<OverrideChange>) -> Result<Setpoints> {
         let config = PipelineConfig { overrides: changes, ..plan.config };
-        let (program, bytes) = (detail.job.program_id, detail.job.program_size_bytes);
-        Setpoints::new(config, Source::stored(self.inner.store.clone(), program, bytes), plan.columns, plan.first_index)
+        Ok(Setpoints::new(config, self.job_source(detail)?, plan.columns, plan.first_index))
     }
 }

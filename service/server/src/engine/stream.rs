@@ -189,7 +189,7 @@ impl Engine {
         };
         let config = Arc::new(plan.config.clone());
         let pipeline = self.pipeline_near(detail, config, first_block_index).await?;
-        let source = Source::stored(inner.store.clone(), detail.job.program_id, detail.job.program_size_bytes);
+        let source = self.job_source(detail)?;
         let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
         let mut run = Run { pipeline, source, plan, first_block_index, outlet };

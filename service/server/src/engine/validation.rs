@@ -80,11 +80,10 @@ impl super::Engine {
     /// such pass.
     pub async fn thread_path(&self, detail: &JobDetail, thread: u32, pass: u32) -> Result<ThreadPath> {
         let config = Arc::new(super::job_config(detail)?);
-        let (id, size_bytes) = (detail.job.program_id, detail.job.program_size_bytes);
+        let source = self.job_source(detail)?;
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
         let token = self.inner.draining.child_token();
         let cancel_when_dropped = token.clone().drop_guard();
-        let source = Source::stored(self.inner.store.clone(), id, size_bytes);
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = place;
             let mut validation = Validation::new(config).keeping_path(u64::from(thread), pass as usize);
@@ -116,7 +115,7 @@ impl super::Engine {
     ///
     /// # Errors
     /// [`Error::Draining`] when the service ends first.
-    pub async fn validate_program(&self, config: PipelineConfig, program: bytes::Bytes) -> Result<ValidationReport> {
+    pub async fn validate_program(&self, config: PipelineConfig, source: Source) -> Result<ValidationReport> {
         use crate::observability::metrics::GaugeGuard;
 
         let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
@@ -125,7 +124,7 @@ impl super::Engine {
         let active = GaugeGuard::new(&self.inner.metrics.active_validations);
         let run = self.inner.tasks.spawn_blocking(move || {
             let _held = (place, active);
-            validate(Arc::new(config), &Source::memory(program), || token.is_cancelled(), |_| Ok(()))
+            validate(Arc::new(config), &source, || token.is_cancelled(), |_| Ok(()))
         });
         let outcome = run.await.map_err(Error::internal)??;
         drop(cancel_when_dropped);

@@ -12,7 +12,6 @@ use tokio::task::JoinSet;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
-use super::source::Source;
 use super::validation::{Outcome, validate};
 use super::{Engine, checkpoint_set, job_config};
 use crate::error::{Error, Result};
@@ -111,7 +110,7 @@ async fn attempt(engine: &Engine, id: Uuid) -> Result<()> {
     let detail = inner.store.job_detail(id).await?;
     let config = Arc::new(job_config(&detail)?);
     let set = checkpoint_set(id, &config);
-    let source = Source::stored(inner.store.clone(), detail.job.program_id, detail.job.program_size_bytes);
+    let source = engine.job_source(&detail)?;
     let store = inner.store.clone();
     let runtime = tokio::runtime::Handle::current();
     let (cancelled, draining) = (guard.token().clone(), inner.draining.clone());

@@ -6,6 +6,7 @@ mod jobs;
 mod lobes;
 mod operation;
 mod oscillation;
+mod programs;
 mod raw;
 mod runs;
 mod setpoints;

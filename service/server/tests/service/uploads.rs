@@ -33,7 +33,7 @@ async fn upload(
     bytes: std::ops::Range<usize>,
 ) -> Result<UploadProgramResponse, Status> {
     let offset = bytes.start as u64;
-    let header = UploadHeader { sha256, program_bytes: program.len() as u64, offset };
+    let header = UploadHeader { sha256, program_bytes: program.len() as u64, offset, ..Default::default() };
     let mut messages = vec![UploadProgramRequest { message: Some(Message::Header(header)) }];
     let mut offset = offset;
     for piece in program[bytes].chunks(100_000) {
@@ -105,7 +105,7 @@ async fn uploads_that_cannot_be_are_refused() {
     let status = test.jobs().upload_program(futures_util::stream::iter([])).await.unwrap_err();
     assert_eq!(told(&status).2, ["header"]);
 
-    let header = UploadHeader { sha256: sha256(b"12"), program_bytes: 2, offset: 0 };
+    let header = UploadHeader { sha256: sha256(b"12"), program_bytes: 2, offset: 0, ..Default::default() };
     let too_much = UploadChunk { offset: 0, data: b"123".to_vec().into() };
     let messages = [
         UploadProgramRequest { message: Some(Message::Header(header)) },

@@ -386,6 +386,16 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let row = inserted.map_err(|error| {
         if is_reference(&error) { StoreError::not_found(Kind::Program, new.program_id) } else { error.into() }
     })?;
+    for further in new.further_program_ids {
+        let inserted = sqlx::query("INSERT OR IGNORE INTO job_programs (job_id, program_id) VALUES (?, ?)")
+            .bind(id.to_string())
+            .bind(further.to_string())
+            .execute(&mut tx.connection)
+            .await;
+        inserted.map_err(|error| {
+            if is_reference(&error) { StoreError::not_found(Kind::Program, further) } else { error.into() }
+        })?;
+    }
     log(tx, id, None, Some(state), now_us, "").await?;
     Ok(Job {
         id,

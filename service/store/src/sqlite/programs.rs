@@ -9,12 +9,16 @@ use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, parsed, signed, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
+use crate::page::{Page, PageRequest, Scope};
 use crate::programs::{
-    CHUNK_BYTES, MAX_PUT_BYTES, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
 
 /// Chunks removed by one write: a large program is removed in pieces, so that other writes are not delayed.
 const REMOVED_CHUNKS: i64 = 32;
+
+/// Longest file name in bytes.
+const MAX_FILE_NAME_BYTES: u64 = 4_096;
 
 /// A compressed chunk to be written.
 pub(super) struct Chunk {
@@ -85,6 +89,38 @@ fn program_info(row: &SqliteRow) -> Result<ProgramInfo> {
         size_bytes: unsigned(row, "size_bytes")?,
         chunk_count: unsigned(row, "chunk_count")?,
         created_us: row.try_get("created_us")?,
+    })
+}
+
+/// Number of jobs that use a program.
+macro_rules! job_count {
+    ($program:literal) => {
+        concat!(
+            "(SELECT COUNT(*) FROM (SELECT id FROM jobs WHERE program_id = ",
+            $program,
+            " UNION SELECT job_id FROM job_programs WHERE program_id = ",
+            $program,
+            "))"
+        )
+    };
+}
+
+macro_rules! entry_query {
+    ($rest:literal) => {
+        concat!(
+            "SELECT p.id, p.size_bytes, p.chunk_count, p.created_us, p.file_name, ",
+            job_count!("p.id"),
+            " AS job_count FROM programs AS p ",
+            $rest
+        )
+    };
+}
+
+fn program_entry(row: &SqliteRow) -> Result<ProgramEntry> {
+    Ok(ProgramEntry {
+        info: program_info(row)?,
+        file_name: row.try_get("file_name")?,
+        job_count: unsigned(row, "job_count")?,
     })
 }
 
@@ -192,6 +228,52 @@ impl Programs for SqliteStore {
         info.ok_or_else(|| StoreError::not_found(Kind::Program, id))
     }
 
+    async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
+        let row = sqlx::query(entry_query!("WHERE p.id = ?"))
+            .bind(id.to_string())
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        program_entry(&row.ok_or_else(|| StoreError::not_found(Kind::Program, id))?)
+    }
+
+    async fn list_programs(&self, file_name: &str, page: &PageRequest) -> Result<Page<ProgramEntry>> {
+        let scope = Scope::of([b"programs", file_name.as_bytes()]);
+        let size = page.bounded_size();
+        let mut sql = QueryBuilder::<Sqlite>::new(entry_query!("WHERE TRUE"));
+        if !file_name.is_empty() {
+            // An index has only programs with a name.
+            sql.push(" AND p.file_name <> '' AND p.file_name = ").push_bind(file_name);
+        }
+        if let Some(position) = scope.position(&page.token)? {
+            let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
+            let time = i64::from_be_bytes(time.try_into().map_err(|_| StoreError::InvalidPageToken)?);
+            let id = ProgramId::from_bytes(id.try_into().map_err(|_| StoreError::InvalidPageToken)?);
+            sql.push(" AND (p.created_us, p.id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
+        }
+        sql.push(" ORDER BY p.created_us DESC, p.id DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let programs = rows.iter().map(program_entry).collect::<Result<Vec<_>>>()?;
+        let position =
+            |last: &ProgramEntry| [&last.info.created_us.to_be_bytes()[..], last.info.id.as_bytes()].concat();
+        Ok(Page::cut(programs, size, |last| scope.token(&position(last))))
+    }
+
+    async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
+        check_size("file name size in bytes", file_name.len(), MAX_FILE_NAME_BYTES)?;
+        let file_name = file_name.to_owned();
+        self.write(file_name.len(), move |tx| {
+            Box::pin(async move {
+                let named = sqlx::query("UPDATE programs SET file_name = ? WHERE id = ?")
+                    .bind(file_name)
+                    .bind(id.to_string())
+                    .execute(&mut tx.connection)
+                    .await?;
+                if named.rows_affected() == 0 { Err(StoreError::not_found(Kind::Program, id)) } else { Ok(()) }
+            })
+        })
+        .await
+    }
+
     async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes> {
         let row = sqlx::query(
             "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
@@ -219,7 +301,7 @@ impl Programs for SqliteStore {
                         Ok(Some(content)) => Ok(content),
                         Ok(None) => Err(StoreError::not_found(Kind::Program, id)),
                         Err(error) if is_reference(&error) => {
-                            let users: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM jobs WHERE program_id = ?")
+                            let users: i64 = sqlx::query_scalar(concat!("SELECT ", job_count!("?1")))
                                 .bind(id.to_string())
                                 .fetch_one(&mut tx.connection)
                                 .await?;

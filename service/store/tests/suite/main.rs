@@ -51,6 +51,7 @@ pub(crate) fn new_job(request: &str, program_id: ProgramId) -> NewJob {
         fingerprint: Fingerprint::of([request.as_bytes()]),
         display_name: format!("job of {request}"),
         program_id,
+        further_program_ids: Vec::new(),
         machine_id: "lathe-1".into(),
         machine_snapshot: json(r#"{"axes":["X","Z"]}"#),
         settings: json(r#"{"interpolation_period_us":1000}"#),

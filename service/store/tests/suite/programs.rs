@@ -1,6 +1,6 @@
 //! Programs put as a whole.
 
-use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, ProgramId, StoreError, StoreSettings};
+use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, NewJob, PageRequest, ProgramId, StoreError, StoreSettings};
 
 use super::{Place, new_job, open, read_back, source, with_program};
 
@@ -75,6 +75,58 @@ async fn a_referenced_program_stays() {
     store.delete_program(program).await.unwrap();
     assert!(matches!(store.program_info(program).await, Err(StoreError::NotFound { .. })));
     assert!(matches!(store.delete_program(program).await, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn a_further_file_of_a_job_stays() {
+    let place = Place::new();
+    let (store, program) = with_program(&place).await;
+    let sub = store.put_program("O1000\nG0 X1\nM99\n".into()).await.unwrap().id;
+    let absent = ProgramId::of(b"absent");
+    let further = |ids: &[ProgramId]| NewJob { further_program_ids: ids.to_vec(), ..new_job("r", program) };
+    let refused = store.create_job(further(&[sub, absent])).await;
+    assert!(matches!(&refused, Err(StoreError::NotFound { id, .. }) if *id == absent.to_string()), "{refused:?}");
+    let job = store.create_job(further(&[sub, program, sub])).await.unwrap();
+    assert_eq!(store.program_entry(sub).await.unwrap().job_count, 1);
+    assert_eq!(store.program_entry(program).await.unwrap().job_count, 1);
+    let refused = store.delete_program(sub).await;
+    assert!(matches!(refused, Err(StoreError::InUse { users: 1, .. })), "{refused:?}");
+    store.delete_job(job.id, None).await.unwrap();
+    store.delete_program(sub).await.unwrap();
+}
+
+#[tokio::test]
+async fn programs_are_listed_by_name_and_page() {
+    let place = Place::new();
+    let store = open(&place).await;
+    let mut ids = Vec::new();
+    for index in 0..7 {
+        let id = store.put_program(format!("G0 X{index}\nM30\n").into()).await.unwrap().id;
+        store.name_program(id, if index % 2 == 0 { "even.nc" } else { "odd.nc" }).await.unwrap();
+        ids.push(id);
+    }
+    let all = async |name: &str| {
+        let (mut found, mut token) = (Vec::new(), String::new());
+        loop {
+            let page = store.list_programs(name, &PageRequest { size: 2, token }).await.unwrap();
+            found.extend(page.items.into_iter().map(|entry| entry.info.id));
+            match page.next_token {
+                Some(next) => token = next,
+                None => return found,
+            }
+        }
+    };
+    let mut listed = all("").await;
+    assert_eq!((listed.len(), all("even.nc").await.len(), all("odd.nc").await.len()), (7, 4, 3));
+    listed.sort_unstable();
+    ids.sort_unstable();
+    assert_eq!(listed, ids);
+    assert!(all("none.nc").await.is_empty());
+    let token = store.list_programs("", &PageRequest { size: 2, token: String::new() }).await.unwrap().next_token;
+    let elsewhere = store.list_programs("odd.nc", &PageRequest { size: 2, token: token.unwrap() }).await;
+    assert!(matches!(elsewhere, Err(StoreError::InvalidPageToken)));
+    let unknown = store.name_program(ProgramId::of(b"absent"), "a.nc").await;
+    assert!(matches!(unknown, Err(StoreError::NotFound { .. })));
 }
 
 #[tokio::test]

@@ -114,11 +114,20 @@ pub(super) async fn list<C: Collection>(collection: C, args: ListArgs) -> Result
 /// Deletes one. What is not there any more is as good as deleted.
 pub(super) async fn delete<C: Collection>(collection: C, args: DeleteArgs) -> Result<ExitCode, CliError> {
     let client = args.server.connect().await?;
-    let name = full_name(C::NAME, &args.name);
-    match collection.delete(&client, name.clone(), args.etag).await {
+    delete_one(&collection, &client, full_name(C::NAME, &args.name), args.etag).await
+}
+
+/// Deletes the resource of this name.
+pub(super) async fn delete_one<C: Collection>(
+    collection: &C,
+    client: &Client,
+    name: String,
+    etag: String,
+) -> Result<ExitCode, CliError> {
+    match collection.delete(client, name.clone(), etag).await {
         Ok(()) => print(&format!("{name}: deleted\n"))?,
         Err(status) if status.code() == Code::NotFound => print(&format!("{name}: is not there, nothing deleted\n"))?,
-        Err(status) => return Err(refused(&client, &status)),
+        Err(status) => return Err(refused(client, &status)),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -78,10 +78,10 @@ pub fn thread_plan_to_proto(
             thread: Some(thread_to_proto(job)),
             report: Some(thread_report_to_proto(report)),
             program: thread_program_text(job, options),
-            findings: report.findings.iter().map(finding_to_proto).collect(),
+            findings: report.findings.iter().map(|finding| finding_to_proto(finding, &[])).collect(),
         },
         Err(findings) => proto::PlanThreadResponse {
-            findings: findings.iter().map(finding_to_proto).collect(),
+            findings: findings.iter().map(|finding| finding_to_proto(finding, &[])).collect(),
             ..proto::PlanThreadResponse::default()
         },
     }

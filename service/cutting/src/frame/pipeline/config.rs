@@ -1,6 +1,8 @@
 //! What a run of the pipeline is given.
 
-use feedwave_program::ToolOffset;
+use std::sync::Arc;
+
+use feedwave_program::{Interpreter, InterpreterState, ToolOffset};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::profile::MachineProfile;
@@ -26,6 +28,8 @@ pub struct PipelineConfig {
     pub overrides: Vec<OverrideChange>,
     /// Tools known for this job; a `T` word outside the list is a finding when the list is not empty.
     pub tools: Vec<Tool>,
+    /// Names of the job's further program files, in the order of their places ([`feedwave_program::Place::program`] 1 and on).
+    pub programs: Arc<[String]>,
     /// What the job asks of the oscillations of its program.
     pub oscillation: OscillationRequest,
     /// Runs every block even where the program has blocks thinned: what thinning is compared with.
@@ -45,6 +49,7 @@ impl PipelineConfig {
             frame: Frame::Machine,
             overrides: Vec::new(),
             tools: Vec::new(),
+            programs: Arc::new([]),
             oscillation: OscillationRequest::default(),
             every_block: false,
         }
@@ -54,6 +59,21 @@ impl PipelineConfig {
     #[must_use]
     pub fn tool_offsets(&self) -> Vec<ToolOffset> {
         self.tools.iter().map(|tool| ToolOffset { number: tool.number, ..tool.offset }).collect()
+    }
+
+    /// An interpreter before the first line of the job's program: what every reader of it begins with.
+    #[must_use]
+    pub fn interpreter(&self) -> Interpreter {
+        self.equipped(Interpreter::new(self.profile.language.clone()))
+    }
+
+    /// The interpreter that goes on where another one of this job stood.
+    pub(crate) fn restored_interpreter(&self, state: InterpreterState) -> Interpreter {
+        self.equipped(Interpreter::restore(self.profile.language.clone(), state))
+    }
+
+    fn equipped(&self, interpreter: Interpreter) -> Interpreter {
+        interpreter.with_tools(self.tool_offsets()).with_programs(self.programs.clone())
     }
 
     /// The profile's settings of the vibration as this run has them.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use feedwave_motion::kinematics::Kinematics;
 use feedwave_motion::{Planner, PlannerSettings};
 use feedwave_program::{
-    Finding, FindingLog, Interpreter, InterpreterState, Operation, Place, Reader, Reading, SourcePages, SourceSpan,
+    Finding, FindingLog, InterpreterState, Operation, Place, Reader, Reading, SourcePages, SourceSpan,
 };
 use serde::{Deserialize, Serialize};
 
@@ -118,7 +118,7 @@ impl Pipeline {
 
     pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
         let language = &config.profile.language;
-        let interpreter = Interpreter::new(language.clone()).with_tools(config.tool_offsets());
+        let interpreter = config.interpreter();
         let work_offset = language.work_offsets[0];
         let mut position = language.initial_position;
         for (value, offset) in position.iter_mut().zip(work_offset) {
@@ -176,8 +176,7 @@ impl Pipeline {
             return Err(SnapshotError::Version { found });
         }
         let snapshot: Snapshot = postcard::from_bytes(state).map_err(SnapshotError::Read)?;
-        let interpreter = Interpreter::restore(config.profile.language.clone(), snapshot.interpreter)
-            .with_tools(config.tool_offsets());
+        let interpreter = config.restored_interpreter(snapshot.interpreter);
         let mut fresh = Self::new(config);
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;

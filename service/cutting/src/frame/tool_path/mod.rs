@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 
 use feedwave_motion::{Element, Joining, Machine, PathSmoother, Smoothed};
 use feedwave_program::{
-    Feed, FindingLog, Function, Interpreter, Move, MoveKind, Operation, OperationKind, Place, Position, Reader,
-    Reading, SourcePages, Spindle, SpindleSpeed, ThreadMove,
+    Feed, FindingLog, Function, Move, MoveKind, Operation, OperationKind, Place, Position, Reader, Reading,
+    SourcePages, Spindle, SpindleSpeed, ThreadMove,
 };
 
 pub use self::guided::GuidedCuts;
@@ -81,7 +81,7 @@ impl ToolPath {
     #[must_use]
     pub fn new(config: &PipelineConfig) -> Self {
         Self {
-            reader: Reader::new(Interpreter::new(config.profile.language.clone()).with_tools(config.tool_offsets())),
+            reader: Reader::new(config.interpreter()),
             pages: SourcePages::default(),
             operations: Vec::new(),
             findings: FindingLog::with_limit(0),

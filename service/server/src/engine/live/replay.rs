@@ -64,7 +64,7 @@ impl Engine {
                 proto::Encoding::PackedDouble,
             );
             let plan = LivePlan { config, columns, first_index: run.setpoints.sent, sensor_time_ns: None };
-            let setpoints = self.generator(detail, plan, Feed::new(&overrides)?.changes());
+            let setpoints = self.generator(detail, plan, Feed::new(&overrides)?.changes())?;
             let draining = inner.draining.clone();
             let generated = inner.tasks.spawn_blocking(move || {
                 let _place = place;
