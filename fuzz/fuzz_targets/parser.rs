@@ -1,5 +1,5 @@
 //! Any bytes as a program, whole and in pieces with the interpreter restored between them: the same operations and
-//! findings, all input consumed, one end, finite coordinates.
+//! findings, one end, finite coordinates.
 
 #![no_main]
 
@@ -35,28 +35,28 @@ fn settings(bits: u8) -> LanguageSettings {
 fn interpret_in_pieces(program: &[u8], settings: &LanguageSettings, piece: usize) -> (Vec<Operation>, FindingLog) {
     let mut interpreter = Interpreter::new(settings.clone());
     let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
-    let (mut consumed, mut offered) = (0, 0);
+    // Bytes offered from the interpreter's place on.
+    let mut offered = piece;
     loop {
-        let end_of_input = offered == program.len();
-        let input = &program[consumed..offered];
-        match interpreter.read_line(input, end_of_input, &mut operations, &mut findings) {
+        let from = program.len().min(interpreter.place().offset as usize);
+        let to = program.len().min(from + offered);
+        let end_of_input = to == program.len();
+        match interpreter.read_line(&program[from..to], end_of_input, &mut operations, &mut findings) {
             LineOutcome::Consumed(length) => {
-                assert!(length > 0 && length <= input.len());
-                consumed += length;
+                assert!(length > 0 && length <= to - from);
+                offered = piece;
             }
+            LineOutcome::Elsewhere => offered = piece,
             LineOutcome::NeedMore => {
                 assert!(!end_of_input);
-                assert!(input.len() <= settings.max_line_bytes as usize, "held back without need");
-                offered = program.len().min(offered + piece);
+                assert!(to - from <= settings.max_line_bytes as usize + 2, "held back without need");
+                offered += piece;
                 // Restoring rebuilds the code tables, too slow to do it at every byte.
-                if offered % 8 == 0 {
+                if to % 8 == 0 {
                     interpreter = Interpreter::restore(settings.clone(), interpreter.state().clone());
                 }
             }
-            LineOutcome::Ended => {
-                assert_eq!(consumed, program.len());
-                return (operations, findings);
-            }
+            LineOutcome::Ended => return (operations, findings),
         }
     }
 }
