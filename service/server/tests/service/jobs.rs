@@ -4,8 +4,8 @@ use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::validate_program_request::On;
 use feedwave_contract::proto::{
     CancelJobRequest, CreateJobRequest, CreateToolRequest, DeleteJobRequest, GetJobRequest, GetMachineRequest,
-    GetReportRequest, JobState, ListJobEventsRequest, ListJobsRequest, Severity, Tool, UpdateMachineRequest,
-    ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
+    GetReportRequest, JobState, ListJobEventsRequest, ListJobsRequest, ProgramFile, Severity, Tool,
+    UpdateMachineRequest, ValidateProgramRequest, VibrationEnvelope, WatchJobsRequest,
 };
 use feedwave_server::config::Limits;
 use tonic::Code;
@@ -62,6 +62,7 @@ async fn every_offending_field_is_named_at_once() {
         vibration_envelope: 7,
         tools: vec!["tools/fine".to_owned(), "Tools".to_owned()],
         oscillation: None,
+        programs: vec![ProgramFile::default()],
     };
     let status = test.jobs().create_job(request).await.unwrap_err();
     let (code, reason, fields) = told(&status);
@@ -70,6 +71,7 @@ async fn every_offending_field_is_named_at_once() {
         "request_id",
         "machine",
         "source",
+        "programs[0].source",
         "display_name",
         "interpolation_period_us",
         "generation_mode",
