@@ -34,6 +34,7 @@ fn new_job(request: &str, program_id: ProgramId) -> NewJob {
         fingerprint: Fingerprint::of([]),
         display_name: String::new(),
         program_id,
+        further_program_ids: Vec::new(),
         machine_id: String::new(),
         machine_snapshot: empty(),
         settings: empty(),
