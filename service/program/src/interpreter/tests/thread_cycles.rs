@@ -192,25 +192,27 @@ fn g76_in_one_line_has_four_patterns() {
 #[test]
 fn g76_of_linuxcnc() {
     let radius = LanguageSettings { x_word: XWord::Radius, ..lathe() };
-    // Crest at 20 - 1; depths 0.3, 0.6, 0.9 and a spring pass; tan 30° = 0.577350 moves each by 0.173205 more.
+    // Crest at 20 - 1; depths 0.3, 0.6, 0.9 and a spring pass; tan 30° = 0.577350 moves each by 0.173205 more. Every pass is left by
+    // I + K = 1.9.
     check(
         &radius,
         &format!("{GO}G76 P1.5 Z-20. I-1. J.3 K.9 H1 Q30.\nG0 Z5."),
         "spindle cw 500
          rapid 0 -> X20 Z5
-         rapid X20 Z5 -> X18.7 Z4.826795
+         rapid X20 Z5 -> X20.6 Z4.826795
+         rapid X20.6 Z4.826795 -> X18.7 Z4.826795
          thread X18.7 Z4.826795 -> X18.7 Z-19.65359 @1.5
-         rapid X18.7 Z-19.65359 -> X20 Z-19.65359
-         rapid X20 Z-19.65359 -> X20 Z5
-         rapid X20 Z5 -> X18.4 Z4.65359
+         rapid X18.7 Z-19.65359 -> X20.6 Z-19.65359
+         rapid X20.6 Z-19.65359 -> X20.3 Z4.65359
+         rapid X20.3 Z4.65359 -> X18.4 Z4.65359
          thread X18.4 Z4.65359 -> X18.4 Z-19.826795 @1.5
-         rapid X18.4 Z-19.826795 -> X20 Z-19.826795
-         rapid X20 Z-19.826795 -> X20 Z5
-         rapid X20 Z5 -> X18.1 Z4.480385
+         rapid X18.4 Z-19.826795 -> X20.3 Z-19.826795
+         rapid X20.3 Z-19.826795 -> X20 Z4.480385
+         rapid X20 Z4.480385 -> X18.1 Z4.480385
          thread X18.1 Z4.480385 -> X18.1 Z-20 @1.5
          rapid X18.1 Z-20 -> X20 Z-20
-         rapid X20 Z-20 -> X20 Z5
-         rapid X20 Z5 -> X18.1 Z4.480385
+         rapid X20 Z-20 -> X20 Z4.480385
+         rapid X20 Z4.480385 -> X18.1 Z4.480385
          thread X18.1 Z4.480385 -> X18.1 Z-20 @1.5 amplitude 0
          rapid X18.1 Z-20 -> X20 Z-20
          rapid X20 Z-20 -> X20 Z5",
