@@ -80,7 +80,7 @@ fn close(one: &Position, other: &Position) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
     fn programs_of_macro_b_end_and_resume(bytes in prop::collection::vec(any::<u8>(), 40..400)) {

@@ -143,7 +143,7 @@ fn o_word_line(decisions: &mut Decisions<'_>, open: &mut Vec<String>, line: u8) 
 /// Settings with bounds that a test reaches.
 #[must_use]
 pub fn bounded(settings: LanguageSettings) -> LanguageSettings {
-    LanguageSettings { max_executed_blocks: 5_000, max_still_blocks: 2_000, ..settings }
+    LanguageSettings { max_executed_blocks: 400, max_still_blocks: 200, ..settings }
 }
 
 /// Reads a program to its end, with the interpreter restored from its state every `restore` lines (0: never).
@@ -172,14 +172,14 @@ pub fn check(program: &str, settings: &LanguageSettings) -> Vec<Operation> {
     let (operations, findings) = interpreted(program.as_bytes(), settings, 0);
     let ends = operations.iter().filter(|operation| operation.kind == OperationKind::End).count();
     assert_eq!(ends, 1, "{program}");
-    assert!(operations.len() <= 60_000, "{program}");
+    assert!(operations.len() <= 5_000, "{program}");
     for operation in &operations {
         if let OperationKind::Move(step) = &operation.kind {
             let finite = |position: &Position| position.iter().all(|value| value.is_finite());
             assert!(finite(&step.start) && finite(&step.end), "{program}");
         }
     }
-    for restore in [1, 7] {
+    for restore in [5, 31] {
         let (again, found) = interpreted(program.as_bytes(), settings, restore);
         assert_eq!(again, operations, "restored every {restore} lines: {program}");
         assert_eq!(found.findings(), findings.findings(), "restored every {restore} lines: {program}");
