@@ -221,3 +221,5 @@ pub(crate) const LEAST_CURVE_SHARE: f64 = 0.1;
 /// Least tolerance, mm, within which many blocks become one curve: with less, its knots would be nearer than positions are
 /// rounded.
 pub(crate) const LEAST_CURVE_TOLERANCE_MM: f64 = 1e-5;
+/// Part of a knot's distance to the one before within which it is moved to the end of an element.
+pub(crate) const CURVE_SNAP_SHARE: f64 = 0.05;

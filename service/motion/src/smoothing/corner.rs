@@ -68,6 +68,16 @@ impl Shape {
         Self { second: 0.6 + 0.15 * square * square, third: 0.2 + 0.45 * square * square }
     }
 
+    /// The shape for a corner that is passed at changing speed, where both elements are lines or arcs of their own blocks.
+    ///
+    /// At a right angle and beyond, it is the one cubic Bézier curve with both inner points on the corner, which axes take that
+    /// brake and start at constant jerk, one on each element: a quintic's points are then at 0.4 and 0.1 of the cut. Where the
+    /// elements are tangent the points are spaced evenly.
+    fn for_changing_speed(half_sine: f64) -> Self {
+        let share = (2.0 * half_sine * half_sine).min(1.0);
+        Self { second: 0.6 - 0.2 * share, third: 0.2 - 0.1 * share }
+    }
+
     /// Deviation between lines as a share of d·sin(θ/2).
     fn deviation(&self) -> f64 {
         (1.0 + 5.0 * self.second + 10.0 * self.third) / 16.0
@@ -131,6 +141,16 @@ pub(super) fn between_lines(
     tolerance_mm: f64,
     most_cut_mm: f64,
 ) -> Option<Rounding> {
+    line_rounding(before, after, tolerance_mm, most_cut_mm, Shape::of)
+}
+
+fn line_rounding(
+    before: &Element,
+    after: &Element,
+    tolerance_mm: f64,
+    most_cut_mm: f64,
+    shape_of: fn(f64) -> Shape,
+) -> Option<Rounding> {
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     // A direction that is no number is refused as well.
     let goes_on = dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
@@ -139,7 +159,7 @@ pub(super) fn between_lines(
     }
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let half_sine = 0.5 * norm(difference(to.tangent, from.tangent));
-    let shape = Shape::of(half_sine);
+    let shape = shape_of(half_sine);
     let cut_mm = ((tolerance_mm - UNUSED_TOLERANCE_MM) / (shape.deviation() * half_sine)).min(most_cut_mm);
     (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape })
 }
@@ -147,7 +167,7 @@ pub(super) fn between_lines(
 /// Length cut for a corner between lines whose unit directions differ by `kink`, mm.
 pub(super) fn reach_mm(kink: f64, tolerance_mm: f64) -> f64 {
     let half_sine = 0.5 * kink;
-    tolerance_mm / (Shape::of(half_sine).deviation() * half_sine)
+    tolerance_mm / (Shape::for_changing_speed(half_sine).deviation() * half_sine)
 }
 
 /// Differences of the directions and of the curvature vectors where two elements meet, and the cosine of the deflection; `None`
@@ -191,6 +211,7 @@ fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let kink = norm(difference(to.tangent, from.tangent));
     // A direction that is no number is refused as well.
+    let shape_of = if ramps { Shape::for_changing_speed } else { Shape::of };
     let goes_on = dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
     let bend = norm(difference(to.curvature, from.curvature));
     let is_bend = ramps && (kink > LEAST_RAMP || bend > LEAST_RAMP);
@@ -199,10 +220,10 @@ fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64
     }
     let most_cut_mm = if kink > TANGENT_TOLERANCE_RAD { most_cut_mm } else { most_cut_mm.min(CURVE_MOST_END_MM) };
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
-        return between_lines(before, after, tolerance_mm, most_cut_mm);
+        return line_rounding(before, after, tolerance_mm, most_cut_mm, shape_of);
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
-    let shape = Shape::of(0.5 * kink);
+    let shape = shape_of(0.5 * kink);
     let mut for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
     if kink <= TANGENT_TOLERANCE_RAD {
         for_lines = for_lines.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());

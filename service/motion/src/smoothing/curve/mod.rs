@@ -277,7 +277,9 @@ impl<T: Carried> PathSmoother<T> {
         let leg = path.leg_at(most);
         if leg >= last {
             let [from, to] = path.range(last - 1);
-            return Ending::Within(0.5 * (from + to));
+            let middle = 0.5 * (from + to);
+            let knot = spans[spans.partition_point(|span| span.from <= middle) - 1].from;
+            return Ending::Within(if knot > from { knot } else { middle });
         }
         let [from, _] = path.range(leg);
         Ending::Within(if from > 0.5 * most { from } else { most })

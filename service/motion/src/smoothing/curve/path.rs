@@ -13,7 +13,7 @@ use super::bezier::Span;
 use super::fit::basis;
 use crate::tolerance::{
     CURVE_ARC_STEP_RAD, CURVE_FIRST_SHARE, CURVE_KNOT_SHARE, CURVE_LAST_SHARE, CURVE_LEAST_SPANS, CURVE_MOST_REACH_MM,
-    CURVE_SCALE_SHARE, CURVE_TURNS_SEEN, UNUSED_TOLERANCE_MM,
+    CURVE_SCALE_SHARE, CURVE_SNAP_SHARE, CURVE_TURNS_SEEN, UNUSED_TOLERANCE_MM,
 };
 use crate::{Curve, Element};
 
@@ -120,13 +120,29 @@ impl<'a> Path<'a> {
         let mut knots = vec![[0.0, self.reach(0.0)]];
         while knots.len() < most {
             let [s, reach] = knots[knots.len() - 1];
-            let next = s + reach * (CURVE_KNOT_SHARE / refinement);
+            let step = reach * (CURVE_KNOT_SHARE / refinement);
+            let next = self.snapped(s + step, step);
             if next >= end {
                 break;
             }
             knots.push([next, self.reach(next)]);
         }
         knots
+    }
+
+    /// The end of an element where one is close to a knot: parts of spans are not to be so short that rounding shows in their
+    /// derivatives.
+    fn snapped(&self, knot: f64, step: f64) -> f64 {
+        let leg = self.leg_at(knot);
+        let [from, to] = self.range(leg);
+        let close = CURVE_SNAP_SHARE * step;
+        if to - knot <= close {
+            to
+        } else if knot - from <= close {
+            from
+        } else {
+            knot
+        }
     }
 
     /// Makes the knots end at `end`, with enough spans.
@@ -144,7 +160,12 @@ impl<'a> Path<'a> {
         if knots.len() <= CURVE_LEAST_SPANS {
             knots.clear();
             knots.extend((0..=CURVE_LEAST_SPANS).map(|k| {
-                let s = if k == CURVE_LEAST_SPANS { end } else { end * (k as f64 / CURVE_LEAST_SPANS as f64) };
+                let step = end / CURVE_LEAST_SPANS as f64;
+                let s = match k {
+                    0 => 0.0,
+                    CURVE_LEAST_SPANS => end,
+                    _ => self.snapped(step * k as f64, step),
+                };
                 [s, self.reach(s)]
             }));
         }
