@@ -277,6 +277,15 @@ impl Block {
         self.extent.0 == u32::MAX
     }
 
+    /// Whether the line has nothing that could be executed: it is empty, or a comment.
+    pub(crate) const fn is_nothing(&self) -> bool {
+        self.is_empty()
+            && self.percent.is_none()
+            && self.rest.is_none()
+            && self.assignments.is_empty()
+            && !self.has_failed
+    }
+
     /// From the first word to the last.
     #[inline]
     pub(crate) const fn span(&self) -> SourceSpan {
@@ -383,6 +392,8 @@ impl Block {
         let &Code { group, meaning, .. } = table.code(place);
         if let Meaning::Unsupported(what) = meaning {
             self.report_unsupported_code(token, what, findings);
+        } else if let Meaning::OfOtherSystem(what) = meaning {
+            self.report_code_of_other_system(token, what, findings);
         }
         let bit = 1 << group as u32;
         if let Meaning::MacroCall { modal } = meaning {
@@ -409,6 +420,16 @@ impl Block {
         self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
             finding.message = format!("{} ({what}) is not supported yet", name(token));
             finding
+        });
+    }
+
+    #[cold]
+    fn report_code_of_other_system(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
+        self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
+            finding.message = format!("{} is {what}", name(token));
+            finding.suggest("write the code of the G-code system that the machine profile names").suggest(
+                "set language.g_code_system of the machine profile to the system that the program is written in",
+            )
         });
     }
 

@@ -8,6 +8,7 @@ mod motion;
 mod text;
 mod thread;
 mod tool;
+mod turning;
 mod words;
 
 pub use self::compensation::*;
@@ -18,18 +19,20 @@ pub use self::motion::*;
 pub use self::text::*;
 pub use self::thread::*;
 pub use self::tool::*;
+pub use self::turning::*;
 pub use self::words::*;
 
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 9] = [
+pub const TABLES: [CodeTable; 10] = [
     TEXT_CODES,
     WORDS_CODES,
     EXPRESSION_CODES,
     FLOW_CODES,
     MOTION_CODES,
     CYCLE_CODES,
+    TURNING_CODES,
     THREAD_CODES,
     TOOL_CODES,
     COMPENSATION_CODES,

@@ -7,7 +7,7 @@
 
 mod contour;
 mod distance;
-mod geometry;
+pub(crate) mod geometry;
 mod joint;
 mod report;
 #[cfg(test)]

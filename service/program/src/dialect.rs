@@ -3,18 +3,20 @@
 //! A new dialect is a new [`Dialect`] table; the parser and the interpreter know letters and codes only by what
 //! these tables say. Codes that a machine profile assigns to machining functions are merged in per interpreter.
 
+mod lathe;
 mod machine_codes;
 mod tables;
 
-use tables::{COMMON_G_CODES, COMMON_M_CODES, LATHE, LINUXCNC, MILL, code};
+use lathe::{LATHE, LATHE_B_AND_C, system_codes};
+use tables::{COMMON_G_CODES, COMMON_M_CODES, LINUXCNC, MILL, code};
 
 pub(crate) use machine_codes::{MachineAction, MachineRule, MachineStep};
 pub(crate) use tables::{FunctionWordRule, function_words};
 
 use crate::expression::Rules;
 use crate::parameters::Ranges;
-use crate::state::Cycle;
-use crate::{Axis, DialectName, Function, FunctionCodes, LanguageSettings, PathControlMode, Plane, XWord};
+use crate::state::{Cycle, TurningCycle};
+use crate::{Axis, DialectName, Function, FunctionCodes, GCodeSystem, LanguageSettings, PathControlMode, Plane, XWord};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,6 +183,14 @@ pub(crate) enum Meaning {
     Thread,
     /// A lathe's `G76`, in one of its three forms.
     ThreadCycles,
+    /// The threading cycle of G-code systems B and C, which `G92` is in system A.
+    ThreadCycle,
+    /// A turning, facing or grooving cycle.
+    Turning(TurningCycle),
+    /// A cycle whose meaning depends on the G-code system of the lathe, which the profile does not name: what it is in which.
+    OfNoSystem(&'static str),
+    /// A code of another G-code system than the lathe's: what it is there.
+    OfOtherSystem(&'static str),
     /// A drilling, boring or tapping cycle.
     Drill(Cycle),
     /// `G80`
@@ -222,6 +232,13 @@ pub(crate) enum Meaning {
     AlreadySo,
     /// A known code whose effect is not carried out yet: what it is, for the finding.
     Unsupported(&'static str),
+}
+
+impl Meaning {
+    /// Whether the code is of this dialect and does what it says.
+    const fn is_carried_out(self) -> bool {
+        !matches!(self, Self::Unsupported(_) | Self::OfNoSystem(_) | Self::OfOtherSystem(_))
+    }
 }
 
 /// One code of a dialect.
@@ -309,6 +326,11 @@ pub(crate) enum Letter {
 }
 
 impl Letter {
+    /// Whether its word places this axis.
+    pub(crate) fn is_of(self, wanted: Axis) -> bool {
+        matches!(self, Self::Axis(axis) | Self::Increment(axis) if axis == wanted)
+    }
+
     /// Whether its number is a length (mm or inch), which units and the decimal-point rule scale.
     pub(crate) const fn is_length(self) -> bool {
         match self {
@@ -360,11 +382,12 @@ pub(crate) struct Dialect {
 }
 
 impl Dialect {
-    fn of(name: DialectName) -> &'static Self {
-        match name {
-            DialectName::Lathe => &LATHE,
-            DialectName::Mill => &MILL,
-            DialectName::LinuxCnc => &LINUXCNC,
+    fn of(settings: &LanguageSettings) -> &'static Self {
+        match (settings.dialect, settings.g_code_system) {
+            (DialectName::Lathe, Some(GCodeSystem::B | GCodeSystem::C)) => &LATHE_B_AND_C,
+            (DialectName::Lathe, _) => &LATHE,
+            (DialectName::Mill, _) => &MILL,
+            (DialectName::LinuxCnc, _) => &LINUXCNC,
         }
     }
 
@@ -424,7 +447,7 @@ pub(crate) struct CodeTable {
 
 impl CodeTable {
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
-        let dialect = Dialect::of(settings.dialect);
+        let dialect = Dialect::of(settings);
         let thread_vibration = Meaning::FunctionSwitch(Function::ThreadVibration);
         let functions = function_codes(Function::PathVibration, settings.path_vibration)
             .chain(function_codes(Function::ToolOscillation, settings.tool_oscillation))
@@ -440,7 +463,8 @@ impl CodeTable {
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
-        table.add(b'G', dialect.g_codes().copied().chain(functions));
+        let system = system_codes(settings).iter().copied();
+        table.add(b'G', dialect.g_codes().copied().chain(system).chain(functions));
         table.add(b'M', dialect.m_codes().copied().chain(switches));
         table
     }
@@ -482,17 +506,18 @@ impl CodeTable {
     pub(crate) fn supported(&self, letter: u8) -> String {
         let places = &self.index[first_index(letter)..][..CODE_TENTHS];
         let known = places.iter().filter_map(|&place| self.codes.get(usize::from(place)));
-        let supported = known.filter(|code| !matches!(code.meaning, Meaning::Unsupported(_)));
+        let supported = known.filter(|code| code.meaning.is_carried_out());
         let names = supported.map(|code| format!("{}{}", char::from(letter), f64::from(code.tenths) / 10.0));
         names.collect::<Vec<_>>().join(" ")
     }
 }
 
-/// Whether a dialect, apart from any profile's function codes, carries out the G code of this number.
-pub(crate) fn carries_out_g_code(dialect: DialectName, number: f64) -> bool {
-    let mut codes = Dialect::of(dialect).g_codes();
-    let supported = |code: &Code| !matches!(code.meaning, Meaning::Unsupported(_));
-    tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number && supported(code)))
+/// Whether a dialect, apart from the profile's function codes, carries out the G code of this number.
+pub(crate) fn carries_out_g_code(settings: &LanguageSettings, number: f64) -> bool {
+    let codes = Dialect::of(settings).g_codes().chain(system_codes(settings));
+    let Some(number) = tenths(number) else { return false };
+    let last = codes.filter(|code| usize::from(code.tenths) == number).last();
+    last.is_some_and(|code| code.meaning.is_carried_out())
 }
 
 /// The codes by which a profile switches a machining function.
@@ -510,7 +535,7 @@ fn function_code(number: f64, meaning: Meaning) -> Option<Code> {
 
 /// Whether a dialect, apart from any profile's function codes, knows the M code of this number.
 pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
-    let mut codes = Dialect::of(dialect).m_codes();
+    let mut codes = Dialect::of(&LanguageSettings { dialect, ..LanguageSettings::default() }).m_codes();
     tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number))
 }
 

@@ -23,6 +23,7 @@ mod tests;
 mod thread;
 mod tilted;
 mod tool_control;
+mod turning;
 
 use std::sync::Arc;
 
@@ -89,6 +90,8 @@ pub struct Interpreter {
     indexes: Vec<Option<Arc<Index>>>,
     /// The index that is being made.
     indexing: Option<Box<Indexer>>,
+    /// The moves of the turning cycle that is being carried out. They are no part of the state: they are made anew.
+    steps: Option<Arc<[turning::Step]>>,
     /// Storage of the present line's words, reused.
     block: Block,
 }
@@ -116,6 +119,7 @@ impl Interpreter {
             programs: Arc::new([]),
             indexes: Vec::new(),
             indexing: None,
+            steps: None,
             block: Block::default(),
         };
         interpreter.resume_pending();
@@ -202,6 +206,10 @@ impl Interpreter {
         if self.indexing.is_some() {
             return self.read_for_index(input, end_of_input, operations, findings);
         }
+        if self.state.flow.is_cutting() {
+            return self.cut_contour(operations);
+        }
+        let (before, contour_mark) = (operations.len(), findings.mark());
         let mark = self.is_nested().then(|| findings.mark());
         let outcome = self.read(input, end_of_input, operations, findings);
         if let Some(mark) = mark
@@ -210,9 +218,11 @@ impl Interpreter {
             self.place_in_calls(mark, findings);
         }
         if let LineOutcome::Consumed(length) = outcome {
+            let at = self.state.place;
             self.state.place.offset += length as u64;
             if self.state.flow.waits() {
                 self.settle_behind(operations, findings);
+                self.follow_contour(at, before, contour_mark, operations, findings);
             }
         }
         outcome
@@ -256,6 +266,9 @@ impl Interpreter {
             }
             None if !end_of_input => LineOutcome::NeedMore,
             None if input.is_empty() => {
+                if self.state.flow.waits() && !self.state.has_ended() && self.contour_at_end(findings) {
+                    return LineOutcome::Elsewhere;
+                }
                 self.finish(operations, findings);
                 LineOutcome::Ended
             }
@@ -337,6 +350,9 @@ impl Interpreter {
             && let Some(foreign) = foreign::recognise(line, !self.state.readable_seen)
         {
             return self.refuse_file(foreign, line.len(), number, operations, findings);
+        }
+        if self.state.flow.contour.is_some() && self.approach_contour(mark, findings) {
+            return;
         }
         if let Some(span) = self.block.percent {
             if self.state.percent_seen || self.state.phase != Phase::Start {
@@ -421,6 +437,9 @@ impl Interpreter {
         }
         if let Some(span) = end {
             return self.end(span, operations, findings);
+        }
+        if self.state.flow.contour.is_some() {
+            self.begin_contour(is_refused);
         }
         self.after_block(operations_before, operations, findings);
     }

@@ -51,8 +51,8 @@ pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{
     AngleRange, BoringShift, CompensationSettings, DecimalPointRule, DialectName, DrillingSettings, DrillingStyle,
-    DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, LanguageSettings, MAX_PATH_TOLERANCE_MM, PathControlMode,
-    PeckReturn, ThreadEWord, XWord,
+    DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, GCodeSystem, LanguageSettings, MAX_PATH_TOLERANCE_MM,
+    PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
 };
 pub use source::{Place, SourcePages};
 pub use state::InterpreterState;

@@ -1,11 +1,14 @@
 //! Language settings: what a machine profile says about how its programs are written.
 
 mod drilling;
+mod turning;
 
 use serde::{Deserialize, Serialize};
 
 pub use self::drilling::{BoringShift, DrillingSettings, DrillingStyle, PeckReturn};
 pub(crate) use self::drilling::{FANUC_RETRACT_MM, LINUXCNC_RETRACT_MM};
+pub(crate) use self::turning::ESCAPE_MM;
+pub use self::turning::{GCodeSystem, TurningSettings};
 
 use crate::{
     CompensationCorner, CompensationEntry, InitialParameters, MachineCode, PathControl, Position, UnlistedMachineCodes,
@@ -26,13 +29,6 @@ pub enum DialectName {
 }
 
 impl DialectName {
-    /// Whether this dialect itself carries out the G code of this number, so that a profile should not assign it to
-    /// a machining function, which would win.
-    #[must_use]
-    pub fn carries_out_g_code(self, number: f64) -> bool {
-        crate::dialect::carries_out_g_code(self, number)
-    }
-
     /// Whether this dialect itself knows the M code of this number, so that a profile cannot assign it to a machining
     /// function.
     #[must_use]
@@ -162,6 +158,8 @@ pub struct CompensationSettings {
 pub struct LanguageSettings {
     /// Table of codes.
     pub dialect: DialectName,
+    /// The G-code system of a lathe; without it, codes that the systems read differently are refused.
+    pub g_code_system: Option<GCodeSystem>,
     /// Numbers without a decimal point.
     pub decimal_point: DecimalPointRule,
     /// Diameter or radius in X.
@@ -203,6 +201,8 @@ pub struct LanguageSettings {
     pub thread_e_word: ThreadEWord,
     /// Drilling, boring and tapping cycles.
     pub drilling: DrillingSettings,
+    /// Turning cycles.
+    pub turning: TurningSettings,
     /// Radius compensation, except in LinuxCNC.
     pub compensation: CompensationSettings,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
@@ -231,6 +231,7 @@ impl Default for LanguageSettings {
     fn default() -> Self {
         Self {
             dialect: DialectName::Lathe,
+            g_code_system: None,
             decimal_point: DecimalPointRule::Calculator,
             x_word: XWord::Diameter,
             initial_feed_mode: FeedMode::PerRevolution,
@@ -253,6 +254,7 @@ impl Default for LanguageSettings {
             thread_vibration: FunctionSwitch { code: 165.0, on_p: 3, off_p: 0 },
             thread_e_word: ThreadEWord::ThreadsPerInch,
             drilling: DrillingSettings::default(),
+            turning: TurningSettings::default(),
             compensation: CompensationSettings::default(),
             work_offsets: [[0.0; 9]; 6],
             reference_position: [0.0; 9],
@@ -285,6 +287,13 @@ impl LanguageSettings {
     #[must_use]
     pub fn linuxcnc() -> Self {
         Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, ..Self::mill() }
+    }
+
+    /// Whether the dialect, in the G-code system that is named, itself carries out the G code of this number, so that a profile
+    /// should not assign it to a machining function, which would win.
+    #[must_use]
+    pub fn carries_out_g_code(&self, number: f64) -> bool {
+        crate::dialect::carries_out_g_code(self, number)
     }
 
     /// A mode of path control, `G64` with the default tolerance.

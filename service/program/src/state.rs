@@ -1,10 +1,12 @@
 //! Everything the interpreter remembers between two lines.
 
 mod drilling;
+mod turning;
 
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::drilling::{Cycle, Drilling};
+pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes};
 
 use crate::dialect::FeedUnit;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
@@ -50,6 +52,8 @@ pub struct InterpreterState {
     pub(crate) inch: bool,
     /// A code was read that G-code system A does not have.
     pub(crate) not_system_a: bool,
+    /// A code was read that G-code system C does not have.
+    pub(crate) not_system_c: bool,
     pub(crate) absolute: bool,
     /// `G90.1`: centres of arcs are absolute.
     pub(crate) arc_absolute: bool,
@@ -68,6 +72,7 @@ pub struct InterpreterState {
     pub(crate) tool: u32,
     pub(crate) thread: ThreadModes,
     pub(crate) drilling: Drilling,
+    pub(crate) turning: TurningModes,
     /// Tool that the next `M6` changes to.
     pub(crate) next_tool: Option<u32>,
     pub(crate) coolant: Coolant,
@@ -294,6 +299,8 @@ pub(crate) enum Motion {
     Thread,
     /// A lathe's `G92` with axis words: further blocks with axis words are further passes.
     ThreadCycle,
+    /// A single turning or facing cycle: likewise.
+    SingleCycle(SingleCycle),
     /// `G33.1`
     RigidTap,
     /// After a code that another control reads as a cycle: axis words are refused until the next motion code.
@@ -342,7 +349,8 @@ impl InterpreterState {
                 crate::DialectName::Mill | crate::DialectName::LinuxCnc => Plane::Xy,
             },
             inch: settings.initial_inch,
-            not_system_a: false,
+            not_system_a: matches!(settings.g_code_system, Some(crate::GCodeSystem::B | crate::GCodeSystem::C)),
+            not_system_c: false,
             absolute: true,
             arc_absolute: false,
             feed_unit: match settings.initial_feed_mode {
@@ -360,6 +368,7 @@ impl InterpreterState {
             thread: ThreadModes::default(),
             // As LinuxCNC starts, whatever its handbook says.
             drilling: Drilling { to_r: settings.dialect == crate::DialectName::LinuxCnc, ..Drilling::default() },
+            turning: TurningModes::default(),
             next_tool: None,
             coolant: Coolant::default(),
             work_offset: 0,

@@ -3,7 +3,8 @@
 use feedwave_motion::MachineKind;
 use feedwave_program::{
     AngleRange, CompensationCorner, CompensationEntry, CompensationSettings, DecimalPointRule, DialectName, DwellUnit,
-    FeedMode, LanguageSettings, PathControlMode, Position, ThreadEWord, UnlistedMachineCodes, XWord,
+    FeedMode, GCodeSystem, LanguageSettings, PathControlMode, Position, ThreadEWord, TurningSettings,
+    UnlistedMachineCodes, XWord,
 };
 
 use super::drilling::{drilling_from_proto, drilling_to_proto};
@@ -58,6 +59,7 @@ choices! {
     UnlistedMachineCodes = UnlistedMachineCodes { Note = Note, Error = Error }
     CompensationEntry = CompensationEntry { A = A, B = B, C = C }
     CompensationCorner = CompensationCorner { Linear = Linear, Circular = Circular }
+    GCodeSystem = GCodeSystem { A = A, B = B, C = C }
 }
 
 /// A choice; what `default` says where it is open, and, with a violation, where it is unknown.
@@ -105,6 +107,8 @@ pub(super) fn language_from_proto(
         max_still_blocks: given.max_still_blocks.unwrap_or(default.max_still_blocks),
         parameters: parameters_from_proto(violations, &given.parameters),
         drilling: drilling_from_proto(violations, &given.drilling.unwrap_or_default()).unwrap_or_default(),
+        g_code_system: enumeration(violations, "language.g_code_system", given.g_code_system).and_then(Choice::stated),
+        turning: turning_from_proto(&given.turning.unwrap_or_default()),
         ..chosen(violations, given, default)
     };
     let (count, most) = (given.work_offsets.len(), language.work_offsets.len());
@@ -182,10 +186,22 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         plain_drawing_words: language.plain_drawing_words,
         compensation_entry: language.compensation.entry.message().into(),
         compensation_corner: language.compensation.corner.message().into(),
+        g_code_system: language.g_code_system.map_or(0, |system| system.message().into()),
+        turning: Some(turning_to_proto(&language.turning)),
         ..proto::LanguageSettings::default()
     };
     functions::words_to_proto(language, &mut shown);
     shown
+}
+
+const fn turning_from_proto(settings: &proto::TurningSettings) -> TurningSettings {
+    let proto::TurningSettings { escape_mm, groove_return_mm, thread_chamfer_tenths } = *settings;
+    TurningSettings { escape_mm, groove_return_mm, thread_chamfer_tenths }
+}
+
+const fn turning_to_proto(settings: &TurningSettings) -> proto::TurningSettings {
+    let TurningSettings { escape_mm, groove_return_mm, thread_chamfer_tenths } = *settings;
+    proto::TurningSettings { escape_mm, groove_return_mm, thread_chamfer_tenths }
 }
 
 pub(super) fn position_from_proto(position: &proto::AxisPosition) -> Position {

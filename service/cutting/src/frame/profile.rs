@@ -172,10 +172,16 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
         ("drilling.chip_break_retract_mm", drilling.chip_break_retract_mm),
         ("drilling.peck_clearance_mm", drilling.peck_clearance_mm),
         ("drilling.peck_lift_mm", Some(drilling.peck_lift_mm)),
+        ("turning.escape_mm", language.turning.escape_mm),
+        ("turning.groove_return_mm", language.turning.groove_return_mm),
     ] {
         if let Some(length_mm) = length_mm.filter(|length_mm| !(0.0..=MAX_PECK_RETRACT_MM).contains(length_mm)) {
             problems.push(problem(field, format!("must lie between 0 and {MAX_PECK_RETRACT_MM}, is {length_mm}")));
         }
+    }
+    if let Some(tenths) = language.turning.thread_chamfer_tenths.filter(|tenths| *tenths > MAX_CHAMFER_TENTHS) {
+        problems
+            .push(problem("turning.thread_chamfer_tenths", format!("must be 0 to {MAX_CHAMFER_TENTHS}, is {tenths}")));
     }
     if !language.input_result.is_finite() {
         problems.push(problem("input_result", "must be finite"));
@@ -212,7 +218,7 @@ fn code_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProblem>
         let tenths = code * 10.0;
         if !((0.0..1_000.0).contains(&code) && (tenths - tenths.round()).abs() < 1e-6) {
             problems.push(problem(field, format!("must be a G code 0 to 999.9 with one decimal, is {code}")));
-        } else if language.dialect.carries_out_g_code(code) {
+        } else if language.carries_out_g_code(code) {
             problems.push(problem(field, format!("G{code} has a meaning of its own in this dialect")));
         }
         if let Some((other, _)) = fields[..index].iter().find(|(_, earlier)| *earlier == code) {
@@ -298,6 +304,9 @@ pub const MAX_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 5.0;
 const DEFAULT_CORNER_DIRECTION_TOLERANCE_DEG: f64 = 0.1;
 /// Largest retract between pecks, mm.
 const MAX_PECK_RETRACT_MM: f64 = 100.0;
+
+/// Longest chamfer of a thread, tenths of its lead.
+const MAX_CHAMFER_TENTHS: u32 = 127;
 /// Largest `P` word that switches a machining function.
 const MAX_SWITCH_WORD: u32 = 9_999;
 /// Most drive-side setpoints per interpolation period.
@@ -349,6 +358,8 @@ mod tests {
         profile.language.max_line_bytes = 1;
         profile.language.default_path_tolerance_mm = f64::NAN;
         profile.language.drilling.peck_lift_mm = -1.0;
+        profile.language.turning.escape_mm = Some(f64::NAN);
+        profile.language.turning.thread_chamfer_tenths = Some(128);
         profile.language.work_offsets[2][1] = f64::NAN;
         profile.language.thinning = FunctionCodes { on: 8.0, off: f64::NAN };
         profile.thinning.group_blocks = 2;
@@ -367,6 +378,8 @@ mod tests {
             "language.work_offsets[2][1]",
             "language.default_path_tolerance_mm",
             "language.drilling.peck_lift_mm",
+            "language.turning.escape_mm",
+            "language.turning.thread_chamfer_tenths",
             "language.max_line_bytes",
             "language.path_vibration.on",
             "language.path_vibration.off",

@@ -44,11 +44,11 @@ crate::finding_codes! {
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {
         meaning: "a known code that is not supported yet",
-        cause: "Turning cycles and the setting of coordinates are known, but \
+        cause: "The setting of coordinates and threads of variable lead are known, but \
               nothing carries them out.",
         cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for \
               coordinates.",
-        example: lathe("G71 U2 R1"),
+        example: lathe("M3 S500\nG34 Z-20 F1.5 K0.1"),
     }
 
     "PRG-GROUP-CONFLICT" [GROUP_CONFLICT: Error] {
@@ -61,9 +61,9 @@ crate::finding_codes! {
     "PRG-CODE-AMBIGUOUS" [CODE_AMBIGUOUS: Error] {
         meaning: "a code that controls read differently with these words, so that nothing moves on a guess",
         cause: "On a lathe `G90 X45 Z-30` is a turning cycle in G-code system A and a move in the others; `G94`, \
-              `G92`, `G20`, `G21` and `G80` are alike.",
-        cure: "For a move, write its motion code behind the code (`G90 G1 X45`), or the code in a block of its own; \
-              for a cycle, write its passes.",
+              `G92`, `G20`, `G21`, `G72` to `G79` and `G80` are alike.",
+        cure: "Set `g_code_system` of the machine profile's language. Or for a move, write its motion code behind the code \
+              (`G90 G1 X45`), or the code in a block of its own; for a cycle, write its passes.",
         example: lathe("G90 X45 Z-30 F0.2"),
     }
 

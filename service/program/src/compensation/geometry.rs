@@ -5,43 +5,43 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 /// A point or a vector: along the first and the second axis of the plane, mm.
-pub(super) type Point = [f64; 2];
+pub(crate) type Point = [f64; 2];
 
 /// Angles about a centre are told apart from a whole turn by more than this, rad.
 const LEAST_ANGLE_RAD: f64 = 1e-9;
 
-pub(super) fn plus(a: Point, b: Point) -> Point {
+pub(crate) fn plus(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1]]
 }
 
-pub(super) fn minus(a: Point, b: Point) -> Point {
+pub(crate) fn minus(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1]]
 }
 
 /// `from` and `length` times `direction`.
-pub(super) fn along(from: Point, direction: Point, length: f64) -> Point {
+pub(crate) fn along(from: Point, direction: Point, length: f64) -> Point {
     [from[0] + direction[0] * length, from[1] + direction[1] * length]
 }
 
-pub(super) fn dot(a: Point, b: Point) -> f64 {
+pub(crate) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// Positive where `b` is to the left of `a`.
-pub(super) fn cross(a: Point, b: Point) -> f64 {
+pub(crate) fn cross(a: Point, b: Point) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-pub(super) fn length(a: Point) -> f64 {
+pub(crate) fn length(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
 
-pub(super) fn distance(a: Point, b: Point) -> f64 {
+pub(crate) fn distance(a: Point, b: Point) -> f64 {
     length(minus(a, b))
 }
 
 /// Turned to the left by a right angle.
-pub(super) const fn left_of(a: Point) -> Point {
+pub(crate) const fn left_of(a: Point) -> Point {
     [-a[1], a[0]]
 }
 
@@ -51,7 +51,7 @@ fn unit(a: Point) -> Point {
 }
 
 /// Angle from `a` to `b` in the sense of rotation, 0 up to a whole turn, which rounding does not make of nothing.
-pub(super) fn angle_between(a: Point, b: Point, clockwise: bool) -> f64 {
+pub(crate) fn angle_between(a: Point, b: Point, clockwise: bool) -> f64 {
     let angle = libm::atan2(cross(a, b), dot(a, b));
     let angle = if clockwise { -angle } else { angle };
     if angle < -LEAST_ANGLE_RAD { angle + TAU } else { angle.max(0.0) }
@@ -59,14 +59,14 @@ pub(super) fn angle_between(a: Point, b: Point, clockwise: bool) -> f64 {
 
 /// The circle of an arc.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Circle {
-    pub(super) center: Point,
+pub(crate) struct Circle {
+    pub(crate) center: Point,
     /// Positive counter-clockwise; may exceed a turn.
-    pub(super) sweep_rad: f64,
+    pub(crate) sweep_rad: f64,
 }
 
 impl Circle {
-    pub(super) fn is_clockwise(&self) -> bool {
+    pub(crate) fn is_clockwise(&self) -> bool {
         self.sweep_rad < 0.0
     }
 
@@ -79,41 +79,41 @@ impl Circle {
 
 /// A line, or an arc where there is a circle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Curve {
-    pub(super) from: Point,
-    pub(super) to: Point,
-    pub(super) circle: Option<Circle>,
+pub(crate) struct Curve {
+    pub(crate) from: Point,
+    pub(crate) to: Point,
+    pub(crate) circle: Option<Circle>,
 }
 
 impl Curve {
-    pub(super) const fn line(from: Point, to: Point) -> Self {
+    pub(crate) const fn line(from: Point, to: Point) -> Self {
         Self { from, to, circle: None }
     }
 
-    pub(super) const fn arc(from: Point, to: Point, center: Point, sweep_rad: f64) -> Self {
+    pub(crate) const fn arc(from: Point, to: Point, center: Point, sweep_rad: f64) -> Self {
         Self { from, to, circle: Some(Circle { center, sweep_rad }) }
     }
 
-    pub(super) fn start_tangent(&self) -> Point {
+    pub(crate) fn start_tangent(&self) -> Point {
         self.circle.map_or_else(|| unit(minus(self.to, self.from)), |circle| circle.tangent(self.from))
     }
 
-    pub(super) fn end_tangent(&self) -> Point {
+    pub(crate) fn end_tangent(&self) -> Point {
         self.circle.map_or_else(|| unit(minus(self.to, self.from)), |circle| circle.tangent(self.to))
     }
 
     /// Radius of the circle at its end, 0 for a line.
-    pub(super) fn radius(&self) -> f64 {
+    pub(crate) fn radius(&self) -> f64 {
         self.circle.map_or(0.0, |circle| distance(circle.center, self.to))
     }
 
     /// By how much the radii at both ends differ, as those of rounded programs do.
-    pub(super) fn radius_error(&self) -> f64 {
+    pub(crate) fn radius_error(&self) -> f64 {
         self.circle.map_or(0.0, |circle| (distance(circle.center, self.from) - self.radius()).abs())
     }
 
     /// Its length in the plane.
-    pub(super) fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         match self.circle {
             None => distance(self.from, self.to),
             Some(circle) => circle.sweep_rad.abs() * (distance(circle.center, self.from) + self.radius()) * 0.5,
@@ -123,25 +123,25 @@ impl Curve {
 
 /// The side of the path that the tool is on, and its radius.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Side {
-    pub(super) left: bool,
-    pub(super) radius: f64,
+pub(crate) struct Side {
+    pub(crate) left: bool,
+    pub(crate) radius: f64,
 }
 
 impl Side {
     /// From a point of the contour with this tangent to the centre of the tool.
-    pub(super) fn offset(&self, tangent: Point) -> Point {
+    pub(crate) fn offset(&self, tangent: Point) -> Point {
         let radius = if self.left { self.radius } else { -self.radius };
         [-tangent[1] * radius, tangent[0] * radius]
     }
 
     /// Whether the tool is on the side of the centre.
-    pub(super) fn is_inside(&self, circle: &Circle) -> bool {
+    pub(crate) fn is_inside(&self, circle: &Circle) -> bool {
         self.left != circle.is_clockwise()
     }
 
     /// Radius of the arc that the centre of the tool describes; not positive where the tool does not fit.
-    pub(super) fn offset_radius(&self, arc: &Curve) -> f64 {
+    pub(crate) fn offset_radius(&self, arc: &Curve) -> f64 {
         match &arc.circle {
             Some(circle) if self.is_inside(circle) => arc.radius() - self.radius,
             _ => arc.radius() + self.radius,
@@ -149,22 +149,22 @@ impl Side {
     }
 
     /// Angle by which the path turns toward the tool, negative away from it, −π to π.
-    pub(super) fn turn(&self, before: Point, after: Point) -> f64 {
+    pub(crate) fn turn(&self, before: Point, after: Point) -> f64 {
         let turn = libm::atan2(cross(before, after), dot(before, after));
         if self.left { turn } else { -turn }
     }
 }
 
 /// Where the offsets of two curves that meet in a corner toward the tool cross: the crossing that takes the least of the first.
-pub(super) struct Crossing {
-    pub(super) point: Point,
+pub(crate) struct Crossing {
+    pub(crate) point: Point,
     /// Angle that an arc loses: at the end of the first curve, at the start of the second.
-    pub(super) lost_rad: [f64; 2],
+    pub(crate) lost_rad: [f64; 2],
 }
 
 impl Crossing {
     /// `None` where the offsets do not cross.
-    pub(super) fn of(side: Side, first: &Curve, second: &Curve) -> Option<Self> {
+    pub(crate) fn of(side: Side, first: &Curve, second: &Curve) -> Option<Self> {
         let ends = [first.end_tangent(), second.start_tangent()];
         let [end, start] = ends.map(|tangent| plus(first.to, side.offset(tangent)));
         let candidates = match (&first.circle, &second.circle) {

@@ -1,7 +1,7 @@
 //! The tables: codes, letters and function words of each dialect.
 
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
-use crate::state::Cycle;
+use crate::state::{Cycle, Pockets, TurningCycle};
 use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord, expression, parameters};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
@@ -9,45 +9,14 @@ pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
 }
 
 /// A code that other controls read as something else where axis words follow it.
-const fn doubtful(tenths: u16, group: Group, meaning: Meaning, other_reading: &'static OtherReading) -> Code {
+pub(super) const fn doubtful(
+    tenths: u16,
+    group: Group,
+    meaning: Meaning,
+    other_reading: &'static OtherReading,
+) -> Code {
     Code { tenths, group, meaning, other_reading: Some(other_reading) }
 }
-
-/// `G90` of G-code system A.
-static TURNING_CYCLE: OtherReading = OtherReading {
-    here: "absolute coordinates",
-    elsewhere: "the turning cycle (G-code system A)",
-    of_system_a: true,
-    is_motion: true,
-    stays: true,
-};
-
-/// `G94` of G-code system A.
-static FACING_CYCLE: OtherReading = OtherReading {
-    here: "feed per minute",
-    elsewhere: "the facing cycle (G-code system A)",
-    of_system_a: true,
-    is_motion: true,
-    stays: true,
-};
-
-/// `G20` of G-code system C. Alone in a block it is no cycle, and systems A and B agree on it.
-static TURNING_CYCLE_C: OtherReading = OtherReading {
-    here: "inches",
-    elsewhere: "the turning cycle (G-code system C)",
-    of_system_a: false,
-    is_motion: true,
-    stays: false,
-};
-
-/// `G21` of G-code system C.
-static THREADING_CYCLE_C: OtherReading = OtherReading {
-    here: "millimetres",
-    elsewhere: "the threading cycle (G-code system C)",
-    of_system_a: false,
-    is_motion: true,
-    stays: false,
-};
 
 /// `G80` with axis words: LinuxCNC refuses it, FANUC controls differ.
 static CYCLE_END: OtherReading = OtherReading {
@@ -111,7 +80,7 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
 ];
 
 /// G codes of FANUC controls and the like, lathe and mill.
-const FANUC_G_CODES: &[Code] = &[
+pub(super) const FANUC_G_CODES: &[Code] = &[
     code(80, Group::NonModal, Meaning::LookAhead),
     code(90, Group::NonModal, Meaning::ExactStop),
     code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
@@ -129,11 +98,11 @@ const FANUC_G_CODES: &[Code] = &[
 ];
 
 /// M codes of FANUC controls and the like.
-const FANUC_M_CODES: &[Code] =
+pub(super) const FANUC_M_CODES: &[Code] =
     &[code(970, Group::Subprogram, Meaning::LocalCall), code(1_980, Group::Subprogram, Meaning::Call)];
 
 /// FANUC: one, or up to three by a parameter.
-const FANUC_M_CODES_IN_A_BLOCK: u8 = 3;
+pub(super) const FANUC_M_CODES_IN_A_BLOCK: u8 = 3;
 
 /// M codes all dialects share.
 pub(super) const COMMON_M_CODES: &[Code] = &[
@@ -151,7 +120,7 @@ pub(super) const COMMON_M_CODES: &[Code] = &[
     code(990, Group::Subprogram, Meaning::Return),
 ];
 
-const fn with_letters<const N: usize>(mut letters: [Letter; 26], table: [(u8, Letter); N]) -> [Letter; 26] {
+pub(super) const fn with_letters<const N: usize>(mut letters: [Letter; 26], table: [(u8, Letter); N]) -> [Letter; 26] {
     let mut entry = 0;
     while entry < N {
         letters[(table[entry].0 - b'A') as usize] = table[entry].1;
@@ -160,7 +129,7 @@ const fn with_letters<const N: usize>(mut letters: [Letter; 26], table: [(u8, Le
     letters
 }
 
-const COMMON_LETTERS: [Letter; 26] = with_letters(
+pub(super) const COMMON_LETTERS: [Letter; 26] = with_letters(
     [Letter::Unknown; 26],
     [
         (b'A', Letter::Axis(Axis::A)),
@@ -187,66 +156,6 @@ const COMMON_LETTERS: [Letter; 26] = with_letters(
         (b'Z', Letter::Axis(Axis::Z)),
     ],
 );
-
-pub(super) static LATHE: Dialect = Dialect {
-    letters: with_letters(
-        COMMON_LETTERS,
-        [
-            (b'U', Letter::Increment(Axis::X)),
-            (b'V', Letter::Increment(Axis::Y)),
-            (b'W', Letter::Increment(Axis::Z)),
-            (b'H', Letter::Increment(Axis::C)),
-            // Threads per inch, or a lead, and a length in cycles.
-            (b'E', Letter::Parameter),
-        ],
-    ),
-    g_codes: &[FANUC_G_CODES, LATHE_G_CODES],
-    // The T word has changed the tool already; some posts write M6 after it all the same.
-    m_codes: &[FANUC_M_CODES, &[code(60, Group::ToolChange, Meaning::AlreadySo)]],
-    tool_word_changes: true,
-    is_linuxcnc: false,
-    takes_comma_words: true,
-    plain_corners: true,
-    tool_stays_selected: false,
-    max_m_codes: FANUC_M_CODES_IN_A_BLOCK,
-    m_codes_closed: false,
-    dwell_takes_u: true,
-    f_is_lead: true,
-    flow: Flow::MacroB,
-    order: Order::FANUC,
-    expressions: &expression::FANUC,
-    parameters: &parameters::FANUC,
-};
-
-const LATHE_G_CODES: &[Code] = &[
-    doubtful(200, Group::Units, Meaning::Units { inch: true }, &TURNING_CYCLE_C),
-    doubtful(210, Group::Units, Meaning::Units { inch: false }, &THREADING_CYCLE_C),
-    code(240, Group::Motion, Meaning::Unsupported("facing cycle of G-code system C")),
-    code(320, Group::Motion, Meaning::Thread),
-    code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
-    code(360, Group::NonModal, Meaning::Skip),
-    code(370, Group::NonModal, Meaning::Skip),
-    code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-    code(440, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),
-    code(434, Group::LengthCompensation, Meaning::Unsupported("tool centre point control")),
-    code(490, Group::LengthCompensation, Meaning::AlreadySo),
-    code(500, Group::NonModal, Meaning::SpeedClamp),
-    code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
-    code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
-    code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
-    code(730, Group::Motion, Meaning::Unsupported("pattern repeating cycle")),
-    code(740, Group::Motion, Meaning::Unsupported("peck cycle")),
-    code(750, Group::Motion, Meaning::Unsupported("grooving cycle")),
-    code(760, Group::Motion, Meaning::ThreadCycles),
-    code(770, Group::Motion, Meaning::Unsupported("turning cycle of G-code system B, grooving cycle of C")),
-    code(780, Group::Motion, Meaning::Unsupported("threading cycle of G-code systems B and C")),
-    code(790, Group::Motion, Meaning::Unsupported("facing cycle of G-code system B")),
-    doubtful(900, Group::Distance, Meaning::Distance { absolute: true }, &TURNING_CYCLE),
-    code(920, Group::NonModal, Meaning::SpeedClampOrThreadCycle),
-    doubtful(940, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute), &FACING_CYCLE),
-    code(980, Group::FeedUnit, Meaning::Feed(FeedUnit::PerMinute)),
-    code(990, Group::FeedUnit, Meaning::Feed(FeedUnit::PerRevolution)),
-];
 
 pub(super) static MILL: Dialect = Dialect {
     letters: with_letters(
@@ -341,13 +250,13 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(591, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
     code(592, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
     code(593, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
-    code(700, Group::Motion, Meaning::Unsupported("finishing cycle")),
-    code(710, Group::Motion, Meaning::Unsupported("turning cycle")),
-    code(711, Group::Motion, Meaning::Unsupported("turning cycle")),
-    code(712, Group::Motion, Meaning::Unsupported("turning cycle")),
-    code(720, Group::Motion, Meaning::Unsupported("facing cycle")),
-    code(721, Group::Motion, Meaning::Unsupported("facing cycle")),
-    code(722, Group::Motion, Meaning::Unsupported("facing cycle")),
+    code(700, Group::Motion, Meaning::Turning(TurningCycle::Finish)),
+    code(710, Group::Motion, Meaning::Turning(TurningCycle::Turn(Pockets::All))),
+    code(711, Group::Motion, Meaning::Turning(TurningCycle::Turn(Pockets::Without))),
+    code(712, Group::Motion, Meaning::Turning(TurningCycle::Turn(Pockets::Only))),
+    code(720, Group::Motion, Meaning::Turning(TurningCycle::Face(Pockets::All))),
+    code(721, Group::Motion, Meaning::Turning(TurningCycle::Face(Pockets::Without))),
+    code(722, Group::Motion, Meaning::Turning(TurningCycle::Face(Pockets::Only))),
     code(730, Group::Motion, Meaning::Drill(Cycle::ChipBreak)),
     code(740, Group::Motion, Meaning::Drill(Cycle::TapLeft)),
     code(760, Group::Motion, Meaning::ThreadCycles),

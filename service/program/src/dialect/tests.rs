@@ -39,8 +39,8 @@ fn what_a_dialect_carries_out_itself() {
         (43.4, false, true),
         (200.0, false, false),
     ] {
-        assert_eq!(DialectName::Lathe.carries_out_g_code(number), lathe, "G{number}");
-        assert_eq!(DialectName::Mill.carries_out_g_code(number), mill, "G{number}");
+        assert_eq!(LanguageSettings::default().carries_out_g_code(number), lathe, "G{number}");
+        assert_eq!(LanguageSettings::mill().carries_out_g_code(number), mill, "G{number}");
     }
 }
 

@@ -3,7 +3,7 @@
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{CompensationOn, ToolMode};
+use crate::state::{CompensationOn, ToolMode, TurningCycle};
 use crate::{
     CompensationCommand, CompensationMode, CompensationRules, DialectName, Finding, OperationKind, Plane, SourceSpan,
 };
@@ -221,6 +221,7 @@ impl Execution<'_> {
                 self.block.letters & self.table.axis_letters & !letter_bit(b'S') != 0
             }
             (Group::NonModal, _) => true,
+            (Group::Motion, Meaning::Turning(cycle)) => cycle != TurningCycle::Finish,
             (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
             _ => false,
         }

@@ -6,7 +6,7 @@ use super::motion::Frame;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Meaning, OtherReading, letter_bit};
 use crate::state::Motion;
-use crate::{Finding, SourceSpan};
+use crate::{Finding, GCodeSystem, SourceSpan};
 
 /// A code of the present block that may be something else.
 #[derive(Clone, Copy)]
@@ -26,6 +26,9 @@ impl Doubt {
 /// Groups whose codes may have another reading.
 const GROUPS: [Group; 4] = [Group::Distance, Group::FeedUnit, Group::Units, Group::Cycle];
 
+/// What settles every doubt about the G-code system.
+const SYSTEM_CURE: &str = "set language.g_code_system of the machine profile to the system of the control";
+
 /// Words that a threading cycle has and no setting of coordinates.
 const THREAD_LETTERS: u32 = letter_bit(b'F') | letter_bit(b'E') | letter_bit(b'Q') | letter_bit(b'R');
 
@@ -34,9 +37,15 @@ impl Execution<'_> {
     pub(super) fn doubt(&mut self) -> Option<Doubt> {
         let meaning = |group| self.code(group).map(|(meaning, _)| meaning);
         // System A has none of these.
-        self.state.not_system_a |= meaning(Group::Distance) == Some(Meaning::Distance { absolute: false })
+        let not_a = meaning(Group::Distance) == Some(Meaning::Distance { absolute: false })
             || matches!(meaning(Group::FeedUnit), Some(Meaning::Feed(FeedUnit::InverseTime)))
             || self.code_number(Group::FeedUnit) == Some(950);
+        // In system C the units have other codes, and G50 sets no speed.
+        let has_axes = self.block.letters & self.table.axis_letters != 0;
+        let not_c = matches!(meaning(Group::Units), Some(Meaning::Units { .. })) && !has_axes
+            || self.code_number(Group::NonModal) == Some(500);
+        self.state.not_system_a |= not_a;
+        self.state.not_system_c |= not_c;
         GROUPS.into_iter().find_map(|group| {
             let word = self.block.code(group)?;
             let code = self.table.code(word.place);
@@ -84,7 +93,7 @@ impl Execution<'_> {
             let finding = finding.suggest(format!(
                 "for a move, write its motion code behind {name}, such as {name} G1, which all read alike"
             ));
-            finding.suggest("for a cycle, write its passes with G0 and G1 (or a thread with G32)")
+            finding.suggest("for a cycle, write its passes with G0 and G1 (or a thread with G32)").suggest(SYSTEM_CURE)
         });
         true
     }
@@ -103,13 +112,14 @@ impl Execution<'_> {
                 .with_value("line", f64::from(line), "")
                 .suggest("for a move, write its motion code, such as G0 or G1, in this block")
                 .suggest("for a cycle, write its passes with G0 and G1")
+                .suggest(SYSTEM_CURE)
         });
     }
 
     /// Whether a lathe's `G92` with axis words may be the setting of coordinates, which is then reported.
     pub(super) fn is_doubtful_thread(&mut self, span: SourceSpan) -> bool {
         let is_thread = self.state.motion == Motion::ThreadCycle || self.block.letters & THREAD_LETTERS != 0;
-        if is_thread && !self.state.not_system_a {
+        if is_thread && !self.state.not_system_a || self.settings.g_code_system == Some(GCodeSystem::A) {
             return false;
         }
         self.used = u32::MAX;
@@ -120,6 +130,7 @@ impl Execution<'_> {
             Finding::new(code, span, message)
                 .suggest("for a thread, write its lead F in this block, such as F1.5")
                 .suggest("for other coordinates, use a work offset, G54 to G59")
+                .suggest(SYSTEM_CURE)
         });
         true
     }

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use std::sync::Arc;
 
+use super::turning::ContourRun;
 use super::{Interpreter, LineOutcome};
 use crate::block::Rest;
 use crate::code;
@@ -47,7 +48,7 @@ impl Mark {
         Self { place: Place { program, offset: 0 }, lines: 0 }
     }
 
-    const fn line(self) -> u32 {
+    pub(super) const fn line(self) -> u32 {
         self.lines + 1
     }
 }
@@ -85,6 +86,8 @@ pub(crate) struct FlowState {
     has_jumped: bool,
     /// `M99` in the main program.
     restarts_at: Option<SourceSpan>,
+    /// The turning cycle along a contour that is being carried out.
+    pub(super) contour: Option<Box<ContourRun>>,
 }
 
 /// By what two visits of one place are told apart: changes of variables, and moves.
@@ -110,7 +113,7 @@ pub(crate) struct Call {
 
 /// How a program was called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum CallKind {
+pub(super) enum CallKind {
     /// `M98`, `M97`: it shares the caller's local variables.
     Plain,
     /// `G65`: with local variables of its own.
@@ -174,17 +177,17 @@ struct ModalCall {
 
 /// A call as it was asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct CallRequest {
-    kind: CallKind,
-    target: CallTarget,
-    repeats: u32,
+pub(super) struct CallRequest {
+    pub(super) kind: CallKind,
+    pub(super) target: CallTarget,
+    pub(super) repeats: u32,
     /// Local variables of the called program, from `#1` on.
-    arguments: Vec<Option<f64>>,
+    pub(super) arguments: Vec<Option<f64>>,
 }
 
 /// What is called.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum CallTarget {
+pub(super) enum CallTarget {
     /// A program by its number, and the label in it where it begins.
     Program { number: u32, label: Option<u32> },
     /// A label of the same program.
@@ -195,18 +198,18 @@ enum CallTarget {
 
 /// A jump whose target has to be looked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Pending {
+pub(super) struct Pending {
     /// What asked for it.
-    span: SourceSpan,
+    pub(super) span: SourceSpan,
     /// Its line.
-    from: Mark,
+    pub(super) from: Mark,
     /// The line behind it.
-    behind: Mark,
+    pub(super) behind: Mark,
     jump: Jump,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Jump {
+pub(super) enum Jump {
     /// `GOTO`
     Label(u32),
     /// `DOm`, with the value of its `WHILE`.
@@ -218,10 +221,12 @@ enum Jump {
     Return(Option<u32>),
     /// To a line that is known.
     To(Mark),
+    /// The contour of a turning cycle.
+    Contour,
 }
 
 /// How far a jump got.
-enum Progress {
+pub(super) enum Progress {
     Done,
     /// This program has to be indexed first.
     NeedsIndex(u32),
@@ -292,7 +297,7 @@ impl Interpreter {
     }
 
     /// Goes to a line.
-    fn go_to(&mut self, mark: Mark) {
+    pub(super) fn go_to(&mut self, mark: Mark) {
         self.state.flow.has_jumped = true;
         self.state.place = mark.place;
         self.state.lines = mark.lines;
@@ -515,7 +520,24 @@ impl FlowState {
     /// Whether something has to be done before the next line.
     #[inline]
     pub(super) const fn waits(&self) -> bool {
-        self.pending.is_some() || self.restarts_at.is_some()
+        self.pending.is_some() || self.restarts_at.is_some() || self.contour.is_some()
+    }
+
+    /// Whether a jump waits whose target has to be looked for.
+    pub(super) const fn waits_for_target(&self) -> bool {
+        self.pending.is_some()
+    }
+
+    /// Whether the passes of a turning cycle are handed on.
+    #[inline]
+    pub(super) fn is_cutting(&self) -> bool {
+        self.contour.as_ref().is_some_and(|run| run.is_cutting())
+    }
+
+    /// Something moved without a block.
+    pub(super) const fn moved(&mut self) {
+        self.moves += 1;
+        self.still_blocks = 0;
     }
 
     /// Whether lines may be executed more than once.

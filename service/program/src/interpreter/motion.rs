@@ -74,6 +74,9 @@ impl Execution<'_> {
                 Meaning::Probe => Motion::Probe,
                 // It is carried out once; the motion before it stays in force.
                 Meaning::ThreadCycles => return self.thread_cycles(),
+                Meaning::ThreadCycle => return self.open_thread_cycle(),
+                Meaning::Turning(cycle) => return self.turning_cycle(cycle, before),
+                Meaning::OfNoSystem(what) => return self.cycle_of_no_system(what),
                 _ => Motion::Unclear,
             };
             if self.state.motion != Motion::Cubic {
@@ -118,6 +121,9 @@ impl Execution<'_> {
         }
         if frame == Frame::Work && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle) {
             return self.thread_motion();
+        }
+        if let (Frame::Work, Motion::SingleCycle(cycle)) = (frame, self.state.motion) {
+            return self.single_cycle(cycle);
         }
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         if (self.block.has_comma_words() || self.settings.plain_drawing_words)
@@ -193,6 +199,7 @@ impl Execution<'_> {
             | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle
+            | Motion::SingleCycle(_)
             | Motion::RigidTap
             | Motion::Unclear => {
                 self.used |= CURVE_LETTERS;
@@ -278,6 +285,7 @@ impl Execution<'_> {
             | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle
+            | Motion::SingleCycle(_)
             | Motion::RigidTap => "machine coordinates go with G0 or G1 only",
             _ => return false,
         };

@@ -25,6 +25,7 @@ mod thread_cycles;
 mod threads;
 mod tilted;
 mod tool_control;
+mod turning;
 
 use super::*;
 use crate::{

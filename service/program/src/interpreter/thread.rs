@@ -50,7 +50,7 @@ impl Execution<'_> {
             return self.block.letters & self.table.axis_letters != 0;
         }
         match meaning(Group::Motion) {
-            Some(meaning) => matches!(meaning, Meaning::Thread | Meaning::ThreadCycles),
+            Some(meaning) => matches!(meaning, Meaning::Thread | Meaning::ThreadCycles | Meaning::ThreadCycle),
             None => {
                 let in_force = self.state.drilling.cycle.is_none()
                     && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle);
@@ -335,7 +335,7 @@ impl Execution<'_> {
     }
 
     /// The present position with another X and Z.
-    fn moved(&self, x: f64, z: f64) -> Position {
+    pub(super) fn moved(&self, x: f64, z: f64) -> Position {
         let mut position = self.state.position;
         position[Axis::X.index()] = x;
         position[Axis::Z.index()] = z;

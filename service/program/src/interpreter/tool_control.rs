@@ -221,6 +221,7 @@ impl Execution<'_> {
             | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle
+            | Motion::SingleCycle(_)
             | Motion::RigidTap => {
                 self.used = u32::MAX;
                 let span = self.block.span();

@@ -41,6 +41,12 @@ fn profiles_survive_the_round_trip() {
         tap_peck: Some(PeckReturn::RLevel),
         boring_shift: Some(BoringShift::SecondMinus),
     };
+    lathe.language.g_code_system = Some(feedwave_program::GCodeSystem::B);
+    lathe.language.turning = feedwave_program::TurningSettings {
+        escape_mm: Some(0.5),
+        groove_return_mm: Some(0.0),
+        thread_chamfer_tenths: Some(12),
+    };
     lathe.language.unlisted_machine_codes = feedwave_program::UnlistedMachineCodes::Error;
     lathe.language.input_result = 1.0;
     lathe.language.machine_codes = machine_codes();

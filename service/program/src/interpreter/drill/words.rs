@@ -8,7 +8,7 @@ use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{FeedUnit, Letter, letter_bit};
 use crate::state::Cycle;
-use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, Position};
+use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, GCodeSystem, Position};
 
 /// Leads of taps, mm.
 const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
@@ -210,7 +210,10 @@ impl Execution<'_> {
 
     /// Whether a lathe reads `R` of its cycles as a distance whatever the distance mode.
     fn is_system_a(&self) -> bool {
-        !self.state.not_system_a
+        match self.settings.g_code_system {
+            Some(system) => system == GCodeSystem::A,
+            None => !self.state.not_system_a,
+        }
     }
 
     /// `P`, s.

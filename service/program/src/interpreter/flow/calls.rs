@@ -143,7 +143,7 @@ impl Interpreter {
     }
 
     /// Waits for a jump at the end of the present line.
-    pub(super) fn wait(&mut self, span: SourceSpan, jump: Jump) {
+    pub(in crate::interpreter) fn wait(&mut self, span: SourceSpan, jump: Jump) {
         let from = super::Mark { place: self.state.place, lines: self.state.lines.saturating_sub(1) };
         self.state.flow.pending = Some(Box::new(Pending { span, from, behind: from, jump }));
     }

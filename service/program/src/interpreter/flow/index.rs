@@ -60,6 +60,29 @@ impl Index {
         }
     }
 
+    /// The first and the last block of a contour within the section that holds `place`; a message where they are not there.
+    pub(in crate::interpreter) fn contour(&self, first: u32, last: u32, place: u64) -> Result<(Mark, Mark), String> {
+        let block = |number: u32| match self.label(number, place) {
+            Found::At(mark) => Ok(mark),
+            Found::Nowhere if self.is_cut => {
+                Err(format!("N{number} is not among the first {MAX_ENTRIES} labels of the program"))
+            }
+            Found::Nowhere => Err(format!("there is no block N{number} in this program")),
+            Found::Twice(one, other) => {
+                Err(format!("N{number} stands on line {} and on line {}: which is meant?", one.line(), other.line()))
+            }
+        };
+        let (start, end) = (block(first)?, block(last)?);
+        if end.place < start.place {
+            return Err(format!(
+                "the last block N{last} of the contour, on line {}, is before its first block N{first}, on line {}",
+                end.line(),
+                start.line()
+            ));
+        }
+        Ok((start, end))
+    }
+
     /// The section that holds an offset.
     pub(in crate::interpreter) fn section_at(&self, offset: u64) -> &Section {
         let behind = self.sections.partition_point(|section| section.start.place.offset <= offset);

@@ -26,11 +26,12 @@ impl Interpreter {
             Jump::OWord(what, value) => self.o_word(*what, *value, pending, findings),
             Jump::Call(request) => self.call(request, pending, findings),
             Jump::Return(label) => self.return_to_caller(*label, findings),
+            Jump::Contour => self.find_contour(pending, findings),
         }
     }
 
     /// The index of a program, if it is there.
-    pub(super) fn index(&self, program: u32) -> Option<&Index> {
+    pub(in crate::interpreter) fn index(&self, program: u32) -> Option<&Index> {
         self.indexes.get(program as usize)?.as_deref()
     }
 
@@ -179,7 +180,12 @@ impl Interpreter {
     }
 
     /// Begins a called program.
-    fn call(&mut self, request: &CallRequest, pending: &Pending, findings: &mut FindingLog) -> Progress {
+    pub(in crate::interpreter) fn call(
+        &mut self,
+        request: &CallRequest,
+        pending: &Pending,
+        findings: &mut FindingLog,
+    ) -> Progress {
         let flow = &self.state.flow;
         let macros = flow.calls.iter().filter(|call| call.kind.is_macro()).count();
         if flow.calls.len() >= MAX_CALLS || request.kind.is_macro() && macros >= MAX_MACRO_CALLS {

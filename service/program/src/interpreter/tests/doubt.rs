@@ -80,7 +80,7 @@ fn units_that_are_cycles_of_system_c() {
     after_go("G21\nX45.", "rapid X25 Z2 -> X22.5 Z2");
     after_go("G20 G0 X2.", "rapid X25 Z2 -> X25.4 Z2");
     for cycle in ["G24 X10. Z-1.", "G77 X45. Z-30. F0.2", "G78 X45. Z-30. F1.5", "G79 X10. Z-1."] {
-        after_go(cycle, "! 3:1+3 PRG-UNSUPPORTED-CODE");
+        after_go(cycle, "! 3:1+3 PRG-CODE-AMBIGUOUS");
     }
 }
 

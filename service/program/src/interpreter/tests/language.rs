@@ -342,10 +342,9 @@ fn groups_duplicates_and_strangers() {
 fn unsupported_codes_are_one_finding_each() {
     check(
         &lathe(),
-        "G71 U2. R1.\nG71 P100 Q200 U.5 W.1 F.2\nX5.\nG0 X10.",
-        "rapid X2.5 Z0.1 -> X5 Z0.1
-         ! 1:1+3 PRG-UNSUPPORTED-CODE
-         ! 2:1+3 PRG-UNSUPPORTED-CODE",
+        "G34 Z-2. F1.5\nX5.\nG0 X10.",
+        "rapid X2.5 Z-2 -> X5 Z-2
+         ! 1:1+3 PRG-UNSUPPORTED-CODE",
     );
     check(
         &mill(),

@@ -96,30 +96,30 @@ fn g92_taper_inside_and_clamp() {
 #[test]
 fn g76_in_two_lines() {
     let program = "M3 S500\nG0 X80. Z130.\nG76 P011060 Q100 R.2\nG76 X60.64 Z25. P3680 Q1800 F6.\nG0 X100.";
-    // Depth d: X = 34 - d, Z = 130 - d·tan 30°; d = 1.8, 1.8·√2, 1.8·√3, 3.48 (1.8·√4 = 3.6 is beyond), 3.68.
+    // Depth d: X = 34 - d, Z = 130 + (3.68 - d)·tan 30°; d = 1.8, 1.8·√2, 1.8·√3, 3.48 (1.8·√4 = 3.6 is beyond), 3.68.
     check(
         &lathe(),
         program,
         "spindle cw 500
          rapid 0 -> X40 Z130
-         rapid X40 Z130 -> X32.2 Z128.96077
-         thread X32.2 Z128.96077 -> X32.2 Z25 @6 out over 6 by 6 tool 60
+         rapid X40 Z130 -> X32.2 Z131.085419
+         thread X32.2 Z131.085419 -> X32.2 Z25 @6 out over 6 by 6 tool 60
          rapid X38.2 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
-         rapid X40 Z130 -> X31.454416 Z128.530306
-         thread X31.454416 Z128.530306 -> X31.454416 Z25 @6 out over 6 by 6 tool 60
+         rapid X40 Z130 -> X31.454416 Z130.654955
+         thread X31.454416 Z130.654955 -> X31.454416 Z25 @6 out over 6 by 6 tool 60
          rapid X37.454416 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
-         rapid X40 Z130 -> X30.882309 Z128.2
-         thread X30.882309 Z128.2 -> X30.882309 Z25 @6 out over 6 by 6 tool 60
+         rapid X40 Z130 -> X30.882309 Z130.324649
+         thread X30.882309 Z130.324649 -> X30.882309 Z25 @6 out over 6 by 6 tool 60
          rapid X36.882309 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
-         rapid X40 Z130 -> X30.52 Z127.990821
-         thread X30.52 Z127.990821 -> X30.52 Z25 @6 out over 6 by 6 tool 60
+         rapid X40 Z130 -> X30.52 Z130.11547
+         thread X30.52 Z130.11547 -> X30.52 Z25 @6 out over 6 by 6 tool 60
          rapid X36.52 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
-         rapid X40 Z130 -> X30.32 Z127.875351
-         thread X30.32 Z127.875351 -> X30.32 Z25 @6 amplitude 0 out over 6 by 6 tool 60
+         rapid X40 Z130 -> X30.32 Z130
+         thread X30.32 Z130 -> X30.32 Z25 @6 amplitude 0 out over 6 by 6 tool 60
          rapid X36.32 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
          rapid X40 Z130 -> X50 Z130",
@@ -152,11 +152,12 @@ fn g76_keeps_the_least_infeed_and_counts_its_finishing_passes() {
 
 #[test]
 fn g76_on_tapers_and_in_bores() {
-    // Taper: the start of a shifted pass lies on the same cone. tan 40° = 0.8391; shift 1·0.8391 of 25 mm.
-    let found = passes("M3 S500\nG0 X24. Z5.\nG76 P010080 Q0 R0\nG76 X18. Z-20. R-1. P1000 Q1000 F2.", lathe());
-    assert_eq!(depths(10.0, &found), ["1", "1"]);
-    assert_eq!(number(found[0].start[2]), "4.1609");
-    assert_eq!(number(found[0].start[0]), number(9.0 - 1.0 + 0.839_099_631 / 25.0));
+    // Taper: the start of a shifted pass lies on the same cone. tan 40° = 0.8391; shift 0.5·0.8391 of 25 mm.
+    let found = passes("M3 S500\nG0 X24. Z5.\nG76 P010080 Q0 R0\nG76 X18. Z-20. R-1. P1000 Q500 F2.", lathe());
+    assert_eq!(depths(10.0, &found), ["0.5", "0.707107", "0.866025", "1", "1"]);
+    assert_eq!(number(found[0].start[2]), "5.41955");
+    assert_eq!(number(found[0].start[0]), number(9.5 - 1.0 - 0.419_549_816 / 25.0));
+    assert_eq!((number(found[4].start[0]), number(found[4].start[2])), ("8".to_owned(), "5".to_owned()));
     let found = passes("M3 S500\nG0 X17. Z5.\nG76 P011060 Q0 R0\nG76 X20. Z-20. P1000 Q600 F2.", lathe());
     assert_eq!(depths(9.0, &found), ["0.6", "0.848528", "1", "1"]);
     // Out to the axis, and no further than the return path: 8.5 is 1.1 from 9.6.
@@ -177,10 +178,10 @@ fn g76_in_one_line_has_four_patterns() {
     for word in ["P3", "P4"] {
         assert_eq!(depths(10.0, &pattern(word)), ["0.4", "0.8", "1", "1"], "{word}");
     }
-    // Along the flank: 5 - d·tan 30°. On both: every other pass at 5 - (2·1 - d)·tan 30°.
+    // Along the flank: 5 + (1 - d)·tan 30°. On both: every other pass at 5 - (1 - d)·tan 30°.
     let starts = |word| pattern(word).iter().map(|pass| number(pass.start[2])).collect::<Vec<_>>();
-    assert_eq!(starts("P3"), ["4.76906", "4.53812", "4.42265", "4.42265"]);
-    assert_eq!(starts("P4"), ["4.76906", "4.30718", "4.42265", "4.42265"]);
+    assert_eq!(starts("P3"), ["5.34641", "5.11547", "5", "5"]);
+    assert_eq!(starts("P4"), ["5.34641", "4.88453", "5", "5"]);
     assert_eq!(pattern("P1 Q90.")[0].start_angle_deg, 90.0);
     // The words of a first line are in force here too.
     let program = "M3 S500\nG0 X22. Z5.\nG76 P020560 R.1\nG76 X18. Z-20. K1. D.5 F2. A60 P3";

@@ -7,7 +7,8 @@
 //! `G76` of two lines: pass n cuts to Q·√n, at least the least infeed Q of the first line deeper than the pass before,
 //! down to the allowance R of the first line; then come P(m) passes at full depth. `G76` of one line: P1 and P2 keep
 //! the removed area (D·√n), P3 and P4 the infeed (D·n); P1 and P3 feed in along one flank, P2 and P4 on both in turn.
-//! Along a flank a pass starts by depth · tan(angle / 2) further in the direction of the cut; all end at Z.
+//! Along a flank a pass starts before the start of the cycle, by tan(angle / 2) times what its depth lacks of the height, on the
+//! other flank as far behind it; the last pass starts at the start of the cycle, and all end at Z.
 
 use core::ops::RangeInclusive;
 
@@ -17,7 +18,7 @@ use super::Cut;
 use super::infeed::{Infeed, MAX_PASSES, Pass};
 use super::words::AMOUNTS_MM;
 use crate::code;
-use crate::dialect::{Group, letter_bit};
+use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{CycleModes, Motion};
 use crate::{Axis, Finding, PullOut};
 
@@ -92,7 +93,7 @@ impl Execution<'_> {
         {
             return;
         }
-        if let Some((_, span)) = self.code(Group::Motion) {
+        if let Some((_, span)) = self.code(Group::Motion).filter(|(meaning, _)| *meaning != Meaning::ThreadCycle) {
             self.findings.push_with(code::GROUP_CONFLICT, |code| {
                 Finding::new(code, span, "a threading cycle is a motion code itself")
                     .suggest("keep one of them, or write them in two blocks")
@@ -145,7 +146,7 @@ impl Execution<'_> {
             lead_mm,
             start_angle_deg,
             included_angle_deg: 0.0,
-            chamfer_tenths: self.state.thread.cycle.unwrap_or_default().chamfer_tenths,
+            chamfer_tenths: self.thread_modes().chamfer_tenths,
         };
         // One pass, as deep as X says.
         self.v_cycle(&cycle, &[Pass { depth_mm: 0.0, finishing: false }]);
@@ -282,7 +283,7 @@ impl Execution<'_> {
             && let (Some(angle_deg), Some(pattern), Some(lead_mm)) = (angle_deg, pattern, lead_mm)
             && turns
         {
-            let modes = self.state.thread.cycle.unwrap_or_default();
+            let modes = self.thread_modes();
             let cycle = VCycle {
                 root,
                 taper_mm: taper.unwrap_or(0.0),
@@ -295,6 +296,12 @@ impl Execution<'_> {
             };
             self.multiple_cycle(&cycle, first, if pattern < 3 { 2.0 } else { 1.0 }, &modes);
         }
+    }
+
+    /// The modal words of threading cycles; where none was written, the chamfer of the profile.
+    fn thread_modes(&self) -> CycleModes {
+        let chamfer_tenths = self.settings.turning.thread_chamfer_tenths.unwrap_or(0);
+        self.state.thread.cycle.unwrap_or(CycleModes { chamfer_tenths, ..CycleModes::default() })
     }
 
     /// X and Z of the root at the end of a `G76`.
@@ -348,15 +355,15 @@ impl Execution<'_> {
         let forwards = (end_z - z).signum();
         let outwards = if x < root_x { -1.0 } else { 1.0 };
         // The return path runs along X = x, and may not touch the crest at either end.
-        let taper_towards = (outwards * cycle.taper_mm).max(0.0);
+        let slope = libm::tan((cycle.included_angle_deg * 0.5).to_radians());
+        let largest_shift = cycle.height_mm * slope;
+        let taper_towards = (outwards * cycle.taper_mm).max(0.0) * (1.0 + largest_shift / length);
         let needed = cycle.height_mm + taper_towards;
         let clear = outwards * (x - root_x);
         if x == root_x || clear < needed - ON_THE_CREST_MM {
             return self.starts_within(clear, needed);
         }
-        let slope = libm::tan((cycle.included_angle_deg * 0.5).to_radians());
         let chamfer_mm = f64::from(cycle.chamfer_tenths) * 0.1 * cycle.lead_mm;
-        let largest_shift = if cycle.alternating { 2.0 * cycle.height_mm } else { cycle.height_mm } * slope;
         if largest_shift + chamfer_mm >= length {
             return self
                 .thread_travel("the thread is shorter than the infeed along its flank and the chamfer at its end");
@@ -366,7 +373,9 @@ impl Execution<'_> {
         }
         for (index, &Pass { depth_mm, finishing }) in passes.iter().enumerate() {
             let other_flank = cycle.alternating && index % 2 == 1;
-            let shift = slope * if other_flank { 2.0 * cycle.height_mm - depth_mm } else { depth_mm };
+            let lack_mm = cycle.height_mm - depth_mm;
+            // Ahead of the start of the cycle where it is positive.
+            let shift = slope * if other_flank { lack_mm } else { -lack_mm };
             let end_x = root_x + outwards * (cycle.height_mm - depth_mm);
             let start_x = end_x + cycle.taper_mm * (1.0 - shift / length);
             self.rapid_to(start_x, z + forwards * shift);

@@ -1,0 +1,99 @@
+//! `G70` to `G72.2` of LinuxCNC, whose numbers are those of its interpreter, version 2.9.
+
+use super::*;
+
+/// The contour of the first worked example.
+const CONTOUR: &str = "G18 G7 F100 M3 S100\no100 sub\nG0 X20\nG1 Z-10\nX30 Z-15\nZ-30\nX50\no100 endsub\nG0 X50 Z2\n";
+
+/// The cuts of a program.
+fn cuts(program: &str) -> Vec<String> {
+    let found = path(&g7(), program);
+    found.lines().filter(|line| !line.starts_with('r')).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_worked_example() {
+    assert_eq!(
+        cuts(&format!("{CONTOUR}G71 Q100 I2 R1 D0.5\nG70 Q100")),
+        [
+            "f 50 -29.5",
+            "f 46 -29.5",
+            "f 42 -29.5",
+            "f 38 -29.5",
+            "f 34 -29.5",
+            "f 30 -14.292893",
+            "f 26 -12.292893",
+            "f 22 -10.292893",
+            "f 21 -9.792893",
+            "f 30.707107 -14.646447",
+            "a+ 31 -15",
+            "f 31 -29.5",
+            "f 50 -29.5",
+            "f 20 -10",
+            "f 30 -15",
+            "f 30 -30",
+            "f 50 -30",
+        ]
+    );
+}
+
+/// Pockets with arcs, all three ways; facing; finishing at a distance; a bore.
+#[test]
+fn every_move_is_that_of_the_reference() {
+    let program = include_str!("linuxcnc-contours.ngc");
+    let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
+    assert!(findings.findings().is_empty(), "{findings:?}");
+    let four = |value: f64| {
+        let text = format!("{value:.4}");
+        let text = text.trim_end_matches('0').trim_end_matches('.');
+        if text == "-0" { "0".to_owned() } else { text.to_owned() }
+    };
+    let moves = operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Move(step) => {
+            let kind = match (step.kind, step.arc) {
+                (MoveKind::Rapid, _) => "r",
+                (_, None) => "f",
+                (_, Some(arc)) if arc.clockwise => "a-",
+                _ => "a+",
+            };
+            let is_still = four(step.start[0]) == four(step.end[0]) && four(step.start[2]) == four(step.end[2]);
+            (!is_still).then(|| format!("{kind} {} {}", four(step.end[0]), four(step.end[2])))
+        }
+        _ => None,
+    });
+    let moves: Vec<_> = moves.collect();
+    let expected: Vec<_> = include_str!("linuxcnc-moves.txt").lines().collect();
+    for (place, (found, expected)) in moves.iter().zip(&expected).enumerate() {
+        assert_eq!(
+            found,
+            expected,
+            "move {place} of {}: {:#?}",
+            moves.len(),
+            &moves[place.saturating_sub(5)..(place + 5).min(moves.len())]
+        );
+    }
+    assert_eq!(moves.len(), expected.len());
+}
+
+/// The second worked example of threads: radius, and Z of start and end of each pass.
+#[test]
+fn the_worked_thread() {
+    let program = "G18 G8 G97 M3 S100\nG0 X12 Z5\nG76 P1.5 Z-20 I-2 J0.4 K0.92 R2 Q30 H0\nM2";
+    let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
+    assert!(!findings.has_errors(), "{findings:?}");
+    let passes = operations.iter().filter_map(|operation| match &operation.kind {
+        OperationKind::Thread(step) => Some(format!("{:.4} {:.4} {:.4}", step.end[0], step.start[2], step.end[2])),
+        _ => None,
+    });
+    assert_eq!(
+        passes.collect::<Vec<_>>(),
+        [
+            "9.6000 4.7691 -19.6998",
+            "9.4343 4.6734 -19.7954",
+            "9.3072 4.6000 -19.8688",
+            "9.2000 4.5381 -19.9307",
+            "9.1056 4.4836 -19.9852",
+            "9.0800 4.4688 -20.0000",
+        ]
+    );
+}

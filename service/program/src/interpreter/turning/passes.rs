@@ -1,0 +1,283 @@
+//! From a job and its contour to the moves of the passes. The same job and contour always give the same moves, so that they need
+//! not be remembered: who goes on in the middle of a cycle makes them again.
+
+use super::contour::{Piece, parts, turns_back};
+use super::frame::{Frame, moved};
+use super::linuxcnc;
+use super::pockets::{self, Stock};
+use super::request::{Job, Request};
+use crate::compensation::geometry::{Curve, Point, plus};
+use crate::{FindingCode, SourceSpan, code};
+
+/// Most moves of a cycle.
+pub(super) const MAX_STEPS: usize = 100_000;
+
+/// A move of a cycle: Z and X.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::interpreter) struct Step {
+    pub(in crate::interpreter) curve: Curve,
+    pub(in crate::interpreter) is_rapid: bool,
+    /// The block of the contour that it follows; `None` for the cycle's.
+    pub(in crate::interpreter) block: Option<u32>,
+}
+
+/// Why there are no passes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Refusal {
+    pub(super) code: FindingCode,
+    /// The block that it is about; `None` for the cycle's.
+    pub(super) span: Option<SourceSpan>,
+    pub(super) message: String,
+    pub(super) cure: &'static str,
+}
+
+impl Refusal {
+    pub(super) fn new(code: FindingCode, message: &str, cure: &'static str) -> Self {
+        Self { code, span: None, message: message.to_owned(), cure }
+    }
+
+    pub(super) fn at(self, span: SourceSpan) -> Self {
+        Self { span: Some(span), ..self }
+    }
+
+    pub(super) fn too_many() -> Self {
+        let message = format!("the cycle has more than {MAX_STEPS} moves");
+        Self::new(
+            code::TURNING_LIMIT,
+            &message,
+            "write a larger depth, or divide the contour; a decimal point may be missing",
+        )
+    }
+}
+
+/// The moves of a cycle, and what is worth saying about them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Plan {
+    pub(super) steps: Vec<Step>,
+    pub(super) has_pockets: bool,
+    /// An allowance points into the finished part.
+    pub(super) cuts_in: bool,
+}
+
+/// Moves in a frame, one behind the other.
+pub(super) struct Path {
+    frame: Frame,
+    pub(super) at: Point,
+    pub(super) steps: Vec<Step>,
+}
+
+impl Path {
+    pub(super) const fn new(frame: Frame, at: Point) -> Self {
+        Self { frame, at, steps: Vec::new() }
+    }
+
+    /// Whether there are more moves than a cycle may have.
+    pub(super) const fn is_full(&self) -> bool {
+        self.steps.len() > MAX_STEPS
+    }
+
+    pub(super) fn rapid(&mut self, to: Point) {
+        self.straight(to, true);
+    }
+
+    pub(super) fn feed(&mut self, to: Point) {
+        self.straight(to, false);
+    }
+
+    pub(super) fn straight(&mut self, to: Point, is_rapid: bool) {
+        if to != self.at && !self.is_full() {
+            let curve = self.frame.curve_back(&Curve::line(self.at, to));
+            self.steps.push(Step { curve, is_rapid, block: None });
+        }
+        self.at = to;
+    }
+
+    /// A feed along a curve that begins here, of a block of the contour.
+    pub(super) fn follow(&mut self, curve: &Curve, block: usize) {
+        let is_point = match curve.circle {
+            None => curve.to == curve.from,
+            Some(circle) => circle.sweep_rad == 0.0,
+        };
+        if !is_point && !self.is_full() {
+            let curve = self.frame.curve_back(curve);
+            self.steps.push(Step { curve, is_rapid: false, block: Some(block as u32) });
+        }
+        self.at = curve.to;
+    }
+
+    /// Rapidly to a point, first along the axis on which it is further away from the part.
+    pub(super) fn return_to(&mut self, to: Point) {
+        let over = if to[1] >= self.at[1] { [self.at[0], to[1]] } else { [to[0], self.at[1]] };
+        self.rapid(over);
+        self.rapid(to);
+    }
+}
+
+/// The contour as it was read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contour<'a> {
+    /// The way to the contour comes first.
+    pub(super) pieces: &'a [Piece],
+    /// Whether the first block names Z and X.
+    pub(super) named: [bool; 2],
+    /// Z and X where the cycle begins.
+    pub(super) start: Point,
+    /// Z and X of the tool.
+    pub(super) tool: Point,
+}
+
+/// The moves of a job.
+pub(super) fn plan(request: &Request, contour: Contour<'_>) -> Result<Plan, Refusal> {
+    let Some((approach, pieces)) = contour.pieces.split_first() else {
+        return Err(Refusal::new(
+            code::TURNING_CONTOUR,
+            "the contour has no move",
+            "write its lines and arcs between the first and the last block",
+        ));
+    };
+    if approach.curve.circle.is_some() {
+        let message = "the first block of the contour is an arc, but it is the way of the passes to their depth";
+        let refusal = Refusal::new(code::TURNING_CONTOUR, message, "begin the contour with G0 or G1");
+        return Err(refusal.at(approach.span));
+    }
+    match request.job {
+        Job::Finish => Ok(finish_return(contour)),
+        Job::Rough { facing, depth_mm, escape_mm, allowance } => {
+            rough(contour, approach, pieces, facing, [depth_mm, escape_mm], allowance)
+        }
+        Job::Pattern { relief, passes, allowance } => pattern(contour, approach, pieces, relief, passes, allowance),
+        Job::Steps { .. } | Job::Offsets { .. } => linuxcnc::plan(&request.job, contour),
+    }
+}
+
+/// Which way is away from the part across a contour: from its start to that of the cycle.
+fn outward(contour: Contour<'_>, axis: usize) -> f64 {
+    let start_of_contour = contour.pieces[0].curve.to;
+    (contour.start[axis] - start_of_contour[axis]).signum()
+}
+
+/// Back to the start of the cycle, from the end of the contour.
+fn finish_return(contour: Contour<'_>) -> Plan {
+    let facing = contour.named[0] && !contour.named[1];
+    let mut frame = Frame { swaps: facing, signs: [1.0; 2] };
+    frame.signs[1] = outward(contour, usize::from(!facing));
+    let end = contour.pieces.last().map_or(contour.start, |piece| piece.curve.to);
+    let mut path = Path::new(frame, frame.to(end));
+    path.return_to(frame.to(contour.start));
+    Plan { steps: path.steps, ..Plan::default() }
+}
+
+/// Passes parallel to an axis.
+fn rough(
+    contour: Contour<'_>,
+    approach: &Piece,
+    pieces: &[Piece],
+    facing: bool,
+    [depth_mm, escape_mm]: [f64; 2],
+    allowance: Point,
+) -> Result<Plan, Refusal> {
+    let [across, along] = if facing { [0, 1] } else { [1, 0] };
+    let names = ["Z", "X"];
+    if !contour.named[across] {
+        let message = format!("the first block of the contour does not move {}", names[across]);
+        let cure = "let the first block go to the start of the contour across the passes: X for G71, Z for G72";
+        return Err(Refusal::new(code::TURNING_CONTOUR, &message, cure).at(approach.span));
+    }
+    let Some(last) = pieces.last() else {
+        let message = "the contour has no block behind its first one";
+        return Err(Refusal::new(code::TURNING_CONTOUR, message, "write its lines and arcs").at(approach.span));
+    };
+    if contour.start[across] == approach.curve.to[across] {
+        let message = format!(
+            "the cycle starts at the {} where the contour starts, so that the side of the stock is not known",
+            names[across]
+        );
+        let cure = "move the tool to the corner of the stock, clear of it, before the cycle";
+        return Err(Refusal::new(code::TURNING_START, &message, cure));
+    }
+    let progress = last.curve.to[along] - approach.curve.to[along];
+    let progress = if progress == 0.0 { -1.0 } else { progress.signum() };
+    let frame = Frame { swaps: facing, signs: [progress, outward(contour, across)] };
+    let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
+    let exact_parts = parts(&curves);
+    let has_both = contour.named[along];
+    let refuse = |block: usize, axis: usize| {
+        let name = names[if axis == 0 { along } else { across }];
+        let message = format!("the contour turns back along {name} here");
+        let cure = if axis == 1 {
+            "where it is a pocket, name both axes in the first block of the contour, such as W0"
+        } else {
+            "let the contour go one way along the passes"
+        };
+        Refusal::new(code::TURNING_MONOTONY, &message, cure).at(pieces[block].span)
+    };
+    if let Some(block) = turns_back(&exact_parts, 0) {
+        return Err(refuse(block, 0));
+    }
+    let falls = turns_back(&exact_parts, 1);
+    if let (Some(block), false) = (falls, has_both) {
+        return Err(refuse(block, 1));
+    }
+    let shift = frame.to(allowance);
+    if falls.is_some() && shift[0] != 0.0 {
+        let message = format!("an allowance along {} cuts into the far walls of the pockets", names[along]);
+        let cure = "leave it out, and let the finishing cycle cut the walls";
+        return Err(Refusal::new(code::TURNING_VALUE, &message, cure));
+    }
+    let curves: Vec<_> = curves.iter().map(|curve| moved(curve, shift)).collect();
+    let start = frame.to(contour.start);
+    let stock = Stock {
+        corner: plus(start, shift),
+        parts: parts(&curves),
+        contour: curves,
+        depth_mm,
+        escape_mm,
+        plunges_rapidly: approach.is_rapid,
+        follows_walls: has_both,
+    };
+    let mut path = Path::new(frame, start);
+    pockets::rough(&stock, &mut path)?;
+    path.return_to(start);
+    if path.is_full() {
+        return Err(Refusal::too_many());
+    }
+    // Away from the part is against the passes along them, and outward across.
+    let cuts_in = shift[1] < 0.0 || shift[0] > 0.0;
+    Ok(Plan { steps: path.steps, has_pockets: falls.is_some(), cuts_in })
+}
+
+/// Passes along the contour, each nearer to it.
+fn pattern(
+    contour: Contour<'_>,
+    approach: &Piece,
+    pieces: &[Piece],
+    relief: Point,
+    passes: u32,
+    allowance: Point,
+) -> Result<Plan, Refusal> {
+    if pieces.is_empty() {
+        let message = "the contour has no block behind its first one";
+        return Err(Refusal::new(code::TURNING_CONTOUR, message, "write its lines and arcs").at(approach.span));
+    }
+    if pieces.len().saturating_mul(passes as usize) > MAX_STEPS {
+        return Err(Refusal::too_many());
+    }
+    let facing = contour.named[0] && !contour.named[1];
+    let mut frame = Frame { swaps: facing, signs: [1.0; 2] };
+    let outward = outward(contour, usize::from(!facing));
+    frame.signs[1] = if outward == 0.0 { 1.0 } else { outward };
+    let start = frame.to(contour.start);
+    let mut path = Path::new(frame, start);
+    for pass in 0..passes {
+        let left = if passes > 1 { 1.0 - f64::from(pass) / f64::from(passes - 1) } else { 0.0 };
+        let shift = [allowance[0] + relief[0] * left, allowance[1] + relief[1] * left];
+        let by = frame.to(shift);
+        path.rapid(plus(frame.to(approach.curve.to), by));
+        for (block, piece) in pieces.iter().enumerate() {
+            path.follow(&moved(&frame.curve(&piece.curve), by), block);
+        }
+        path.return_to(plus(start, by));
+    }
+    path.return_to(start);
+    Ok(Plan { steps: path.steps, ..Plan::default() })
+}
