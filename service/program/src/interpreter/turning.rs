@@ -207,9 +207,8 @@ impl Execution<'_> {
             TurningCycle::FaceGroove | TurningCycle::Groove => has(b"XZIKD") || !has(b"PQUW"),
             TurningCycle::SingleTurn | TurningCycle::SingleFace => true,
         };
-        if is_certain && matches!(cycle, TurningCycle::Finish | TurningCycle::Turn(_) | TurningCycle::Face(_)) {
-            self.state.not_system_c = true;
-        }
+        // R alone could be the first line of another cycle in C, whose depth was said before.
+        self.state.not_system_c |= is_certain && has(b"XZPQUWIKD");
         if is_certain || self.state.not_system_c {
             return false;
         }

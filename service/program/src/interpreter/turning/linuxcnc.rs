@@ -184,6 +184,8 @@ impl Steps {
                 at += 1;
             }
             along_walls = Pockets::All;
+            // The levels are counted from the bottom of the dive.
+            level = self.path.at[1];
         }
         while at < self.segments.len() {
             if self.path.is_full() {
@@ -195,8 +197,11 @@ impl Steps {
             if self.dive(at, level)? {
                 match self.behind_dive(at, along_walls) {
                     Some(next) => {
-                        // A pocket begins: its levels are counted from the start again.
-                        (at, level, along_walls) = (next, self.segments[0].from[1], Pockets::All);
+                        // A pocket begins, on the first level below its edge.
+                        (at, along_walls) = (next, Pockets::All);
+                        while level < self.path.at[1] {
+                            level += self.depth_mm;
+                        }
                         continue;
                     }
                     None => return Ok(()),

@@ -240,3 +240,125 @@ fn the_nose_is_compensated_in_the_finishing_only() {
     let codes: Vec<_> = findings.findings().iter().map(|finding| finding.code.name()).collect();
     assert_eq!(codes, ["PRG-TURNING-COMPENSATION"]);
 }
+
+#[test]
+fn a_face_from_the_inside_outward() {
+    // The passes go toward +X, so that the stock is on the side of −X: U is negative.
+    moves(
+        &a(),
+        "M3 S1000\nG0 X10. Z2.\nG72 W1. R0.5\nG72 P10 Q20 U-0.4 W0.1 F0.2\nN10 G0 Z-4.\nG1 X20.\nX30. Z0.\nN20 Z2.",
+        1,
+        "r 9.6 2.1; r 9.6 1.1; f 29.6 1.1; r 28.6 1.6; r 9.6 1.6; r 9.6 0.1; f 29.6 0.1; r 28.6 0.6; r 9.6 0.6;
+         r 9.6 -0.9; f 27.1 -0.9; r 26.1 -0.4; r 9.6 -0.4; r 9.6 -1.9; f 24.6 -1.9; r 23.6 -1.4; r 9.6 -1.4;
+         r 9.6 -2.9; f 22.1 -2.9; r 21.1 -2.4; r 9.6 -2.4;
+         r 9.6 -3.9; f 19.6 -3.9; f 29.6 0.1; f 29.6 2.1; r 10 2.1; r 10 2",
+    );
+}
+
+#[test]
+fn a_pattern_in_a_bore() {
+    moves(
+        &a(),
+        "M3 S1000\nG0 X20. Z2.\nG73 U-2. W1. R2\nG73 P10 Q20 U-0.4 W0.1 F0.2\nN10 G0 X30.\nG1 Z-10.\nN20 X22. Z-15.",
+        1,
+        "r 25.6 3.1; f 25.6 -8.9; f 17.6 -13.9; r 15.6 -13.9; r 15.6 3.1;
+         r 29.6 2.1; f 29.6 -9.9; f 21.6 -14.9; r 19.6 -14.9; r 19.6 2.1; r 19.6 2; r 20 2",
+    );
+}
+
+/// Two lines, and what the one line has instead of the first.
+const FORMS: [(&str, &str, &str); 6] = [
+    ("G0 X20. Z2.\nG71 U2. R0.5", "G71 P10 Q20 U-0.4 W0.1", "N10 G0 X40.\nG1 Z-10.\nX30. Z-15.\nN20 X20."),
+    ("G0 X40. Z2.\nG71 U1.5 R0.5", "G71 P10 Q20", "N10 G0 X20.\nG1 Z-10.\nG2 X30. Z-15. R5.\nN20 G1 X40."),
+    ("G0 X64. Z2.\nG72 W2. R0.5", "G72 P10 Q20 U0.4 W0.2", "N10 G0 Z-10.\nG1 X60.\nX40. Z-4.\nN20 X20. Z0."),
+    ("G0 X10. Z2.\nG72 W1. R0.5", "G72 P10 Q20 U-0.4", "N10 G0 Z-4.\nG1 X20.\nN20 X30. Z0."),
+    ("G0 X40. Z2.\nG73 U3. W2. R3", "G73 P10 Q20 U0.4 W0.1", "N10 G0 X20.\nG1 Z-20.\nN20 X40. Z-28."),
+    ("G0 X20. Z2.\nG73 U-2. W1. R2", "G73 P10 Q20 U-0.4", "N10 G0 X30.\nG1 Z-10.\nN20 X22. Z-15."),
+];
+
+#[test]
+fn one_line_is_two() {
+    let mut fanuc = a();
+    fanuc.turning.escape_mm = Some(0.5);
+    let mut haas = fanuc.clone();
+    haas.drilling.style = crate::DrillingStyle::Haas;
+    for (first, second, contour) in FORMS {
+        let two = format!("M3 S1000\n{first}\n{second} F0.2\n{contour}\nG70 P10 Q20\nG0 Z9.");
+        let (go, words) = first.split_once('\n').unwrap();
+        let words: Vec<_> = words.split(' ').collect();
+        let one = |words: String| format!("M3 S1000\n{go}\n{second} {words} F0.2\n{contour}\nG70 P10 Q20\nG0 Z9.");
+        let (of_fanuc, of_haas) = match words.as_slice() {
+            [_, depth, _] => {
+                let depth: f64 = depth[1..].parse().unwrap();
+                (one(format!("D{}", depth * 1_000.0)), one(format!("D{depth:?}")))
+            }
+            [_, along_x, along_z, passes] => {
+                let words = format!("I{} K{} D{}", &along_x[1..], &along_z[1..], &passes[1..]);
+                (one(words.clone()), one(words))
+            }
+            other => panic!("{other:?}"),
+        };
+        let expected = path(&a(), &two);
+        assert!(!expected.contains('!') && expected.lines().count() > 12, "{expected}");
+        assert_eq!(path(&fanuc, &of_fanuc), expected, "{of_fanuc}");
+        assert_eq!(path(&haas, &of_haas), expected, "{of_haas}");
+    }
+}
+
+/// No pass cuts deeper than the contour with its allowances: random contours, random starts, outside and in bores.
+mod random {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Radius of a polyline of Z and X at a Z, the smallest or the largest of a step.
+    fn radius(contour: &[[f64; 2]], z: f64) -> Option<f64> {
+        contour.windows(2).find_map(|ends| {
+            let [[z0, x0], [z1, x1]] = [ends[0], ends[1]];
+            (z <= z0 && z >= z1 && z0 > z1).then(|| x0 + (z - z0) / (z1 - z0) * (x1 - x0))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+
+        #[test]
+        fn passes_stay_off_the_part(
+            steps in prop::collection::vec((0.5_f64..6.0, -3.0_f64..4.0), 2..8),
+            depth in 0.4_f64..3.0,
+            is_pocketed in any::<bool>(),
+            is_bore in any::<bool>(),
+        ) {
+            let sign = if is_bore { -1.0 } else { 1.0 };
+            let first = if is_bore { 60.0 } else { 20.0 };
+            let (mut z, mut x) = (0.0, first);
+            let mut contour = vec![[2.0, first], [0.0, first]];
+            let mut text = format!("N10 G0 X{first:.3}{}\nG1 Z0.\n", if is_pocketed { " W0" } else { "" });
+            let mut furthest: f64 = 0.0;
+            for (along, across) in steps {
+                z -= (along * 1_000.0).round() / 1_000.0;
+                let across = if is_pocketed { across } else { across.abs() };
+                x += sign * (across * 1_000.0).round() / 1_000.0;
+                furthest = furthest.max(sign * (x - first));
+                contour.push([z, x]);
+                text.push_str(&format!("X{x:.3} Z{z:.3}\n"));
+            }
+            let start = first + sign * (furthest + 4.0);
+            text.push_str(&format!("N20 X{start:.3}"));
+            let allowance = sign * 0.4;
+            let program = format!("M3 S1000\nG0 X{start:.3} Z2.\nG71 U{depth:.3} R0.3\nG71 P10 Q20 U{allowance} F0.2\n{text}\nM30\n");
+            let (operations, findings) = interpret(program.as_bytes(), a());
+            prop_assert!(!findings.has_errors(), "{}\n{:?}", program, findings);
+            for operation in &operations {
+                let OperationKind::Move(step) = &operation.kind else { continue };
+                for share in 0..=20 {
+                    let at = |axis: usize| step.start[axis] + (step.end[axis] - step.start[axis]) * f64::from(share) / 20.0;
+                    if let Some(diameter) = radius(&contour, at(2)) {
+                        let gap = sign * (at(0) * 2.0 - diameter) - 0.4;
+                        prop_assert!(gap > -1e-3, "{}\nat X{} Z{}: {}", program, at(0) * 2.0, at(2), gap);
+                    }
+                }
+            }
+        }
+    }
+}
