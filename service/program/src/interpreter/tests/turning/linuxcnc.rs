@@ -40,7 +40,18 @@ fn the_worked_example() {
 /// Pockets with arcs, all three ways; facing; finishing at a distance; a bore.
 #[test]
 fn every_move_is_that_of_the_reference() {
-    let program = include_str!("linuxcnc-contours.ngc");
+    compare(include_str!("linuxcnc-contours.ngc"), include_str!("linuxcnc-moves.txt"));
+}
+
+/// Two dozen contours at random.
+#[test]
+fn every_move_of_random_contours_is_that_of_the_reference() {
+    compare(include_str!("linuxcnc-random.ngc"), include_str!("linuxcnc-random-moves.txt"));
+}
+
+/// Compares the moves of a program, as radius and Z with four decimals, with those that the reference printed.
+#[track_caller]
+fn compare(program: &str, expected: &str) {
     let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
     assert!(findings.findings().is_empty(), "{findings:?}");
     let four = |value: f64| {
@@ -62,7 +73,7 @@ fn every_move_is_that_of_the_reference() {
         _ => None,
     });
     let moves: Vec<_> = moves.collect();
-    let expected: Vec<_> = include_str!("linuxcnc-moves.txt").lines().collect();
+    let expected: Vec<_> = expected.lines().collect();
     for (place, (found, expected)) in moves.iter().zip(&expected).enumerate() {
         assert_eq!(
             found,
