@@ -184,7 +184,6 @@ impl Steps {
                 at += 1;
             }
             along_walls = Pockets::All;
-            // The levels are counted from the bottom of the dive.
             level = self.path.at[1];
         }
         while at < self.segments.len() {
@@ -197,8 +196,11 @@ impl Steps {
             if self.dive(at, level)? {
                 match self.behind_dive(at, along_walls) {
                     Some(next) => {
-                        // A pocket begins, on the first level below its edge.
+                        // A pocket begins, on the first level below its edge; where only pockets are cut, on its edge.
                         (at, along_walls) = (next, Pockets::All);
+                        if pockets == Pockets::Only {
+                            level = self.path.at[1];
+                        }
                         while level < self.path.at[1] {
                             level += self.depth_mm;
                         }
