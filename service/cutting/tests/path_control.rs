@@ -128,6 +128,45 @@ fn a_corner_counts_as_part_of_the_later_block() {
     assert_eq!(setpoints.line[corner], 3);
 }
 
+/// Distance of a point from a polyline.
+fn off_polyline(points: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
+    let off = |pair: &[[f64; 2]]| {
+        let [[ax, ay], [bx, by]] = [pair[0], pair[1]];
+        let (dx, dy) = (bx - ax, by - ay);
+        let share = (((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+        (x - ax - share * dx).hypot(y - ay - share * dy)
+    };
+    points.windows(2).map(off).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn short_blocks_become_one_curve_within_the_tolerance_both_ways() {
+    // A wave in blocks of about 0.2 mm, written to a micrometre, with a wall of 25 mm and a corner behind it.
+    let mut points: Vec<[f64; 2]> =
+        (0..=200).map(|k| f64::from(k) * 0.2).map(|x| [x, (2.0 * (0.35 * x).sin() * 1e3).round() / 1e3]).collect();
+    let last = points[points.len() - 1];
+    points.extend([[last[0] + 25.0, last[1]], [last[0] + 25.0, last[1] + 10.0]]);
+    for tolerance_mm in [0.005, 0.02, 0.1] {
+        let mut text = format!("G17 G21 G90 M3 S3000 F3000. G64 P{tolerance_mm} Q0\nG0 X0. Y0.\nG1\n");
+        for [x, y] in &points[1..] {
+            text += &format!("X{x:.3} Y{y:.3}\n");
+        }
+        let setpoints = run(&(text + "M30\n"), &mill());
+        let path: Vec<[f64; 2]> = (0..setpoints.len()).map(|k| [setpoints.axes[0][k], setpoints.axes[1][k]]).collect();
+        let farthest = path.iter().map(|&point| off_polyline(&points, point)).fold(0.0, f64::max);
+        assert!(farthest <= tolerance_mm, "{farthest} mm off of {tolerance_mm}");
+        let mut moving = path.clone();
+        moving.dedup();
+        let left_out = points.iter().map(|&point| off_polyline(&moving, point)).fold(0.0, f64::max);
+        // Setpoints are chords of the curve.
+        assert!(left_out <= tolerance_mm + 1e-3, "a point is {left_out} mm off of {tolerance_mm}");
+        let on_wall = path.iter().filter(|[x, _]| (last[0] + 10.5..last[0] + 14.5).contains(x));
+        let beside = on_wall.map(|[_, y]| (y - last[1]).abs()).fold(0.0, f64::max);
+        assert!(beside < 1e-9, "the wall is {beside} mm off");
+        assert_eq!(*path.last().expect("it moves"), points[points.len() - 1]);
+    }
+}
+
 /// A program of lines and arcs, short and long, with changing path control.
 fn programs() -> impl Strategy<Value = String> {
     let um = || prop_oneof![-15_000..15_000_i32, -200..200_i32];

@@ -18,6 +18,35 @@ fn every_program_hangs_together() {
 }
 
 #[test]
+fn short_blocks_run_more_than_twice_as_fast_as_corner_by_corner() {
+    // Seconds within 0.01 mm and 0.05 mm when each corner was rounded by itself.
+    let before = [
+        (common::chord_circle(), [7.718, 7.718]),
+        (common::raster(), [25.768, 25.878]),
+        (common::freeform(), [12.632, 12.632]),
+    ];
+    let machine = machine();
+    for (program, before) in before {
+        for (tolerance_mm, before) in [0.01, 0.05].into_iter().zip(before) {
+            let now = seconds(&program, within(tolerance_mm), &machine);
+            assert!(now * 2.2 <= before, "{} within {tolerance_mm} mm: {now} s", program.name);
+        }
+    }
+}
+
+#[test]
+fn tangent_arcs_cost_less_than_stopping() {
+    let machine = machine();
+    for program in [common::pocket(), common::lines_and_arcs(), common::line_arc_line()] {
+        let stop = seconds(&program, PathControl::ExactStop, &machine);
+        for tolerance_mm in [0.01, 0.05] {
+            let now = seconds(&program, within(tolerance_mm), &machine);
+            assert!(now < 0.9 * stop, "{} within {tolerance_mm} mm: {now} s against {stop} s", program.name);
+        }
+    }
+}
+
+#[test]
 #[ignore = "prints the table of docs/performance.md"]
 fn table() {
     let machine = machine();
