@@ -124,7 +124,8 @@ def feeds(w):
         elif kind < 0.7:
             w.line(f"G1 A{w.value(-90, 90, 1)}" + (f" F{w.value(0.5, 10, 2)}" if mode == 93 else ""))
         elif kind < 0.8:
-            w.line(w.chance.choice(("M5", "M3", "M4", "S1200", "M8", "M9", "M7")))
+            # A stopped spindle never advances a feed per revolution: see differences.json.
+            w.line(w.chance.choice(("M3", "M4", "S1200", "M8", "M9", "M7")))
         elif kind < 0.9:
             w.line(f"G4 P{w.value(0.1, 2, 2)}")
         else:
@@ -162,7 +163,8 @@ def drilling(w):
     first, second, third = PLANES[w.plane][:3]
     w.line(f"G0 {third}{w.value(5, 30)}")
     for _ in range(w.chance.randint(2, 5)):
-        code = w.chance.choice((73, 81, 82, 83, 84, 85, 86, 89, 74))
+        # Tapping beside the XY plane and repeats of G74 are faults there: see differences.json.
+        code = w.chance.choice((73, 81, 82, 83, 85, 86, 89) + ((84, 74) if w.plane == 17 else ()))
         incremental = w.chance.random() < 0.3
         w.line("G91" if incremental else "G90")
         w.line(w.chance.choice(("G98", "G99")))
@@ -176,7 +178,7 @@ def drilling(w):
             words += f" Q{w.value(0.5, 6, 2)}"
         if code in (82, 86, 89, 84, 74) and (code in (82, 86, 89) or w.chance.random() < 0.5):
             words += f" P{w.value(0, 1, 2)}"
-        if w.chance.random() < 0.3:
+        if code != 74 and w.chance.random() < 0.3:
             words += f" L{w.chance.randint(1, 3)}"
         if code == 74:
             w.line("M4")
@@ -443,7 +445,7 @@ def mistakes(w):
     contour(w)
     wrong = ("G2 X1 Y1", "G1 X1 X2", "G99.9", "G1 F0 X5", "G2 X900 Y1 R2", "G81 X1 Y1 Z-1", "X[1/0]", "#1 = SQRT[0-1]",
              "G1 X#<unknown>", "o1 call", "M72", "G40 G2 X1 Y1 I1", "G17 G2 X10 Y0 I3 J1", "G1 X1 ( comment", "G1 G2 X1", "M3 M4",
-             "G93 G1 X1", "G5 X1 Y1", "G41 G42 X1", "G33 X1", "M62", "T-1", "S-5", "G4", "G64 P-1", "o9 endwhile", "G10 L99 P1 X0",
+             "G93 G1 X1", "G5 X1 Y1", "G41 G42 X1", "G33 X1", "M62", "T-1", "S-5", "G4", "o9 endwhile", "G10 L99 P1 X0",
              "G83 X1 Y1 Z-5 R2", "G76 X1", "X1 I", "G53 G2 X1 Y1 I1", "M900", "G28.1 X1", "ACOS[2]", "X ACOS[2]", "G1 X1 $", "#6000 = 1")
     w.lines.insert(w.chance.randint(2, len(w.lines)), w.chance.choice(wrong))
 

@@ -63,11 +63,11 @@ fn findings_in_called_files_show_their_line_and_the_calls() {
     let sub = directory.path().join("subs");
     fs::create_dir(&sub).unwrap();
     fs::write(&program, "G21 G90\nG0 X10 Y0 Z5\nM98 P1000 L3\nM30\n").unwrap();
-    fs::write(sub.join("O1000.nc"), "G1 X10 F100\nG2 X20 Y5 I1 J0\nM99\n").unwrap();
+    fs::write(sub.join("O1000.nc"), "G1 Z1 F100\nG2 X20 Y5 I1 J0\nM99\n").unwrap();
     let output = run(&[&"interpret", &program, &"--machine-kind", &"mill", &"--include", &sub]);
     assert_eq!(code(&output), 1);
     let text = stderr(&output);
-    for shown in ["PRG-ARC-RADIUS-MISMATCH", "G2 X20 Y5 I1 J0", "M98 P1000 L3", "called from here", "G1 X10 F100"] {
+    for shown in ["PRG-ARC-RADIUS-MISMATCH", "G2 X20 Y5 I1 J0", "M98 P1000 L3", "called from here", "G1 Z1 F100"] {
         assert!(text.contains(shown), "{shown} in {text}");
     }
 }
