@@ -87,8 +87,11 @@ impl Snippets {
 
 fn help(finding: &Finding) -> Option<String> {
     let cures = finding.suggestions.iter().map(|suggestion| match &suggestion.replacement {
-        Some(replacement) => format!("{}: write `{replacement}`", suggestion.message),
-        None => suggestion.message.clone(),
+        // What is removed, and what the message says already, is not said again.
+        Some(replacement) if !replacement.is_empty() && suggestion.message != format!("write {replacement}") => {
+            format!("{}: write `{replacement}`", suggestion.message)
+        }
+        _ => suggestion.message.clone(),
     });
     let cures: Vec<_> = cures.collect();
     (!cures.is_empty()).then(|| cures.join("\n"))
@@ -239,7 +242,25 @@ impl SourceCode for Located {
 
 #[cfg(test)]
 mod tests {
+    use feedwave_contract::proto::Suggestion;
+
     use super::*;
+
+    #[test]
+    fn a_cure_says_what_to_write_once() {
+        let help = |message: &str, replacement: Option<&str>| {
+            let suggestion = Suggestion {
+                message: message.to_owned(),
+                replacement: replacement.map(str::to_owned),
+                ..Suggestion::default()
+            };
+            super::help(&Finding { suggestions: vec![suggestion], ..Finding::default() }).unwrap()
+        };
+        assert_eq!(help("raise the amplitude", Some("A0.05")), "raise the amplitude: write `A0.05`");
+        assert_eq!(help("remove it", Some("")), "remove it");
+        assert_eq!(help("write X-5", Some("X-5")), "write X-5");
+        assert_eq!(help("slow down", None), "slow down");
+    }
 
     #[test]
     fn what_is_met_again_says_how_often_and_where() {

@@ -174,7 +174,13 @@ fn cure_rows(rows: &mut Rows, chip: &ChipReport) {
     if !chip.recommended_frequencies_hz.is_empty() {
         let frequencies = list(&chip.recommended_frequencies_hz);
         let speeds = list(&chip.recommended_spindle_rev_per_min);
-        rows.row("cure", rows.style.good(&format!("{frequencies} Hz, or {speeds} rev/min")));
+        let at = format!("{frequencies} Hz, or {speeds} rev/min");
+        // An amplitude below half the feed of a revolution breaks the chip at none of them.
+        if chip.amplitude_ratio < 1.0 {
+            rows.row("", format!("needs the smallest amplitude at {at}"));
+        } else {
+            rows.row("cure", rows.style.good(&at));
+        }
     }
     let limits = [
         nearest(chip.breaking_frequencies_hz.as_ref(), "Hz"),

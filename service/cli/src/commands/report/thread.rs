@@ -43,7 +43,9 @@ pub(in super::super) fn text(heading: &str, thread: &Thread, report: &ThreadRepo
     let geometry = thread.geometry.unwrap_or_default();
     rows.row("thread", geometry_text(&geometry));
     rows.row("tool", tool_text(&thread.profile.unwrap_or_default()));
-    rows.row("vibration", vibration_text(thread, report));
+    if thread.passes.iter().any(|pass| pass.amplitude_mm > 0.0) {
+        rows.row("vibration", vibration_text(thread, report));
+    }
     rows.row(
         "lead axis",
         format!(

@@ -2,7 +2,7 @@
 
 use feedwave_program::Finding;
 
-use super::chip::{ChipReport, SurfaceSpeedReport};
+use super::chip::{ChipReport, FeedCoupling, SurfaceSpeedReport};
 use super::code;
 use super::findings::Evidence;
 use crate::shared::wording::{decimal, round_down, round_up};
@@ -88,11 +88,7 @@ impl Evidence {
         if amplitude_first {
             finding = self.suggest_amplitude(finding, chip, true);
         }
-        finding = self.suggest_frequencies(finding, chip, !amplitude_first);
-        for &rev_per_min in &chip.recommended_spindle_rev_per_min {
-            let message = format!("turn the spindle at {} rev/min", decimal(rev_per_min, 1));
-            finding = finding.suggest_value(message, None, "spindle_speed", rev_per_min, "rev/min");
-        }
+        finding = suggest_speeds(self.suggest_frequencies(finding, chip, !amplitude_first), chip);
         let finding = if amplitude_first { finding } else { self.suggest_amplitude(finding, chip, false) };
         // At the programmed feed the override is not the cause.
         if self.report.feed_override == Some(1.0) { finding } else { self.suggest_override(finding) }
@@ -174,11 +170,15 @@ impl Evidence {
 
     fn suggest_frequencies(&self, mut finding: Finding, chip: &ChipReport, on_word: bool) -> Finding {
         let rev_per_s = chip.condition.spindle_rev_per_min / 60.0;
-        let permitted = |hz: &&f64| **hz <= self.settings.max_frequency_hz;
-        for &frequency_hz in chip.recommended_frequencies_hz.iter().filter(permitted) {
+        let present = decimal(chip.condition.frequency_hz, 3);
+        for &frequency_hz in &chip.recommended_frequencies_hz {
+            let shown = decimal(frequency_hz, 3);
+            // What is programmed already cures nothing.
+            if frequency_hz > self.settings.max_frequency_hz || shown == present {
+                continue;
+            }
             let message = format!(
-                "vibrate at {} Hz: D = {}, where {} mm suffice",
-                decimal(frequency_hz, 3),
+                "vibrate at {shown} Hz: D = {}, where {} mm suffice",
                 decimal(frequency_hz / rev_per_s, 1),
                 decimal(round_up(0.5 * chip.condition.feed_per_rev_mm, 4), 4)
             );
@@ -262,6 +262,30 @@ impl Evidence {
             .suggest("turn the section at a constant spindle speed (G97) with half-integer D")
             .suggest("raise the amplitude: the spans around whole D become narrower")
     }
+}
+
+/// Spindle speeds of half-integer D with the amplitude that is enough there: half the feed of a revolution, which a feed
+/// per minute changes with the speed.
+fn suggest_speeds(mut finding: Finding, chip: &ChipReport) -> Finding {
+    let cut = &chip.condition;
+    let present = decimal(cut.spindle_rev_per_min, 1);
+    for &rev_per_min in &chip.recommended_spindle_rev_per_min {
+        let shown = decimal(rev_per_min, 1);
+        if shown == present {
+            continue;
+        }
+        let feed_per_rev_mm = match cut.feed_coupling {
+            FeedCoupling::PerRevolution => cut.feed_per_rev_mm,
+            FeedCoupling::PerMinute => cut.feed_per_rev_mm * cut.spindle_rev_per_min / rev_per_min,
+        };
+        let message = format!(
+            "turn the spindle at {shown} rev/min: D = {}, where {} mm suffice",
+            decimal(60.0 * cut.frequency_hz / rev_per_min, 1),
+            decimal(round_up(0.5 * feed_per_rev_mm, 4), 4)
+        );
+        finding = finding.suggest_value(message, None, "spindle_speed", rev_per_min, "rev/min");
+    }
+    finding
 }
 
 /// A factor as a percentage, never rounded up.

@@ -174,6 +174,26 @@ fn an_amplitude_below_half_the_feed_is_the_first_thing_to_change() {
 }
 
 #[test]
+fn every_cure_says_which_amplitude_it_needs_and_changes_something() {
+    let cures = |frequency_hz, feed| -> Vec<String> {
+        let blocks = vec![(straight((5.0, 0.0), (5.0, 20.0), 3), feed, turning(1_000.0))];
+        let (_, findings) = Run::example(frequency_hz, 0.03).with_blocks(blocks).finish();
+        assert_eq!(codes(&findings), ["VIB-CHIP-UNBROKEN"]);
+        findings[0].suggestions.iter().map(|suggestion| suggestion.message.clone()).collect()
+    };
+    // D = 2.4: at 2.5 the feed of a revolution is 0.1 mm, or 1000/960 of it where a minute's is programmed.
+    let speed = |cures: Vec<String>| cures.into_iter().find(|cure| cure.contains("960 rev/min")).unwrap();
+    let per_revolution = speed(cures(40.0, Feed::PerRevolution(0.1)));
+    assert_eq!(per_revolution, "turn the spindle at 960 rev/min: D = 2.5, where 0.05 mm suffice");
+    let per_minute = speed(cures(40.0, Feed::PerMinute(100.0)));
+    assert_eq!(per_minute, "turn the spindle at 960 rev/min: D = 2.5, where 0.0521 mm suffice");
+    // D = 2.5 already: neither this frequency nor this speed is a cure.
+    let cures = cures(125.0 / 3.0, Feed::PerRevolution(0.1));
+    assert!(cures[0].starts_with("raise the amplitude to at least 0.05 mm"), "{cures:?}");
+    assert!(!cures.iter().any(|cure| cure.contains("41.667 Hz") || cure.contains("1000 rev/min")), "{cures:?}");
+}
+
+#[test]
 fn feed_per_minute_and_inverse_time_are_analysed_per_revolution() {
     for feed in [Feed::PerMinute(10.0), Feed::InverseTime(0.5)] {
         let blocks = vec![(straight((5.0, 0.0), (5.0, 20.0), 3), feed, turning(1_000.0))];
