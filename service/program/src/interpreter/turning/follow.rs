@@ -574,7 +574,7 @@ impl ContourRun {
                 }
             }
             OperationKind::Thread(_) | OperationKind::Guided(_) => {
-                refuse(self, "has a move that is no line and no arc")
+                refuse(self, "has a move that is no line and no arc");
             }
             OperationKind::Compensation(CompensationCommand::On(_))
                 if !self.is_finish() && !std::mem::replace(&mut self.is_compensated, true) =>

@@ -41,7 +41,7 @@ impl Execution<'_> {
             match self.turning_length(b'R', "return", &LENGTHS_MM, scaled) {
                 Some(Some(return_mm)) => self.state.turning.groove_return_mm = Some(return_mm),
                 Some(None) => {
-                    self.turning_word_missing("words", "write R with the return, or X, Z, P and Q of the groove")
+                    self.turning_word_missing("words", "write R with the return, or X, Z, P and Q of the groove");
                 }
                 None => {}
             }
