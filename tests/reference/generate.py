@@ -337,7 +337,7 @@ def threads(w):
         w.line(f"G0 X{w.value(12, 30)} Z{w.value(3, 10)}")
         inner = w.chance.random() < 0.3
         offset = w.value(1, 3, 2) * (1 if inner else -1)
-        words = f"P{w.value(0.5, 3, 2)} Z{-w.value(10, 40)} I{offset} J{w.value(0.05, 0.4, 3)} K{w.value(0.5, 1.2, 3)}"
+        words = f"P{w.value(0.5, 3, 2)} Z{-w.value(10, 40)} I{offset} J{w.value(0.2, 0.4, 3)} K{w.value(0.5, 1.2, 3)}"
         if w.chance.random() < 0.6:
             words += f" R{w.value(1, 2.5, 2)}"
         if w.chance.random() < 0.6:
