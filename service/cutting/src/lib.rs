@@ -19,7 +19,7 @@ pub use frame::pipeline::{
 };
 pub use frame::profile::{
     MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS,
-    MIN_LOOK_AHEAD_BLOCKS, MachineProfile,
+    MIN_LOOK_AHEAD_BLOCKS, MachineProfile, PlanQuality,
 };
 pub use frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPathSink};

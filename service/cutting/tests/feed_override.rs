@@ -4,8 +4,8 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{Setpoints, run};
-use feedwave_cutting::{AppendError, MachineProfile, OverrideChange, Pipeline, PipelineConfig, Step};
+use common::{Setpoints, all_bits, resume, run, snapshots};
+use feedwave_cutting::{AppendError, MachineProfile, OverrideChange, Pipeline, PipelineConfig, PlanQuality, Step};
 use proptest::prelude::*;
 
 /// Lines with corners, a tangent arc, short blocks, a change of feed, a dwell.
@@ -159,10 +159,10 @@ fn a_vibration_finds_its_path_beyond_a_block_that_an_override_divided() {
 fn a_long_vibration_resumes_bit_for_bit() {
     let (program, config) = long_vibration();
     let whole = run(&program, &config);
-    let taken = common::snapshots(program.as_bytes(), &config);
+    let taken = snapshots(program.as_bytes(), &config);
     assert!(taken.len() >= 5);
     for (index, offset, snapshot) in &taken {
-        let (first, resumed) = common::resume(program.as_bytes(), &config, *offset, snapshot);
+        let (first, resumed) = resume(program.as_bytes(), &config, *offset, snapshot);
         assert_eq!(first, *index);
         assert!((0..resumed.len()).all(|k| resumed.bits(k) == whole.bits(first as usize + k)));
     }
@@ -246,6 +246,36 @@ fn a_change_before_what_was_handed_out_is_refused() {
     assert_eq!(append(&mut pipeline, 120, 1.2), Err(AppendError::TooEarly { index: 120, earliest: 121 }));
 }
 
+/// A wavy cut of short blocks within a tolerance, close to the limits of the machine all along.
+fn wave() -> String {
+    let mut program = String::from("G21 G90 G94 G17 G64 P0.02\nG0 X0 Y0 Z0\nG1 F20000\n");
+    for k in 1..=900 {
+        let x = 0.2 * f64::from(k);
+        program += &format!("X{x:.4} Y{:.4}\n", 4.0 * (0.35 * x).sin() + 1.5 * (0.11 * x).cos() - 1.5);
+    }
+    program + "M30\n"
+}
+
+fn least_time(overrides: &[(u64, f64)]) -> PipelineConfig {
+    let mut config = config(overrides);
+    config.profile.plan_quality = PlanQuality::LeastTime;
+    config
+}
+
+#[test]
+fn a_plan_for_the_least_time_is_faster_and_resumes_bit_for_bit() {
+    let program = wave();
+    let config = least_time(&[]);
+    let [fast, least] = [run(&program, &PipelineConfig::new(MachineProfile::mill())), run(&program, &config)];
+    assert!(least.len() * 10 < fast.len() * 9, "{} of {}", least.len(), fast.len());
+    check_limits(&least, &config).expect("within the limits");
+    for (index, offset, snapshot) in snapshots(program.as_bytes(), &config) {
+        let (first, rest) = resume(program.as_bytes(), &config, offset, &snapshot);
+        assert_eq!(first, index);
+        assert_eq!(all_bits(&rest), all_bits(&least)[index as usize..]);
+    }
+}
+
 /// Turning with a vibrating section and a dwell while the spindle turns.
 const VIBRATING: &str = "G21 G97 S1000 M3\nG0 X6. Z10.\nG4 P100\nG200 F41.667 A0.03\nG1 X10. Z11. F0.05\n\
 G2 X11. Z11.5 R4.\nG201\nG4 P50\nG1 Z12. F0.1\nM30\n";
@@ -259,6 +289,7 @@ proptest! {
         last in 0.3..2.0_f64,
         most in prop_oneof![Just(1_024_usize), 1..300_usize],
         vibrating: bool,
+        is_least_time: bool,
     ) {
         let mut index = 0;
         let mut overrides: Vec<(u64, f64)> = Vec::new();
@@ -269,6 +300,8 @@ proptest! {
         overrides.push((index + 2_500, last));
         let (program, profile) =
             if vibrating { (VIBRATING, MachineProfile::lathe()) } else { (PART, MachineProfile::mill()) };
+        let quality = if is_least_time { PlanQuality::LeastTime } else { PlanQuality::Fast };
+        let profile = MachineProfile { plan_quality: quality, ..profile };
         let changes = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
         let configured = PipelineConfig { overrides: changes, ..PipelineConfig::new(profile) };
         assert_same_bits(&run_appending(program, &configured, &overrides, most), &run(program, &configured));
@@ -278,6 +311,7 @@ proptest! {
     fn any_sequence_of_overrides_keeps_path_and_limits(
         steps in prop::collection::vec((1..400_u64, prop_oneof![2 => 0.0..2.0_f64, 1 => Just(0.0), 1 => Just(1.0)]), 1..12),
         last in 0.2..2.0_f64,
+        is_least_time: bool,
     ) {
         let mut index = 0;
         let mut overrides: Vec<(u64, f64)> = Vec::new();
@@ -286,9 +320,11 @@ proptest! {
             overrides.push((index, ratio));
         }
         overrides.push((index + 100, last));
-        let config_changed = config(&overrides);
+        let mut plain = config(&[]);
+        plain.profile.plan_quality = if is_least_time { PlanQuality::LeastTime } else { PlanQuality::Fast };
+        let config_changed = PipelineConfig { overrides: config(&overrides).overrides, ..plain.clone() };
         let changed = run(PART, &config_changed);
-        check_same_path(&changed, &run(PART, &config(&[])))?;
+        check_same_path(&changed, &run(PART, &plain))?;
         check_limits(&changed, &config_changed)?;
     }
 }

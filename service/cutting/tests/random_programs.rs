@@ -5,7 +5,7 @@ mod common;
 use std::fmt::Write;
 
 use common::run;
-use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig};
+use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, PlanQuality};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -43,6 +43,10 @@ fn blocks() -> impl Strategy<Value = Vec<Block>> {
         1 => (100.0..25_000.0_f64).prop_map(Block::Feed),
     ];
     prop::collection::vec(block, 1..25)
+}
+
+fn quality() -> impl Strategy<Value = PlanQuality> {
+    prop_oneof![Just(PlanQuality::Fast), Just(PlanQuality::LeastTime)]
 }
 
 /// The program, and where it ends.
@@ -101,8 +105,14 @@ fn program(blocks: &[Block], exact: bool) -> (String, [f64; 3]) {
     (text, at)
 }
 
-fn check(blocks: &[Block], jerk: f64, period_us: u32, overrides: &[(u64, f64)]) -> Result<(), TestCaseError> {
-    let mut profile = MachineProfile::mill();
+fn check(
+    blocks: &[Block],
+    jerk: f64,
+    period_us: u32,
+    overrides: &[(u64, f64)],
+    plan_quality: PlanQuality,
+) -> Result<(), TestCaseError> {
+    let mut profile = MachineProfile { plan_quality, ..MachineProfile::mill() };
     for (axis, scale) in profile.machine.axes.iter_mut().zip([1.0, 0.8, 0.6]) {
         axis.max_jerk_per_s3 = jerk * scale;
         axis.max_acceleration_per_s2 *= scale;
@@ -144,14 +154,16 @@ proptest! {
     #[test]
     fn every_axis_keeps_its_limits(
         blocks in blocks(), jerk_exponent in 4.7..7.0_f64, period_us in prop_oneof![Just(1_000_u32), Just(2_000), Just(500)],
+        quality in quality(),
     ) {
-        check(&blocks, 10.0_f64.powf(jerk_exponent), period_us, &[])?;
+        check(&blocks, 10.0_f64.powf(jerk_exponent), period_us, &[], quality)?;
     }
 
     #[test]
     fn every_axis_keeps_its_limits_under_changes_of_the_override(
         blocks in blocks(), jerk_exponent in 4.7..7.0_f64,
         steps in prop::collection::vec((1..300_u64, prop_oneof![3 => 0.0..2.0_f64, 1 => Just(0.0)]), 1..8),
+        quality in quality(),
     ) {
         let mut index = 0;
         let mut overrides = Vec::new();
@@ -160,6 +172,6 @@ proptest! {
             overrides.push((index, ratio));
         }
         overrides.push((index + 50, 1.0));
-        check(&blocks, 10.0_f64.powf(jerk_exponent), 1_000, &overrides)?;
+        check(&blocks, 10.0_f64.powf(jerk_exponent), 1_000, &overrides, quality)?;
     }
 }

@@ -329,6 +329,44 @@ impl Element {
         second
     }
 
+    /// First, second and third derivatives of the position by arc length at `s`, per axis: of millimetres or degrees by mm, mm²
+    /// and mm³. The third is 0 along a line.
+    #[must_use]
+    pub fn derivatives(&self, s: f64) -> [Position; 3] {
+        let per_length = 1.0 / self.length;
+        let mut first: Position = core::array::from_fn(|axis| (self.end[axis] - self.start[axis]) * per_length);
+        let (mut second, mut third) = ([0.0; AXIS_COUNT], [0.0; AXIS_COUNT]);
+        match &self.curve {
+            Curve::Line => {}
+            Curve::Spline(spline) => {
+                let own = spline.derivatives(s);
+                for (all, own) in [&mut first, &mut second, &mut third].into_iter().zip(own) {
+                    all[..3].copy_from_slice(&own);
+                }
+            }
+            Curve::FiveAxis(five_axis) => {
+                for (place, axis) in five_axis.axes().iter().enumerate() {
+                    let axis = axis.index();
+                    [first[axis], second[axis], third[axis]] = five_axis.derivatives(place, s);
+                }
+            }
+            Curve::Arc(arc) => {
+                let share = s.clamp(0.0, self.length) * per_length;
+                let (sin, cos) = libm::sincos(arc.start_angle_rad + arc.sweep_rad * share);
+                let turn = arc.sweep_rad * per_length;
+                let outwards = (arc.end_radius_mm - arc.start_radius_mm) * per_length;
+                let radius_mm = arc.radius_mm(share);
+                // In polar form with the direction outwards e and e' = turn·e⊥; the radius changes linearly.
+                for (axis, out, across) in [(arc.first.index(), cos, -sin), (arc.second.index(), sin, cos)] {
+                    first[axis] = outwards * out + radius_mm * turn * across;
+                    second[axis] = 2.0 * outwards * turn * across - radius_mm * turn * turn * out;
+                    third[axis] = -turn * turn * (3.0 * outwards * out + radius_mm * turn * across);
+                }
+            }
+        }
+        [first, second, third]
+    }
+
     /// Largest curvature on the workpiece, 1/mm: 0 for a line and under five-axis motion, r/(r² + p²) for a helix of radius r
     /// that advances p per radian, a close upper bound for a spline.
     #[must_use]

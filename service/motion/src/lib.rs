@@ -15,6 +15,7 @@ mod machine;
 mod planner;
 mod profile;
 mod smoothing;
+mod speed;
 mod tolerance;
 mod wave;
 
@@ -26,9 +27,11 @@ pub use limits::{
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
-    Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
+    Ahead, ChangedCourse, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings,
+    TooFast,
 };
-pub use profile::{PhaseTimes, Profile, ProfilePart};
+pub use profile::{PhaseTimes, Profile, ProfilePart, StretchProfile};
 pub use smoothing::{Carried, Joining, PathSmoother, Smoothed};
+pub use speed::{Course, Governor};
 pub use tolerance::TANGENT_TOLERANCE_RAD;
 pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

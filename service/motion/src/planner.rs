@@ -13,6 +13,8 @@
 //! ([`Planner::withdraw`]) and has it planned again from the present speed ([`Planner::restart`]); that speed may then
 //! be too high for the new commands, and the first runs brake.
 
+mod change;
+mod refine;
 mod request;
 mod runs;
 
@@ -21,9 +23,11 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use crate::junction::{Junction, JunctionRules};
-use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE};
+use crate::speed::AxisLimits;
+use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, MOST_PIECE_S};
 use crate::{Machine, Stretch};
 
+pub use change::ChangedCourse;
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Stop};
 
@@ -33,6 +37,8 @@ pub struct PlannerSettings {
     /// Elements looked ahead.
     window: usize,
     junctions: JunctionRules,
+    /// Limits of the axes where the speed is planned for the least time.
+    limits: Option<AxisLimits>,
 }
 
 impl PlannerSettings {
@@ -40,7 +46,14 @@ impl PlannerSettings {
     /// within one period, and the axes must follow them within their limits.
     #[must_use]
     pub fn new(machine: &Machine, window: usize, period_s: f64) -> Self {
-        Self { window: window.max(4), junctions: JunctionRules::new(machine, period_s) }
+        Self { window: window.max(4), junctions: JunctionRules::new(machine, period_s), limits: None }
+    }
+
+    /// Plans close to the least time, with the limits of the axes place by place, instead of runs under one set of limits.
+    #[must_use]
+    pub fn for_least_time(mut self, machine: &Machine) -> Self {
+        self.limits = Some(AxisLimits::new(machine));
+        self
     }
 }
 
@@ -252,7 +265,12 @@ impl<B> Planner<B> {
         let window = self.settings.window;
         let is_overdue = self.chain.len() >= 2 * window;
         let enough = if is_overdue { window / 2 } else { 1 };
-        match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
+        let mut wanted = self.chain.len() / 2;
+        if self.settings.limits.is_some() && !is_overdue {
+            // What is planned for the least time costs more: not more at once than is run in a while.
+            wanted = wanted.min(self.scratch.elements_within(MOST_PIECE_S)).max(1);
+        }
+        match self.scratch.cut(wanted).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {
                 self.release(count);
                 self.entry_speed = speed;
@@ -334,6 +352,10 @@ impl<B> Planner<B> {
 
     /// Releases the first `count` elements of the planned chain.
     fn release(&mut self, count: usize) {
+        if let Some(limits) = &self.settings.limits {
+            let nodes: usize = self.chain.range(..count).map(|waiting| waiting.request.stretches.len()).sum();
+            self.scratch.refine(&self.chain, nodes, limits, Junction::REST.reserve);
+        }
         let mut node = 0;
         for Waiting { mut request, entry } in self.chain.drain(..count) {
             request.entry_reserve = entry.reserve;

@@ -1,10 +1,12 @@
 //! Seven-phase jerk-limited profiles between two speeds, without acceleration at either end, and parts of them.
 
 mod part;
+mod stretch;
 
 use serde::{Deserialize, Serialize};
 
 pub use self::part::{PhaseTimes, ProfilePart};
+pub use self::stretch::StretchProfile;
 use crate::PathLimits;
 use crate::tolerance::{SOLVER_PRECISION, SOLVER_SLACK, SOLVER_STEPS, TIME_PRECISION};
 

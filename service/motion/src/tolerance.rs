@@ -223,3 +223,45 @@ pub(crate) const LEAST_CURVE_SHARE: f64 = 0.1;
 pub(crate) const LEAST_CURVE_TOLERANCE_MM: f64 = 1e-5;
 /// Part of a knot's distance to the one before within which it is moved to the end of an element.
 pub(crate) const CURVE_SNAP_SHARE: f64 = 0.05;
+
+/// Share of the limits of the axes that a speed is planned with: what it exceeds them by between the places at which they are
+/// held, and the steps of direction that rounding leaves where elements meet, stay within the rest.
+pub(crate) const SPEED_LIMIT_SHARE: f64 = 0.995;
+/// Largest share of a limit that may be found between those places: the rest is for the steps where elements meet.
+pub(crate) const SPEED_CHECKED_SHARE: f64 = 0.9985;
+/// Shortest and longest interval between knots of the speed, s. The time grows by a percent where an interval is not much
+/// shorter than the acceleration takes to change; every interval costs a microsecond or two.
+pub(crate) const SPEED_INTERVALS: [f64; 2] = [5e-4, 2e-3];
+/// Longest ramp of constant jerk from rest, in intervals.
+pub(crate) const SPEED_RAMP_INTERVALS: f64 = 2.0;
+/// Largest share of a window that a ramp from rest takes.
+pub(crate) const SPEED_RAMP_SHARE: f64 = 0.002;
+/// Most steps of the interior point method; it takes some twelve.
+pub(crate) const SPEED_STEPS: usize = 40;
+/// Duality gap at which a speed is good, as a share of the time.
+pub(crate) const SPEED_GAP: f64 = 1e-3;
+/// Least slack of a limit to start with, as a share of it.
+pub(crate) const SPEED_START_SLACK: f64 = 0.3;
+/// How often limits are lowered where they are exceeded between the knots.
+pub(crate) const SPEED_TIGHTENINGS: usize = 6;
+/// Derivatives at the end of an interval are taken this share of it inside: those of the element that it belongs to.
+pub(crate) const SPEED_SIDE: f64 = 1e-7;
+
+/// Largest share of acceleration and jerk that a junction may take, by its plan of runs, without dividing a piece that is planned
+/// for the least time.
+pub(crate) const SMOOTH_RESERVE: f64 = 0.03;
+/// A share this small is within what a plan for the least time leaves unused.
+pub(crate) const NO_RESERVE: f64 = 4e-4;
+/// Longest piece that is planned for the least time at once, s; bounds memory, and the wait for the first setpoints.
+pub(crate) const MOST_PIECE_S: f64 = 1.5;
+/// A piece that takes no more than this times as long as at its commanded speeds gains nothing.
+pub(crate) const WORTHWHILE: f64 = 1.0005;
+/// Time on either side of a junction in which differences of setpoints average over it, s: three periods of 4 ms. At a longer
+/// period a step is spread so far that its share is small.
+pub(crate) const RESERVED_S: f64 = 0.012;
+/// Shares of the limits at which the path brakes when a lower feed is commanded, tried in order.
+pub(crate) const BRAKING_SHARES: [f64; 3] = [0.7, 0.4, 0.2];
+/// Factor between the speed of such a braking and the highest that is planned instead of it: a plan needs room.
+pub(crate) const CEILING_MARGIN: f64 = 1.02;
+/// Factor between the length of such a braking to rest and the one that is planned.
+pub(crate) const REST_MARGIN: f64 = 1.05;

@@ -2,7 +2,7 @@
 
 use feedwave_motion::{
     Element, Machine, MotionRequest, PathItem, PathLimits, Planned, PlannedMotion, Planner, PlannerSettings,
-    ProfilePart, Stretch,
+    ProfilePart, Stretch, StretchProfile,
 };
 use feedwave_program::{Feed, Move, MoveKind, PathControl, SourceSpan, Spindle};
 use proptest::prelude::*;
@@ -77,8 +77,12 @@ fn duration_s(motions: &[PlannedMotion]) -> f64 {
     motions.iter().flat_map(|motion| &motion.stretches).map(|stretch| stretch.profile.duration()).sum()
 }
 
+fn phases(profile: &StretchProfile) -> &ProfilePart {
+    profile.phases().expect("a plan of runs")
+}
+
 /// Speeds at the start and end of a part of a profile.
-fn end_speeds(profile: &ProfilePart) -> [f64; 2] {
+fn end_speeds(profile: &StretchProfile) -> [f64; 2] {
     [profile.state(0.0).1, profile.state(profile.duration()).1]
 }
 
@@ -94,7 +98,7 @@ fn check(requests: &[MotionRequest], motions: &[PlannedMotion]) -> Result<(), Te
             prop_assert_eq!(planned.start, at);
             prop_assert_eq!(planned.stretch, *wanted);
             at = wanted.end;
-            let profile = &planned.profile;
+            let profile = phases(&planned.profile);
             prop_assert!((profile.length() - (wanted.end - planned.start)).abs() <= 1e-9 * profile.whole().length());
             let (_, v, a, _) = profile.state(0.0);
             // Positions on a run round to its length's ulps, where the acceleration changes by jerk times time.
@@ -196,7 +200,10 @@ fn stretches_under_slightly_different_limits_share_a_run_and_a_change_of_feed_di
     assert!((time(&mixed) - least).abs() < 1e-9, "{} for {least}", time(&mixed));
     // The feed changes in the middle, where it is programmed, and is reached on both sides.
     let changed = plan(&requests(&[(100.0, 50.0, 1_000.0, 1), (100.0, 49.0, 1_000.0, 1)]), 1_000);
-    let peaks: Vec<f64> = changed.iter().map(|motion| motion.stretches[0].profile.whole().peak_velocity()).collect();
+    let peaks: Vec<f64> = changed
+        .iter()
+        .map(|motion| motion.stretches[0].profile.phases().expect("phases").whole().peak_velocity())
+        .collect();
     assert_eq!(peaks, [50.0, 49.0]);
 }
 
@@ -260,7 +267,11 @@ fn what_does_not_follow_the_override_is_run_as_programmed_and_held_only_after_it
         let speeds: Vec<f64> = take(&mut planner)
             .iter()
             .map(|motion| {
-                motion.stretches.iter().map(|stretch| stretch.profile.whole().peak_velocity()).fold(0.0, f64::max)
+                motion
+                    .stretches
+                    .iter()
+                    .map(|stretch| stretch.profile.phases().expect("phases").whole().peak_velocity())
+                    .fold(0.0, f64::max)
             })
             .collect();
         (speeds, planner.is_held())

@@ -1,6 +1,6 @@
 //! Machine profiles, to and from the contract.
 
-use feedwave_cutting::MachineProfile;
+use feedwave_cutting::{MachineProfile, PlanQuality};
 use feedwave_motion::{CarriedBy, Machine, MachineAxis, MachineKind};
 use feedwave_program::Axis;
 
@@ -58,6 +58,7 @@ fn convert_profile(violations: &mut Violations, profile: &proto::MachineProfile)
     let mut converted = MachineProfile {
         max_feed_override: profile.max_feed_override.unwrap_or(default.max_feed_override),
         look_ahead_blocks: profile.look_ahead_blocks.unwrap_or(default.look_ahead_blocks),
+        plan_quality: plan_quality_from_proto(violations, profile.plan_quality),
         language,
         ..default
     };
@@ -121,6 +122,7 @@ pub fn profile_to_proto(profile: &MachineProfile) -> proto::MachineProfile {
         language: Some(language_to_proto(&profile.language)),
         machine: Some(machine_to_proto(&profile.machine)),
         look_ahead_blocks: Some(profile.look_ahead_blocks),
+        plan_quality: plan_quality_to_proto(profile.plan_quality).into(),
         max_feed_override: Some(profile.max_feed_override),
         ..proto::MachineProfile::default()
     };
@@ -137,6 +139,21 @@ fn machine_to_proto(machine: &Machine) -> proto::MachineModel {
         kind: kind.into(),
         axes: machine.axes.iter().map(axis_to_proto).collect(),
         max_spindle_rev_per_min: machine.max_spindle_rev_per_min,
+    }
+}
+
+fn plan_quality_from_proto(violations: &mut Violations, quality: i32) -> PlanQuality {
+    match enumeration(violations, "plan_quality", quality) {
+        None | Some(proto::PlanQuality::Unspecified) => PlanQuality::default(),
+        Some(proto::PlanQuality::Fast) => PlanQuality::Fast,
+        Some(proto::PlanQuality::LeastTime) => PlanQuality::LeastTime,
+    }
+}
+
+const fn plan_quality_to_proto(quality: PlanQuality) -> proto::PlanQuality {
+    match quality {
+        PlanQuality::Fast => proto::PlanQuality::Fast,
+        PlanQuality::LeastTime => proto::PlanQuality::LeastTime,
     }
 }
 

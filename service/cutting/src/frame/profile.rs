@@ -1,7 +1,7 @@
 //! The machine profile: everything the product knows about one machine.
 
 use feedwave_motion::kinematics::KinematicsDescription;
-use feedwave_motion::{Machine, ProfileProblem};
+use feedwave_motion::{Machine, PlannerSettings, ProfileProblem};
 use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_code_problems};
 use serde::{Deserialize, Serialize};
 
@@ -59,9 +59,33 @@ pub struct MachineProfile {
     /// Elements that the feed is planned ahead: [`MIN_LOOK_AHEAD_BLOCKS`] to [`MAX_LOOK_AHEAD_BLOCKS`].
     #[serde(default = "default_look_ahead_blocks")]
     pub look_ahead_blocks: u32,
+    /// How the speed along the path is planned.
+    #[serde(default)]
+    pub plan_quality: PlanQuality,
+}
+
+/// How the speed along the path is planned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanQuality {
+    /// In runs under one set of limits: at little cost, and slower on curves and short blocks.
+    #[default]
+    Fast,
+    /// Close to the least time, with the limits of the axes place by place.
+    LeastTime,
 }
 
 impl MachineProfile {
+    /// Settings of a planner for this machine at an interpolation period.
+    #[must_use]
+    pub fn planner_settings(&self, period_s: f64) -> PlannerSettings {
+        let settings = PlannerSettings::new(&self.machine, self.look_ahead_blocks as usize, period_s);
+        match self.plan_quality {
+            PlanQuality::Fast => settings,
+            PlanQuality::LeastTime => settings.for_least_time(&self.machine),
+        }
+    }
+
     /// A generic two-axis lathe.
     #[must_use]
     pub fn lathe() -> Self {
@@ -79,6 +103,7 @@ impl MachineProfile {
             thinning: ThinningSettings::default(),
             max_feed_override: DEFAULT_MAX_FEED_OVERRIDE,
             look_ahead_blocks: DEFAULT_LOOK_AHEAD_BLOCKS,
+            plan_quality: PlanQuality::default(),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The machining time with and without thinning: the same blocks, planned twice by themselves.
 
-use feedwave_motion::{Planned, Planner, PlannerSettings};
+use feedwave_motion::{Planned, Planner};
 use feedwave_program::{FindingLog, Operation};
 
 use crate::frame::builder::Builder;
@@ -52,8 +52,7 @@ pub(crate) struct TimedPlans {
 impl TimedPlans {
     /// Thinning is switched on: both plans begin at rest where the builder is.
     pub(crate) fn start(&mut self, builder: &Builder, config: &PipelineConfig) {
-        let look_ahead = config.profile.look_ahead_blocks as usize;
-        let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
+        let settings = config.profile.planner_settings(config.period_s());
         let plan = TimedPlan { builder: builder.beside(), planner: Planner::new(settings), time_s: 0.0 };
         self.running = Some(Box::new([plan.clone(), plan]));
     }

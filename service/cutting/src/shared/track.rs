@@ -105,7 +105,7 @@ impl<B: PathBarrier> Track<B> {
     /// Adds stretches to the last item, whose element goes on where a change of the feed override has divided it.
     pub(crate) fn extend_last(&mut self, stretches: &[PlannedStretch]) {
         if let Some(Planned::Motion(motion)) = self.items.back_mut().map(|item| &mut item.planned) {
-            motion.stretches.extend_from_slice(stretches);
+            motion.stretches.extend(stretches.iter().cloned());
         }
     }
 

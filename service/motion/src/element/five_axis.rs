@@ -227,6 +227,23 @@ impl FiveAxis {
         horner(&coefficients, (s - piece.middle) / piece.half)
     }
 
+    /// First, second and third derivative of an axis of the chain by arc length.
+    pub(super) fn derivatives(&self, place: usize, s: f64) -> [f64; 3] {
+        let s = s.clamp(0.0, self.length());
+        let piece = &self.pieces[self.piece_at(s)];
+        let t = (s - piece.middle) / piece.half;
+        let (mut value, mut first, mut second, mut third) = (0.0, 0.0, 0.0, 0.0);
+        for power in piece.powers.iter().rev() {
+            third = third * t + second;
+            second = second * t + first;
+            first = first * t + value;
+            value = value * t + power[place];
+        }
+        let per_half = 1.0 / piece.half;
+        let per_square = per_half * per_half;
+        [first * per_half, 2.0 * second * per_square, 6.0 * third * (per_square * per_half)]
+    }
+
     /// Largest value of a derivative, and of its negative.
     fn largest(&self, place: usize, derivative: usize) -> [f64; 2] {
         let mut largest = [f64::NEG_INFINITY; 2];

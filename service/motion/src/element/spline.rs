@@ -70,6 +70,23 @@ impl Piece {
         sum * self.per_length * self.per_length
     }
 
+    /// First, second and third derivative of an axis at an arc length.
+    fn derivatives(&self, axis: usize, s: f64) -> [f64; 3] {
+        let t = (s - self.start) * self.per_length;
+        let (mut first, mut second, mut third) = (0.0, 0.0, 0.0);
+        // Horner's scheme of the polynomial with those of its derivatives: second and third end as halves and sixths.
+        let mut value = 0.0;
+        for &coefficient in self.coefficients[axis].iter().rev() {
+            third = third * t + second;
+            second = second * t + first;
+            first = first * t + value;
+            value = value * t + coefficient;
+        }
+        let per_length = self.per_length;
+        let per_square = per_length * per_length;
+        [first * per_length, 2.0 * second * per_square, 6.0 * third * (per_square * per_length)]
+    }
+
     /// The part from one arc length to another, by a Taylor shift.
     fn between(&self, from: f64, to: f64) -> Self {
         let (t, share) = ((from - self.start) * self.per_length, (to - from) * self.per_length);
@@ -296,6 +313,14 @@ impl Spline {
         let s = s.clamp(0.0, self.length_mm);
         let piece = &self.pieces[self.piece_at(s)];
         core::array::from_fn(|axis| piece.second(axis, s))
+    }
+
+    /// First, second and third derivatives of X, Y and Z.
+    pub(super) fn derivatives(&self, s: f64) -> [[f64; 3]; 3] {
+        let s = s.clamp(0.0, self.length_mm);
+        let piece = &self.pieces[self.piece_at(s)];
+        let by_axis: [[f64; 3]; 3] = core::array::from_fn(|axis| piece.derivatives(axis, s));
+        core::array::from_fn(|order| core::array::from_fn(|axis| by_axis[axis][order]))
     }
 
     /// Smallest and largest position of an axis.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 
-use crate::{Element, ProfilePart, Stretch, Stretches};
+use crate::{Element, Stretch, StretchProfile, Stretches};
 
 /// An element to plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +22,9 @@ pub struct MotionRequest {
     pub passes_corners: bool,
     /// Whether the feed override acts on it; it does not on threads.
     pub follows_override: bool,
+    /// Whether it has the limits of the machine's axes to itself: nothing is superposed. Only then its speed can be planned
+    /// for the least time.
+    pub has_full_limits: bool,
 }
 
 impl MotionRequest {
@@ -36,28 +39,34 @@ impl MotionRequest {
             rest_at_end: false,
             passes_corners: true,
             follows_override: true,
+            has_full_limits: true,
         }
     }
 
-    /// Commanded speed of a stretch at this feed override, mm/s. Feed hold stops rapids too, which have no feed.
+    /// Commanded speed of a stretch at this feed override, mm/s.
     pub(crate) fn commanded(&self, stretch: &Stretch, feed_override: f64) -> f64 {
-        match feed_override {
-            _ if !self.follows_override => stretch.speed_mm_per_s,
-            0.0 => 0.0,
-            ratio => stretch.speed_mm_per_s * ratio,
-        }
+        commanded(self.follows_override, stretch, feed_override)
+    }
+}
+
+/// Commanded speed of a stretch at this feed override, mm/s. Feed hold stops rapids too, which have no feed.
+fn commanded(follows_override: bool, stretch: &Stretch, feed_override: f64) -> f64 {
+    match feed_override {
+        _ if !follows_override => stretch.speed_mm_per_s,
+        0.0 => 0.0,
+        ratio => stretch.speed_mm_per_s * ratio,
     }
 }
 
 /// A stretch with its profile.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedStretch {
     /// Arc length where it starts, mm.
     pub start: f64,
     /// Where it ends, and what it was asked for.
     pub stretch: Stretch,
     /// Motion along it, from 0 to its length.
-    pub profile: ProfilePart,
+    pub profile: StretchProfile,
 }
 
 /// A planned element.
@@ -71,12 +80,31 @@ pub struct PlannedMotion {
     rest_at_end: bool,
     passes_corners: bool,
     follows_override: bool,
+    has_full_limits: bool,
 }
 
 impl PlannedMotion {
     pub(super) fn new(request: MotionRequest, stretches: SmallVec<[PlannedStretch; 1]>) -> Self {
-        let MotionRequest { element, entry_reserve, rest_at_end, passes_corners, follows_override, .. } = request;
-        Self { element, stretches, entry_reserve, rest_at_end, passes_corners, follows_override }
+        let MotionRequest {
+            element,
+            entry_reserve,
+            rest_at_end,
+            passes_corners,
+            follows_override,
+            has_full_limits,
+            ..
+        } = request;
+        Self { element, stretches, entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits }
+    }
+
+    /// Commanded speed of a stretch at this feed override, mm/s.
+    pub(super) fn commanded(&self, stretch: &Stretch, feed_override: f64) -> f64 {
+        commanded(self.follows_override, stretch, feed_override)
+    }
+
+    /// The same with other stretches.
+    pub(super) fn with_stretches(&self, stretches: SmallVec<[PlannedStretch; 1]>) -> Self {
+        Self { element: self.element.clone(), stretches, ..*self }
     }
 
     /// The element of a request, without any motion.
@@ -88,10 +116,43 @@ impl PlannedMotion {
     /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
     #[must_use]
     pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
-        let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, .. } = self;
+        let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits, .. } = self;
         let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
-        let element = self.element.clone();
-        MotionRequest { element, start, stretches, entry_reserve, rest_at_end, passes_corners, follows_override }
+        MotionRequest {
+            element: self.element.clone(),
+            start,
+            stretches,
+            entry_reserve,
+            rest_at_end,
+            passes_corners,
+            follows_override,
+            has_full_limits,
+        }
+    }
+
+    /// What is left of a course from local time `t_s` of stretch `first` on, and the index of the stretch behind it where its plan
+    /// ends in this element; `None` where it is not on a course all that way, or nothing is left.
+    #[must_use]
+    pub fn rest_of_course(&self, first: usize, t_s: f64) -> Option<(Self, Option<usize>)> {
+        let mut stretches = SmallVec::new();
+        for (index, planned) in self.stretches.iter().enumerate().skip(first) {
+            let StretchProfile::Course(course) = &planned.profile else { return None };
+            let mut own = planned.clone();
+            if index == first && t_s > 0.0 {
+                let (s, rest) = course.rest_from(t_s);
+                let is_left = s > 0.0 && rest.duration() > 0.0;
+                if !is_left {
+                    return None;
+                }
+                own.start += s;
+                own.profile = StretchProfile::Course(rest);
+            }
+            stretches.push(own);
+            if course.ends_plan() {
+                return Some((self.with_stretches(stretches), Some(index + 1)));
+            }
+        }
+        (!stretches.is_empty()).then(|| (self.with_stretches(stretches), None))
     }
 
     /// Whether it is the rest of an element that a change of the feed override has divided.

@@ -4,8 +4,10 @@
 //! over the ends of blocks, and where two runs meet there is none. Gathering costs time where limits differ, dividing
 //! costs time because acceleration has to end; a stretch joins the run before it while the first is the smaller loss.
 
+use super::refine::{InCourse, by_phases};
 use crate::junction::Junction;
 use crate::profile::{change_length, highest_entry, reachable_exit, reachable_speed};
+use crate::speed::{Course, SpeedPlanner};
 use crate::tolerance::{SAME_COMMAND, SOLVER_SLACK};
 use crate::{MotionRequest, PathLimits, PlannedStretch, Profile, ProfilePart, Stretch};
 use smallvec::SmallVec;
@@ -14,8 +16,8 @@ use smallvec::SmallVec;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     /// Index of its element in the chain.
-    element: usize,
-    length: f64,
+    pub(super) element: usize,
+    pub(super) length: f64,
     /// Limits that the junctions leave; the velocity is the commanded one where that is lower.
     limits: PathLimits,
     /// Largest velocity whatever is commanded, mm/s.
@@ -24,10 +26,16 @@ pub(super) struct Node {
     command: f64,
     target_velocity: f64,
     follows_override: bool,
-    entry: Junction,
+    pub(super) entry: Junction,
     /// Path position in its run, mm.
-    offset: f64,
-    run: usize,
+    pub(super) offset: f64,
+    pub(super) run: usize,
+    /// Arc length of its element where it starts, mm.
+    pub(super) start: f64,
+    /// Commanded velocity, mm/s.
+    pub(super) commanded: f64,
+    /// The course that it is a part of, where it was planned for the least time.
+    pub(super) in_course: Option<InCourse>,
 }
 
 impl Node {
@@ -57,15 +65,18 @@ impl Node {
             entry,
             offset: 0.0,
             run: 0,
+            start,
+            commanded: request.commanded(stretch, feed_override),
+            in_course: None,
         }
     }
 }
 
 /// Stretches under one set of limits.
 #[derive(Clone, Copy, Debug)]
-struct Run {
-    first: usize,
-    count: usize,
+pub(super) struct Run {
+    pub(super) first: usize,
+    pub(super) count: usize,
     length: f64,
     limits: PathLimits,
     hard_velocity: f64,
@@ -196,8 +207,10 @@ pub(super) struct Stop {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Plan {
     pub(super) nodes: Vec<Node>,
-    runs: Vec<Run>,
+    pub(super) runs: Vec<Run>,
     pub(super) stop: Option<Stop>,
+    pub(super) courses: Vec<Course>,
+    pub(super) speed: SpeedPlanner,
 }
 
 impl PartialEq for Plan {
@@ -301,7 +314,7 @@ impl Plan {
         self.nodes[node].element
     }
 
-    fn profile(&mut self, run: usize) -> Profile {
+    pub(super) fn profile(&mut self, run: usize) -> Profile {
         if let Some(profile) = self.runs[run].profile {
             return profile;
         }
@@ -328,6 +341,11 @@ impl Plan {
         let mut planned = SmallVec::with_capacity(request.stretches.len());
         for (index, stretch) in request.stretches.iter().enumerate() {
             let node = first + index;
+            if let Some(profile) = self.course_of(node) {
+                planned.push(PlannedStretch { start, stretch: *stretch, profile });
+                start = stretch.end;
+                continue;
+            }
             let Node { run, offset, .. } = self.nodes[node];
             let Run { first: run_first, count, .. } = self.runs[run];
             let profile = self.profile(run);
@@ -336,10 +354,25 @@ impl Plan {
             if let Some(stop) = stop.filter(|_| index + 1 == request.stretches.len()) {
                 end = (offset + stop).min(profile.length());
             }
-            planned.push(PlannedStretch { start, stretch: *stretch, profile: ProfilePart::new(profile, offset, end) });
+            planned.push(by_phases(start, stretch, ProfilePart::new(profile, offset, end)));
             start = stretch.end;
         }
         planned
+    }
+
+    /// Number of elements that are run in this time, by the ends of runs; at least those of the first.
+    pub(super) fn elements_within(&mut self, time_s: f64) -> usize {
+        let mut total_s = 0.0;
+        let mut elements = 0;
+        for run in 0..self.runs.len() {
+            total_s += self.profile(run).duration();
+            if total_s > time_s && elements > 0 {
+                break;
+            }
+            let Run { first, count, .. } = self.runs[run];
+            elements = self.nodes.get(first + count).map_or(self.nodes[first].element + 1, |next| next.element);
+        }
+        elements
     }
 
     /// Numbers of nodes of the runs from this node on.

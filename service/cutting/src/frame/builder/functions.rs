@@ -97,6 +97,11 @@ impl Superposed {
         }
     }
 
+    /// Whether nothing takes a part of the limits of the axes.
+    pub(super) const fn has_full_limits(&self) -> bool {
+        self.left.is_none() && self.vibration.is_none()
+    }
+
     /// Whether the element is one of a section that vibrates along the path.
     pub(super) const fn is_vibrating(&self) -> bool {
         self.vibration.is_some()

@@ -329,6 +329,7 @@ impl Builder {
         let mut request = MotionRequest::new(element, stretches);
         request.rest_at_end = rest_at_end;
         request.passes_corners = passes_corners;
+        request.has_full_limits = superposed.has_full_limits();
         planner.push_motion(request);
     }
 

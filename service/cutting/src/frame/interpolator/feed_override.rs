@@ -4,12 +4,39 @@
 //! jerk allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The
 //! path itself is the same all the time.
 
-use feedwave_motion::{Ahead, PathItem, Planned, PlannedStretch, Planner};
+use feedwave_motion::{
+    Ahead, ChangedCourse, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, StretchProfile,
+};
 
-use super::{Activity, ActivityKind, After, Barrier, Interpolator};
+use super::{Activity, ActivityKind, After, Barrier, Interpolator, State};
 
 /// A place this close to the end of a stretch is its end, mm: rounding of path lengths.
 const SAME_PLACE_MM: f64 = 1e-9;
+/// When a change is tried again that the course in progress has no room for, s.
+const TRY_AGAIN_S: f64 = 0.01;
+
+/// What a change leads to.
+struct Changed {
+    /// Motions that are planned anew already: the rest of a course.
+    motions: Vec<PlannedMotion>,
+    /// The path behind them.
+    path: Vec<PathItem<Barrier>>,
+    /// Speed at its start, mm/s, without acceleration.
+    speed: f64,
+}
+
+impl Changed {
+    fn at_rest(path: Vec<PathItem<Barrier>>) -> Self {
+        Self { motions: Vec::new(), path, speed: 0.0 }
+    }
+}
+
+/// Whether this stretch of the present motion is on a course.
+fn is_on_course(state: &State, index: usize) -> bool {
+    let motion = state.track.motion(state.track.current_index());
+    let stretch = motion.and_then(|motion| motion.stretches.get(index));
+    stretch.is_some_and(|stretch| matches!(stretch.profile, StretchProfile::Course(_)))
+}
 
 impl Interpolator {
     /// Makes [`Interpolator::fill`] stop before the setpoint with this index.
@@ -35,22 +62,27 @@ impl Interpolator {
         }
         let before = (self.state.clone(), planner.clone());
         let current = self.state.track.current_index();
-        let (path, speed) = match activity.kind {
-            ActivityKind::Stretch(index) => match self.break_off(planner, activity, index) {
-                Some(broken_off) => broken_off,
-                None => {
-                    (self.state, *planner) = before;
-                    return Some(activity.last + 1);
-                }
-            },
+        let changed = match activity.kind {
+            ActivityKind::Stretch(index) if is_on_course(&self.state, index) => {
+                self.change_course(planner, activity, index, ratio)
+            }
+            ActivityKind::Stretch(index) => self.break_off(planner, activity, index),
             // Nothing is in progress: the current item has not been begun.
-            ActivityKind::Hold { .. } if self.state.after == After::Continue => (self.withdraw(planner, current), 0.0),
+            ActivityKind::Hold { .. } if self.state.after == After::Continue => {
+                Some(Changed::at_rest(self.withdraw(planner, current)))
+            }
             // A pass that has begun is cut to its end.
-            _ => (self.withdraw(planner, current + 1), 0.0),
+            _ => Some(Changed::at_rest(self.withdraw(planner, current + 1))),
         };
-        if planner.restart(speed, ratio, path).is_err() {
+        let changed = changed.filter(|changed| planner.restart(changed.speed, ratio, changed.path.clone()).is_ok());
+        let Some(Changed { motions, .. }) = changed else {
             (self.state, *planner) = before;
-            return Some(activity.last + 1);
+            let soon = self.state.next + (TRY_AGAIN_S / self.settings.period_s).ceil() as u64;
+            let is_course = matches!(activity.kind, ActivityKind::Stretch(index) if is_on_course(&self.state, index));
+            return Some(if is_course { soon } else { activity.last + 1 });
+        };
+        for motion in motions {
+            self.push(Planned::Motion(motion));
         }
         None
     }
@@ -132,26 +164,21 @@ impl Interpolator {
     }
 
     /// Ends the acceleration of the stretch in progress; the path from there on, and the speed there.
-    fn break_off(
-        &mut self,
-        planner: &mut Planner<Barrier>,
-        activity: Activity,
-        index: usize,
-    ) -> Option<(Vec<PathItem<Barrier>>, f64)> {
+    fn break_off(&mut self, planner: &mut Planner<Barrier>, activity: Activity, index: usize) -> Option<Changed> {
         let (clock, period_s) = (self.state.clock, self.settings.period_s);
         let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
         let track = &mut self.state.track;
         let current = track.current_index();
         let (mut item, mut stretch) = (current, index);
-        let mut part = track.motion(item)?.stretches.get(stretch)?.profile.broken_off(now_s);
+        let mut part = track.motion(item)?.stretches.get(stretch)?.profile.phases()?.broken_off(now_s);
         // The run may go on over several elements before its acceleration has ended.
         let end_mm = loop {
             let motion = track.motion_mut(item)?;
             let last = motion.stretches.len() - 1;
             let planned = &mut motion.stretches[stretch];
-            let [_, wanted] = planned.profile.range();
+            let [_, wanted] = planned.profile.phases()?.range();
             let [_, reached] = part.range();
-            planned.profile = part;
+            planned.profile = StretchProfile::Phases(part);
             if reached < wanted - SAME_PLACE_MM {
                 break planned.start + part.length();
             }
@@ -166,7 +193,7 @@ impl Interpolator {
                     track.push(planner.pop()?);
                 }
             }
-            part = track.motion(item)?.stretches.get(stretch)?.profile.after(&part);
+            part = track.motion(item)?.stretches.get(stretch)?.profile.phases()?.after(&part);
         };
         let motion = track.motion_mut(item)?;
         let next = if end_mm < motion.stretches[stretch].stretch.end { stretch } else { stretch + 1 };
@@ -179,7 +206,55 @@ impl Interpolator {
         self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
         let mut path: Vec<_> = rest_of_element.map(PathItem::Motion).into_iter().collect();
         path.extend(self.withdraw(planner, item + 1));
-        Some((path, part.whole().end_velocity()))
+        Some(Changed { motions: Vec::new(), path, speed: part.whole().end_velocity() })
+    }
+
+    /// Has the rest of the course in progress planned anew from the present speed and acceleration.
+    fn change_course(
+        &mut self,
+        planner: &mut Planner<Barrier>,
+        activity: Activity,
+        index: usize,
+        ratio: f64,
+    ) -> Option<Changed> {
+        let (clock, period_s) = (self.state.clock, self.settings.period_s);
+        let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
+        let track = &mut self.state.track;
+        let current = track.current_index();
+        let mut item = current;
+        let (first, mut behind) = track.motion(current)?.rest_of_course(index, now_s)?;
+        let mut rest = vec![first];
+        // The plan may go on over several elements.
+        while behind.is_none() {
+            item += 1;
+            if track.motion(item).is_none() {
+                track.push(planner.pop()?);
+            }
+            let (motion, next) = track.motion(item)?.rest_of_course(0, 0.0)?;
+            rest.push(motion);
+            behind = next;
+        }
+        let motion = track.motion(item)?;
+        let next = behind?;
+        let planned = motion.stretches.get(next);
+        let rest_of_element = planned.map(|planned| motion.request_from(next, planned.start));
+        let ChangedCourse { motions, left, end_speed } = planner.change_course(&rest, ratio)?;
+
+        let motion = track.motion_mut(current)?;
+        motion.stretches.truncate(index + 1);
+        let planned = motion.stretches.get_mut(index)?;
+        let StretchProfile::Course(course) = &planned.profile else { return None };
+        let run = course.until(now_s);
+        planned.stretch.end = planned.start + run.length();
+        planned.profile = StretchProfile::Course(run);
+        let duration_s = planned.profile.duration();
+        let end = clock.advanced(duration_s, period_s);
+        self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
+        let mut path: Vec<_> = left.into_iter().chain(rest_of_element).map(PathItem::Motion).collect();
+        let beyond: Vec<_> = self.state.track.withdraw(current + 1).skip(item - current).map(PathItem::from).collect();
+        path.extend(beyond);
+        path.extend(planner.withdraw());
+        Some(Changed { motions, path, speed: end_speed })
     }
 
     /// Takes back everything from an item of the track on.

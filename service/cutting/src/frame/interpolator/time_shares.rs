@@ -1,6 +1,8 @@
 //! Where the time of a program goes.
 
-use feedwave_motion::{Curve, PhaseTimes, PlannedMotion, PlannedStretch, Profile, ProfilePart};
+use feedwave_motion::{
+    Course, Curve, Governor, PhaseTimes, PlannedMotion, PlannedStretch, Profile, ProfilePart, StretchProfile,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::report::LimitTimes;
@@ -20,16 +22,34 @@ const SAME_SPEED: f64 = 1e-9;
 /// A cruise this short is what rounding leaves between two ramps, s.
 const ROUNDING_S: f64 = 1e-12;
 
+impl LimitTimes {
+    fn add_course(&mut self, course: &Course) {
+        for (governor, time_s) in course.governed() {
+            *match governor {
+                Governor::Feed => &mut self.feed_s,
+                Governor::Velocity => &mut self.axis_velocity_s,
+                Governor::Acceleration => &mut self.acceleration_s,
+                Governor::Turning => &mut self.curvature_s,
+                Governor::Jerk => &mut self.jerk_s,
+            } += time_s;
+        }
+    }
+}
+
 impl TimeShares {
     pub(super) fn add_stretch(&mut self, motion: &PlannedMotion, index: usize, duration_s: f64, feed_override: f64) {
         let element = &motion.element;
         *(if element.rapid { &mut self.rapid_s } else { &mut self.cutting_s }) += duration_s;
         let Some(PlannedStretch { stretch, profile, .. }) = motion.stretches.get(index) else { return };
-        let PhaseTimes { jerk_s, acceleration_s, cruise_s } = profile.phase_times();
+        let part = match profile {
+            StretchProfile::Phases(part) => part,
+            StretchProfile::Course(course) => return self.limits.add_course(course),
+        };
+        let PhaseTimes { jerk_s, acceleration_s, cruise_s } = part.phase_times();
         self.limits.jerk_s += jerk_s;
         self.limits.acceleration_s += acceleration_s;
         let ratio = if motion.follows_override() { feed_override } else { 1.0 };
-        let reached = profile.whole().cruise_velocity() * (1.0 + SAME_SPEED);
+        let reached = part.whole().cruise_velocity() * (1.0 + SAME_SPEED);
         let limits = &mut self.limits;
         let governed_s = match element.curve {
             _ if cruise_s <= ROUNDING_S => &mut limits.jerk_s,

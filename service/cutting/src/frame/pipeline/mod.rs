@@ -7,8 +7,8 @@ mod reading;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use feedwave_motion::Planner;
 use feedwave_motion::kinematics::Kinematics;
-use feedwave_motion::{Planner, PlannerSettings};
 use feedwave_program::{
     Finding, FindingLog, InterpreterState, Operation, Place, Reader, Reading, SourcePages, SourceSpan,
 };
@@ -36,7 +36,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 24;
+const SNAPSHOT_VERSION: u8 = 25;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,8 +139,7 @@ impl Pipeline {
         if let (Frame::Work, Some(kinematics)) = (config.frame, &kinematics) {
             interpolator = interpolator.with_tool_direction(&config.profile.machine, kinematics);
         }
-        let look_ahead = config.profile.look_ahead_blocks as usize;
-        let settings = PlannerSettings::new(&config.profile.machine, look_ahead, config.period_s());
+        let settings = config.profile.planner_settings(config.period_s());
         Self {
             pages: SourcePages::default(),
             reader: Reader::new(interpreter),

@@ -1,0 +1,130 @@
+//! Whether a speed keeps every limit between the knots as well, and which one it is at.
+
+use super::Ramp;
+use super::course::Governor;
+use super::path::{Derivatives, Path};
+use super::problem::{Knots, basis};
+use crate::tolerance::{SPEED_CHECKED_SHARE, SPEED_LIMIT_SHARE, SPEED_SIDE};
+
+/// Least part of b at the ends of an interval that it falls to within: 3 % of the speed.
+const LEAST_SQUARE: f64 = 1e-3;
+/// Places of an interval that are examined, beside its start.
+const PLACES: usize = 8;
+
+/// What the axes do at a place, as shares of their limits: the largest of velocity, acceleration and jerk.
+fn shares(path: &Path<'_>, derivatives: &[Derivatives], [b, slope, second]: [f64; 3]) -> [f64; 3] {
+    let speed = b.sqrt();
+    let mut largest = [0.0_f64; 3];
+    for (axis, [first, bend, twist]) in path.axes.iter().zip(derivatives) {
+        let velocity = first * speed;
+        let acceleration = bend * b + 0.5 * first * slope;
+        let jerk = speed * (twist * b + 1.5 * bend * slope + 0.5 * first * second);
+        largest[0] = largest[0].max(velocity.abs() / axis.velocity);
+        largest[1] = largest[1].max(acceleration.abs() / axis.acceleration);
+        largest[2] = largest[2].max(jerk.abs() / axis.jerk);
+    }
+    largest
+}
+
+/// b and its derivatives in an interval, `x` from its start.
+fn state(knots: &Knots, c: &[f64], index: usize, x: f64) -> [f64; 3] {
+    basis(knots, index, x).map(|row| row[0] * c[index] + row[1] * c[index + 1] + row[2] * c[index + 2])
+}
+
+/// The largest share of a limit in every interval, and its place from 0 to 1; whether all are within what
+/// junctions leave of their limits.
+pub(super) fn worst(path: &Path<'_>, knots: &Knots, c: &[f64], left: &[f64], worst: &mut Vec<(f64, f64)>) -> bool {
+    worst.clear();
+    let mut derivatives = vec![[0.0; 3]; path.axes.len()];
+    let mut keeps = true;
+    for index in 0..knots.intervals() {
+        let (from, h) = (knots.0[index], knots.0[index + 1] - knots.0[index]);
+        let mut largest = (0.0_f64, 0.5);
+        for place in 0..=PLACES {
+            let share = place as f64 / PLACES as f64;
+            path.derivatives(from + h * share.clamp(SPEED_SIDE, 1.0 - SPEED_SIDE), &mut derivatives);
+            let state = state(knots, c, index, h * share);
+            let moves = state[0] > 0.0;
+            if !moves {
+                largest = (f64::INFINITY, share);
+                break;
+            }
+            let [velocity, acceleration, jerk] = shares(path, &derivatives, state);
+            let ratio = velocity.max(acceleration.max(jerk) / left[index]);
+            if ratio > largest.0 {
+                largest = (ratio, share);
+            }
+        }
+        // Between the places b could fall below zero where it bends upwards: the path would turn back.
+        let [b, slope, second] = state(knots, c, index, 0.0);
+        let lowest = if second > 0.0 { (-slope / second).max(0.0).min(h) } else { h };
+        let at_lowest = b + lowest * (slope + 0.5 * lowest * second);
+        let stays_positive = at_lowest > LEAST_SQUARE * b.min(state(knots, c, index, h)[0]);
+        if !stays_positive {
+            largest = (f64::INFINITY, 0.5);
+        }
+        keeps &= largest.0 <= SPEED_CHECKED_SHARE;
+        worst.push(largest);
+    }
+    keeps
+}
+
+/// The largest share of a limit on the ramp at the start or at the end of a path.
+pub(super) fn ramp(path: &Path<'_>, end: usize, ramp: Ramp) -> f64 {
+    let mut derivatives = vec![[0.0; 3]; path.axes.len()];
+    let mut largest = 0.0_f64;
+    for place in 0..=PLACES {
+        let Ramp { jerk, time_s, .. } = Ramp::new(ramp.jerk, ramp.time_s * place as f64 / PLACES as f64);
+        let way = jerk * time_s * time_s * time_s / 6.0;
+        path.derivatives(if end == 0 { way } else { path.length - way }, &mut derivatives);
+        let (speed, acceleration) = (0.5 * jerk * time_s * time_s, jerk * time_s);
+        // Backwards in time the acceleration is the other way round.
+        let acceleration = if end == 0 { acceleration } else { -acceleration };
+        for (axis, [first, bend, twist]) in path.axes.iter().zip(&derivatives) {
+            let accelerates = bend * speed * speed + first * acceleration;
+            let jerks = first * jerk + 3.0 * bend * speed * acceleration + twist * speed * speed * speed;
+            largest = largest.max(accelerates.abs() / axis.acceleration).max(jerks.abs() / axis.jerk);
+        }
+    }
+    largest
+}
+
+/// What governs each interval.
+pub(super) struct Governors<'a> {
+    path: &'a Path<'a>,
+    knots: &'a Knots,
+    c: &'a [f64],
+    derivatives: Vec<Derivatives>,
+}
+
+/// A speed within this share of the commanded one is at it.
+const AT_COMMAND: f64 = 0.999;
+/// Share of an acceleration that is most of it.
+const MOSTLY: f64 = 0.7;
+
+impl<'a> Governors<'a> {
+    pub(super) fn new(path: &'a Path<'a>, knots: &'a Knots, c: &'a [f64]) -> Self {
+        Self { path, knots, c, derivatives: vec![[0.0; 3]; path.axes.len()] }
+    }
+
+    pub(super) fn of(&mut self, index: usize) -> Governor {
+        let (from, to) = (self.knots.0[index], self.knots.0[index + 1]);
+        let h = to - from;
+        self.path.derivatives(from + 0.5 * h, &mut self.derivatives);
+        let state = state(self.knots, self.c, index, 0.5 * h);
+        let [velocity, acceleration, jerk] = shares(self.path, &self.derivatives, state);
+        let fastest = state[0].sqrt() / self.path.command(from, to);
+        if fastest >= AT_COMMAND {
+            Governor::Feed
+        } else if velocity >= SPEED_LIMIT_SHARE * AT_COMMAND && velocity >= acceleration.max(jerk) {
+            Governor::Velocity
+        } else if acceleration > jerk {
+            let axes = self.path.axes.iter().zip(&self.derivatives);
+            let turning =
+                axes.map(|(axis, [_, bend, _])| (bend * state[0]).abs() / axis.acceleration).fold(0.0, f64::max);
+            if turning >= MOSTLY * acceleration { Governor::Turning } else { Governor::Acceleration }
+        } else {
+            Governor::Jerk
+        }
+    }
+}

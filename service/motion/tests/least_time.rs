@@ -1,0 +1,134 @@
+//! Plans for the least time: within every limit, never slower than plans of runs, and the same whatever the window.
+
+mod common;
+
+use common::{PERIOD_S, machine, programs, request, smoothed, within};
+use feedwave_motion::{Machine, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed, StretchProfile};
+use feedwave_program::PathControl;
+
+fn plan(
+    program: &common::Program,
+    control: PathControl,
+    machine: &Machine,
+    settings: PlannerSettings,
+) -> Vec<PlannedMotion> {
+    let mut planner = Planner::<()>::new(settings);
+    for Smoothed { element, rest_at_end, .. } in smoothed(program, control) {
+        planner.push_motion(request(element, rest_at_end, machine));
+    }
+    planner.finish();
+    let motion = |item| match item {
+        Planned::Motion(motion) => motion,
+        Planned::Barrier(()) => unreachable!("none was pushed"),
+    };
+    std::iter::from_fn(|| planner.pop()).map(motion).collect()
+}
+
+fn seconds(motions: &[PlannedMotion]) -> f64 {
+    motions.iter().flat_map(|motion| &motion.stretches).map(|stretch| stretch.profile.duration()).sum()
+}
+
+/// Part of the time on courses.
+fn course_share(motions: &[PlannedMotion]) -> f64 {
+    let own = |stretch: &&feedwave_motion::PlannedStretch| matches!(stretch.profile, StretchProfile::Course(_));
+    let on: f64 =
+        motions.iter().flat_map(|motion| &motion.stretches).filter(own).map(|stretch| stretch.profile.duration()).sum();
+    on / seconds(motions)
+}
+
+/// Largest velocity, acceleration and jerk of the axes, as shares of their limits, in differences of setpoints.
+fn differences(motions: &[PlannedMotion], machine: &Machine, period_s: f64) -> [f64; 3] {
+    let mut points = Vec::new();
+    // Times on the grid as whole periods and a remainder.
+    let (mut lead_s, mut next) = (0.0, 0_u64);
+    for motion in motions {
+        for stretch in &motion.stretches {
+            let duration_s = stretch.profile.duration();
+            let count = ((duration_s - lead_s) / period_s).ceil().max(0.0) as u64;
+            let mut s = vec![0.0; count as usize];
+            let mut v = vec![0.0; count as usize];
+            stretch.profile.fill(0, period_s, -lead_s, &mut s, &mut v);
+            for s in s {
+                points.push(motion.element.position(stretch.start + s));
+            }
+            next += count;
+            lead_s = lead_s + count as f64 * period_s - duration_s;
+        }
+    }
+    assert!(next > 0);
+    let end = motions.last().expect("motions").element.end;
+    let start = motions[0].element.start;
+    let mut padded = vec![start; 3];
+    padded.extend(points);
+    padded.extend([end; 4]);
+    let mut largest = [0.0_f64; 3];
+    for axis in &machine.axes {
+        let k = axis.axis.index();
+        for w in padded.windows(4) {
+            let [a, b, c, d] = [w[0][k], w[1][k], w[2][k], w[3][k]];
+            largest[0] = largest[0].max((b - a).abs() / period_s / axis.max_velocity_per_s);
+            largest[1] = largest[1].max((c - 2.0 * b + a).abs() / (period_s * period_s) / axis.max_acceleration_per_s2);
+            let jerk = (d - 3.0 * c + 3.0 * b - a).abs() / (period_s * period_s * period_s);
+            largest[2] = largest[2].max(jerk / axis.max_jerk_per_s3);
+        }
+    }
+    largest
+}
+
+/// Times of the plan of runs and of the least time, s.
+fn times(program: &common::Program, control: PathControl, machine: &Machine, period_s: f64) -> [f64; 2] {
+    let settings = PlannerSettings::new(machine, 5_000, period_s);
+    let runs = plan(program, control, machine, settings.clone());
+    let least = plan(program, control, machine, settings.for_least_time(machine));
+    let times = [seconds(&runs), seconds(&least)];
+    assert!(times[1] <= times[0] * (1.0 + 1e-9), "{}: {times:?} s", program.name);
+    let shares = differences(&least, machine, period_s);
+    assert!(shares.iter().all(|&share| share <= 1.0 + 1e-6), "{}: {shares:?} at {period_s} s", program.name);
+    times
+}
+
+#[test]
+fn every_program_is_never_slower_and_keeps_every_limit() {
+    let machine = machine();
+    for program in programs() {
+        let control = within(0.05);
+        let [runs, least] = times(&program, control, &machine, PERIOD_S);
+        println!("| {} | {runs:.3} s | {least:.3} s |", program.name);
+    }
+}
+
+#[test]
+fn limits_hold_at_every_period_on_the_exact_path_and_within_a_tolerance() {
+    let machine = machine();
+    let programs = programs();
+    let short = programs.iter().filter(|program| ["pocket", "freeform", "line-arc-line"].contains(&program.name));
+    for program in short {
+        for period_s in [250e-6, 4e-3] {
+            for control in [within(0.01), PathControl::ExactPath] {
+                if program.blocks.len() < 100 || control != PathControl::ExactPath {
+                    times(program, control, &machine, period_s);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tangent_arc_within_a_tolerance_gains_most_of_a_third() {
+    let machine = machine();
+    let programs = programs();
+    let program = programs.iter().find(|program| program.name == "line-arc-line").expect("one of the seven");
+    let [runs, least] = times(program, within(0.05), &machine, PERIOD_S);
+    assert!(least < 0.8 * runs, "{least} of {runs} s");
+    let [runs, least] = times(program, PathControl::ExactPath, &machine, PERIOD_S);
+    assert!(least < 0.85 * runs, "{least} of {runs} s");
+}
+
+#[test]
+fn a_straight_move_keeps_its_seven_phases() {
+    let machine = machine();
+    let programs = programs();
+    let program = programs.iter().find(|program| program.name == "zigzag").expect("one of the seven");
+    let settings = PlannerSettings::new(&machine, 5_000, PERIOD_S).for_least_time(&machine);
+    assert_eq!(course_share(&plan(program, PathControl::ExactStop, &machine, settings)), 0.0);
+}
