@@ -276,6 +276,26 @@ fn a_plan_for_the_least_time_is_faster_and_resumes_bit_for_bit() {
     }
 }
 
+#[test]
+fn hold_and_lower_feeds_act_at_once_on_a_plan_for_the_least_time() {
+    let program = wave();
+    let plain = run(&program, &least_time(&[]));
+    for at in (20..plain.len() as u64 - 100).step_by(67) {
+        let config = least_time(&[(at, 0.0), (at + 400, 1.0)]);
+        let held = run(&program, &config);
+        check_same_path(&held, &plain).expect("the same path");
+        check_limits(&held, &config).expect("within the limits");
+        // A rest from 330 mm/s takes 40 ms by acceleration and jerk alone; turning takes its part.
+        let stopped = (at as usize..).find(|&k| held.path[k + 1] == held.path[k]).expect("it stops");
+        assert!(stopped < at as usize + 200, "hold at {at} stops at {stopped}");
+        let config = least_time(&[(at, 0.1)]);
+        let slower = run(&program, &config);
+        check_limits(&slower, &config).expect("within the limits");
+        let reached = (at as usize..slower.len()).find(|&k| slower.feed[k] <= 2_060.0);
+        assert!(reached.is_some_and(|reached| reached < at as usize + 200), "a tenth at {at} from {reached:?} on");
+    }
+}
+
 /// Turning with a vibrating section and a dwell while the spindle turns.
 const VIBRATING: &str = "G21 G97 S1000 M3\nG0 X6. Z10.\nG4 P100\nG200 F41.667 A0.03\nG1 X10. Z11. F0.05\n\
 G2 X11. Z11.5 R4.\nG201\nG4 P50\nG1 Z12. F0.1\nM30\n";
