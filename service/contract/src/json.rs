@@ -92,6 +92,23 @@ mod tests {
     use crate::proto;
 
     #[test]
+    fn numbers_keep_every_bit() {
+        let mut state = 7_u64;
+        let random = core::iter::repeat_with(|| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            [f64::from_bits(state), (state >> 11) as f64 / (1_u64 << 53) as f64]
+        });
+        let known = [970.000_000_000_000_1, 0.857_374_999_999_999_9, f64::MAX, f64::from_bits(1), -0.1];
+        for duration_s in known.into_iter().chain(random.take(1_000).flatten()).filter(|value| value.is_finite()) {
+            let summary = proto::ProgramSummary { duration_s, ..Default::default() };
+            for json in [to_string(&summary), to_string_pretty(&summary)] {
+                let read: proto::ProgramSummary = from_str(&json).unwrap();
+                assert_eq!(read.duration_s.to_bits(), duration_s.to_bits(), "{json}");
+            }
+        }
+    }
+
+    #[test]
     fn wide_integers_are_strings_and_enums_are_names() {
         let summary = proto::ProgramSummary { setpoint_count: u64::MAX, ..Default::default() };
         let job = proto::Job { state: proto::JobState::Ready.into(), summary: Some(summary), ..Default::default() };
