@@ -98,6 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(clippy::needless_range_loop, reason = "rows and columns of a matrix")]
     fn a_factored_matrix_solves_its_system() {
         let size = 9;
         let mut matrix = Banded::default();

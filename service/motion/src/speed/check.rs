@@ -37,7 +37,7 @@ pub(super) fn worst(path: &Path<'_>, knots: &Knots, c: &[f64], left: &[f64], wor
     worst.clear();
     let mut derivatives = vec![[0.0; 3]; path.axes.len()];
     let mut keeps = true;
-    for index in 0..knots.intervals() {
+    for (index, left) in left.iter().enumerate() {
         let (from, h) = (knots.0[index], knots.0[index + 1] - knots.0[index]);
         let mut largest = (0.0_f64, 0.5);
         for place in 0..=PLACES {
@@ -50,7 +50,7 @@ pub(super) fn worst(path: &Path<'_>, knots: &Knots, c: &[f64], left: &[f64], wor
                 break;
             }
             let [velocity, acceleration, jerk] = shares(path, &derivatives, state);
-            let ratio = velocity.max(acceleration.max(jerk) / left[index]);
+            let ratio = velocity.max(acceleration.max(jerk) / left);
             if ratio > largest.0 {
                 largest = (ratio, share);
             }
