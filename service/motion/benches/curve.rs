@@ -7,7 +7,7 @@ mod common;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_motion::{Joining, PathSmoother};
+use feedwave_motion::{CornerSpeed, Joining, PathSmoother};
 
 fn smoothing(criterion: &mut Criterion) {
     let machine = common::machine();
@@ -18,7 +18,7 @@ fn smoothing(criterion: &mut Criterion) {
         for (way, many_blocks) in [("one curve", true), ("each corner", false)] {
             group.bench_function(format!("{} {way}", program.name), |bencher| {
                 bencher.iter(|| {
-                    let joining = Joining { machine: &machine, many_blocks };
+                    let joining = Joining { machine: &machine, many_blocks, corner_speed: CornerSpeed::Steady };
                     let mut smoother = PathSmoother::default();
                     let mut emit = |smoothed| {
                         black_box(smoothed);

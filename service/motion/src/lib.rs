@@ -31,7 +31,7 @@ pub use planner::{
     TooFast,
 };
 pub use profile::{PhaseTimes, Profile, ProfilePart, StretchProfile};
-pub use smoothing::{Carried, Joining, PathSmoother, Smoothed};
+pub use smoothing::{Carried, CornerSpeed, Joining, PathSmoother, Smoothed};
 pub use speed::{Course, Governor};
 pub use tolerance::TANGENT_TOLERANCE_RAD;
 pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

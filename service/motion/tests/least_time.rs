@@ -3,17 +3,19 @@
 mod common;
 
 use common::{PERIOD_S, machine, programs, request, smoothed, within};
-use feedwave_motion::{Machine, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed, StretchProfile};
+use feedwave_motion::{
+    CornerSpeed, Machine, Planned, PlannedMotion, Planner, PlannerSettings, Smoothed, StretchProfile,
+};
 use feedwave_program::PathControl;
 
 fn plan(
     program: &common::Program,
     control: PathControl,
     machine: &Machine,
-    settings: PlannerSettings,
+    (settings, speed): (PlannerSettings, CornerSpeed),
 ) -> Vec<PlannedMotion> {
     let mut planner = Planner::<()>::new(settings);
-    for Smoothed { element, rest_at_end, .. } in smoothed(program, control) {
+    for Smoothed { element, rest_at_end, .. } in smoothed(program, control, speed) {
         planner.push_motion(request(element, rest_at_end, machine));
     }
     planner.finish();
@@ -78,8 +80,8 @@ fn differences(motions: &[PlannedMotion], machine: &Machine, period_s: f64) -> [
 /// Times of the plan of runs and of the least time, s.
 fn times(program: &common::Program, control: PathControl, machine: &Machine, period_s: f64) -> [f64; 2] {
     let settings = PlannerSettings::new(machine, 5_000, period_s);
-    let runs = plan(program, control, machine, settings.clone());
-    let least = plan(program, control, machine, settings.for_least_time(machine));
+    let runs = plan(program, control, machine, (settings.clone(), CornerSpeed::Steady));
+    let least = plan(program, control, machine, (settings.for_least_time(machine), CornerSpeed::Changing));
     let times = [seconds(&runs), seconds(&least)];
     assert!(times[1] <= times[0] * (1.0 + 1e-9), "{}: {times:?} s", program.name);
     let shares = differences(&least, machine, period_s);
@@ -130,5 +132,5 @@ fn a_straight_move_keeps_its_seven_phases() {
     let programs = programs();
     let program = programs.iter().find(|program| program.name == "zigzag").expect("one of the seven");
     let settings = PlannerSettings::new(&machine, 5_000, PERIOD_S).for_least_time(&machine);
-    assert_eq!(course_share(&plan(program, PathControl::ExactStop, &machine, settings)), 0.0);
+    assert_eq!(course_share(&plan(program, PathControl::ExactStop, &machine, (settings, CornerSpeed::Changing))), 0.0);
 }

@@ -1,7 +1,7 @@
 //! The machine profile: everything the product knows about one machine.
 
 use feedwave_motion::kinematics::KinematicsDescription;
-use feedwave_motion::{Machine, PlannerSettings, ProfileProblem};
+use feedwave_motion::{CornerSpeed, Machine, PlannerSettings, ProfileProblem};
 use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_code_problems};
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,15 @@ impl MachineProfile {
         match self.plan_quality {
             PlanQuality::Fast => settings,
             PlanQuality::LeastTime => settings.for_least_time(&self.machine),
+        }
+    }
+
+    /// How the speed along the path behaves at corners.
+    #[must_use]
+    pub const fn corner_speed(&self) -> CornerSpeed {
+        match self.plan_quality {
+            PlanQuality::Fast => CornerSpeed::Steady,
+            PlanQuality::LeastTime => CornerSpeed::Changing,
         }
     }
 

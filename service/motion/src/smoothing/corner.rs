@@ -34,6 +34,7 @@
 //! of points are compared at samples, and d shrinks until they are within the tolerance.
 
 use feedwave_program::Axis;
+use serde::{Deserialize, Serialize};
 
 use super::vector::{Vector, difference, dot, linear, norm, scaled, sum};
 use crate::tolerance::{
@@ -61,7 +62,25 @@ struct Shape {
     third: f64,
 }
 
+/// How the speed along the path behaves at corners, which decides the shape that is passed in the least time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CornerSpeed {
+    /// It is the same along a corner, as in plans in runs.
+    #[default]
+    Steady,
+    /// It changes along a corner, as in plans for the least time.
+    Changing,
+}
+
 impl Shape {
+    /// The shape for a corner with the sine of half its deflection.
+    fn at(speed: CornerSpeed, half_sine: f64) -> Self {
+        match speed {
+            CornerSpeed::Steady => Self::of(half_sine),
+            CornerSpeed::Changing => Self::for_changing_speed(half_sine),
+        }
+    }
+
     /// The shape for a corner with the sine of half its deflection.
     fn of(half_sine: f64) -> Self {
         let square = half_sine * half_sine;
@@ -141,7 +160,7 @@ pub(super) fn between_lines(
     tolerance_mm: f64,
     most_cut_mm: f64,
 ) -> Option<Rounding> {
-    line_rounding(before, after, tolerance_mm, most_cut_mm, Shape::of)
+    line_rounding(before, after, tolerance_mm, most_cut_mm, CornerSpeed::Steady)
 }
 
 fn line_rounding(
@@ -149,7 +168,7 @@ fn line_rounding(
     after: &Element,
     tolerance_mm: f64,
     most_cut_mm: f64,
-    shape_of: fn(f64) -> Shape,
+    speed: CornerSpeed,
 ) -> Option<Rounding> {
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     // A direction that is no number is refused as well.
@@ -159,15 +178,15 @@ fn line_rounding(
     }
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let half_sine = 0.5 * norm(difference(to.tangent, from.tangent));
-    let shape = shape_of(half_sine);
+    let shape = Shape::at(speed, half_sine);
     let cut_mm = ((tolerance_mm - UNUSED_TOLERANCE_MM) / (shape.deviation() * half_sine)).min(most_cut_mm);
     (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape })
 }
 
 /// Length cut for a corner between lines whose unit directions differ by `kink`, mm.
-pub(super) fn reach_mm(kink: f64, tolerance_mm: f64) -> f64 {
+pub(super) fn reach_mm(kink: f64, tolerance_mm: f64, speed: CornerSpeed) -> f64 {
     let half_sine = 0.5 * kink;
-    tolerance_mm / (Shape::for_changing_speed(half_sine).deviation() * half_sine)
+    tolerance_mm / (Shape::at(speed, half_sine).deviation() * half_sine)
 }
 
 /// Differences of the directions and of the curvature vectors where two elements meet, and the cosine of the deflection; `None`
@@ -190,7 +209,7 @@ pub(super) fn largest_curvature(before: &Element, after: &Element) -> f64 {
 /// The curve is nowhere farther than `tolerance_mm` from the programmed path, and no more than `most_cut_mm` is cut. Tangent
 /// elements stay; see [`rounding_or_ramp`].
 pub(super) fn rounding(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64) -> Option<Rounding> {
-    fitted(before, after, tolerance_mm, most_cut_mm, false)
+    fitted(before, after, tolerance_mm, most_cut_mm, None)
 }
 
 /// [`rounding`], where tangent elements are joined by a ramp of curvature.
@@ -199,11 +218,19 @@ pub(super) fn rounding_or_ramp(
     after: &Element,
     tolerance_mm: f64,
     most_cut_mm: f64,
+    speed: CornerSpeed,
 ) -> Option<Rounding> {
-    fitted(before, after, tolerance_mm, most_cut_mm, true)
+    fitted(before, after, tolerance_mm, most_cut_mm, Some(speed))
 }
 
-fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64, ramps: bool) -> Option<Rounding> {
+fn fitted(
+    before: &Element,
+    after: &Element,
+    tolerance_mm: f64,
+    most_cut_mm: f64,
+    ramps_at: Option<CornerSpeed>,
+) -> Option<Rounding> {
+    let (ramps, speed) = (ramps_at.is_some(), ramps_at.unwrap_or_default());
     let [from, to] = [Joint::of(before, before.length), Joint::of(after, 0.0)];
     if norm(difference(to.point, from.point)) > SAME_POINT_MM {
         return None;
@@ -211,7 +238,6 @@ fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64
     // |τ₁ − τ₀| = 2·sin(θ/2).
     let kink = norm(difference(to.tangent, from.tangent));
     // A direction that is no number is refused as well.
-    let shape_of = if ramps { Shape::for_changing_speed } else { Shape::of };
     let goes_on = dot(from.tangent, to.tangent) >= LEAST_CORNER_COSINE;
     let bend = norm(difference(to.curvature, from.curvature));
     let is_bend = ramps && (kink > LEAST_RAMP || bend > LEAST_RAMP);
@@ -220,10 +246,10 @@ fn fitted(before: &Element, after: &Element, tolerance_mm: f64, most_cut_mm: f64
     }
     let most_cut_mm = if kink > TANGENT_TOLERANCE_RAD { most_cut_mm } else { most_cut_mm.min(CURVE_MOST_END_MM) };
     if matches!((&before.curve, &after.curve), (Curve::Line, Curve::Line)) {
-        return line_rounding(before, after, tolerance_mm, most_cut_mm, shape_of);
+        return line_rounding(before, after, tolerance_mm, most_cut_mm, speed);
     }
     let tolerance_mm = tolerance_mm - UNUSED_TOLERANCE_MM;
-    let shape = shape_of(0.5 * kink);
+    let shape = Shape::at(speed, 0.5 * kink);
     let mut for_lines = tolerance_mm / (shape.deviation() * 0.5 * kink);
     if kink <= TANGENT_TOLERANCE_RAD {
         for_lines = for_lines.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::corner;
+use super::corner::{self, CornerSpeed};
 use crate::Element;
 use crate::tolerance::{
     CURVE_MOST_END_MM, CURVE_MOST_END_REACH, LEAST_CORNER_COSINE, RAMP_DEVIATION, SAME_POINT_MM, TANGENT_TOLERANCE_RAD,
@@ -26,14 +26,14 @@ pub(super) enum Joint {
 
 impl Joint {
     /// What a curve within this tolerance would reach, whatever the lengths of the elements.
-    pub(super) fn between(before: &Element, after: &Element, tolerance_mm: f64) -> Self {
+    pub(super) fn between(before: &Element, after: &Element, tolerance_mm: f64, speed: CornerSpeed) -> Self {
         let Some((kink, bend, cosine)) = corner::steps(before, after, SAME_POINT_MM) else { return Self::Fixed };
         // A direction that is no number is kept as well.
         let goes_on = cosine >= LEAST_CORNER_COSINE;
         if !goes_on {
             return Self::Fixed;
         }
-        let mut reach_mm = corner::reach_mm(kink, tolerance_mm);
+        let mut reach_mm = corner::reach_mm(kink, tolerance_mm, speed);
         if kink <= TANGENT_TOLERANCE_RAD {
             reach_mm = reach_mm.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());
         }

@@ -29,6 +29,7 @@ use std::collections::VecDeque;
 use feedwave_program::{Axis, PathControl};
 use serde::{Deserialize, Serialize};
 
+pub use self::corner::CornerSpeed;
 use self::curve::Open;
 use self::joint::Joint;
 use self::vector::Vector;
@@ -77,6 +78,8 @@ pub struct Joining<'a> {
     /// Whether short blocks become one curve and tangent elements meet in ramps of curvature; otherwise each corner is
     /// rounded by itself, as far as its elements leave room.
     pub many_blocks: bool,
+    /// At the corners of blocks that may become one curve.
+    pub corner_speed: CornerSpeed,
 }
 
 /// An element in the smoother.
@@ -95,6 +98,7 @@ struct Entry<T> {
     start_is_cut: bool,
     /// Whether it may become part of a curve over many blocks.
     joins: bool,
+    corner_speed: CornerSpeed,
     /// Where it meets the next one.
     joint: Joint,
 }
@@ -153,6 +157,7 @@ impl<T: Carried> PathSmoother<T> {
             full_length_mm,
             start_is_cut,
             joins,
+            corner_speed: joining.corner_speed,
             joint,
         };
         if self.merge(&next) {
@@ -318,7 +323,7 @@ impl<T: Carried> Entry<T> {
         if matches!(self.element.curve, Curve::FiveAxis(_)) {
             return Joint::Corner { reach_mm: 0.0, kink: 0.0 };
         }
-        Joint::between(&self.element, &next.element, left_mm)
+        Joint::between(&self.element, &next.element, left_mm, self.corner_speed)
     }
 
     /// Cuts this element and the next one back for the curve between them.
@@ -337,8 +342,11 @@ impl<T: Carried> Entry<T> {
             (self.element, next.element) = (before, after);
             return Some(Smoothed { element, carried, blocks: 0, rest_at_end: false });
         }
-        let fitted = if self.joins && next.joins { corner::rounding_or_ramp } else { corner::rounding };
-        let rounding = fitted(&self.element, &next.element, tolerance_mm, most_cut_mm)?;
+        let rounding = if self.joins && next.joins {
+            corner::rounding_or_ramp(&self.element, &next.element, tolerance_mm, most_cut_mm, self.corner_speed)
+        } else {
+            corner::rounding(&self.element, &next.element, tolerance_mm, most_cut_mm)
+        }?;
         let before = self.element.part(0.0, self.element.length - rounding.cut_mm)?;
         let after = next.element.part(rounding.cut_mm, next.element.length)?;
         let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;

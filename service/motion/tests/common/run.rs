@@ -1,8 +1,8 @@
 //! From a program to the path that is run, and to its time.
 
 use feedwave_motion::{
-    Carried, Element, Joining, Machine, MotionRequest, PathMotion, PathSmoother, Planned, Planner, PlannerSettings,
-    Smoothed, limit_pieces, stretches,
+    Carried, CornerSpeed, Element, Joining, Machine, MotionRequest, PathMotion, PathSmoother, Planned, Planner,
+    PlannerSettings, Smoothed, limit_pieces, stretches,
 };
 use feedwave_program::{Feed, PathControl, Spindle};
 
@@ -27,16 +27,21 @@ pub fn within(tolerance_mm: f64) -> PathControl {
     PathControl::Continuous { tolerance_mm, merge_tolerance_mm: 0.0 }
 }
 
-/// The path as it is run under this path control.
+/// The path as it is run under this path control, for plans in runs or for the least time.
 #[must_use]
-pub fn smoothed(program: &Program, control: PathControl) -> Vec<Smoothed<Cut>> {
-    smoothed_elements(program.elements(), control, &super::machine())
+pub fn smoothed(program: &Program, control: PathControl, speed: CornerSpeed) -> Vec<Smoothed<Cut>> {
+    smoothed_elements(program.elements(), control, &super::machine(), speed)
 }
 
 /// [`smoothed`] of elements, within the travel of a machine.
 #[must_use]
-pub fn smoothed_elements(elements: Vec<Element>, control: PathControl, machine: &Machine) -> Vec<Smoothed<Cut>> {
-    let joining = Joining { machine, many_blocks: true };
+pub fn smoothed_elements(
+    elements: Vec<Element>,
+    control: PathControl,
+    machine: &Machine,
+    corner_speed: CornerSpeed,
+) -> Vec<Smoothed<Cut>> {
+    let joining = Joining { machine, many_blocks: true, corner_speed };
     let mut smoother = PathSmoother::default();
     let mut run = Vec::new();
     for element in elements {
@@ -61,7 +66,7 @@ pub fn request(element: Element, rest_at_end: bool, machine: &Machine) -> Motion
 #[must_use]
 pub fn seconds(program: &Program, control: PathControl, machine: &Machine) -> f64 {
     let mut planner = Planner::<()>::new(PlannerSettings::new(machine, 5_000, PERIOD_S));
-    for Smoothed { element, rest_at_end, .. } in smoothed(program, control) {
+    for Smoothed { element, rest_at_end, .. } in smoothed(program, control, CornerSpeed::Steady) {
         planner.push_motion(request(element, rest_at_end, machine));
     }
     planner.finish();

@@ -268,7 +268,7 @@ impl Builder {
     fn joining<'a>(&self, config: &'a PipelineConfig) -> Joining<'a> {
         let functions = &self.state.functions;
         let many_blocks = !functions.vibration.is_on() && !functions.oscillation.is_on();
-        Joining { machine: &config.profile.machine, many_blocks }
+        Joining { machine: &config.profile.machine, many_blocks, corner_speed: config.profile.corner_speed() }
     }
 
     /// Plans what came out of the smoother.

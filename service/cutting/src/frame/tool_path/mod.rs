@@ -5,7 +5,7 @@ mod guided;
 
 use std::f64::consts::PI;
 
-use feedwave_motion::{Element, Joining, Machine, PathSmoother, Smoothed};
+use feedwave_motion::{CornerSpeed, Element, Joining, Machine, PathSmoother, Smoothed};
 use feedwave_program::{
     Feed, FindingLog, Function, Move, MoveKind, Operation, OperationKind, Place, Position, Reader, Reading,
     SourcePages, Spindle, SpindleSpeed, ThreadMove,
@@ -69,6 +69,7 @@ struct Follower {
     tip: GuidedTip,
     smoother: PathSmoother<Cut>,
     machine: Machine,
+    corner_speed: CornerSpeed,
     /// What cuts are at this place of the program.
     cutting: ToolMotion,
     thread_vibration: bool,
@@ -89,6 +90,7 @@ impl ToolPath {
                 tip: GuidedTip::default(),
                 smoother: PathSmoother::default(),
                 machine: config.profile.machine.clone(),
+                corner_speed: config.profile.corner_speed(),
                 cutting: ToolMotion::Cutting,
                 thread_vibration: false,
                 max_override: config.overrides.iter().map(|change| change.ratio).fold(1.0, f64::max),
@@ -134,8 +136,8 @@ impl ToolPath {
 }
 
 /// What is superposed is shaped by the programmed blocks and their corners.
-fn joining(cutting: ToolMotion, machine: &Machine) -> Joining<'_> {
-    Joining { machine, many_blocks: cutting == ToolMotion::Cutting }
+fn joining(cutting: ToolMotion, machine: &Machine, corner_speed: CornerSpeed) -> Joining<'_> {
+    Joining { machine, many_blocks: cutting == ToolMotion::Cutting, corner_speed }
 }
 
 impl Follower {
@@ -150,7 +152,7 @@ impl Follower {
                 let Some(element) = Element::from_move(step, *span) else { return };
                 let cut = Cut::of(step, &element);
                 let cutting = self.cutting;
-                let joining = joining(self.cutting, &self.machine);
+                let joining = joining(self.cutting, &self.machine, self.corner_speed);
                 let mut draw = |smoothed: Smoothed<Cut>| chords(&smoothed.element, cutting, sink);
                 for part in element.smooth_parts() {
                     self.smoother.push(part, step.path_control, cut, joining, &mut draw);
@@ -182,7 +184,7 @@ impl Follower {
 
     fn flush(&mut self, sink: &mut impl ToolPathSink) {
         let cutting = self.cutting;
-        let joining = joining(self.cutting, &self.machine);
+        let joining = joining(self.cutting, &self.machine, self.corner_speed);
         self.smoother.flush(joining, &mut |smoothed| chords(&smoothed.element, cutting, sink));
     }
 

@@ -5,11 +5,11 @@ use proptest::prelude::*;
 use super::super::test_path::{Shape, chain, shapes};
 use super::super::tests::{Block, Cut, blocks, distance_to, polyline, within};
 use super::super::vector::{Vector, difference, linear, norm};
-use super::super::{Joining, PathSmoother, Smoothed};
+use super::super::{CornerSpeed, Joining, PathSmoother, Smoothed};
 use crate::{Curve, Element, Machine, MachineAxis};
 
 fn curve(machine: &Machine) -> Joining<'_> {
-    Joining { machine, many_blocks: true }
+    Joining { machine, many_blocks: true, corner_speed: CornerSpeed::Changing }
 }
 
 fn smooth_on(blocks: &[Block], machine: &Machine) -> Vec<Smoothed<Cut>> {
