@@ -15,6 +15,7 @@ mod interpret;
 mod lobes;
 mod local;
 mod machine;
+mod offsets;
 mod overrides;
 mod pictures;
 mod plan;

@@ -10,6 +10,7 @@ mod language;
 mod lobes;
 mod machine_codes;
 mod monitoring;
+mod offsets;
 mod parameters;
 mod profile;
 mod report;
@@ -31,6 +32,7 @@ pub use functions::thread::{
 pub use functions::tool_oscillation::{oscillation_request_from_proto, oscillation_request_to_proto};
 pub use lobes::{StabilityModel, pocket_search_from_proto, stability_model_from_proto};
 pub use monitoring::{monitoring_from_proto, monitoring_to_proto};
+pub use offsets::check_offsets;
 pub use profile::{profile_from_proto, profile_to_proto};
 pub use report::{finding_to_proto, report_to_proto, summary_to_proto};
 pub use settings::pipeline_config;

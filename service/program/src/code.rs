@@ -1,6 +1,7 @@
 //! The codes of the program language's findings.
 
 mod compensation;
+mod coordinates;
 mod cycle;
 mod expression;
 mod flow;
@@ -12,6 +13,7 @@ mod turning;
 mod words;
 
 pub use self::compensation::*;
+pub use self::coordinates::*;
 pub use self::cycle::*;
 pub use self::expression::*;
 pub use self::flow::*;
@@ -25,7 +27,7 @@ pub use self::words::*;
 use crate::{CodeTable, FindingCode};
 
 /// Every finding code of the program language, by topic.
-pub const TABLES: [CodeTable; 10] = [
+pub const TABLES: [CodeTable; 11] = [
     TEXT_CODES,
     WORDS_CODES,
     EXPRESSION_CODES,
@@ -36,6 +38,7 @@ pub const TABLES: [CodeTable; 10] = [
     THREAD_CODES,
     TOOL_CODES,
     COMPENSATION_CODES,
+    COORDINATE_CODES,
 ];
 
 /// Whether the program language makes findings of this code.

@@ -16,7 +16,10 @@ pub(crate) use tables::{FunctionWordRule, function_words};
 use crate::expression::Rules;
 use crate::parameters::Ranges;
 use crate::state::{Cycle, TurningCycle};
-use crate::{Axis, DialectName, Function, FunctionCodes, GCodeSystem, LanguageSettings, PathControlMode, Plane, XWord};
+use crate::{
+    Axis, DialectName, Function, FunctionCodes, GCodeSystem, LanguageSettings, PathControlMode, Plane, WorkSystem,
+    XWord,
+};
 
 /// A modal group: a block may hold at most one code of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +43,7 @@ pub(crate) enum Group {
     PolarCoordinates,
     Scaling,
     Rotation,
+    Mirror,
     MacroCall,
     Function,
     Stop,
@@ -81,6 +85,7 @@ impl Group {
             Self::PolarCoordinates => "polar coordinate",
             Self::Scaling => "scaling",
             Self::Rotation => "rotation",
+            Self::Mirror => "mirror image",
             Self::MacroCall => "macro call",
             Self::Function => "machining function",
             Self::Stop => "stop",
@@ -127,12 +132,65 @@ pub(crate) enum Meaning {
     Units {
         inch: bool,
     },
+    /// `G28`
     Reference,
+    /// `G30`
+    FurtherReference,
+    /// `G29`
+    ReferenceReturn,
+    /// `G28.1`, `G30.1`
+    StoreReference {
+        second: bool,
+    },
     MachineCoordinates,
-    WorkOffset(u8),
+    WorkOffset(WorkSystem),
+    /// `G54.1 P`, and `G154 P` of Haas controls.
+    ExtendedWorkOffset {
+        haas: bool,
+    },
+    /// `G110` to `G129` of Haas controls.
+    HaasWorkOffset(WorkSystem),
+    /// `G52`
+    LocalShift,
+    /// `G92` of LinuxCNC.
+    ShiftSet,
+    /// `G92.1`, and `G92.2` that keeps what `G92.3` restores.
+    ShiftClear {
+        keeps: bool,
+    },
+    /// `G92.3`
+    ShiftRestore,
+    /// `G92.1` on FANUC controls.
+    Preset,
+    /// `G10`
+    DataSetting,
+    /// `G11`
+    DataSettingEnd,
+    /// `G16` and `G15`.
+    Polar {
+        on: bool,
+    },
+    /// `G51` and `G50` on mills.
+    Scaling {
+        on: bool,
+    },
+    /// `G51.1` and `G50.1`.
+    Mirror {
+        on: bool,
+    },
+    /// `G101` and `G100` of Haas controls.
+    HaasMirror {
+        on: bool,
+    },
+    /// `G68`
+    Rotation,
     /// `G43`, and `G44` with the length subtracted.
     LengthCompensation {
         negative: bool,
+    },
+    /// `G43.1` and, added to what is in force, `G43.2`.
+    LengthOffset {
+        adds: bool,
     },
     /// `G43.4` with angles, `G43.5` with vectors.
     ToolControl {
@@ -176,6 +234,7 @@ pub(crate) enum Meaning {
     SpeedMode {
         surface: bool,
     },
+    /// `G50` of a lathe, `G92` of a mill: with S alone the speed clamp, with axis words the setting of coordinates.
     SpeedClamp,
     /// A lathe's `G92`: the speed clamp with `S` alone, otherwise a threading cycle.
     SpeedClampOrThreadCycle,

@@ -4,6 +4,7 @@ mod angle;
 mod arc;
 mod assign;
 mod compensation;
+mod coordinates;
 mod corner;
 mod doubt;
 mod drill;
@@ -30,7 +31,7 @@ use std::sync::Arc;
 use crate::block::Block;
 use crate::code;
 use crate::consequence;
-use crate::dialect::{CodeTable, Group, letter_bit};
+use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
 use crate::finding::FindingMark;
 use crate::foreign::{self, Foreign};
 use crate::state::Phase;
@@ -45,6 +46,7 @@ use flow::{Index, Indexer};
 pub(crate) use system::System;
 
 pub(crate) use angle::AngleLine;
+pub(crate) use coordinates::set_initial_offsets;
 pub(crate) use corner::PendingCorner;
 pub(crate) use saved::SavedModes;
 
@@ -343,7 +345,11 @@ impl Interpreter {
             return;
         }
         let mark = findings.mark();
-        let system = System { state: &self.state, settings: &self.settings, dialect: self.table.dialect };
+        if !self.state.coords.tables.assigned.is_empty() && !self.apply_assigned(operations, findings) {
+            return;
+        }
+        let system =
+            System { state: &self.state, settings: &self.settings, dialect: self.table.dialect, tools: &self.tools };
         let place = (self.state.place.program, number);
         self.block.parse(line, place, &self.table, self.settings.block_delete, system, findings, &mark);
         if self.block.unclear
@@ -362,6 +368,9 @@ impl Interpreter {
                 return self.end(span, operations, findings);
             }
             self.state.percent_seen = true;
+        }
+        if self.state.skipping_data.is_some() {
+            return self.skip_data(operations, findings);
         }
         if self.block.needs_assigning() && self.assign(line, operations, findings) {
             return;
@@ -397,10 +406,41 @@ impl Interpreter {
             findings,
             used: 0,
             exact_stop: false,
+            machine_rapid: false,
             corners: Vec::new(),
             commas_used: false,
             doubt: None,
         })
+    }
+
+    /// Puts offsets that a block before has assigned in force. Whether the program goes on.
+    #[cold]
+    fn apply_assigned(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
+        for (number, value) in core::mem::take(&mut self.state.coords.tables.assigned) {
+            if let Err(refusal) = system::assign_offset(&mut self.state, &self.settings, &self.tools, number, value) {
+                let line = self.state.lines.saturating_sub(1).max(1);
+                let span = SourceSpan { program: self.state.place.program, line, column: 1, length: 0 };
+                findings
+                    .push_with(refusal.code, |code| Finding::new(code, span, refusal.message).suggest(refusal.cure));
+                self.give_up(span, operations, findings);
+                return false;
+            }
+        }
+        true
+    }
+
+    /// A block between `G10 L50` and `G11`.
+    #[cold]
+    fn skip_data(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let code = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
+        if code == Some(Meaning::DataSettingEnd) {
+            self.state.skipping_data = None;
+            return;
+        }
+        if self.block.code(Group::Stop).is_none() && self.block.code(Group::Subprogram).is_none() {
+            return;
+        }
+        self.give_up(self.block.span(), operations, findings);
     }
 
     /// Executes the words of the present block; findings from `mark` on are its own.
@@ -537,6 +577,12 @@ impl Interpreter {
             findings.push_with(code::NURBS_UNFINISHED, |code| {
                 Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
                     .suggest("close it with G5.3")
+            });
+        }
+        if self.state.skipping_data.take().is_some() {
+            findings.push_with(code::DATA_OPEN, |code| {
+                Finding::new(code, span, "the data of the control has no G11 at its end")
+                    .suggest("add G11 behind the data")
             });
         }
         corner::interrupted(&mut self.state, span, operations, findings);

@@ -10,6 +10,7 @@ mod block;
 pub mod code;
 mod compensation;
 mod consequence;
+mod coordinates;
 mod dialect;
 mod expression;
 mod finding;
@@ -32,6 +33,7 @@ pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use compensation::{
     CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,
 };
+pub use coordinates::{UnknownWorkSystem, WorkOffset, WorkSystem};
 pub use finding::{
     CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, RelatedPlace, Severity,
     SourceSpan, Suggestion,
@@ -50,9 +52,9 @@ pub use operation::{
 pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{
-    AngleRange, BoringShift, CompensationSettings, DecimalPointRule, DialectName, DrillingSettings, DrillingStyle,
-    DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, GCodeSystem, LanguageSettings, MAX_PATH_TOLERANCE_MM,
-    PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
+    AngleRange, BoringShift, CompensationSettings, CoordinateSettings, CoordinateStyle, DecimalPointRule, DialectName,
+    DrillingSettings, DrillingStyle, DwellUnit, FeedMode, FunctionCodes, FunctionSwitch, GCodeSystem, LanguageSettings,
+    MAX_PATH_TOLERANCE_MM, PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
 };
 pub use source::{Place, SourcePages};
 pub use state::InterpreterState;

@@ -171,7 +171,8 @@ impl Parameters {
         self.returned
     }
 
-    fn changed(&mut self) {
+    /// Notes that a value that programs read has changed.
+    pub(crate) const fn changed(&mut self) {
         self.changes = self.changes.wrapping_add(1);
     }
 

@@ -1,10 +1,12 @@
 //! Language settings: what a machine profile says about how its programs are written.
 
+mod coordinates;
 mod drilling;
 mod turning;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::coordinates::{CoordinateSettings, CoordinateStyle};
 pub use self::drilling::{BoringShift, DrillingSettings, DrillingStyle, PeckReturn};
 pub(crate) use self::drilling::{FANUC_RETRACT_MM, LINUXCNC_RETRACT_MM};
 pub(crate) use self::turning::ESCAPE_MM;
@@ -207,6 +209,8 @@ pub struct LanguageSettings {
     pub compensation: CompensationSettings,
     /// Work offsets `G54`…`G59`: machine position = work position + offset, mm (X a radius) and degrees.
     pub work_offsets: [Position; 6],
+    /// Coordinates and offsets beyond these.
+    pub coordinates: CoordinateSettings,
     /// Reference position of `G28`, machine coordinates, mm (X a radius) and degrees.
     pub reference_position: Position,
     /// Machine position at program start, mm (X a radius) and degrees.
@@ -257,6 +261,7 @@ impl Default for LanguageSettings {
             turning: TurningSettings::default(),
             compensation: CompensationSettings::default(),
             work_offsets: [[0.0; 9]; 6],
+            coordinates: CoordinateSettings::default(),
             reference_position: [0.0; 9],
             initial_position: [0.0; 9],
             // Posts write three decimals: two rounded ends and a rounded centre differ by up to about 2 µm.
@@ -287,6 +292,13 @@ impl LanguageSettings {
     #[must_use]
     pub fn linuxcnc() -> Self {
         Self { dialect: DialectName::LinuxCnc, dwell_p_unit: DwellUnit::Seconds, ..Self::mill() }
+    }
+
+    /// What machine coordinates are more than work coordinates before the first block: the work offset of `G54`, and
+    /// whatever else is in force then.
+    #[must_use]
+    pub fn initial_offset(&self) -> Position {
+        crate::InterpreterState::new(self).coords.total
     }
 
     /// Whether the dialect, in the G-code system that is named, itself carries out the G code of this number, so that a profile

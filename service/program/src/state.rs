@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::drilling::{Cycle, Drilling};
 pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes};
 
+use crate::coordinates::Coordinates;
 use crate::dialect::FeedUnit;
 use crate::interpreter::{AngleLine, FlowState, PendingCorner, SavedModes};
 use crate::parameters::Parameters;
@@ -43,7 +44,7 @@ pub struct InterpreterState {
     /// Within a line that is too long to be read.
     pub(crate) skipping_line: bool,
     pub(crate) reported: Reported,
-    /// Programmed position in work coordinates, mm (X a radius) and degrees.
+    /// Programmed position, before mirror image, scaling and rotation, mm (X a radius) and degrees.
     pub(crate) position: Position,
     /// The block that moved there; line 0 before the first.
     pub(crate) moved_by: SourceSpan,
@@ -76,8 +77,11 @@ pub struct InterpreterState {
     /// Tool that the next `M6` changes to.
     pub(crate) next_tool: Option<u32>,
     pub(crate) coolant: Coolant,
-    /// Index of the work offset, 0 for `G54`.
-    pub(crate) work_offset: u8,
+    pub(crate) coords: Coordinates,
+    /// X words are diameters.
+    pub(crate) x_diameter: bool,
+    /// Between `G10 L50` and `G11`: the line of its start.
+    pub(crate) skipping_data: Option<u32>,
     pub(crate) path_control: PathControl,
     /// The path control before contour control (`G5.1 Q1`, `G5 P10000`, `G8 P1`, `G187`), while it is on.
     pub(crate) before_contour: Option<PathControl>,
@@ -148,15 +152,18 @@ impl FunctionSet {
 /// Tool length compensation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LengthCompensation {
-    /// `H`, 0 where it is off.
+    /// It is on; on lathes an offset is in force whenever its number is not 0.
+    pub(crate) is_on: bool,
+    /// `H`, 0 where it is off; on lathes the number of the offset in the `T` word.
     pub(crate) number: u32,
+    /// On lathes the number that the geometry belongs to.
+    pub(crate) geometry_number: u32,
     /// `G44`
     pub(crate) negative: bool,
     /// The length, negative for `G44`, mm.
     pub(crate) length_mm: f64,
-    /// What machine Z is more than work Z and the work offset, mm: nothing in a tilted plane, where the length is along the
-    /// tool axis.
-    pub(crate) along_z_mm: f64,
+    /// What it adds to machine coordinates, mm: nothing in a tilted plane, where the length is along the tool axis.
+    pub(crate) offset: Position,
     /// Line that switched it on.
     pub(crate) on_line: u32,
 }
@@ -327,8 +334,7 @@ pub(crate) struct Reported {
 impl InterpreterState {
     /// The state before the first line.
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
-        let offset = &settings.work_offsets[0];
-        Self {
+        let mut state = Self {
             place: Place::default(),
             flow: FlowState::default(),
             lines: 0,
@@ -341,7 +347,7 @@ impl InterpreterState {
             percent_seen: false,
             skipping_line: false,
             reported: Reported::default(),
-            position: core::array::from_fn(|axis| settings.initial_position[axis] - offset[axis]),
+            position: Position::default(),
             moved_by: SourceSpan::default(),
             motion: Motion::None,
             plane: match settings.dialect {
@@ -371,7 +377,9 @@ impl InterpreterState {
             turning: TurningModes::default(),
             next_tool: None,
             coolant: Coolant::default(),
-            work_offset: 0,
+            coords: Coordinates::new(settings),
+            x_diameter: settings.x_word == crate::XWord::Diameter,
+            skipping_data: None,
             path_control: settings.path_control(settings.initial_path_control),
             before_contour: None,
             corner: None,
@@ -388,7 +396,11 @@ impl InterpreterState {
             compensator: Compensator::default(),
             functions_on: FunctionSet::default(),
             functions_refused: FunctionSet::default(),
-        }
+        };
+        crate::interpreter::set_initial_offsets(&mut state, settings);
+        state.coords.resolve(settings, &Position::default());
+        state.position = state.coords.programmed(&settings.initial_position);
+        state
     }
 
     /// Lines read so far.

@@ -12,6 +12,7 @@ use feedwave_contract::violations::Violations;
 use feedwave_contract::{names, proto};
 use feedwave_cutting::{DEFAULT_PERIOD_US, Frame, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile, PipelineConfig};
 
+use super::offsets::OffsetArgs;
 use super::tool_oscillation::OscillationArgs;
 use super::tools::ToolArgs;
 use super::{CliError, data_file};
@@ -38,6 +39,8 @@ pub(super) struct MachineArgs {
     envelope: Option<Envelope>,
     #[command(flatten)]
     tools: ToolArgs,
+    #[command(flatten)]
+    offsets: OffsetArgs,
     #[command(flatten)]
     oscillation: OscillationArgs,
 }
@@ -107,6 +110,7 @@ impl MachineArgs {
             generation_mode: Mode::value(self.mode),
             vibration_envelope: Envelope::value(self.envelope),
             tools: self.tools.read()?,
+            offsets: self.offsets.read()?,
             oscillation: Some(oscillation_request_to_proto(&self.oscillation.checked(&profile.tool_oscillation)?)),
             programs: Vec::new(),
         };

@@ -12,6 +12,7 @@ use feedwave_cutting::tool_oscillation::OscillationRequest;
 
 use super::client::{Client, ServerArgs};
 use super::machine::{Envelope, Mode};
+use super::offsets::OffsetArgs;
 use super::source::{IncludeArgs, Source};
 use super::terminal::{Style, print, print_json, tell};
 use super::tool_oscillation::OscillationArgs;
@@ -61,6 +62,8 @@ pub struct Args {
     /// Tool of the service that the program may use, `tools/{tool}`; may be repeated [default: any]
     #[arg(long = "tool", value_name = "TOOL")]
     tools: Vec<String>,
+    #[command(flatten)]
+    offsets: OffsetArgs,
     #[command(flatten)]
     oscillation: OscillationArgs,
     /// Wait for validation and show what was found
@@ -134,6 +137,7 @@ async fn create(args: &Args, client: &mut Client, source: &mut Source) -> Result
         generation_mode: Mode::value(args.mode),
         vibration_envelope: Envelope::value(args.envelope),
         tools: args.tools.clone(),
+        offsets: args.offsets.read()?,
         oscillation: (oscillation != OscillationRequest::default()).then(|| oscillation_request_to_proto(&oscillation)),
         programs,
     };

@@ -10,6 +10,7 @@ use feedwave_program::{
 use super::drilling::{drilling_from_proto, drilling_to_proto};
 use super::functions;
 use super::machine_codes::{machine_code_to_proto, machine_codes_from_proto};
+use super::offsets::{apply_offsets, check_offsets, coordinates_from_proto, coordinates_to_proto, offsets_to_proto};
 use super::parameters::{parameters_from_proto, parameters_to_proto};
 use crate::convert::enumeration;
 use crate::proto;
@@ -105,7 +106,8 @@ pub(super) fn language_from_proto(
         program_number_digits: given.program_number_digits.unwrap_or(default.program_number_digits),
         max_executed_blocks: given.max_executed_blocks.unwrap_or(default.max_executed_blocks),
         max_still_blocks: given.max_still_blocks.unwrap_or(default.max_still_blocks),
-        parameters: parameters_from_proto(violations, &given.parameters),
+        parameters: parameters_from_proto(violations, "language.parameters", &given.parameters),
+        coordinates: coordinates_from_proto(violations, &given.coordinates.clone().unwrap_or_default()),
         drilling: drilling_from_proto(violations, &given.drilling.unwrap_or_default()).unwrap_or_default(),
         g_code_system: enumeration(violations, "language.g_code_system", given.g_code_system).and_then(Choice::stated),
         turning: turning_from_proto(&given.turning.unwrap_or_default()),
@@ -117,6 +119,10 @@ pub(super) fn language_from_proto(
     }
     for (offset, given) in language.work_offsets.iter_mut().zip(&given.work_offsets) {
         *offset = position_from_proto(given);
+    }
+    if let Some(offsets) = &given.offsets {
+        check_offsets(violations, "language.offsets", offsets);
+        apply_offsets(offsets, &mut language);
     }
     functions::words_from_proto(given, &mut language);
     language
@@ -179,6 +185,8 @@ pub(super) fn language_to_proto(language: &LanguageSettings) -> proto::LanguageS
         angle_range: language.angle_range.message().into(),
         parameters: parameters_to_proto(&language.parameters),
         drilling: Some(drilling_to_proto(&language.drilling)),
+        coordinates: Some(coordinates_to_proto(&language.coordinates)),
+        offsets: offsets_to_proto(language),
         unlisted_machine_codes: language.unlisted_machine_codes.message().into(),
         input_result: Some(language.input_result),
         contour_tolerances_mm: language.contour_tolerances_mm.to_vec(),

@@ -11,19 +11,20 @@ const MOST_PARAMETERS: usize = 1_000;
 /// Largest number of a parameter.
 const LARGEST_NUMBER: u32 = 99_999;
 
-/// The parameters of a profile; each that cannot be one, or comes twice, is a violation.
+/// The parameters of a field; each that cannot be one, or comes twice, is a violation.
 pub(super) fn parameters_from_proto(
     violations: &mut Violations,
+    prefix: &str,
     parameters: &[proto::ParameterValue],
 ) -> InitialParameters {
     let mut initial = InitialParameters::default();
     if parameters.len() > MOST_PARAMETERS {
         let count = parameters.len();
-        violations.add("language.parameters", format!("must list at most {MOST_PARAMETERS}, lists {count}"));
+        violations.add(prefix, format!("must list at most {MOST_PARAMETERS}, lists {count}"));
         return initial;
     }
     for (index, proto::ParameterValue { parameter, value }) in parameters.iter().enumerate() {
-        let field = |name: &str| format!("language.parameters[{index}].{name}");
+        let field = |name: &str| format!("{prefix}[{index}].{name}");
         if !value.is_finite() {
             violations.add(field("value"), format!("must be finite, is {value}"));
         }
@@ -63,7 +64,7 @@ mod tests {
         let value =
             |&(parameter, value): &(&str, f64)| proto::ParameterValue { parameter: parameter.to_owned(), value };
         let parameters: Vec<_> = parameters.iter().map(value).collect();
-        let initial = parameters_from_proto(&mut violations, &parameters);
+        let initial = parameters_from_proto(&mut violations, "language.parameters", &parameters);
         (initial, violations)
     }
 
@@ -73,7 +74,7 @@ mod tests {
         assert!(violations.is_empty());
         assert_eq!((initial.numbered[&500], initial.named["_depth"]), (1.5, -2.0));
         let mut again = Violations::default();
-        assert_eq!(parameters_from_proto(&mut again, &parameters_to_proto(&initial)), initial);
+        assert_eq!(parameters_from_proto(&mut again, "language.parameters", &parameters_to_proto(&initial)), initial);
     }
 
     #[test]

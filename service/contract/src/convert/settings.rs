@@ -2,6 +2,7 @@
 
 use feedwave_cutting::{DEFAULT_PERIOD_US, MachineProfile, PipelineConfig};
 
+use super::offsets::apply_offsets;
 use super::{functions, tool_for_pipeline};
 use crate::proto;
 
@@ -16,6 +17,9 @@ pub fn pipeline_config(profile: MachineProfile, settings: &proto::JobSettings) -
         programs: settings.programs.iter().map(|file| file.name.clone()).collect(),
         ..PipelineConfig::new(profile)
     };
+    if let Some(offsets) = &settings.offsets {
+        apply_offsets(offsets, &mut config.profile.language);
+    }
     functions::job_from_proto(settings, &mut config);
     config
 }
@@ -40,11 +44,16 @@ mod tests {
             tools: vec![proto::Tool { number: 7, length_mm: Some(120.5), ..Default::default() }],
             oscillation: Some(proto::OscillationRequest { parts_before: 3, ..Default::default() }),
             programs: vec![proto::ProgramFile { name: "O1000.nc".to_owned(), source: None }],
+            offsets: Some(proto::Offsets {
+                external: Some(proto::AxisPosition { z: -2.0, ..Default::default() }),
+                ..Default::default()
+            }),
         };
         let config = pipeline_config(profile, &settings);
         assert_eq!((config.interpolation_period_us, config.generation_mode), (250, GenerationMode::ServoSide));
         assert_eq!((config.vibration_envelope, config.oscillation.parts_before), (VibrationEnvelope::Blended, 3));
         assert_eq!(*config.programs, ["O1000.nc".to_owned()]);
+        assert_eq!(config.profile.language.initial_offset()[2], -2.0);
         assert_eq!((config.tools[0].number, config.tools[0].offset.length_mm()), (7, Some(120.5)));
     }
 }

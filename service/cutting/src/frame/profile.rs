@@ -179,10 +179,15 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     let mut problems = Vec::new();
     let positions = language.work_offsets.iter().enumerate().map(|(index, p)| (format!("work_offsets[{index}]"), p));
     let positions = positions.chain([
+        ("coordinates.external_offset".to_owned(), &language.coordinates.external_offset),
         ("reference_position".to_owned(), &language.reference_position),
         ("initial_position".to_owned(), &language.initial_position),
     ]);
-    for (field, position) in positions {
+    let systems = language.coordinates.systems.iter();
+    let systems = systems.map(|(system, place)| (format!("coordinates.systems[{system}]"), &place.offset));
+    let more = language.coordinates.more_reference_positions.iter().flatten();
+    let more = more.map(|position| ("coordinates.more_reference_positions".to_owned(), position));
+    for (field, position) in positions.chain(systems).chain(more) {
         if let Some(axis) = position.iter().position(|value| !value.is_finite()) {
             problems.push(problem(format!("{field}[{axis}]"), "must be finite"));
         }

@@ -39,7 +39,7 @@ crate::finding_codes! {
               does not assign.",
         cure: "Use one of the codes listed with the finding, or assign the code in the language settings of the \
               machine profile.",
-        example: lathe("G123 X10"),
+        example: lathe("G223 X10"),
     }
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {

@@ -2,7 +2,7 @@
 
 use super::{Code, Dialect, FeedUnit, Flow, Group, Letter, Meaning, Order, OtherReading};
 use crate::state::{Cycle, Pockets, TurningCycle};
-use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, XWord, expression, parameters};
+use crate::{Axis, Function, PathControlMode, Plane, SpindleDirection, WorkSystem, XWord, expression, parameters};
 
 pub(super) const fn code(tenths: u16, group: Group, meaning: Meaning) -> Code {
     Code { tenths, group, meaning, other_reading: None }
@@ -16,6 +16,22 @@ pub(super) const fn doubtful(
     other_reading: &'static OtherReading,
 ) -> Code {
     Code { tenths, group, meaning, other_reading: Some(other_reading) }
+}
+
+/// `G54` to `G59.3` for 1 to 9.
+const fn system(number: u16) -> WorkSystem {
+    match WorkSystem::plain(number) {
+        Some(system) => system,
+        None => panic!("a table has a wrong number"),
+    }
+}
+
+/// `G110` to `G129` of Haas controls, for 1 to 20.
+const fn haas_offset(number: u16) -> Code {
+    match WorkSystem::extended(number) {
+        Some(system) => code(1_090 + 10 * number, Group::WorkOffset, Meaning::HaasWorkOffset(system)),
+        None => panic!("a table has a wrong number"),
+    }
 }
 
 /// `G80` with axis words: LinuxCNC refuses it, FANUC controls differ.
@@ -38,26 +54,26 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
     code(51, Group::Motion, Meaning::QuadraticSpline),
     code(52, Group::Motion, Meaning::Nurbs),
     code(53, Group::Motion, Meaning::NurbsEnd),
-    code(100, Group::NonModal, Meaning::Unsupported("data setting")),
+    code(100, Group::NonModal, Meaning::DataSetting),
     code(170, Group::Plane, Meaning::Plane(Plane::Xy)),
     code(180, Group::Plane, Meaning::Plane(Plane::Zx)),
     code(190, Group::Plane, Meaning::Plane(Plane::Yz)),
     code(200, Group::Units, Meaning::Units { inch: true }),
     code(210, Group::Units, Meaning::Units { inch: false }),
     code(280, Group::NonModal, Meaning::Reference),
-    code(300, Group::NonModal, Meaning::Unsupported("second reference position")),
+    code(300, Group::NonModal, Meaning::FurtherReference),
     code(330, Group::Motion, Meaning::Thread),
     code(400, Group::CutterCompensation, Meaning::CompensationOff),
     code(410, Group::CutterCompensation, Meaning::Compensation { left: true, by_words: false }),
     code(420, Group::CutterCompensation, Meaning::Compensation { left: false, by_words: false }),
-    code(520, Group::NonModal, Meaning::Unsupported("local coordinate system")),
+    code(520, Group::NonModal, Meaning::LocalShift),
     code(530, Group::NonModal, Meaning::MachineCoordinates),
-    code(540, Group::WorkOffset, Meaning::WorkOffset(0)),
-    code(550, Group::WorkOffset, Meaning::WorkOffset(1)),
-    code(560, Group::WorkOffset, Meaning::WorkOffset(2)),
-    code(570, Group::WorkOffset, Meaning::WorkOffset(3)),
-    code(580, Group::WorkOffset, Meaning::WorkOffset(4)),
-    code(590, Group::WorkOffset, Meaning::WorkOffset(5)),
+    code(540, Group::WorkOffset, Meaning::WorkOffset(system(1))),
+    code(550, Group::WorkOffset, Meaning::WorkOffset(system(2))),
+    code(560, Group::WorkOffset, Meaning::WorkOffset(system(3))),
+    code(570, Group::WorkOffset, Meaning::WorkOffset(system(4))),
+    code(580, Group::WorkOffset, Meaning::WorkOffset(system(5))),
+    code(590, Group::WorkOffset, Meaning::WorkOffset(system(6))),
     code(611, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(640, Group::PathControl, Meaning::PathControl(PathControlMode::Continuous)),
     doubtful(800, Group::Cycle, Meaning::CycleEnd, &CYCLE_END),
@@ -84,9 +100,31 @@ pub(super) const FANUC_G_CODES: &[Code] = &[
     code(80, Group::NonModal, Meaning::LookAhead),
     code(90, Group::NonModal, Meaning::ExactStop),
     code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
-    code(290, Group::NonModal, Meaning::Unsupported("return from the reference position")),
+    code(110, Group::NonModal, Meaning::DataSettingEnd),
+    code(290, Group::NonModal, Meaning::ReferenceReturn),
     code(310, Group::NonModal, Meaning::Skip),
-    code(541, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(541, Group::WorkOffset, Meaning::ExtendedWorkOffset { haas: false }),
+    code(1_540, Group::WorkOffset, Meaning::ExtendedWorkOffset { haas: true }),
+    haas_offset(1),
+    haas_offset(2),
+    haas_offset(3),
+    haas_offset(4),
+    haas_offset(5),
+    haas_offset(6),
+    haas_offset(7),
+    haas_offset(8),
+    haas_offset(9),
+    haas_offset(10),
+    haas_offset(11),
+    haas_offset(12),
+    haas_offset(13),
+    haas_offset(14),
+    haas_offset(15),
+    haas_offset(16),
+    haas_offset(17),
+    haas_offset(18),
+    haas_offset(19),
+    haas_offset(20),
     // FANUC's G61 is the exact stop check; the exact path is LinuxCNC's.
     code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactStop)),
     code(620, Group::PathControl, Meaning::CuttingMode),
@@ -180,17 +218,19 @@ pub(super) static MILL: Dialect = Dialect {
 };
 
 const MILL_G_CODES: &[Code] = &[
-    code(150, Group::PolarCoordinates, Meaning::AlreadySo),
-    code(160, Group::PolarCoordinates, Meaning::Unsupported("polar coordinates")),
+    code(150, Group::PolarCoordinates, Meaning::Polar { on: false }),
+    code(160, Group::PolarCoordinates, Meaning::Polar { on: true }),
     code(370, Group::NonModal, Meaning::Skip),
     code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
     code(440, Group::LengthCompensation, Meaning::LengthCompensation { negative: true }),
     code(434, Group::LengthCompensation, Meaning::ToolControl { vectors: false }),
     code(435, Group::LengthCompensation, Meaning::ToolControl { vectors: true }),
     code(490, Group::LengthCompensation, Meaning::ToolControlOff),
-    code(500, Group::Scaling, Meaning::AlreadySo),
-    code(510, Group::Scaling, Meaning::Unsupported("scaling")),
-    code(680, Group::Rotation, Meaning::Unsupported("coordinate rotation")),
+    code(500, Group::Scaling, Meaning::Scaling { on: false }),
+    code(501, Group::Mirror, Meaning::Mirror { on: false }),
+    code(510, Group::Scaling, Meaning::Scaling { on: true }),
+    code(511, Group::Mirror, Meaning::Mirror { on: true }),
+    code(680, Group::Rotation, Meaning::Rotation),
     code(531, Group::NonModal, Meaning::AlignTool),
     code(682, Group::Rotation, Meaning::TiltedPlane),
     code(690, Group::Rotation, Meaning::RotationOff),
@@ -198,6 +238,9 @@ const MILL_G_CODES: &[Code] = &[
     code(740, Group::Motion, Meaning::Drill(Cycle::TapLeft)),
     code(760, Group::Motion, Meaning::Drill(Cycle::FineBore)),
     code(920, Group::NonModal, Meaning::SpeedClamp),
+    code(921, Group::NonModal, Meaning::Preset),
+    code(1_000, Group::Mirror, Meaning::HaasMirror { on: false }),
+    code(1_010, Group::Mirror, Meaning::HaasMirror { on: true }),
     code(980, Group::CycleReturn, Meaning::CycleReturn { to_r: false }),
     code(990, Group::CycleReturn, Meaning::CycleReturn { to_r: true }),
 ];
@@ -234,8 +277,8 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(610, Group::PathControl, Meaning::PathControl(PathControlMode::ExactPath)),
     code(70, Group::Diameter, Meaning::XWord(XWord::Diameter)),
     code(80, Group::Diameter, Meaning::XWord(XWord::Radius)),
-    code(281, Group::NonModal, Meaning::Unsupported("storing the reference position")),
-    code(301, Group::NonModal, Meaning::Unsupported("storing the second reference position")),
+    code(281, Group::NonModal, Meaning::StoreReference { second: false }),
+    code(301, Group::NonModal, Meaning::StoreReference { second: true }),
     code(331, Group::Motion, Meaning::RigidTap),
     code(382, Group::Motion, Meaning::Probe),
     code(383, Group::Motion, Meaning::Probe),
@@ -244,12 +287,12 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(411, Group::CutterCompensation, Meaning::Compensation { left: true, by_words: true }),
     code(421, Group::CutterCompensation, Meaning::Compensation { left: false, by_words: true }),
     code(430, Group::LengthCompensation, Meaning::LengthCompensation { negative: false }),
-    code(431, Group::LengthCompensation, Meaning::Unsupported("tool length offset by words")),
-    code(432, Group::LengthCompensation, Meaning::Unsupported("additional tool length offset")),
+    code(431, Group::LengthCompensation, Meaning::LengthOffset { adds: false }),
+    code(432, Group::LengthCompensation, Meaning::LengthOffset { adds: true }),
     code(490, Group::LengthCompensation, Meaning::ToolControlOff),
-    code(591, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
-    code(592, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
-    code(593, Group::WorkOffset, Meaning::Unsupported("additional work offsets")),
+    code(591, Group::WorkOffset, Meaning::WorkOffset(system(7))),
+    code(592, Group::WorkOffset, Meaning::WorkOffset(system(8))),
+    code(593, Group::WorkOffset, Meaning::WorkOffset(system(9))),
     code(700, Group::Motion, Meaning::Turning(TurningCycle::Finish)),
     code(710, Group::Motion, Meaning::Turning(TurningCycle::Turn(Pockets::All))),
     code(711, Group::Motion, Meaning::Turning(TurningCycle::Turn(Pockets::Without))),
@@ -262,11 +305,10 @@ const LINUXCNC_G_CODES: &[Code] = &[
     code(760, Group::Motion, Meaning::ThreadCycles),
     code(901, Group::ArcDistance, Meaning::ArcDistance { absolute: true }),
     code(911, Group::ArcDistance, Meaning::ArcDistance { absolute: false }),
-    code(920, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
-    // There is no offset that they could clear.
-    code(921, Group::NonModal, Meaning::AlreadySo),
-    code(922, Group::NonModal, Meaning::AlreadySo),
-    code(923, Group::NonModal, Meaning::Unsupported("coordinate system offset")),
+    code(920, Group::NonModal, Meaning::ShiftSet),
+    code(921, Group::NonModal, Meaning::ShiftClear { keeps: false }),
+    code(922, Group::NonModal, Meaning::ShiftClear { keeps: true }),
+    code(923, Group::NonModal, Meaning::ShiftRestore),
     code(980, Group::CycleReturn, Meaning::CycleReturn { to_r: false }),
     code(990, Group::CycleReturn, Meaning::CycleReturn { to_r: true }),
 ];

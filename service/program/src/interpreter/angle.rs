@@ -7,6 +7,7 @@ use super::execute::Execution;
 use super::motion::Frame;
 use crate::block::Word;
 use crate::code;
+use crate::coordinates::direction;
 use crate::dialect::letter_bit;
 use crate::state::Motion;
 use crate::{Finding, MoveKind, Operation, OperationKind, SourceSpan};
@@ -42,6 +43,10 @@ impl Execution<'_> {
         let (first, second) = self.state.plane.axes();
         let named = self.named_axes(axes);
         let only_in_plane = named.without(first).without(second).is_empty();
+        if self.state.coords.polar.is_some() {
+            self.state.position = self.target(axes, Frame::Work);
+            return self.angle_error(span, "an angle of a line in polar coordinates (G16)");
+        }
         if self.state.motion != Motion::Linear || !only_in_plane || !self.state.tool_control.is_plain() {
             self.state.position = self.target(axes, Frame::Work);
             return self.angle_error(span, "an angle belongs to a line (G1) in the plane");
@@ -140,19 +145,4 @@ pub(super) fn unfinished(line: &AngleLine, findings: &mut crate::FindingLog) {
             "let a line with an angle and both coordinates of its end follow at once, or write one coordinate here",
         )
     });
-}
-
-/// Cosine and sine, exact at right angles.
-fn direction(angle_deg: f64) -> [f64; 2] {
-    let turned = angle_deg.rem_euclid(360.0);
-    match turned {
-        0.0 => [1.0, 0.0],
-        90.0 => [0.0, 1.0],
-        180.0 => [-1.0, 0.0],
-        270.0 => [0.0, -1.0],
-        _ => {
-            let (sine, cosine) = libm::sincos(turned.to_radians());
-            [cosine, sine]
-        }
-    }
 }

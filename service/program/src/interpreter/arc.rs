@@ -49,6 +49,7 @@ impl Execution<'_> {
         let radius = self.take(b'R');
         let offsets = [self.take(centre_letter(first)), self.take(centre_letter(second))];
         let centre_word = offsets[0].or(offsets[1]);
+        self.check_placed_arc(plane, centre_word.is_some())?;
         let center = match (radius, centre_word) {
             (Some(radius), None) => self.center_by_radius(&radius, &chord)?,
             (None, Some(word)) => {
@@ -77,6 +78,28 @@ impl Execution<'_> {
         let full_turns = f64::from(turns - 1) * core::f64::consts::TAU;
         let sweep_rad = sweep(&chord, center) + if clockwise { -full_turns } else { full_turns };
         Some(ArcGeometry { plane, center, clockwise, sweep_rad })
+    }
+
+    /// Whether the coordinates keep circles of the plane, and polar coordinates the centre; nothing after a finding.
+    fn check_placed_arc(&mut self, plane: crate::Plane, has_center: bool) -> Option<()> {
+        let coords = &self.state.coords;
+        if has_center && coords.polar.is_some() {
+            let span = self.block.span();
+            return self.arc_error(code::COORD_BLOCK, span, |mut finding| {
+                finding.message.push_str("the centre of an arc in polar coordinates (G16)");
+                finding.suggest("write its radius, R")
+            });
+        }
+        if coords.transform.as_ref().is_none_or(|transform| transform.keeps_circles(plane)) {
+            return Some(());
+        }
+        let span = self.block.span();
+        self.arc_error(code::COORD_SHAPE, span, |mut finding| {
+            finding
+                .message
+                .push_str("scaling and rotation would make something else than a circle of this plane of the arc");
+            finding.suggest("scale both axes of the plane alike, and keep to the plane of the rotation")
+        })
     }
 
     /// `G90.1`: centres are counted from the origin, and both of their words are needed.

@@ -23,7 +23,7 @@ const TIPS: [[f64; 2]; 10] = [
 ];
 
 /// FANUC's number of the tip by LinuxCNC's orientation, which is mirrored in X.
-const TIP_OF_ORIENTATION: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
+pub(super) const TIP_OF_ORIENTATION: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
 
 /// Radius and tip of a tool.
 struct Nose {
@@ -67,8 +67,18 @@ impl Execution<'_> {
         if self.state.tool_control.mode != ToolMode::Off {
             return self.compensation_refused(span, "tool centre point control or a tilted plane", span.line);
         }
+        if self.state.coords.transform.as_ref().is_some_and(|transform| !transform.keeps_circles(plane)) {
+            let message = "circles of this plane would not stay circles";
+            return self.coord(
+                code::COORD_SHAPE,
+                span,
+                message,
+                "scale both axes of the plane alike, in the plane of the rotation",
+            );
+        }
+        let is_mirrored = self.state.coords.transform.as_ref().is_some_and(|transform| transform.swaps_sides(plane));
         // A negative radius is that of a tool smaller than the one that the path was made for.
-        let left = left == (radius_mm >= 0.0);
+        let left = (left == (radius_mm >= 0.0)) != is_mirrored;
         let radius_mm = radius_mm.abs();
         let reference_mm = if plane == Plane::Zx { [z * radius_mm, x * radius_mm] } else { [0.0; 2] };
         if let Some(on) = self.state.compensation.on {
@@ -165,7 +175,7 @@ impl Execution<'_> {
 
     /// The tool offset of this number, if it has a radius.
     fn nose_by_number(&self, number: u32) -> Option<Nose> {
-        let offset = self.tools.iter().find(|offset| offset.number == number)?;
+        let offset = self.tool_row(number)?;
         Some(Nose { radius_mm: offset.total_radius_mm()?, tip: offset.tip, is_said: false })
     }
 
@@ -212,7 +222,7 @@ impl Execution<'_> {
             (_, Meaning::Unsupported(_)) => false,
             (Group::Plane, Meaning::Plane(plane)) => plane != self.state.plane,
             (Group::ToolChange, meaning) => meaning == Meaning::ToolChange,
-            (Group::WorkOffset, Meaning::WorkOffset(index)) => is_linuxcnc || index != self.state.work_offset,
+            (Group::WorkOffset, Meaning::WorkOffset(system)) => is_linuxcnc || system != self.state.coords.system,
             (Group::WorkOffset, _) => true,
             (Group::LengthCompensation, Meaning::ToolControl { .. }) => true,
             (Group::LengthCompensation | Group::PathControl | Group::CycleReturn | Group::Overrides, _) => is_linuxcnc,
@@ -234,6 +244,15 @@ impl Execution<'_> {
             Finding::new(code, span, message)
                 .with_value("on_line", f64::from(on_line), "")
                 .suggest("leave the contour with G40 and a straight move first")
+        });
+    }
+
+    /// `M72` or a return to modes with the compensation on.
+    pub(super) fn compensation_restored(&mut self, span: SourceSpan) {
+        self.findings.push_with(code::COMP_BLOCK, |code| {
+            let message = "the saved modes have the radius compensation on, whose contour is not that of this place";
+            Finding::new(code, span, message)
+                .suggest("save the modes with the compensation off, and write G41 or G42 here")
         });
     }
 

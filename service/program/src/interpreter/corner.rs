@@ -51,6 +51,16 @@ impl Execution<'_> {
         let with_comma = [b'C', b'R'].into_iter().find_map(|letter| Some((letter, *block.comma_word(letter)?)));
         if let Some((letter, word)) = with_comma {
             self.commas_used = true;
+            if self.state.coords.transform.as_ref().is_some_and(|transform| transform.scaling.is_some()) {
+                let span = self.block.word_span(&word);
+                self.coord(
+                    code::COORD_SHAPE,
+                    span,
+                    "whether a scaling scales chamfers and roundings depends on the control",
+                    "write the corner with G1 and G2 or G3",
+                );
+                return None;
+            }
             let size = self.scaled(&word, true);
             return self.corner(letter, &word, size, None, plane);
         }

@@ -13,6 +13,7 @@ mod words;
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
 use crate::code;
+use crate::coordinates::direction;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::{Cycle, Motion, ToolMode};
 use crate::{
@@ -62,6 +63,8 @@ struct Hole {
     /// Where an oriented tool is moved off the wall.
     shift: Position,
     drive: Drive,
+    /// Polar coordinates: the angle from one hole to the next about the zero of the work coordinates, degrees.
+    polar_step_deg: Option<f64>,
 }
 
 /// What makes the tool cut.
@@ -160,6 +163,9 @@ impl Execution<'_> {
             return self.compensation_refused(self.block.span(), "a drilling cycle", on.line);
         }
         let Some((cycle, axis)) = self.cycle_here(cycle) else { return };
+        if self.state.coords.transform.is_some() && self.is_cycle_transformed(cycle, axis) {
+            return;
+        }
         self.drill_block(cycle, axis, axes);
     }
 
@@ -214,6 +220,62 @@ impl Execution<'_> {
         self.findings.push_with(code, |code| Finding::new(code, span, message).suggest(cure));
     }
 
+    /// Whether the coordinates change what the levels of a cycle mean, so that it is refused; that is then reported.
+    fn is_cycle_transformed(&mut self, cycle: Cycle, axis: Axis) -> bool {
+        let Some(transform) = &self.state.coords.transform else { return false };
+        let message = if transform.factor(axis) != 1.0 {
+            "what the levels of a cycle are along a scaled or mirrored axis depends on the control"
+        } else if !transform.keeps_plane(self.state.plane) {
+            "a drilling cycle in another plane than that of the rotation"
+        } else if matches!(cycle, Cycle::FineBore | Cycle::BackBore) {
+            "which way the tool is moved off the wall in transformed coordinates depends on the control"
+        } else {
+            return false;
+        };
+        self.refuse_cycle(
+            code::COORD_SHAPE,
+            message,
+            "write the moves with G0 and G1, or the cycle in plain coordinates",
+        );
+        true
+    }
+
+    /// By which angle the holes of a block with repeats follow each other in polar coordinates; an error where they differ in more.
+    fn polar_steps(&self, axes: u32) -> Result<Option<f64>, ()> {
+        if self.state.coords.polar.is_none() || self.state.absolute {
+            return Ok(None);
+        }
+        let (first, second) = self.state.plane.axes();
+        if axes & self.letters_of(first) != 0 {
+            return Err(());
+        }
+        let angle = self.block.letters & axes & self.letters_of(second) != 0;
+        Ok(angle.then(|| self.scaled(self.block.slot(self.letters_of(second).trailing_zeros() as usize), false)))
+    }
+
+    #[cold]
+    fn refuse_polar_steps(&mut self) {
+        let span = self.block.span();
+        self.coord(
+            code::COORD_AMBIGUOUS,
+            span,
+            "repeats with an incremental radius in polar coordinates: controls differ in the pole of the further holes",
+            "write each hole in a block of its own",
+        );
+    }
+
+    /// The next hole on the circle.
+    fn next_polar_hole(&mut self, at: &mut Position, step_deg: f64) {
+        let (first, second) = self.state.plane.axes();
+        let Some(polar) = &mut self.state.coords.polar else { return };
+        let (Some(radius_mm), Some(angle_deg)) = (polar.radius_mm, polar.angle_deg) else { return };
+        let angle_deg = angle_deg + step_deg;
+        polar.angle_deg = Some(angle_deg);
+        let [cosine, sine] = direction(angle_deg);
+        at[first.index()] = radius_mm * cosine;
+        at[second.index()] = radius_mm * sine;
+    }
+
     /// The letters of the words that place an axis.
     fn letters_of(&self, axis: Axis) -> u32 {
         let letters = self.table.dialect.letters.iter().enumerate();
@@ -227,6 +289,7 @@ impl Execution<'_> {
         let along = self.letters_of(axis);
         self.check_cycle_axes(axes, axis);
         let start = self.state.position;
+        let polar = self.polar_steps(axes & !along);
         let at = self.target(axes & !along, Frame::Work);
         if self.state.tool_control.held.meets(AxisSet::LINEAR) {
             self.used |= along | WORDS;
@@ -244,6 +307,12 @@ impl Execution<'_> {
             return;
         }
         hole.repeats = repeats;
+        if repeats > 1 {
+            hole.polar_step_deg = polar.unwrap_or_else(|()| {
+                self.refuse_polar_steps();
+                None
+            });
+        }
         self.emit_holes(&hole);
     }
 
@@ -315,7 +384,9 @@ impl Execution<'_> {
         }
         let mut at = hole.at;
         for number in 0..hole.repeats {
-            if number > 0 {
+            if let Some(step_deg) = hole.polar_step_deg.filter(|_| number > 0) {
+                self.next_polar_hole(&mut at, step_deg);
+            } else if number > 0 {
                 for (value, step) in at.iter_mut().zip(&hole.step) {
                     *value += step;
                 }

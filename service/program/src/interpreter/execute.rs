@@ -35,6 +35,8 @@ pub(super) struct Execution<'a> {
     pub(super) used: u32,
     /// `G9`: this block ends in an exact stop.
     pub(super) exact_stop: bool,
+    /// `G53` goes rapidly whatever motion is in force.
+    pub(super) machine_rapid: bool,
     /// Corners behind operations, by the places of these.
     pub(super) corners: Vec<(usize, Corner)>,
     /// The words with a comma have been used.
@@ -112,7 +114,7 @@ impl Execution<'_> {
             self.emit(span, OperationKind::Function(command));
         }
         self.drilling_modes();
-        self.reference();
+        self.coordinates();
         self.motion();
         if order.stops_after_motion {
             self.spindle_stop();
@@ -164,7 +166,7 @@ impl Execution<'_> {
     #[inline]
     pub(super) fn radius(&self, word: &Word) -> f64 {
         let value = self.scaled(word, true);
-        if self.settings.x_word == XWord::Diameter { value * 0.5 } else { value }
+        if self.state.x_diameter { value * 0.5 } else { value }
     }
 
     #[inline]
@@ -333,11 +335,16 @@ impl Execution<'_> {
             self.state.unread &= !letter_bit(b'T');
             if self.table.dialect.tool_word_changes {
                 // T0101 is tool 1 with offset 1; T1 and T01 are tool 1 without one.
-                let (number, offset) =
-                    if word.number.integer_digits() > 2 { (tool / 100, tool % 100) } else { (tool, 0) };
+                let same = self.settings.coordinates.two_digit_tools;
+                let (number, offset) = match word.number.integer_digits() {
+                    3.. => (tool / 100, tool % 100),
+                    _ => (tool, if same { tool } else { 0 }),
+                };
                 self.state.tool = number;
                 self.state.compensation.number = Some(offset);
-                self.emit(self.block.word_span(&word), OperationKind::Tool { number, offset });
+                let span = self.block.word_span(&word);
+                self.emit(span, OperationKind::Tool { number, offset });
+                self.turning_offset(number, offset, span);
             } else {
                 self.state.next_tool = Some(tool);
             }
@@ -431,48 +438,32 @@ impl Execution<'_> {
 
     /// Plane, path control, work offset and distance mode.
     fn modes(&mut self) {
-        if let Some((Meaning::Plane(plane), _)) = self.code(Group::Plane)
+        if let Some((Meaning::Plane(plane), span)) = self.code(Group::Plane)
             && plane != self.state.plane
+            && !self.is_plane_refused(span)
         {
             self.state.plane = plane;
             self.state.spline_exit = None;
         }
         self.path_modes();
-        if let Some((Meaning::WorkOffset(index), _)) = self.code(Group::WorkOffset) {
-            self.select_work_offset(index);
-        }
+        self.work_system();
         if let Some((Meaning::Distance { absolute }, _)) = self.code(Group::Distance) {
             self.state.absolute = absolute;
         }
         if let Some((Meaning::ArcDistance { absolute }, _)) = self.code(Group::ArcDistance) {
             self.state.arc_absolute = absolute;
         }
-        if let Some((Meaning::XWord(x_word), span)) = self.code(Group::Diameter)
-            && x_word != self.settings.x_word
-        {
-            self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
-                let (mode, name) = match x_word {
-                    XWord::Diameter => ("G7", "diameters"),
-                    XWord::Radius => ("G8", "radii"),
-                };
-                let message = format!("{mode} makes X words {name}, but the machine profile says otherwise");
-                Finding::new(code, span, message)
-                    .suggest(format!("let x_word of the profile's language say {name}, and use {mode} throughout"))
-            });
+        if let Some((Meaning::XWord(x_word), _)) = self.code(Group::Diameter) {
+            self.state.x_diameter = x_word == XWord::Diameter;
         }
     }
 
-    /// `G54` to `G59`: the machine stands where it is.
-    pub(super) fn select_work_offset(&mut self, index: u8) {
-        if index == self.state.work_offset {
-            return;
-        }
-        let old = &self.settings.work_offsets[usize::from(self.state.work_offset)];
-        let new = &self.settings.work_offsets[usize::from(index)];
-        for (value, (old, new)) in self.state.position.iter_mut().zip(old.iter().zip(new)) {
-            *value += old - new;
-        }
-        self.state.work_offset = index;
+    /// Whether another plane is refused, as polar coordinates or a rotation belong to one; it is then reported.
+    fn is_plane_refused(&mut self, span: SourceSpan) -> bool {
+        let coords = &self.state.coords;
+        let has_plane =
+            coords.polar.is_some() || coords.transform.as_ref().is_some_and(|transform| transform.rotation.is_some());
+        has_plane && !self.is_linuxcnc_dialect() && self.is_transform_on(span, "another plane")
     }
 
     fn stop(&mut self) -> Option<SourceSpan> {

@@ -1,7 +1,7 @@
 //! Tool length compensation: `G43 H`, `G44 H`, `G49`.
 //!
-//! The length is along Z whatever the plane of arcs, and part of the offset of every move: machine Z = work Z + work offset +
-//! length, so that work coordinates are those of the tip, and machine coordinates those of the machine's control point.
+//! On FANUC and Haas mills the length is along Z whatever the plane of arcs; in LinuxCNC a tool has an offset along every axis. It is
+//! part of the offset of every move: machine Z = work Z + work offset + length, so that work coordinates are those of the tip, and machine coordinates those of the machine's control point.
 //! Switching moves nothing (on some controls `G43` without an axis word moves Z by the length): the same place has other
 //! coordinates, and the next word of Z says where the tip goes. In a tilted plane the length is along the tool axis.
 
@@ -9,14 +9,15 @@ use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
-use crate::{Axis, AxisSet, Finding, InterpreterState, LanguageSettings, Position, SourceSpan, ToolOffset};
+use crate::{Axis, AxisSet, Finding, Position, SourceSpan, ToolOffset};
 
 impl Execution<'_> {
     /// `G43`, `G44`, and `G49` for both.
     pub(super) fn length_compensation(&mut self) {
         match self.code(Group::LengthCompensation) {
             Some((Meaning::LengthCompensation { negative }, span)) => self.length_on(negative, span),
-            Some((Meaning::ToolControlOff, span)) if self.state.length.number != 0 => {
+            Some((Meaning::LengthOffset { adds }, span)) => self.length_offset_words(adds, span),
+            Some((Meaning::ToolControlOff, span)) if self.state.length.is_on => {
                 self.switch_length(LengthCompensation::default(), span);
             }
             _ => {}
@@ -34,6 +35,15 @@ impl Execution<'_> {
                 Some(number) => number,
                 None => return,
             },
+            // In LinuxCNC it is the tool in the spindle, and none has no length.
+            None if self.is_linuxcnc_dialect() => match self.state.tool {
+                0 => {
+                    let none = LengthCompensation { is_on: true, on_line: span.line, ..LengthCompensation::default() };
+                    return self.switch_length(none, span);
+                }
+                tool => tool,
+            },
+            None if self.settings.coordinates.length_of_tool => self.state.tool,
             // H is modal, as the length is.
             None => self.state.length.number,
         };
@@ -41,6 +51,7 @@ impl Execution<'_> {
             return self.findings.push_with(code::LENGTH_NUMBER, |code| {
                 Finding::new(code, span, "the number H of the tool length is missing or 0")
                     .suggest("add H with the number of the tool, such as H1")
+                    .suggest("set language.coordinates.length_of_tool of the machine profile if it is that of the tool in the spindle")
                     .suggest("switch the compensation off with G49")
             });
         }
@@ -58,7 +69,8 @@ impl Execution<'_> {
                     .suggest_replacement("use the length of the tool", format!("H{tool}"))
             });
         }
-        let length_mm = self.tools.iter().find(|tool| tool.number == number).and_then(ToolOffset::length_mm);
+        let row = self.tool_row(number);
+        let length_mm = row.as_ref().and_then(ToolOffset::length_mm);
         if length_mm.is_none() {
             self.findings.push_with(code::TOOL_LENGTH, |code| {
                 let message = format!("no tool {number} with a length is known, so that H{number} means nothing");
@@ -69,17 +81,23 @@ impl Execution<'_> {
         }
         let Some(length_mm) = length_mm else { return };
         let length_mm = if negative { -length_mm } else { length_mm };
-        let along_z_mm = length_mm;
-        self.switch_length(LengthCompensation { number, negative, length_mm, along_z_mm, on_line: span.line }, span);
+        let mut offset = Position::default();
+        match row.and_then(|row| row.total()) {
+            Some(total) if self.is_linuxcnc_dialect() => offset = total,
+            _ => offset[Axis::Z.index()] = length_mm,
+        }
+        let on_line = span.line;
+        let next = LengthCompensation { is_on: true, number, geometry_number: 0, negative, length_mm, offset, on_line };
+        self.switch_length(next, span);
     }
 
     /// Another length from here on; the axes stay where they are.
-    fn switch_length(&mut self, mut next: LengthCompensation, span: SourceSpan) {
+    pub(super) fn switch_length(&mut self, mut next: LengthCompensation, span: SourceSpan) {
         if self.state.tool_control.mode == ToolMode::Plane {
             if next.negative {
                 return self.not_permitted(span, "a tool length that is subtracted (G44)");
             }
-            next.along_z_mm = 0.0;
+            next.offset = Position::default();
             let change_mm = next.length_mm - self.state.length.length_mm;
             self.state.length = next;
             if change_mm != 0.0 {
@@ -88,13 +106,16 @@ impl Execution<'_> {
             }
             return;
         }
-        let change_mm = next.along_z_mm - self.state.length.along_z_mm;
-        self.state.length = next;
-        if change_mm == 0.0 {
+        let before = self.state.length.offset;
+        let change_mm =
+            (0..before.len()).map(|axis| next.offset[axis] - before[axis]).find(|change_mm| *change_mm != 0.0);
+        if change_mm.is_some() && self.is_length_scaled(span) {
             return;
         }
-        self.state.position[Axis::Z.index()] -= change_mm;
-        self.check_cut_with_change(change_mm, span);
+        self.rebase(|state| state.length = next);
+        if let Some(change_mm) = change_mm {
+            self.check_cut_with_change(change_mm, span);
+        }
     }
 
     /// A cut in the block that changes the length goes by the change as well as by what is programmed.
@@ -130,17 +151,15 @@ impl Execution<'_> {
         });
     }
 
-    /// Machine position less programmed position, per axis.
-    #[inline]
-    pub(super) fn machine_offset(&self) -> Position {
-        machine_offset(self.state, self.settings)
+    /// Whether the coordinates scale or mirror Z, so that another length is refused; it is then reported.
+    fn is_length_scaled(&mut self, span: SourceSpan) -> bool {
+        let is_scaled = self.state.coords.transform.as_ref().is_some_and(|transform| transform.factor(Axis::Z) != 1.0);
+        is_scaled && self.is_transform_on(span, "another tool length")
     }
-}
 
-/// Machine position less programmed position, per axis: work offset, and tool length along Z.
-#[inline]
-pub(super) fn machine_offset(state: &InterpreterState, settings: &LanguageSettings) -> Position {
-    let mut offset = settings.work_offsets[usize::from(state.work_offset)];
-    offset[Axis::Z.index()] += state.length.along_z_mm;
-    offset
+    /// What machine coordinates are more than work coordinates, per axis.
+    #[inline]
+    pub(super) const fn machine_offset(&self) -> Position {
+        self.state.coords.total
+    }
 }

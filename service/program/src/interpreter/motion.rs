@@ -4,8 +4,8 @@ use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
 use crate::consequence::JUDGED_BY;
-use crate::dialect::{FeedUnit, Group, Letter, Meaning, letter_bit};
-use crate::state::{Motion, ToolMode};
+use crate::dialect::{FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
+use crate::state::Motion;
 use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
 
 /// The letters of an arc's centre.
@@ -73,8 +73,10 @@ impl Execution<'_> {
                 Meaning::Thread => Motion::Thread,
                 Meaning::Probe => Motion::Probe,
                 // It is carried out once; the motion before it stays in force.
+                Meaning::ThreadCycles if self.is_thread_refused() => return,
                 Meaning::ThreadCycles => return self.thread_cycles(),
                 Meaning::ThreadCycle => return self.open_thread_cycle(),
+                Meaning::Turning(_) if self.is_thread_refused() => return,
                 Meaning::Turning(cycle) => return self.turning_cycle(cycle, before),
                 Meaning::OfNoSystem(what) => return self.cycle_of_no_system(what),
                 _ => Motion::Unclear,
@@ -95,7 +97,15 @@ impl Execution<'_> {
             Some(
                 Meaning::Dwell
                 | Meaning::SpeedClamp
+                | Meaning::LocalShift
+                | Meaning::ShiftSet
+                | Meaning::Preset
+                | Meaning::DataSetting
+                | Meaning::DataSettingEnd
                 | Meaning::Reference
+                | Meaning::FurtherReference
+                | Meaning::ReferenceReturn
+                | Meaning::StoreReference { .. }
                 | Meaning::AlignTool
                 | Meaning::LookAhead
                 | Meaning::Smoothness,
@@ -106,6 +116,9 @@ impl Execution<'_> {
         };
         if self.state.drilling.cycle.is_some() {
             return self.drill(frame);
+        }
+        if frame == Frame::Machine && self.table.dialect.flow == Flow::MacroB {
+            self.rapid_to_machine(before);
         }
         if self.state.motion == Motion::Probe
             && frame == Frame::Work
@@ -120,7 +133,10 @@ impl Execution<'_> {
             return self.rigid_tap();
         }
         if frame == Frame::Work && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle) {
-            return self.thread_motion();
+            if !self.is_thread_refused() {
+                self.thread_motion();
+            }
+            return;
         }
         if let (Frame::Work, Motion::SingleCycle(cycle)) = (frame, self.state.motion) {
             return self.single_cycle(cycle);
@@ -155,7 +171,8 @@ impl Execution<'_> {
             self.state.position = end;
             return;
         }
-        match self.state.motion {
+        let motion = if self.machine_rapid { Motion::Rapid } else { self.state.motion };
+        match motion {
             Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
                 if end != self.state.position
@@ -180,7 +197,7 @@ impl Execution<'_> {
                     && !is_point(&spline)
                 {
                     let mut step = self.new_move(MoveKind::Cutting, end, feed);
-                    step.spline = Some(spline);
+                    step.spline = Some(self.placed_spline(spline));
                     self.emit(self.block.span(), OperationKind::Move(step));
                 }
             }
@@ -208,6 +225,26 @@ impl Execution<'_> {
         self.state.position = end;
     }
 
+    /// Whether the coordinates do not permit a thread, whose lead is along the axes of the machine; it is then reported.
+    fn is_thread_refused(&mut self) -> bool {
+        if self.state.coords.transform.is_none() && self.state.coords.polar.is_none() {
+            return false;
+        }
+        if self.block.letters & self.table.axis_letters & !self.used == 0 {
+            return false;
+        }
+        self.used = u32::MAX;
+        self.is_transform_on(self.block.span(), "a thread or a turning cycle")
+    }
+
+    /// FANUC controls go to machine positions rapidly, unless a line is in force.
+    fn rapid_to_machine(&mut self, before: Motion) {
+        let is_in_force = self.block.code(Group::Motion).is_none();
+        if is_in_force && matches!(before, Motion::None | Motion::Arc { .. }) {
+            self.machine_rapid = true;
+        }
+    }
+
     /// LinuxCNC refuses an arc and a probing move that no word describes.
     fn check_motion_words(&mut self) {
         if !self.table.dialect.is_linuxcnc || self.block.unclear {
@@ -220,45 +257,6 @@ impl Execution<'_> {
         };
         let span = self.block.span();
         self.findings.push_with(code, |code| Finding::new(code, span, message));
-    }
-
-    /// `G28`: rapid over the intermediate point to the reference position, in the axes named.
-    pub(super) fn reference(&mut self) {
-        let Some((Meaning::Reference, span)) = self.code(Group::NonModal) else {
-            return;
-        };
-        let axes = self.block.letters & self.table.axis_letters & !self.used;
-        if axes == 0 {
-            return self.findings.push_with(code::REFERENCE_AXIS, |code| {
-                Finding::new(code, span, "the return to the reference position names no axis")
-                    .suggest("name the axes with their intermediate point, such as U0 W0")
-            });
-        }
-        self.state.spline_exit = None;
-        let rapid = match self.state.tool_control.is_plain() {
-            true => |this: &mut Self, end| this.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
-            false => |this: &mut Self, end| {
-                this.emit_guided(this.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), None);
-            },
-        };
-        let over = self.target(axes, Frame::Work);
-        rapid(self, over);
-        self.state.position = over;
-        let offset = self.machine_offset();
-        let mut home = over;
-        for place in set_bits(axes) {
-            if let Letter::Axis(axis) | Letter::Increment(axis) = self.table.dialect.letters[place] {
-                self.state.tool_control.held = self.state.tool_control.held.without(axis);
-                let axis = axis.index();
-                home[axis] = self.settings.reference_position[axis] - offset[axis];
-            }
-        }
-        if self.state.tool_control.mode == ToolMode::Plane {
-            self.emit_from_plane(MoveKind::Rapid, home, self.named_axes(axes), Feed::PerMinute(0.0));
-        } else {
-            rapid(self, home);
-        }
-        self.state.position = home;
     }
 
     /// The axes whose words are in the mask.
@@ -275,7 +273,12 @@ impl Execution<'_> {
             return false;
         };
         let incremental = set_bits(axes).any(|place| matches!(self.table.dialect.letters[place], Letter::Increment(_)));
-        let message = match self.state.motion {
+        if self.is_incremental_machine_motion(span) {
+            self.used |= axes;
+            return true;
+        }
+        let motion = if self.machine_rapid { Motion::Rapid } else { self.state.motion };
+        let message = match motion {
             _ if axes == 0 => "machine coordinates without axis words",
             _ if incremental => "machine coordinates are absolute and take no incremental words",
             Motion::Arc { .. }
@@ -299,6 +302,16 @@ impl Execution<'_> {
         let mut end = self.state.position;
         let mut named = 0u32;
         self.used |= axes;
+        let mut axes = axes;
+        if self.state.coords.awaits_absolute {
+            self.check_absolute(axes);
+        }
+        if frame == Frame::Work && self.state.coords.polar.is_some() {
+            axes = self.polar_target(axes, &mut end);
+        }
+        // Machine positions are behind every transformation.
+        let mut machine =
+            (frame == Frame::Machine && self.state.coords.transform.is_some()).then(|| self.machine_position());
         for place in set_bits(axes) {
             let letter = self.table.dialect.letters[place];
             let (axis, increment) = match letter {
@@ -313,9 +326,14 @@ impl Execution<'_> {
                 self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
             }
             named |= 1 << axis.index();
+            let value = if axis.is_rotary() && !increment { self.rolled(axis, value, frame, place) } else { value };
             if !self.state.tool_control.held.is_empty() {
                 let span = self.block.word_span(self.block.slot(place));
                 self.place_held(axis, increment, value, span);
+            }
+            if let Some(machine) = &mut machine {
+                machine[axis.index()] = value;
+                continue;
             }
             let target = &mut end[axis.index()];
             if increment {
@@ -326,7 +344,37 @@ impl Execution<'_> {
                 *target = value;
             }
         }
-        end
+        match machine {
+            Some(machine) => self.state.coords.programmed(&machine),
+            None => end,
+        }
+    }
+
+    /// The angle that an absolute word of an axis that rolls over means; others mean what they say.
+    #[cold]
+    fn rolled(&mut self, axis: Axis, value: f64, frame: Frame, place: usize) -> f64 {
+        if !self.settings.coordinates.rolls_over(axis) {
+            return value;
+        }
+        let span = self.block.word_span(self.block.slot(place));
+        if self.state.tool_control.held.contains(axis) {
+            let message = format!("{} rolls over, but only the machine knows where it is", axis.letter());
+            self.coord(code::ROLL_OVER, span, message, "move it by an increment");
+            return value;
+        }
+        let offset = if frame == Frame::Machine { self.machine_offset()[axis.index()] } else { 0.0 };
+        let present = self.state.position[axis.index()] + offset;
+        match rolled_over(present, value, self.table.dialect.is_linuxcnc) {
+            Ok(rolled) => rolled,
+            Err(message) => {
+                let message = format!("{}{value}: {message}", axis.letter());
+                let cure = "go there in two moves, or by an incremental one";
+                self.findings.push_with(code::ROLL_OVER, |code| {
+                    Finding::new(code, span, message).with_value("present", present, "deg").suggest(cure)
+                });
+                value
+            }
+        }
     }
 
     /// The feed of a cutting move over these axis words; `None` after a finding, now or before.
@@ -393,6 +441,10 @@ impl Execution<'_> {
         if arc.is_none() && end == self.state.position {
             return;
         }
+        let arc = match (&self.state.coords.transform, arc) {
+            (Some(transform), Some(arc)) => Some(transform.arc(&arc)),
+            (_, arc) => arc,
+        };
         let step = Move { arc, ..self.new_move(kind, end, feed) };
         self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
     }
@@ -402,8 +454,8 @@ impl Execution<'_> {
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
         Move {
             kind,
-            start: self.state.position,
-            end,
+            start: self.state.coords.placed(&self.state.position),
+            end: self.state.coords.placed(&end),
             work_offset: self.machine_offset(),
             arc: None,
             spline: None,
@@ -413,6 +465,29 @@ impl Execution<'_> {
             tool: self.state.tool,
         }
     }
+}
+
+/// Half a turn is as far one way as the other, within this, degrees.
+const HALF_TURN_TOLERANCE_DEG: f64 = 1e-9;
+
+/// Where an axis that rolls over goes for an absolute word: the shorter way; in LinuxCNC the sign says which way.
+fn rolled_over(present: f64, value: f64, is_linuxcnc: bool) -> Result<f64, &'static str> {
+    if is_linuxcnc {
+        if value.abs() >= 360.0 {
+            return Err("an axis that wraps takes less than a full turn");
+        }
+        let rolled = value.abs() + (present / 360.0).floor() * 360.0;
+        return Ok(match value.is_sign_negative() {
+            false if rolled < present => rolled + 360.0,
+            true if rolled > present => rolled - 360.0,
+            _ => rolled,
+        });
+    }
+    let ahead = (value - present).rem_euclid(360.0);
+    if (ahead - 180.0).abs() < HALF_TURN_TOLERANCE_DEG {
+        return Err("it is half a turn away, so that both ways are equally short");
+    }
+    Ok(present + if ahead > 180.0 { ahead - 360.0 } else { ahead })
 }
 
 /// Places of the bits set in a mask, ascending.

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::execute::Execution;
+use crate::coordinates::WorkSystem;
 use crate::dialect::FeedUnit;
-use crate::state::InterpreterState;
+use crate::state::{CompensationOn, InterpreterState, LengthCompensation};
 use crate::{Coolant, OperationKind, PathControl, Plane, SourceSpan, SpindleDirection};
 
 /// The modes that `M70` saves: not the motion, nor the position.
@@ -23,7 +24,10 @@ pub(crate) struct SavedModes {
     m_per_min: f64,
     max_rev_per_min: Option<f64>,
     coolant: Coolant,
-    work_offset: u8,
+    system: WorkSystem,
+    x_diameter: bool,
+    length: LengthCompensation,
+    compensation: Option<CompensationOn>,
     path_control: PathControl,
     cycles_return_to_r: bool,
 }
@@ -45,7 +49,10 @@ impl SavedModes {
             m_per_min: state.m_per_min,
             max_rev_per_min: state.max_rev_per_min,
             coolant: state.coolant,
-            work_offset: state.work_offset,
+            system: state.coords.system,
+            x_diameter: state.x_diameter,
+            length: state.length,
+            compensation: state.compensation.on,
             path_control: state.path_control,
             cycles_return_to_r: state.drilling.to_r,
         }
@@ -75,7 +82,12 @@ impl Execution<'_> {
         state.path_control = saved.path_control;
         state.drilling.to_r = saved.cycles_return_to_r;
         (state.reported.feed, state.reported.spindle) = (false, false);
-        self.select_work_offset(saved.work_offset);
+        state.x_diameter = saved.x_diameter;
+        let (length, system) = (saved.length, saved.system);
+        self.rebase(|state| (state.length, state.coords.system) = (length, system));
+        if saved.compensation.is_some() {
+            self.compensation_restored(span);
+        }
         self.emit_spindle(before, span);
         if self.state.coolant != saved.coolant {
             self.state.coolant = saved.coolant;

@@ -54,13 +54,6 @@ impl Execution<'_> {
             _ => return None,
         };
         let axes = self.block.letters & self.table.axis_letters;
-        if axes != 0 {
-            self.used |= axes;
-            self.findings.push_with(code::UNSUPPORTED_CODE, |code| {
-                Finding::new(code, span, "setting the coordinate system is not supported yet")
-                    .suggest("use a work offset, G54 to G59")
-            });
-        }
         match self.take(b'S') {
             Some(word) if word.number.value() >= LEAST_RATE => self.state.max_rev_per_min = Some(word.number.value()),
             Some(word) => self.speed_invalid(self.block.word_span(&word), word.number.value()),

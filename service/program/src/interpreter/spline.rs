@@ -228,7 +228,8 @@ impl Execution<'_> {
             return;
         }
         let mut step = self.new_move(MoveKind::Cutting, nurbs.end, feed);
-        (step.start, step.path_control, step.spline) = (start, path_control, Some(spline));
+        step.start = self.state.coords.placed(&start);
+        (step.path_control, step.spline) = (path_control, Some(self.placed_spline(spline)));
         self.emit(nurbs.span, OperationKind::Move(step));
     }
 
@@ -280,6 +281,23 @@ impl Execution<'_> {
             finding.message = format!("a spline runs in the plane of {first} and {second}, and takes no {letter}");
             finding.suggest("move the other axes in a block of their own")
         })
+    }
+
+    /// The spline in work coordinates.
+    pub(super) fn placed_spline(&mut self, mut spline: Box<SplineGeometry>) -> Box<SplineGeometry> {
+        let Some(transform) = self.state.coords.transform.as_deref().copied() else { return spline };
+        if transform.keeps_plane(spline.plane) {
+            transform.spline(&mut spline);
+        } else {
+            let span = self.block.span();
+            self.coord(
+                code::COORD_SHAPE,
+                span,
+                "a spline in another plane than that of the rotation",
+                "select the plane of the rotation",
+            );
+        }
+        spline
     }
 
     /// Lengths along both axes of a plane, mm; 0 where there is no word.

@@ -12,8 +12,9 @@ use crate::code;
 use crate::dialect::Dialect;
 use crate::expression::{Name, Reading, Refusal, Target, Value, Variables};
 use crate::parameters::Kind;
-use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position};
+use crate::{Axis, DialectName, InterpreterState, LanguageSettings, Position, ToolOffset};
 
+use super::coordinates::{self, Register};
 use super::execute::MM_PER_INCH;
 
 /// What expressions read: the state before their line.
@@ -22,6 +23,7 @@ pub(crate) struct System<'a> {
     pub(crate) state: &'a InterpreterState,
     pub(crate) settings: &'a LanguageSettings,
     pub(crate) dialect: &'static Dialect,
+    pub(crate) tools: &'a [ToolOffset],
 }
 
 /// Reads one variable of a row: its place in the row from 0. `None` where its value is not known.
@@ -88,6 +90,11 @@ impl System<'_> {
 
     #[cold]
     fn system(&self, number: u32) -> Result<Reading, Refusal> {
+        if let Some(register) = Register::of(self.settings, number)
+            && let Some(value) = coordinates::read(self.state, self.settings, self.tools, register)
+        {
+            return Ok(Some(value).into());
+        }
         if let Some((first, _, read)) = self.rows().iter().find(|(first, last, _)| (*first..=*last).contains(&number))
             && let Some(value) = read(self, number - first)
         {
@@ -126,10 +133,7 @@ impl System<'_> {
 
     /// A value of an axis in the units of the program: a diameter in X where the control writes diameters.
     fn in_units(&self, axis: Axis, value: f64) -> f64 {
-        use crate::XWord;
-        let is_diameter = axis == Axis::X
-            && self.settings.x_word == XWord::Diameter
-            && self.settings.dialect != DialectName::LinuxCnc;
+        let is_diameter = axis == Axis::X && self.state.x_diameter && self.settings.dialect != DialectName::LinuxCnc;
         let value = if is_diameter { value * 2.0 } else { value };
         if axis.is_rotary() || !self.state.inch { value } else { value / MM_PER_INCH }
     }
@@ -140,14 +144,14 @@ impl System<'_> {
         (!is_held).then(|| self.in_units(axis, position[axis.index()]))
     }
 
-    /// Machine position less programmed position.
-    fn machine_offset(&self) -> Position {
-        super::length::machine_offset(self.state, self.settings)
+    /// The tool in machine coordinates.
+    fn machine_position(&self) -> Position {
+        self.state.coords.machine(&self.state.position)
     }
 
-    /// The work offset of this index, 0 for `G54`.
-    fn work_offset(&self, index: usize) -> Option<&Position> {
-        self.settings.work_offsets.get(index)
+    /// Whether a programmed position differs from work coordinates by more than offsets.
+    fn is_transformed(&self) -> bool {
+        self.state.coords.transform.is_some()
     }
 }
 
@@ -207,11 +211,17 @@ fn set_system(
     };
     match effect {
         Some(Effect::Set) => state.parameters.set_common(number, value),
-        None if is_offset(settings.dialect, number) => {
+        None if Register::of(settings, number).is_some() => {
+            // In force from the next block on.
+            state.coords.tables.assigned.push((number, value.unwrap_or(0.0)));
+            state.parameters.changed();
+            return Ok(Effect::Set);
+        }
+        None if settings.dialect == DialectName::LinuxCnc && number == 5_220 => {
             return Err(Refusal {
                 code: code::PARAMETER_READ_ONLY,
-                message: format!("#{number} is an offset, which assignments do not set yet"),
-                cure: "set it with G10, or bring it with the job",
+                message: "#5220 is the number of the work coordinate system in force, and selects none".to_owned(),
+                cure: "select it with its code, such as G55",
             });
         }
         None => return Err(read_only(format!("#{number}"))),
@@ -220,12 +230,18 @@ fn set_system(
     Ok(effect.unwrap_or(Effect::Set))
 }
 
-/// Whether a system variable is an offset of coordinates or tools, so that assigning it acts like `G10`.
-fn is_offset(dialect: DialectName, number: u32) -> bool {
-    match dialect {
-        DialectName::LinuxCnc => matches!(number, 5_161..=5_390),
-        DialectName::Lathe | DialectName::Mill => {
-            matches!(number, 2_001..=2_999 | 5_201..=5_328 | 7_001..=7_960 | 10_001..=13_999 | 14_001..=20_000)
-        }
-    }
+/// Puts an offset in force that a block before has assigned.
+pub(crate) fn assign_offset(
+    state: &mut InterpreterState,
+    settings: &LanguageSettings,
+    tools: &[ToolOffset],
+    number: u32,
+    value: f64,
+) -> Result<(), Refusal> {
+    let Some(register) = Register::of(settings, number) else { return Ok(()) };
+    coordinates::assign(state, settings, tools, register, Some(value)).map_err(|why| Refusal {
+        code: code::PARAMETER_READ_ONLY,
+        message: format!("#{number} cannot be assigned here: {why}"),
+        cure: "assign it before, or set it with G10 where the control permits it",
+    })
 }

@@ -48,6 +48,7 @@ impl Execution<'_> {
         let plane = self.plane_words(span);
         let control = self.state.tool_control;
         match control.mode {
+            ToolMode::Off if self.is_transform_on(span, "a tilted plane") => return,
             ToolMode::Off => {}
             ToolMode::Plane => {
                 let on_line = control.on_line;
@@ -69,7 +70,8 @@ impl Execution<'_> {
         }
         let Some(plane) = plane else { return };
         // The length is along the tool axis now, wherever that points.
-        self.state.length.along_z_mm = 0.0;
+        self.state.length.offset = Position::default();
+        self.resolve_held();
         self.state.spline_exit = None;
         let held = control.held.with(AxisSet::LINEAR);
         self.state.tool_control =
@@ -104,7 +106,8 @@ impl Execution<'_> {
         let held = self.state.tool_control.held.with(AxisSet::LINEAR);
         self.state.tool_control = ToolControl { held, ..ToolControl::default() };
         self.state.plane_tilted = None;
-        self.state.length.along_z_mm = self.state.length.length_mm;
+        self.state.length.offset[Axis::Z.index()] = self.state.length.length_mm;
+        self.resolve_held();
         self.state.spline_exit = None;
     }
 

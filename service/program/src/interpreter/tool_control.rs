@@ -46,7 +46,10 @@ impl Execution<'_> {
                     .suggest("switch it off with G49 before it is switched on with another form or length")
             });
         }
-        if self.state.length.number != 0 {
+        if !is_on && self.is_transform_on(span, "tool centre point control") {
+            return;
+        }
+        if self.state.length.is_on {
             return self.length_nested(span, "tool length compensation", self.state.length.on_line);
         }
         if !is_on {
@@ -135,7 +138,12 @@ impl Execution<'_> {
         let one_block = self.code(Group::NonModal);
         let offset = self.code(Group::WorkOffset).filter(|&(meaning, span)| {
             let here = self.state.tool_control.on_line == span.line;
-            !here && matches!(meaning, Meaning::WorkOffset(index) if index != self.state.work_offset)
+            !here
+                && match meaning {
+                    Meaning::WorkOffset(system) | Meaning::HaasWorkOffset(system) => system != self.state.coords.system,
+                    Meaning::ExtendedWorkOffset { .. } => true,
+                    _ => false,
+                }
         });
         let tool = self.code(Group::ToolChange).filter(|(meaning, _)| *meaning == Meaning::ToolChange);
         let refused = match one_block {

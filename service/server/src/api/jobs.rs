@@ -160,6 +160,9 @@ impl Api {
             &request.tools,
             request.oscillation.as_ref(),
         );
+        if let Some(offsets) = &request.offsets {
+            convert::check_offsets(&mut violations, "offsets", offsets);
+        }
         violations.finish()?;
         let (Some(machine_id), Some(program_id)) = (machine_id, program_id) else {
             return Err(Error::internal("a request was neither accepted nor refused"));
@@ -169,6 +172,7 @@ impl Api {
         let mut settings = self.settings(&checked, &profile).await?;
         let (programs, further_program_ids) = self.store_files(&request.programs).await?;
         settings.programs = programs;
+        settings.offsets = request.offsets.clone();
         if let Some(create_job_request::Source::InlineProgram(program)) = &request.source {
             self.store.put_program(program.clone()).await?;
         }
@@ -245,6 +249,7 @@ impl Api {
         let tools = self.job_tools(&checked.tool_ids).await?;
         Ok(JobSettings {
             programs: Vec::new(),
+            offsets: None,
             interpolation_period_us: checked.interpolation_period_us,
             generation_mode: generation_mode.into(),
             vibration_envelope: vibration_envelope.into(),
@@ -285,6 +290,9 @@ impl Api {
             &request.tools,
             request.oscillation.as_ref(),
         );
+        if let Some(offsets) = &request.offsets {
+            convert::check_offsets(&mut violations, "offsets", offsets);
+        }
         let mut machine_id = None;
         let mut profile = None;
         match &request.on {
@@ -311,6 +319,7 @@ impl Api {
         let mut settings = self.settings(&checked, &profile).await?;
         let (source, programs) = self.sources(File::Memory(request.inline_program), &request.programs).await?;
         settings.programs = programs;
+        settings.offsets = request.offsets;
         let config = PipelineConfig { overrides, ..convert::pipeline_config(profile, &settings) };
         let report = self.engine.validate_program(config, source).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })

@@ -63,6 +63,7 @@ async fn every_offending_field_is_named_at_once() {
         tools: vec!["tools/fine".to_owned(), "Tools".to_owned()],
         oscillation: None,
         programs: vec![ProgramFile::default()],
+        offsets: None,
     };
     let status = test.jobs().create_job(request).await.unwrap_err();
     let (code, reason, fields) = told(&status);

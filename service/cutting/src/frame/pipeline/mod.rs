@@ -119,7 +119,7 @@ impl Pipeline {
     pub(crate) fn with_analysis(config: Arc<PipelineConfig>, analysis: Option<Analysis>) -> Self {
         let language = &config.profile.language;
         let interpreter = config.interpreter();
-        let work_offset = language.work_offsets[0];
+        let work_offset = language.initial_offset();
         let mut position = language.initial_position;
         for (value, offset) in position.iter_mut().zip(work_offset) {
             *value -= offset;

@@ -341,6 +341,11 @@ fn with_tools(settings: LanguageSettings, program: &str) -> (Vec<Operation>, Fin
         crate::ToolOffset { tip: 3, ..crate::ToolOffset::new(1).with_radius(0.4) },
         crate::ToolOffset::new(2).with_length(100.0),
     ];
+    let tools: Vec<_> = match settings.dialect {
+        // With a length, every other tool would need one.
+        crate::DialectName::Lathe => tools.into_iter().filter(|row| row.geometry.is_none()).collect(),
+        _ => tools.into(),
+    };
     Interpreter::new(settings).with_tools(tools).read_all(format!("{program}\nM30\n").as_bytes())
 }
 

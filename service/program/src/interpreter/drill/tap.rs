@@ -70,8 +70,8 @@ impl Execution<'_> {
         }
         let stroke = ThreadMove {
             kind: ThreadKind::Tapped,
-            start: self.state.position,
-            end,
+            start: self.state.coords.placed(&self.state.position),
+            end: self.state.coords.placed(&end),
             work_offset: self.machine_offset(),
             lead_mm,
             start_angle_deg: 0.0,

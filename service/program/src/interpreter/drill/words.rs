@@ -95,6 +95,7 @@ impl Execution<'_> {
             dwell_s,
             shift,
             drive,
+            polar_step_deg: None,
         };
         Some((hole, repeats))
     }

@@ -25,7 +25,7 @@ impl Interpreter {
         read: impl FnOnce(&[u8], usize, &mut Context<'_>) -> Result<T, Box<Defect>>,
     ) -> Option<T> {
         let dialect = self.table.dialect;
-        let system = System { state: &self.state, settings: &self.settings, dialect };
+        let system = System { state: &self.state, settings: &self.settings, dialect, tools: &self.tools };
         let mut context = Context::new(dialect.expressions, &system, self.settings.angle_range);
         let found = read(line, at, &mut context);
         for note in context.notes {

@@ -10,21 +10,17 @@ pub(super) static ROWS: &[Row] = &[
     (4_001, 4_030, |system, place| modal(system, place + 1).map(Some)),
     (4_109, 4_109, |system, _| Some(Some(system.state.feed_as_written))),
     (4_111, 4_111, |system, _| Some(Some(f64::from(system.state.length.number)))),
+    (4_107, 4_107, |system, _| system.state.compensation.number.map(|number| Some(f64::from(number)))),
     (4_119, 4_119, |system, _| Some(Some(speed(system)))),
     (4_120, 4_120, |system, _| Some(Some(f64::from(system.state.tool)))),
-    (5_001, 5_020, |system, place| on_axis(system, place, |axis| system.state.position[axis.index()])),
+    (4_130, 4_130, |system, _| system.state.coords.system.extended_number().map(|number| Some(f64::from(number)))),
+    (5_001, 5_020, |system, place| work(system, place, |_| 0.0)),
     (5_021, 5_040, |system, place| {
-        let offset = system.machine_offset();
-        on_axis(system, place, |axis| system.state.position[axis.index()] + offset[axis.index()])
+        let machine = system.machine_position();
+        on_axis(system, place, |axis| machine[axis.index()])
     }),
-    (5_041, 5_060, |system, place| {
-        on_axis(system, place, |axis| system.state.position[axis.index()] + tool_offset(system, axis))
-    }),
+    (5_041, 5_060, |system, place| work(system, place, |axis| tool_offset(system, axis))),
     (5_081, 5_100, |system, place| on_axis(system, place, |axis| tool_offset(system, axis))),
-    (5_221, 5_340, |system, place| {
-        let offset = system.work_offset(place as usize / 20)?;
-        on_axis(system, place % 20, |axis| offset[axis.index()])
-    }),
 ];
 
 /// The axis of this place in the order of the control. Beyond the first ones the order is the machine's.
@@ -52,7 +48,14 @@ fn on_axis(system: &System<'_>, place: u32, value: impl Fn(Axis) -> f64) -> Opti
 
 /// The tool offset in effect, mm.
 fn tool_offset(system: &System<'_>, axis: Axis) -> f64 {
-    if axis == Axis::Z { system.state.length.along_z_mm } else { 0.0 }
+    system.state.length.offset[axis.index()]
+}
+
+/// The work position and something added. What it is under a mirror image, scaling or rotation, controls say differently.
+fn work(system: &System<'_>, place: u32, added: impl Fn(Axis) -> f64) -> Option<Value> {
+    let is_known = !system.is_transformed();
+    let value = |axis: Axis| system.state.position[axis.index()] + added(axis);
+    if is_known { on_axis(system, place, value) } else { None }
 }
 
 /// The speed as the program writes it.
@@ -70,6 +73,7 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
     let state = system.state;
     let is_lathe = system.settings.dialect == DialectName::Lathe;
     let choose = |first: bool, one: f64, other: f64| Some(if first { one } else { other });
+    let transform = state.coords.transform.as_deref();
     match group {
         1 => motion(state.motion),
         2 if is_lathe => choose(state.surface_speed, 96.0, 97.0),
@@ -85,16 +89,24 @@ fn modal(system: &System<'_>, group: u32) -> Option<f64> {
             FeedUnit::PerRevolution => 95.0,
         }),
         6 => choose(state.inch, 20.0, 21.0),
-        7 => Some(40.0),
-        8 if !is_lathe => match (state.length.number, state.length.negative) {
-            (0, _) => Some(49.0),
+        7 => Some(match state.compensation.on {
+            None => 40.0,
+            Some(on) if on.left => 41.0,
+            Some(_) => 42.0,
+        }),
+        8 if !is_lathe => match (state.length.is_on, state.length.negative) {
+            (false, _) => Some(49.0),
             (_, false) => Some(43.0),
             (_, true) => Some(44.0),
         },
-        9 if !is_lathe => Some(80.0),
+        9 if !is_lathe && state.drilling.cycle.is_none() => Some(80.0),
+        11 if !is_lathe => choose(transform.is_some_and(|it| it.scaling.is_some()), 51.0, 50.0),
         13 if !is_lathe => choose(state.surface_speed, 96.0, 97.0),
-        14 => Some(54.0 + f64::from(state.work_offset)),
+        14 => Some(f64::from(state.coords.system.tenths()) / 10.0),
         15 if !is_lathe => choose(matches!(state.path_control, PathControl::Continuous { .. }), 64.0, 61.0),
+        16 if !is_lathe => choose(transform.is_some_and(|it| it.rotation.is_some()), 68.0, 69.0),
+        17 if !is_lathe => choose(state.coords.polar.is_some(), 16.0, 15.0),
+        22 if !is_lathe => choose(transform.is_some_and(|it| it.mirror.iter().any(Option::is_some)), 51.1, 50.1),
         _ => None,
     }
 }

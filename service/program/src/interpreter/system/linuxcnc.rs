@@ -9,8 +9,7 @@ use crate::{Axis, Plane, SpindleDirection};
 pub(super) static ROWS: &[Row] = &[
     (5_021, 5_029, |system, place| axis(place).and_then(|axis| machine(system, axis)).map(Some)),
     (5_081, 5_089, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
-    (5_220, 5_220, |system, _| Some(Some(f64::from(system.state.work_offset) + 1.0))),
-    (5_221, 5_390, |system, place| work_offset(system, place)),
+    (5_220, 5_220, |system, _| Some(system.state.coords.system.plain_number().map(f64::from))),
     (5_399, 5_399, |system, _| Some(Some(system.settings.input_result))),
     (5_400, 5_400, |system, _| Some(Some(f64::from(system.state.tool)))),
     (5_401, 5_409, |system, place| axis(place).map(|axis| Some(tool_offset(system, axis)))),
@@ -37,26 +36,20 @@ fn work(system: &System<'_>, axis: Axis) -> Option<f64> {
 
 /// Machine position in the units of the program.
 fn machine(system: &System<'_>, axis: Axis) -> Option<f64> {
-    let offset = system.machine_offset();
-    let machine = core::array::from_fn(|index| system.state.position[index] + offset[index]);
-    system.place(&machine, axis)
+    system.place(&system.machine_position(), axis)
 }
 
 /// The tool offset in effect, in machine units.
 fn tool_offset(system: &System<'_>, axis: Axis) -> f64 {
-    if axis == Axis::Z { system.state.length.along_z_mm } else { 0.0 }
-}
-
-/// Twenty numbers for each coordinate system: nine axes, the rotation, the rest unused. Stored in machine units.
-fn work_offset(system: &System<'_>, place: u32) -> Option<Value> {
-    let offset = system.work_offset(place as usize / 20)?;
-    axis(place % 20).map(|axis| Some(offset[axis.index()]))
+    system.state.length.offset[axis.index()]
 }
 
 /// What assigning a number from 5001 on does; `None` where it cannot be assigned, or acts like `G10`.
 pub(super) const fn effect(number: u32) -> Option<Effect> {
     match number {
-        5_400..=5_413 | 5_420..=5_428 | 5_161..=5_390 => None,
+        5_400..=5_413 | 5_420..=5_428 | 5_161..=5_169 | 5_181..=5_189 | 5_210..=5_220 => None,
+        // Twenty numbers for each system: nine axes, the rotation, the rest unused.
+        5_221..=5_390 if (number - 5_221) % 20 < 10 => None,
         _ => Some(Effect::Set),
     }
 }
@@ -82,15 +75,15 @@ static NAMES: &[(&str, Read)] = &[
     ("_inverse_time", |system| truth(system.state.feed_unit == FeedUnit::InverseTime)),
     ("_units_per_minute", |system| truth(system.state.feed_unit == FeedUnit::PerMinute)),
     ("_units_per_rev", |system| truth(system.state.feed_unit == FeedUnit::PerRevolution)),
-    ("_coord_system", |system| Some(540.0 + 10.0 * f64::from(system.state.work_offset))),
-    ("_tool_offset", |system| truth(system.state.length.number != 0)),
-    ("_retract_r_plane", |_| truth(false)),
-    ("_retract_old_z", |_| truth(true)),
+    ("_coord_system", |system| Some(f64::from(system.state.coords.system.tenths()))),
+    ("_tool_offset", |system| truth(system.state.length.is_on)),
+    ("_retract_r_plane", |system| truth(system.state.drilling.to_r)),
+    ("_retract_old_z", |system| truth(!system.state.drilling.to_r)),
     ("_spindle_rpm_mode", |system| truth(!system.state.surface_speed)),
     ("_spindle_css_mode", |system| truth(system.state.surface_speed)),
     ("_ijk_absolute_mode", |system| truth(system.state.arc_absolute)),
-    ("_lathe_diameter_mode", |system| truth(system.settings.x_word == crate::XWord::Diameter)),
-    ("_lathe_radius_mode", |system| truth(system.settings.x_word == crate::XWord::Radius)),
+    ("_lathe_diameter_mode", |system| truth(system.state.x_diameter)),
+    ("_lathe_radius_mode", |system| truth(!system.state.x_diameter)),
     ("_spindle_on", |system| truth(system.state.spindle_direction != SpindleDirection::Stopped)),
     ("_spindle_cw", |system| truth(system.state.spindle_direction == SpindleDirection::Clockwise)),
     ("_mist", |system| truth(system.state.coolant.mist)),

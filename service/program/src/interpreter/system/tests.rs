@@ -26,7 +26,7 @@ fn behind_all(settings: &LanguageSettings, program: &str, count: usize) -> Inter
 fn value(settings: &LanguageSettings, program: &str, text: &str) -> Result<Value, String> {
     let interpreter = behind(settings, program);
     let dialect = CodeTable::new(settings).dialect;
-    let system = System { state: interpreter.state(), settings, dialect };
+    let system = System { state: interpreter.state(), settings, dialect, tools: &[] };
     let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
     let found = evaluate(text.as_bytes(), 0, &mut context);
     found.map(|(value, _)| value).map_err(|defect| defect.code.name().to_owned())
@@ -70,7 +70,7 @@ fn section_2_positions_fanuc() {
     check(&mill, "G20\nG0 X1 Y2", &[("#5001", 1.0), ("#5002", 2.0), ("#5222", 50.0 / 25.4)]);
     let lathe = with_offsets(LanguageSettings::default());
     check(&lathe, "G0 X40 Z-5", &[("#5001", 40.0), ("#5002", -5.0), ("#5021", 240.0), ("#5221", 200.0)]);
-    for text in ["#5004", "#5201", "#1000"] {
+    for text in ["#5004", "#5204", "#1000"] {
         assert_eq!(value(&mill, "G0 X1", text), Err("PRG-PARAMETER-UNAVAILABLE".to_owned()), "{text}");
     }
 }
@@ -114,12 +114,12 @@ fn section_2_results_of_probes_are_the_programmed_end() {
     let program = "G0 Z5\nG31 Z-10 F100";
     let interpreter = behind_all(&mill, program, 1);
     let dialect = CodeTable::new(&mill).dialect;
-    let system = System { state: interpreter.state(), settings: &mill, dialect };
+    let system = System { state: interpreter.state(), settings: &mill, dialect, tools: &[] };
     assert_eq!(system.numbered(5_063), Ok(Reading { value: Some(-10.0), is_probed: true }));
     let linuxcnc = LanguageSettings::linuxcnc();
     let interpreter = behind_all(&linuxcnc, "G0 Z5\nG38.2 Z-10 F100", 1);
     let dialect = CodeTable::new(&linuxcnc).dialect;
-    let system = System { state: interpreter.state(), settings: &linuxcnc, dialect };
+    let system = System { state: interpreter.state(), settings: &linuxcnc, dialect, tools: &[] };
     assert_eq!(system.numbered(5_063), Ok(Reading { value: Some(-10.0), is_probed: true }));
     assert_eq!(system.numbered(5_070).map_err(|refusal| refusal.code), Err(code::PARAMETER_UNAVAILABLE));
     assert_eq!(value(&linuxcnc, "", "#5063"), Ok(Some(0.0)), "nothing was probed");
@@ -188,13 +188,13 @@ fn after(settings: &LanguageSettings, assignments: &[&str], text: &str) -> Resul
     let dialect = CodeTable::new(settings).dialect;
     let mut state = InterpreterState::new(settings);
     for line in assignments {
-        let system = System { state: &state, settings, dialect };
+        let system = System { state: &state, settings, dialect, tools: &[] };
         let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
         let found = assignment(line.as_bytes(), 0, &mut context).map_err(|defect| defect.code.name().to_owned())?;
         let made = assign(&mut state, settings, dialect, &found.target, found.value);
         made.map_err(|refusal| refusal.code.name().to_owned())?;
     }
-    let system = System { state: &state, settings, dialect };
+    let system = System { state: &state, settings, dialect, tools: &[] };
     let mut context = Context::new(dialect.expressions, &system, settings.angle_range);
     let found = evaluate(text.as_bytes(), 0, &mut context);
     found.map(|(value, _)| value).map_err(|defect| defect.code.name().to_owned())
@@ -222,10 +222,10 @@ fn initial_values_hold_until_something_is_assigned() {
 #[test]
 fn section_2_values_of_the_control_cannot_be_assigned() {
     let read_only = Err("PRG-PARAMETER-READ-ONLY".to_owned());
-    for line in ["#0=1", "#5001=1", "#5105=1", "#4001=1", "#1000=1", "#5221=1", "#2001=1"] {
+    for line in ["#0=1", "#5001=1", "#5105=1", "#4001=1", "#1000=1", "#2001=1"] {
         assert_eq!(after(&LanguageSettings::mill(), &[line], "#1"), read_only, "{line}");
     }
-    for line in ["#5400=1", "#5420=1", "#<_x>=1", "#<_feed>=1", "#5221=1"] {
+    for line in ["#5400=1", "#5420=1", "#<_x>=1", "#<_feed>=1", "#5220=1"] {
         assert_eq!(after(&LanguageSettings::linuxcnc(), &[line], "#1"), read_only, "{line}");
     }
     assert_eq!(after(&LanguageSettings::mill(), &["#34=1"], "#1"), Err("PRG-PARAMETER-NUMBER".to_owned()));

@@ -70,7 +70,6 @@ fn coordinates_or_a_thread() {
     // A lead of before does not make a thread of it.
     after_go("G32 Z-5. F1.5\nG92 X45. Z-30.", "thread X25 Z2 -> X25 Z-5 @1.5\n! 4:1+3 PRG-CODE-AMBIGUOUS");
     after_go("G95\nG92 X45. Z-30. F1.5", "! 4:1+3 PRG-CODE-AMBIGUOUS");
-    check(&linuxcnc(), "G92 X0 Z0", "! 1:1+3 PRG-UNSUPPORTED-CODE");
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn machine_coordinates() {
     settings.initial_position[0] = 100.0;
     check(
         &settings,
-        "G0 X5\nG53 X0\nG91 G53 G1 X10. F50\nX1",
+        "G0 X5\nG53 X0\nG53 G1 X10. F50\nG91 X1",
         "rapid 0 -> X5
         rapid X5 -> X-100
         line X-100 -> X-90 @50/min
@@ -150,7 +150,12 @@ fn machine_coordinates() {
         "rapid X1 -> 0\n! 1:4+3 PRG-MACHINE-MOTION\n! 2:1+3 PRG-MACHINE-MOTION",
     );
     check(&lathe(), "G0 G53 U1", "! 1:4+3 PRG-MACHINE-MOTION");
-    check(&lathe(), "G53 X20.", "! 1:1+8 PRG-MOTION-MISSING");
+    check(&mill(), "G91 G53 G0 X1", "! 1:5+3 PRG-MACHINE-MOTION");
+    // It is rapid on FANUC controls unless a line is in force.
+    check(&lathe(), "G53 X20.", "rapid 0 -> X10");
+    check(&mill(), "G0 X5\nG2 X7 I1 F9\nG53 X0", "rapid 0 -> X5\narc X5 -> X7 about 6,0 by -180 @9/min\nrapid X7 -> 0");
+    check(&linuxcnc(), "G53 X20", "! 1:1+7 PRG-MOTION-MISSING");
+    check(&linuxcnc(), "G91 G53 G0 X20\nX1", "rapid 0 -> X20\nrapid X20 -> X21");
 }
 
 #[test]
@@ -249,13 +254,12 @@ fn spindle() {
     );
     check(
         &lathe(),
-        "S-5\nG50\nG50 X10\nG50 S0\nG96",
+        "S-5\nG50\nG50 S0\nG96",
         "! 1:1+3 PRG-SPEED-INVALID
          ! 2:1+3 PRG-SPEED-MISSING
-         ! 3:1+3 PRG-UNSUPPORTED-CODE
-         ! 4:5+2 PRG-SPEED-INVALID
-         ! 5:1+3 PRG-SPEED-MISSING
-         w 5:1+3 PRG-SPEED-CLAMP-MISSING",
+         ! 3:5+2 PRG-SPEED-INVALID
+         ! 4:1+3 PRG-SPEED-MISSING
+         w 4:1+3 PRG-SPEED-CLAMP-MISSING",
     );
 }
 
@@ -329,7 +333,7 @@ fn groups_duplicates_and_strangers() {
     check(&mill(), "G0 E5 X1", "! 1:4+2 PRG-WORD-UNKNOWN");
     // Without tool centre point control nothing is thinned, and M33 is the machine builder's.
     check(&lathe(), "M33\nM34", "M33 None\nM34 None\ni 1:1+3 PRG-MACHINE-CODE\ni 2:1+3 PRG-MACHINE-CODE");
-    check(&mill(), "G123 M77", "! 1:1+4 PRG-UNKNOWN-CODE\ni 1:6+3 PRG-MACHINE-CODE");
+    check(&mill(), "G223 M77", "! 1:1+4 PRG-UNKNOWN-CODE\ni 1:6+3 PRG-MACHINE-CODE");
     check(&mill(), "G0 X1 P2 R3", "! 1:7+2 PRG-WORD-UNUSED\n! 1:10+2 PRG-WORD-UNUSED");
     check(&mill(), "G0 X1e5", "! 1:6+2 PRG-WORD-UNKNOWN");
     check(&mill(), "G0 X1000000001", "! 1:4+11 PRG-NUMBER-RANGE");
@@ -348,7 +352,7 @@ fn unsupported_codes_are_one_finding_each() {
     );
     check(
         &mill(),
-        "G30 Z5.\nG41 D1 G1 X3 F10",
+        "G27 Z5.\nG41 D1 G1 X3 F10",
         "! 1:1+3 PRG-UNSUPPORTED-CODE
          ! 2:5+2 PRG-COMP-NUMBER",
     );

@@ -120,9 +120,9 @@ fn dwell_modes_offsets_and_motion() {
 
 #[test]
 fn linuxcnc_has_codes_of_its_own() {
-    check(&linuxcnc(), "G8 G0 X1\nG7", "rapid 0 -> X1\n! 2:1+2 PRG-UNSUPPORTED-CODE");
+    check(&linuxcnc(), "G8 G0 X1\nG7\nX4", "rapid 0 -> X1\nrapid X1 -> X2");
     let diameters = LanguageSettings { x_word: crate::XWord::Diameter, ..linuxcnc() };
-    check(&diameters, "G7 G0 X2\nG8 X1", "rapid 0 -> X1\n! 2:1+2 PRG-UNSUPPORTED-CODE");
+    check(&diameters, "G7 G0 X2\nG8 X3", "rapid 0 -> X1\nrapid X1 -> X3");
     check(&linuxcnc(), "G4 P1.5\nG0 X1 G91.1 G90", "dwell 1.5\nrapid 0 -> X1");
     check(&linuxcnc(), "G32 Z-5 F1", "! 1:1+3 PRG-UNKNOWN-CODE");
     check(&linuxcnc(), "M3 S100\nG33 Z-5 K1.5", "spindle cw 100\nthread 0 -> Z-5 @1.5");

@@ -523,7 +523,7 @@ impl Interpreter {
             kind: if step.is_rapid { MoveKind::Rapid } else { MoveKind::Cutting },
             start,
             end,
-            work_offset: super::super::length::machine_offset(state, &self.settings),
+            work_offset: state.coords.total,
             arc,
             spline: None,
             // Passes go through their corners exactly; the contour is cut as the program says.

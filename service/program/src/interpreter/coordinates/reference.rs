@@ -1,0 +1,180 @@
+//! Reference positions: `G28`, `G30`, `G29`, and `G28.1`, `G30.1` of LinuxCNC, which store them.
+
+use super::super::motion::Frame;
+use super::Execution;
+use crate::code;
+use crate::coordinates::Intermediate;
+use crate::dialect::letter_bit;
+use crate::state::ToolMode;
+use crate::{Axis, AxisSet, DialectName, Feed, Finding, MoveKind, Position, SourceSpan};
+
+/// Every axis.
+const ALL: AxisSet = AxisSet::LINEAR.with(AxisSet::ROTARY).with_axis(Axis::U).with_axis(Axis::V).with_axis(Axis::W);
+
+impl Execution<'_> {
+    /// `G28`, `G30`: rapid over the intermediate point to the reference position, in the axes named.
+    pub(super) fn reference(&mut self, span: SourceSpan, further: bool) {
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        let Some(number) = self.reference_number(further) else {
+            self.used |= axes;
+            return;
+        };
+        if !self.is_linuxcnc_dialect() && self.is_transform_on(span, "the return to a reference position") {
+            self.used |= axes;
+            return;
+        }
+        if further && self.state.tool_control.mode != ToolMode::Off {
+            self.used |= axes;
+            return self.not_permitted(span, "the return to a further reference position");
+        }
+        let Some(reference) = self.state.coords.tables.reference[number] else {
+            self.used |= axes;
+            let place = number + 1;
+            let message = format!("where reference position {place} lies is not known");
+            let cure = format!("state reference position {place} in the machine profile or the offsets of the job");
+            return self.coord(code::COORD_SETTING, span, message, cure);
+        };
+        self.state.spline_exit = None;
+        if axes == 0 {
+            return self.bare_reference(span, &reference);
+        }
+        let over = self.target(axes, Frame::Work);
+        self.rapid(over);
+        self.state.position = over;
+        let named = self.named_axes(axes);
+        let intermediate = Intermediate { axes: named, position: over, total: self.state.coords.total };
+        self.state.coords.tables.intermediate = Some(intermediate);
+        self.go_home(named, &reference);
+    }
+
+    /// Index of the reference position; nothing after a finding.
+    fn reference_number(&mut self, further: bool) -> Option<usize> {
+        if !further {
+            return Some(0);
+        }
+        if self.is_linuxcnc_dialect() {
+            return Some(1);
+        }
+        match self.take(b'P') {
+            None => Some(1),
+            Some(word) => self.ranged(&word, 2, 4, "the number P of the reference position").map(|it| it as usize - 1),
+        }
+    }
+
+    /// `G28` without axes.
+    fn bare_reference(&mut self, span: SourceSpan, reference: &Position) {
+        if !self.is_linuxcnc_dialect() && !self.is_haas() {
+            return self.findings.push_with(code::REFERENCE_AXIS, |code| {
+                Finding::new(code, span, "the return to the reference position names no axis")
+                    .suggest("name the axes with their intermediate point, such as U0 W0")
+                    .suggest("set language.coordinates.style of the machine profile to haas if it sends all axes home")
+            });
+        }
+        self.go_home(ALL, reference);
+    }
+
+    /// Rapid to the reference position in these axes.
+    fn go_home(&mut self, named: AxisSet, reference: &Position) {
+        if self.settings.coordinates.reference_cancels_local && !self.is_linuxcnc_dialect() {
+            let settings = self.settings;
+            self.rebase(|state| {
+                let mut local = state.coords.local(settings);
+                Axis::ALL.into_iter().filter(|axis| named.contains(*axis)).for_each(|axis| local[axis.index()] = 0.0);
+                state.coords.set_local(local, settings);
+            });
+        }
+        let home = if self.state.coords.transform.is_none() {
+            let total = self.state.coords.total;
+            let mut home = self.state.position;
+            for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
+                home[axis.index()] = reference[axis.index()] - total[axis.index()];
+            }
+            home
+        } else {
+            let mut machine = self.machine_position();
+            for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
+                machine[axis.index()] = reference[axis.index()];
+            }
+            self.state.coords.programmed(&machine)
+        };
+        for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis)) {
+            self.state.tool_control.held = self.state.tool_control.held.without(axis);
+        }
+        if self.state.tool_control.mode == ToolMode::Plane {
+            self.emit_from_plane(MoveKind::Rapid, home, named, Feed::PerMinute(0.0));
+        } else {
+            self.rapid(home);
+        }
+        self.state.position = home;
+    }
+
+    fn rapid(&mut self, end: Position) {
+        if self.state.tool_control.is_plain() {
+            self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0));
+        } else {
+            self.emit_guided(self.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), None);
+        }
+    }
+
+    /// `G29`: over the intermediate point of the last `G28` or `G30` to a position.
+    pub(super) fn reference_return(&mut self, span: SourceSpan) {
+        let axes = self.block.letters & self.table.axis_letters & !self.used;
+        if axes == 0 {
+            return self.coord(code::COORD_WORD, span, "G29 names no axis", "add the axes with the position to go to");
+        }
+        let refused = self.is_frame_refused(span, "the return from a reference position");
+        let Some(intermediate) = self.state.coords.tables.intermediate else {
+            self.used |= axes;
+            return self.coord(
+                code::COORD_WORD,
+                span,
+                "no G28 or G30 before has passed an intermediate point",
+                "position with G0",
+            );
+        };
+        if !refused && intermediate.total != self.state.coords.total {
+            self.coord(
+                code::COORD_AMBIGUOUS,
+                span,
+                "offsets have changed since the intermediate point, which some controls shift with them",
+                "position with G0",
+            );
+        }
+        let named = self.named_axes(axes);
+        let mut over = self.state.position;
+        for axis in Axis::ALL.into_iter().filter(|axis| named.contains(*axis) && intermediate.axes.contains(*axis)) {
+            over[axis.index()] = intermediate.position[axis.index()];
+        }
+        self.rapid(over);
+        self.state.position = over;
+        let end = self.target(axes, Frame::Work);
+        self.rapid(end);
+        self.state.position = end;
+    }
+
+    /// `G28.1`, `G30.1`: the present machine position becomes a reference position.
+    pub(super) fn store_reference(&mut self, second: bool, span: SourceSpan) {
+        if self.block.letters & self.table.axis_letters & !self.used != 0 {
+            self.used |= self.block.letters & self.table.axis_letters;
+            let name = if second { "G30.1" } else { "G28.1" };
+            let message = format!("{name} stores the present position and takes no axis words");
+            return self.coord(code::COORD_WORD, span, message, "write it without axes");
+        }
+        let machine = self.machine_position();
+        self.state.coords.tables.reference[usize::from(second)] = Some(machine);
+    }
+
+    /// `G53`: whether it is refused in this mode, which is reported.
+    pub(in super::super) fn is_incremental_machine_motion(&mut self, span: SourceSpan) -> bool {
+        if self.is_linuxcnc_dialect() || self.state.absolute || self.state.tool_control.mode != ToolMode::Off {
+            return false;
+        }
+        let cure = match self.settings.dialect {
+            DialectName::Lathe => "write G90 before it, where the G-code system has it",
+            DialectName::Mill | DialectName::LinuxCnc => "write G90 before it",
+        };
+        self.used |= letter_bit(b'F');
+        self.coord(code::MACHINE_MOTION, span, "controls ignore G53 under G91", cure);
+        true
+    }
+}
