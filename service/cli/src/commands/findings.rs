@@ -254,7 +254,7 @@ mod tests {
                 replacement: replacement.map(str::to_owned),
                 ..Suggestion::default()
             };
-            super::help(&Finding { suggestions: vec![suggestion], ..Finding::default() }).unwrap()
+            help(&Finding { suggestions: vec![suggestion], ..Finding::default() }).unwrap()
         };
         assert_eq!(help("raise the amplitude", Some("A0.05")), "raise the amplitude: write `A0.05`");
         assert_eq!(help("remove it", Some("")), "remove it");
