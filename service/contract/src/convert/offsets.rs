@@ -85,7 +85,7 @@ pub fn check_offsets(violations: &mut Violations, prefix: &str, offsets: &proto:
         let field = |name: &str| field(format!("work_offsets[{index}].{name}"));
         match given.system.parse::<WorkSystem>() {
             Ok(system) if !systems.insert(system) => {
-                violations.add(field("system"), format!("{system} is listed before"))
+                violations.add(field("system"), format!("{system} is listed before"));
             }
             Ok(_) => {}
             Err(problem) => violations.add(field("system"), problem.to_string()),

@@ -80,7 +80,7 @@ impl Execution<'_> {
             Meaning::DataSetting => self.set_data(span),
             Meaning::DataSettingEnd => self.stray_data_end(span),
             Meaning::Reference | Meaning::FurtherReference => {
-                self.reference(span, meaning == Meaning::FurtherReference)
+                self.reference(span, meaning == Meaning::FurtherReference);
             }
             Meaning::ReferenceReturn => self.reference_return(span),
             Meaning::StoreReference { second } => self.store_reference(second, span),

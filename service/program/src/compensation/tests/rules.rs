@@ -344,7 +344,7 @@ fn with_tools(settings: LanguageSettings, program: &str) -> (Vec<Operation>, Fin
     let tools: Vec<_> = match settings.dialect {
         // With a length, every other tool would need one.
         crate::DialectName::Lathe => tools.into_iter().filter(|row| row.geometry.is_none()).collect(),
-        _ => tools.into(),
+        _ => tools,
     };
     Interpreter::new(settings).with_tools(tools).read_all(format!("{program}\nM30\n").as_bytes())
 }
