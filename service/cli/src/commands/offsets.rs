@@ -13,14 +13,14 @@ use super::{CliError, data_file};
 pub(super) struct OffsetArgs {
     /// Offsets in place of the machine's, TOML or JSON: the contract's `Offsets` with external, work_offsets (system, offset),
     /// reference_positions (number, position) and parameters
-    #[arg(long = "offsets", value_name = "FILE")]
-    file: Option<PathBuf>,
+    #[arg(long, value_name = "FILE")]
+    offsets: Option<PathBuf>,
 }
 
 impl OffsetArgs {
     /// The offsets of the file, checked as the service checks them; nothing without one.
     pub(super) fn read(&self) -> Result<Option<Offsets>, CliError> {
-        let Some(path) = &self.file else { return Ok(None) };
+        let Some(path) = &self.offsets else { return Ok(None) };
         let document = data_file::read(path)?;
         let offsets: Offsets = data_file::message(path, &document)?;
         let mut violations = Violations::default();
