@@ -37,7 +37,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("o.toml");
         std::fs::write(&path, text).unwrap();
-        let read = OffsetArgs { file: Some(path.clone()) }.read();
+        let read = OffsetArgs { offsets: Some(path.clone()) }.read();
         read.map_err(|error| error.message.replace(&path.display().to_string(), "o.toml"))
     }
 
