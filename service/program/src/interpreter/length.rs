@@ -131,7 +131,8 @@ impl Execution<'_> {
             Motion::Linear => code::LENGTH_WHILE_CUTTING_STRAIGHT,
             _ => code::LENGTH_WHILE_CUTTING,
         };
-        if self.block.letters & self.table.axis_letters == 0 {
+        // Words that the code itself took, such as those of G43.1, move nothing.
+        if self.block.letters & self.table.axis_letters & !self.used == 0 {
             return;
         }
         self.findings.push_with(code, |code| {
