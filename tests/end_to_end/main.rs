@@ -16,6 +16,7 @@ mod lifecycle;
 mod live_runs;
 mod live_threads;
 mod memory;
+mod offsets;
 mod oscillation;
 mod overrides;
 mod setpoints;

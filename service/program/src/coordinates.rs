@@ -4,6 +4,7 @@
 //! tool is compensated there, and the sum of all offsets leads to the machine. In LinuxCNC the rotation is that of the work
 //! coordinate system, and `G92` lies before it.
 
+mod initial;
 mod system;
 mod transform;
 
@@ -11,6 +12,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::initial::InitialOffsets;
 pub use self::system::{UnknownWorkSystem, WorkOffset, WorkSystem};
 pub(crate) use self::transform::{Rotation, Scaling, Transform, direction};
 

@@ -33,7 +33,7 @@ pub use axis::{AXIS_COUNT, Axis, Plane, Position};
 pub use compensation::{
     CompensationCommand, CompensationCorner, CompensationEntry, CompensationMode, CompensationRules, Compensator,
 };
-pub use coordinates::{UnknownWorkSystem, WorkOffset, WorkSystem};
+pub use coordinates::{InitialOffsets, UnknownWorkSystem, WorkOffset, WorkSystem};
 pub use finding::{
     CodeEntry, CodeTable, Example, Finding, FindingCode, FindingLog, NamedValue, Occurrence, RelatedPlace, Severity,
     SourceSpan, Suggestion,

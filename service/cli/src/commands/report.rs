@@ -1,6 +1,7 @@
 //! A validation report for people: findings, a part for each machining function, summary. The same text whether the report
 //! came from this machine or from a service.
 
+mod offsets;
 mod path_vibration;
 mod thinning;
 mod thread;
@@ -23,6 +24,7 @@ const FUNCTIONS: [fn(&ValidationReport, Style) -> String; 4] =
 pub(super) fn text(report: &ValidationReport, source: &mut Source, style: Style) -> Result<String, CliError> {
     let mut text = findings_text(report, source, style)?;
     text.extend(FUNCTIONS.map(|of_function| of_function(report, style)));
+    text.push_str(&offsets::text(report, style));
     if let Some(summary) = &report.summary {
         text.push_str(&summary_text(summary, style));
     }

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use feedwave_program::{
-    Axis, CoordinateSettings, CoordinateStyle, InitialParameters, LanguageSettings, Position, WorkOffset, WorkSystem,
+    Axis, CoordinateSettings, CoordinateStyle, InitialOffsets, InitialParameters, LanguageSettings, Position,
+    WorkOffset, WorkSystem,
 };
 
 use super::language::{position_from_proto, position_to_proto};
@@ -156,15 +157,7 @@ pub(super) fn offsets_to_proto(language: &LanguageSettings) -> Option<proto::Off
     let offsets = proto::Offsets {
         external: (coordinates.external_offset != Position::default())
             .then(|| position_to_proto(&coordinates.external_offset)),
-        work_offsets: coordinates
-            .systems
-            .iter()
-            .map(|(system, place)| proto::WorkOffset {
-                system: system.to_string(),
-                offset: Some(position_to_proto(&place.offset)),
-                rotation_deg: place.rotation_deg,
-            })
-            .collect(),
+        work_offsets: coordinates.systems.iter().map(|(system, place)| work_offset(*system, place)).collect(),
         reference_positions: more
             .filter_map(|(position, number)| {
                 let position = Some(position_to_proto(position.as_ref()?));
@@ -174,6 +167,31 @@ pub(super) fn offsets_to_proto(language: &LanguageSettings) -> Option<proto::Off
         parameters: parameters_to_proto(&InitialParameters::default()),
     };
     (offsets != proto::Offsets::default()).then_some(offsets)
+}
+
+/// The offsets that a program found set; nothing where there were none.
+pub(super) fn initial_offsets_to_proto(offsets: &InitialOffsets) -> Option<proto::Offsets> {
+    let references = offsets.references.iter();
+    let offsets = proto::Offsets {
+        external: offsets.external.as_ref().map(position_to_proto),
+        work_offsets: offsets.systems.iter().map(|(system, place)| work_offset(*system, place)).collect(),
+        reference_positions: references
+            .map(|&(number, position)| proto::ReferencePosition {
+                number,
+                position: Some(position_to_proto(&position)),
+            })
+            .collect(),
+        parameters: Vec::new(),
+    };
+    (offsets != proto::Offsets::default()).then_some(offsets)
+}
+
+fn work_offset(system: WorkSystem, place: &WorkOffset) -> proto::WorkOffset {
+    proto::WorkOffset {
+        system: system.to_string(),
+        offset: Some(position_to_proto(&place.offset)),
+        rotation_deg: place.rotation_deg,
+    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use feedwave_program::{Finding, NamedValue, Occurrence, RelatedPlace, Severity, 
 
 use super::action::file_name;
 use super::functions;
+use super::offsets::initial_offsets_to_proto;
 use crate::proto;
 
 /// A report as the contract has it.
@@ -13,6 +14,7 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     let mut shown = proto::ValidationReport {
         findings: report.findings.iter().map(|finding| finding_to_proto(finding, &report.programs)).collect(),
         summary: Some(summary_to_proto(&report.summary)),
+        offsets: initial_offsets_to_proto(&report.offsets),
         ..proto::ValidationReport::default()
     };
     functions::report_to_proto(report, &mut shown);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_program::Finding;
+use feedwave_program::{Finding, InitialOffsets};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::pipeline::PipelineConfig;
@@ -29,6 +29,8 @@ pub struct ValidationReport {
     pub thinning: Option<ProgramThinning>,
     /// Counts, times and peaks of the whole program.
     pub summary: ProgramSummary,
+    /// The offsets that the program found set.
+    pub offsets: InitialOffsets,
 }
 
 impl ValidationReport {

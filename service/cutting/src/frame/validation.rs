@@ -215,6 +215,7 @@ impl Validation {
             programs: config.programs.clone(),
             thinning,
             summary,
+            offsets: config.profile.language.initial_offsets(),
             ..ValidationReport::default()
         };
         pipeline.builder.report_functions(analysis.functions, &mut report);

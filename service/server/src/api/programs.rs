@@ -241,8 +241,9 @@ impl Api {
         use interpret_request::{On, Source as From};
         let mut violations = Violations::default();
         if let Some(From::Job(job)) = &request.source {
-            if request.on.is_some() || !request.tools.is_empty() || !request.programs.is_empty() {
-                violations.add("job", "has its machine, tools and further files: nothing else may be stated");
+            let states_more = request.on.is_some() || !request.tools.is_empty() || !request.programs.is_empty();
+            if states_more || request.offsets.is_some() {
+                violations.add("job", "has its machine, tools, further files and offsets: nothing else may be stated");
             }
             violations.finish()?;
             let detail = self.store.job_detail(super::jobs::job_id("job", job)?).await?;
@@ -263,6 +264,9 @@ impl Api {
         };
         self.check_program_files(&mut violations, "programs", &request.programs, inline_bytes);
         let tools = check_tools(&mut violations, &request.tools);
+        if let Some(offsets) = &request.offsets {
+            convert::check_offsets(&mut violations, "offsets", offsets);
+        }
         let (machine, profile) = match &request.on {
             Some(On::Machine(name)) => (violations.check("machine", names::parse_machine(name)), None),
             Some(On::Profile(given)) => (None, convert::profile_from_proto(&mut violations, "profile", given)),
@@ -286,7 +290,7 @@ impl Api {
             _ => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let (source, programs) = self.sources(own, &request.programs).await?;
-        let settings = JobSettings { tools, programs, ..JobSettings::default() };
+        let settings = JobSettings { tools, programs, offsets: request.offsets, ..JobSettings::default() };
         self.engine.interpret(convert::pipeline_config(profile, &settings), source)
     }
 
