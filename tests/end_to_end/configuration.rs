@@ -73,9 +73,11 @@ fn the_example_states_every_key_with_its_default() {
     expected.limits.validation_workers = loaded.limits.validation_workers;
     assert_eq!(loaded, expected);
 
-    let tls = TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()) };
+    let tls =
+        TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()), ..TlsConfig::default() };
     let mut full = expected;
-    full.grpc.tls = Some(tls);
+    full.grpc.tls = Some(tls.clone());
+    full.tls = Some(tls);
     full.healthcheck = HealthcheckConfig {
         ca: Some("ca".into()),
         cert: Some("cert".into()),

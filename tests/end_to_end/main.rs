@@ -4,6 +4,7 @@
 const FEEDWAVE: &str = env!("CARGO_BIN_EXE_feedwave");
 
 mod configuration;
+mod connections;
 mod dashboards;
 mod discovery;
 mod documents;

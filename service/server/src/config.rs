@@ -5,17 +5,22 @@
 //! cluster sets for a service of this name do no harm. An unknown key, a wrong type and a value out of range are
 //! refused with the place, the key and the reason.
 
+mod connections;
+mod tls;
+
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+pub use connections::ConnectionLimits;
 use feedwave_contract::MAX_MESSAGE_BYTES;
 pub use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
 use figment::value::Value;
 use serde::{Deserialize, Serialize};
+pub use tls::{ClientCertificates, TlsConfig};
 
 /// Exit code for configuration that cannot be used (`EX_CONFIG`).
 pub const EXIT_CONFIG: u8 = 78;
@@ -33,12 +38,17 @@ pub struct Config {
     pub grpc: GrpcConfig,
     /// The read-only HTTP port.
     pub http: HttpConfig,
+    /// Encryption of both ports; absent: as `grpc.tls` says, and HTTP has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls: Option<TlsConfig>,
     /// The store.
     pub store: StoreConfig,
     /// The former place of [`StoreConfig`].
     pub database: DatabaseConfig,
     /// Sizes and counts.
     pub limits: Limits,
+    /// Bounds on connections and clients.
+    pub connections: ConnectionLimits,
     /// The log.
     pub log: LogConfig,
     /// Export of traces.
@@ -53,7 +63,7 @@ pub struct Config {
 pub struct GrpcConfig {
     /// Address and port; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Encryption; absent: none.
+    /// Encryption of this port alone; absent: as the section `tls` says, or none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsConfig>,
 }
@@ -62,19 +72,6 @@ impl Default for GrpcConfig {
     fn default() -> Self {
         Self { listen: SocketAddr::from(([127, 0, 0, 1], 50_051)), tls: None }
     }
-}
-
-/// Encryption of the gRPC port.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TlsConfig {
-    /// File with the certificate chain, PEM.
-    pub cert: PathBuf,
-    /// File with the private key, PEM.
-    pub key: PathBuf,
-    /// File with the certificates that clients must be signed by, PEM; absent: any client.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub client_ca: Option<PathBuf>,
 }
 
 /// The read-only HTTP port.
@@ -208,7 +205,7 @@ pub struct TelemetryConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HealthcheckConfig {
-    /// File with the certificates that the server must be signed by, PEM; absent: those of `grpc.tls.cert` itself.
+    /// File with the certificates that the server must be signed by, PEM; absent: those that the service shows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ca: Option<PathBuf>,
     /// File with the certificate chain of the client, PEM; absent: none is shown.
@@ -308,6 +305,19 @@ impl Config {
         if problems.is_empty() { Ok(config) } else { Err(ConfigError(problems)) }
     }
 
+    /// Encryption of the gRPC port, and the section that says so.
+    #[must_use]
+    pub fn grpc_tls(&self) -> Option<(&'static str, &TlsConfig)> {
+        let own = self.grpc.tls.as_ref().map(|tls| ("grpc.tls", tls));
+        own.or_else(|| self.http_tls())
+    }
+
+    /// Encryption of the HTTP port, and the section that says so.
+    #[must_use]
+    pub fn http_tls(&self) -> Option<(&'static str, &TlsConfig)> {
+        self.tls.as_ref().map(|tls| ("tls", tls))
+    }
+
     /// Where the store is kept.
     ///
     /// # Errors
@@ -360,6 +370,9 @@ impl Config {
         range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
         range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
         range("limits.drain_s", limits.drain_s, 0, 3_600);
+        for (key, value, low, high) in self.connections.ranges(message_bytes) {
+            range(key, value, low, high);
+        }
         if let Err(problem) = self.store_uri() {
             problems.push(problem);
         }
@@ -372,11 +385,17 @@ impl Config {
                 problems.push(("telemetry.otlp_endpoint", format!("must be a URL with a scheme, is {endpoint:?}")));
             }
         }
-        let (tls, probe) = (self.grpc.tls.as_ref(), &self.healthcheck);
+        let (own, tls, probe) = (self.grpc.tls.as_ref(), self.tls.as_ref(), &self.healthcheck);
+        if own.is_some() && tls.is_some() {
+            problems.push(("grpc.tls", "the section tls encrypts both ports already: keep one of them".to_owned()));
+        }
         let files = [
-            ("grpc.tls.cert", tls.map(|tls| &tls.cert)),
-            ("grpc.tls.key", tls.map(|tls| &tls.key)),
-            ("grpc.tls.client_ca", tls.and_then(|tls| tls.client_ca.as_ref())),
+            ("tls.cert", tls.map(|tls| &tls.cert)),
+            ("tls.key", tls.map(|tls| &tls.key)),
+            ("tls.client_ca", tls.and_then(|tls| tls.client_ca.as_ref())),
+            ("grpc.tls.cert", own.map(|tls| &tls.cert)),
+            ("grpc.tls.key", own.map(|tls| &tls.key)),
+            ("grpc.tls.client_ca", own.and_then(|tls| tls.client_ca.as_ref())),
             ("healthcheck.ca", probe.ca.as_ref()),
             ("healthcheck.cert", probe.cert.as_ref()),
             ("healthcheck.key", probe.key.as_ref()),

@@ -85,6 +85,28 @@ pub enum Error {
         /// How many are permitted.
         limit: u64,
     },
+    /// One client has as many as one may; it may try again.
+    #[error("this client has as many {what} as one may have, {limit} ({key})")]
+    ClientOverloaded {
+        /// What there are too many of.
+        what: &'static str,
+        /// How many are permitted.
+        limit: u64,
+        /// The configuration key that says so.
+        key: &'static str,
+    },
+    /// Nothing came of a request for too long.
+    #[error("no further part of the request came for {seconds} s")]
+    RequestStalled {
+        /// How long was waited, s.
+        seconds: u64,
+    },
+    /// The answer was not read for too long.
+    #[error("the stream was not read for {seconds} s")]
+    Unread {
+        /// How long was waited, s.
+        seconds: u64,
+    },
     /// The service is ending.
     #[error("the server is shutting down")]
     Draining,
@@ -143,9 +165,12 @@ impl Error {
             Self::EtagMismatch { .. } | Self::JobCancelled { .. } | Self::TakenUp { .. } => Code::Aborted,
             Self::Precondition { .. } => Code::FailedPrecondition,
             Self::OutOfRange { .. } => Code::OutOfRange,
-            Self::Overloaded { .. } | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
+            Self::Overloaded { .. }
+            | Self::ClientOverloaded { .. }
+            | Self::Unread { .. }
+            | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
             Self::Draining | Self::StoreUnavailable(_) => Code::Unavailable,
-            Self::DeadlineExceeded => Code::DeadlineExceeded,
+            Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
             Self::Internal(_) => Code::Internal,
         }
@@ -162,6 +187,9 @@ impl Error {
             Self::EtagMismatch { .. } => "ETAG_MISMATCH",
             Self::Precondition { reason, .. } | Self::OutOfRange { reason, .. } => reason,
             Self::Overloaded { .. } => "OVERLOADED",
+            Self::ClientOverloaded { .. } => "CLIENT_LIMIT",
+            Self::RequestStalled { .. } => "REQUEST_STALLED",
+            Self::Unread { .. } => "STREAM_UNREAD",
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::MessageTooLarge { .. } => "MESSAGE_TOO_LARGE",
@@ -175,10 +203,25 @@ impl Error {
         }
     }
 
+    /// After how long trying again may help; `None` where it does not.
+    #[must_use]
+    pub const fn retry_after(&self) -> Option<std::time::Duration> {
+        match self {
+            Self::Overloaded { .. }
+            | Self::ClientOverloaded { .. }
+            | Self::Unread { .. }
+            | Self::Draining
+            | Self::StoreUnavailable(_) => Some(status::RETRY_AFTER),
+            _ => None,
+        }
+    }
+
     /// HTTP status of the same error.
     #[must_use]
     pub fn http_status(&self) -> http::StatusCode {
         match self.code() {
+            // It is the service that has too many, not this client.
+            _ if matches!(self, Self::Overloaded { .. }) => http::StatusCode::SERVICE_UNAVAILABLE,
             Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange => http::StatusCode::BAD_REQUEST,
             Code::NotFound => http::StatusCode::NOT_FOUND,
             Code::AlreadyExists | Code::Aborted => http::StatusCode::CONFLICT,

@@ -2,6 +2,7 @@
 //! contract's messages, errors that of `google.rpc.Status`. Every answer under `/v1` has a strong entity tag, so
 //! that polling for what has not changed costs a 304.
 
+mod bounds;
 mod conditional;
 mod query;
 
@@ -9,8 +10,10 @@ use axum::Router;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
+use bounds::{Bounds, Panicked, bounded};
 use feedwave_contract::json;
 use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
@@ -20,9 +23,11 @@ use feedwave_contract::routes::{ROUTES, Route};
 use prost::Name;
 use prost_types::Timestamp;
 use query::Query;
+use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::api;
 use crate::api::Api;
+use crate::connections::in_json;
 use crate::error::{Error, Result, Violations};
 use crate::observability::{REVISION, VERSION};
 
@@ -37,9 +42,15 @@ pub struct HttpState {
 
 /// The routes of the port.
 pub fn router(state: HttpState) -> Router {
-    let places = tower::limit::GlobalConcurrencyLimitLayer::new(state.api.limits.concurrent_requests);
+    let bounds = from_fn_with_state(Bounds::new(&state), bounded);
+    let panics = CatchPanicLayer::custom(Panicked(state.api.metrics.clone()));
     let routes = ROUTES.iter().fold(Router::new(), |router, entry| router.route(entry.path, handler(entry.route)));
-    routes.fallback(unknown_path).method_not_allowed_fallback(wrong_method).layer(places).with_state(state)
+    routes
+        .fallback(unknown_path)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(panics)
+        .layer(bounds)
+        .with_state(state)
 }
 
 fn handler(route: Route) -> MethodRouter<HttpState> {
@@ -68,8 +79,7 @@ impl<E: Into<Error>> From<E> for HttpError {
 
 impl IntoResponse for HttpError {
     fn into_response(self) -> Response {
-        let status = self.0.http_status();
-        json_response(status, json::status_to_string(&self.0.into()))
+        in_json(&self.0)
     }
 }
 

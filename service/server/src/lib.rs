@@ -5,6 +5,7 @@
 
 pub mod api;
 pub mod config;
+mod connections;
 pub mod engine;
 pub mod error;
 pub mod http;

@@ -1,8 +1,8 @@
 //! A server from its first port to its last call: start, run, drain.
 
 use std::net::SocketAddr;
-use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use feedwave_contract::convert::timestamp;
 use feedwave_store::{Store, StoreError, StoreSettings};
@@ -10,12 +10,10 @@ use http::Request;
 use jiff::Timestamp;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
-use tokio_stream::StreamExt as _;
 use tokio_util::sync::CancellationToken;
-use tonic::transport::server::TcpIncoming;
-use tonic::transport::{Certificate, Identity, ServerTlsConfig};
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
+use tower::ServiceBuilder;
 use tower::util::MapRequestLayer;
 use tower_http::classify::{GrpcCode, GrpcErrorsAsFailures, SharedClassifier};
 use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
@@ -24,10 +22,10 @@ use tracing::Level;
 use uuid::Uuid;
 
 use crate::api::Api;
-use crate::config::{Config, TlsConfig};
+use crate::config::{Config, ConnectionLimits};
+use crate::connections::{App, Clients, Connection, Port, Tls, TlsError, app};
 use crate::engine::Engine;
 use crate::http::{HttpState, router};
-use crate::lingering::Lingering;
 use crate::observability::metrics::Metrics;
 use crate::observability::rpc::RpcLayer;
 use crate::services;
@@ -35,8 +33,8 @@ use crate::services;
 /// The header with the id of a call.
 const REQUEST_ID: &str = "x-request-id";
 
-/// Connections are asked for a sign of life after this time without one.
-const KEEPALIVE_INTERVAL: std::time::Duration = std::time::Duration::from_secs(30);
+/// How often certificate files are looked at for changes.
+const RELOAD_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Why a server could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +61,7 @@ pub enum StartError {
     #[error("{key}: {reason}")]
     Tls {
         /// The configuration key.
-        key: &'static str,
+        key: String,
         /// Why.
         reason: String,
     },
@@ -86,8 +84,9 @@ pub struct RunningServer {
     metrics: Arc<Metrics>,
     store: Store,
     health: HealthReporter,
-    grpc: JoinHandle<Result<(), tonic::transport::Error>>,
-    http: JoinHandle<std::io::Result<()>>,
+    certificates: Certificates,
+    grpc: JoinHandle<()>,
+    http: JoinHandle<()>,
     http_stop: CancellationToken,
 }
 
@@ -111,35 +110,27 @@ impl Server {
         for service in services::names() {
             health.set_service_status(service, ServingStatus::Serving).await;
         }
-        let rpc = RpcLayer::new(metrics.clone(), &config.limits, draining.clone());
-        let routes = services::routes(&api, config.limits.message_bytes, &health)
-            .map_err(|error| StartError::Setup(error.to_string()))?;
-        let trace = TraceLayer::new(SharedClassifier::new(classifier()))
-            .make_span_with(span)
-            .on_response(DefaultOnResponse::new().level(Level::DEBUG))
-            .on_failure(DefaultOnFailure::new().level(Level::WARN));
-        // A client that still reads when its connection is closed has the time that open calls have.
-        let timeout = config.limits.drain();
-        let linger = move |stream| Lingering::new(stream, timeout);
-        let grpc = transport(&config)?
-            .layer(tonic_web::GrpcWebLayer::new())
-            .layer(MapRequestLayer::new(bound_request_id))
-            .layer(SetRequestIdLayer::x_request_id(NewRequestId))
-            .layer(trace)
-            .layer(PropagateRequestIdLayer::x_request_id())
-            .layer(rpc)
-            .add_routes(routes)
-            .serve_with_incoming_shutdown(
-                TcpIncoming::from(grpc_listener).with_nodelay(Some(true)).map(move |accepted| accepted.map(linger)),
-                draining.clone().cancelled_owned(),
-            );
-
+        let certificates = Certificates::load(&config, metrics.clone())?;
+        let clients = Clients::new(bounded_by_descriptors(&config), metrics.connections.clone());
         let http_stop = CancellationToken::new();
-        let http_state = HttpState { api, start_time: timestamp(Timestamp::now().as_microsecond()) };
-        let http =
-            axum::serve(http_listener, router(http_state)).with_graceful_shutdown(http_stop.clone().cancelled_owned());
+        let http_state = HttpState { api: api.clone(), start_time: timestamp(Timestamp::now().as_microsecond()) };
+        let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
+            name,
+            listener,
+            app,
+            tls: tls.cloned(),
+            clients: clients.clone(),
+            streams_per_connection: config.limits.streams_per_connection,
+            // A client that still reads when its connection is closed has the time that open calls have.
+            linger: config.limits.drain(),
+        };
+        let grpc = grpc_app(&api, &metrics, &health, &draining)?;
+        let grpc = port("grpc", grpc_listener, grpc, certificates.grpc.as_ref()).serve(draining.clone());
+        let http = app(router(http_state));
+        let http = port("http", http_listener, http, certificates.http.as_ref()).serve(http_stop.clone());
 
         engine.start();
+        tokio::spawn(certificates.clone().watch(http_stop.clone()));
         Ok(RunningServer {
             grpc_addr,
             http_addr,
@@ -147,22 +138,104 @@ impl Server {
             metrics,
             store,
             health,
+            certificates,
             grpc: tokio::spawn(grpc),
-            http: tokio::spawn(http.into_future()),
+            http: tokio::spawn(http),
             http_stop,
             config,
         })
     }
 }
 
-/// The gRPC server with the limits and certificates of its connections.
-fn transport(config: &Config) -> Result<tonic::transport::Server, StartError> {
-    let server = tonic::transport::Server::builder()
-        .accept_http1(true)
-        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-        .max_concurrent_streams(config.limits.streams_per_connection);
-    let Some(tls) = &config.grpc.tls else { return Ok(server) };
-    server.tls_config(tls_config(tls)?).map_err(|error| StartError::Tls { key: "grpc.tls", reason: error.to_string() })
+/// The gRPC services with what is around each call.
+fn grpc_app(
+    api: &Api,
+    metrics: &Arc<Metrics>,
+    health: &HealthReporter,
+    draining: &CancellationToken,
+) -> Result<App, StartError> {
+    let rpc = RpcLayer::new(metrics.clone(), &api.limits, draining.clone());
+    let routes = services::routes(api, api.limits.message_bytes, health)
+        .map_err(|error| StartError::Setup(error.to_string()))?;
+    let trace = TraceLayer::new(SharedClassifier::new(classifier()))
+        .make_span_with(span)
+        .on_response(DefaultOnResponse::new().level(Level::DEBUG))
+        .on_failure(DefaultOnFailure::new().level(Level::WARN));
+    let service = ServiceBuilder::new()
+        .layer(tonic_web::GrpcWebLayer::new())
+        .layer(MapRequestLayer::new(bound_request_id))
+        .layer(SetRequestIdLayer::x_request_id(NewRequestId))
+        .layer(trace)
+        .layer(PropagateRequestIdLayer::x_request_id())
+        .layer(rpc)
+        .service(routes);
+    Ok(app(service))
+}
+
+/// The bounds on connections, with no more of them than the process may have descriptors: the store and files need some
+/// as well.
+fn bounded_by_descriptors(config: &Config) -> ConnectionLimits {
+    const OTHER_DESCRIPTORS: usize = 64;
+    let mut limits = config.connections.clone();
+    let descriptors = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    if let Some(descriptors) = descriptors.and_then(|descriptors| usize::try_from(descriptors).ok()) {
+        let most = descriptors.saturating_sub(OTHER_DESCRIPTORS).max(1);
+        if limits.total > most {
+            tracing::warn!(descriptors, connections = most, "connections.total is more than there are descriptors for");
+            limits.total = most;
+        }
+    }
+    limits
+}
+
+/// Certificates of the ports, taken over anew when their files change.
+#[derive(Clone, Debug)]
+struct Certificates {
+    grpc: Option<Arc<Tls>>,
+    http: Option<Arc<Tls>>,
+    metrics: Arc<Metrics>,
+}
+
+impl Certificates {
+    fn load(config: &Config, metrics: Arc<Metrics>) -> Result<Self, StartError> {
+        let failed = |error: TlsError| StartError::Tls { key: error.key, reason: error.reason };
+        let load = |(section, files)| Tls::load(section, files).map_err(failed);
+        let http = config.http_tls().map(load).transpose()?;
+        // One section is one set of files.
+        let grpc = if config.grpc.tls.is_some() { config.grpc_tls().map(load).transpose()? } else { http.clone() };
+        Ok(Self { grpc, http, metrics })
+    }
+
+    /// Takes over what has changed.
+    fn reload(&self) {
+        let apart = self.http.iter().filter(|http| !self.grpc.as_ref().is_some_and(|grpc| Arc::ptr_eq(grpc, http)));
+        for tls in self.grpc.iter().chain(apart) {
+            let outcome = match tls.reload() {
+                Ok(false) => continue,
+                Ok(true) => {
+                    tracing::info!(?tls, "changed certificates are used from now on");
+                    "taken_over"
+                }
+                Err(error) => {
+                    tracing::error!(%error, "changed certificates cannot be used, the former ones stay");
+                    "refused"
+                }
+            };
+            self.metrics.connections.certificate_reloads.with_label_values(&[outcome]).inc();
+        }
+    }
+
+    /// Takes over what has changed, again and again.
+    async fn watch(self, stop: CancellationToken) {
+        if self.grpc.is_none() && self.http.is_none() {
+            return;
+        }
+        while stop.run_until_cancelled(tokio::time::sleep(RELOAD_INTERVAL)).await.is_some() {
+            let certificates = self.clone();
+            // Files are read on a thread that may wait.
+            let _ = tokio::task::spawn_blocking(move || certificates.reload()).await;
+        }
+    }
 }
 
 impl RunningServer {
@@ -182,6 +255,11 @@ impl RunningServer {
     #[must_use]
     pub fn metrics(&self) -> &Metrics {
         &self.metrics
+    }
+
+    /// Takes over certificates whose files have changed, as the service does by itself every few seconds.
+    pub fn reload(&self) {
+        self.certificates.reload();
     }
 
     /// Waits until one of the ports fails, which it does only by a fault of the system; the text says why.
@@ -238,18 +316,6 @@ async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, 
     Ok((listener, bound))
 }
 
-fn tls_config(tls: &TlsConfig) -> Result<ServerTlsConfig, StartError> {
-    let read = |key, path: &Path| {
-        std::fs::read(path).map_err(|error| StartError::Tls { key, reason: format!("{}: {error}", path.display()) })
-    };
-    let identity = Identity::from_pem(read("grpc.tls.cert", &tls.cert)?, read("grpc.tls.key", &tls.key)?);
-    let server = ServerTlsConfig::new().identity(identity);
-    Ok(match &tls.client_ca {
-        Some(path) => server.client_ca_root(Certificate::from_pem(read("grpc.tls.client_ca", path)?)),
-        None => server,
-    })
-}
-
 /// What a client did wrong, or had happen by its own wish, is no failure of the service.
 fn classifier() -> GrpcErrorsAsFailures {
     let by_the_client = [
@@ -266,11 +332,12 @@ fn classifier() -> GrpcErrorsAsFailures {
     by_the_client.into_iter().fold(GrpcErrorsAsFailures::new(), GrpcErrorsAsFailures::with_success)
 }
 
-/// The span of a call, with its request id.
+/// The span of a call, with its request id and its client.
 fn span<B>(request: &Request<B>) -> tracing::Span {
     let id = request.extensions().get::<RequestId>();
     let id = id.and_then(|id| id.header_value().to_str().ok()).unwrap_or_default();
-    tracing::info_span!("call", method = request.uri().path(), request_id = id)
+    let client = request.extensions().get::<Arc<Connection>>().map(|connection| connection.client().to_string());
+    tracing::info_span!("call", method = request.uri().path(), request_id = id, client)
 }
 
 /// Longest request id that is taken over from a client, bytes: it comes back in the headers of the answer.

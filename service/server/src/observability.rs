@@ -1,5 +1,6 @@
 //! How the service shows what it does: the log, traces, metrics.
 
+mod answer;
 pub mod metrics;
 pub mod rpc;
 
@@ -44,6 +45,7 @@ impl LogGuard {
 /// # Errors
 /// A text for the operator where the exporter cannot be built or a log is set up already.
 pub fn init(config: &Config) -> Result<LogGuard, String> {
+    std::panic::set_hook(Box::new(log_panic));
     let filter = EnvFilter::try_new(&config.log.level).map_err(|error| error.to_string())?;
     let lines =
         tracing_subscriber::fmt::layer().with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr);
@@ -60,6 +62,16 @@ pub fn init(config: &Config) -> Result<LogGuard, String> {
         .try_init()
         .map_err(|error| error.to_string())?;
     Ok(LogGuard { traces })
+}
+
+/// Longest text of a panic in the log, characters.
+const MAX_PANIC_CHARACTERS: usize = 200;
+
+/// Logs a panic as everything else is logged: where it happened, and the beginning of what it says.
+fn log_panic(panic: &std::panic::PanicHookInfo<'_>) {
+    let text: String = panic.payload_as_str().unwrap_or_default().chars().take(MAX_PANIC_CHARACTERS).collect();
+    let place = panic.location().map(ToString::to_string).unwrap_or_default();
+    tracing::error!(%place, ?text, "panic");
 }
 
 fn exporter(endpoint: &str) -> Result<SdkTracerProvider, String> {

@@ -5,7 +5,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use feedwave_server::config::{Config, Overrides};
+use feedwave_server::config::{ClientCertificates, Config, Overrides};
 use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -38,7 +38,7 @@ pub struct Args {
 pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let config = global.load(Overrides::default())?;
     let url = args.server.clone().unwrap_or_else(|| {
-        let scheme = if config.grpc.tls.is_some() { "https" } else { "http" };
+        let scheme = if config.grpc_tls().is_some() { "https" } else { "http" };
         format!("{scheme}://{}", reachable(config.grpc.listen))
     });
     let timeout = Duration::from_secs(args.timeout);
@@ -46,10 +46,13 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     endpoint = endpoint.connect_timeout(timeout).timeout(timeout);
     if url.starts_with("https:") {
         let tls = tls(args.tls, &config);
-        let asked = args.server.is_none() && config.grpc.tls.as_ref().is_some_and(|tls| tls.client_ca.is_some());
+        let asked = args.server.is_none()
+            && config.grpc_tls().is_some_and(|(_, tls)| {
+                tls.client_ca.is_some() && tls.client_certificates == ClientCertificates::Required
+            });
         if asked && tls.cert.is_none() {
             return Err(CliError::new(
-                "grpc.tls.client_ca asks clients for a certificate: set healthcheck.cert and healthcheck.key",
+                "client_ca of tls or grpc.tls asks clients for a certificate: set healthcheck.cert and healthcheck.key",
             ));
         }
         endpoint = endpoint.tls_config(tls.config().map_err(CliError::new)?).map_err(CliError::new)?;
@@ -72,7 +75,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
 /// What the flags say, then the section `healthcheck`; by default the server must show what it is configured with.
 fn tls(flags: ClientTls, config: &Config) -> ClientTls {
     let probe = config.healthcheck.clone();
-    let own = || config.grpc.tls.as_ref().map(|tls| tls.cert.clone());
+    let own = || config.grpc_tls().map(|(_, tls)| tls.cert.clone());
     // A certificate and a key belong together, wherever they come from.
     let (cert, key) = if flags.cert.is_some() { (flags.cert, flags.key) } else { (probe.cert, probe.key) };
     ClientTls { ca: flags.ca.or(probe.ca).or_else(own), cert, key, domain: flags.domain.or(probe.domain) }
@@ -97,7 +100,7 @@ mod tests {
     #[test]
     fn flags_win_over_configuration_and_the_own_certificates_are_trusted_without_either() {
         let mut config = Config::default();
-        config.grpc.tls = Some(TlsConfig { cert: "own".into(), key: "own.key".into(), client_ca: None });
+        config.grpc.tls = Some(TlsConfig { cert: "own".into(), key: "own.key".into(), ..TlsConfig::default() });
         assert_eq!(tls(ClientTls::default(), &config).ca, Some("own".into()));
 
         config.healthcheck = HealthcheckConfig {

@@ -49,6 +49,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     // Taken over before the ports open: as process 1 of a container nothing else handles them.
     let mut terminate = signal(SignalKind::terminate()).map_err(CliError::new)?;
     let mut interrupt = signal(SignalKind::interrupt()).map_err(CliError::new)?;
+    let mut hangup = signal(SignalKind::hangup()).map_err(CliError::new)?;
     let mut server = Server::start(config).await.map_err(CliError::new)?;
     tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), "ready");
     if let Some(path) = &args.ready_file {
@@ -56,10 +57,13 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
             .map_err(|error| CliError::new(format!("--ready-file: {}: {error}", path.display())))?;
     }
 
-    let failure = tokio::select! {
-        _ = terminate.recv() => None,
-        _ = interrupt.recv() => None,
-        failure = server.failed() => Some(failure),
+    let failure = loop {
+        tokio::select! {
+            _ = terminate.recv() => break None,
+            _ = interrupt.recv() => break None,
+            _ = hangup.recv() => server.reload(),
+            failure = server.failed() => break Some(failure),
+        }
     };
     tracing::info!("shutting down");
     server.shutdown().await;

@@ -17,6 +17,7 @@ fn encrypted(cert: &str, client_ca: Option<&str>) -> Service {
         cert: cert.into(),
         key: file("server-key.pem").into(),
         client_ca: client_ca.map(|name| file(name).into()),
+        ..TlsConfig::default()
     };
     Service::with(GrpcConfig { tls: Some(tls), ..GrpcConfig::default() })
 }

@@ -26,7 +26,7 @@ const FRAME_BYTES: usize = 320;
 const VIOLATION_BYTES: usize = 9;
 
 /// After how long an overloaded service may be asked again.
-const RETRY_AFTER: Duration = Duration::from_secs(1);
+pub(super) const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// Key of the number of violations that the details do not list.
 const NOT_LISTED: &str = "violations_not_listed";
@@ -136,16 +136,24 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         Error::MessageTooLarge { .. } => {
             details.add_quota_failure_violation("limits.message_bytes", message);
         }
-        Error::Overloaded { .. } | Error::Draining | Error::StoreUnavailable(_) => {
-            details.set_retry_info(Some(RETRY_AFTER));
+        Error::ClientOverloaded { key, .. } => {
+            details.add_quota_failure_violation(*key, message);
         }
         Error::EtagMismatch { .. }
         | Error::OutOfRange { .. }
+        | Error::Overloaded { .. }
+        | Error::Unread { .. }
+        | Error::RequestStalled { .. }
+        | Error::Draining
+        | Error::StoreUnavailable(_)
         | Error::DeadlineExceeded
         | Error::Transport(_)
         | Error::JobCancelled { .. }
         | Error::TakenUp { .. }
         | Error::Internal(_) => {}
+    }
+    if let Some(after) = error.retry_after() {
+        details.set_retry_info(Some(after));
     }
     details.set_error_info(error.reason(), DOMAIN, metadata);
     details
@@ -169,7 +177,9 @@ fn metadata(error: &Error) -> HashMap<String, String> {
     match error {
         Error::EtagMismatch { name, etag } => pairs([("resource", name.clone()), ("etag", etag.clone())]),
         Error::OutOfRange { metadata, .. } => pairs(metadata.iter().cloned()),
-        Error::Overloaded { limit, .. } => pairs([("limit", limit.to_string())]),
+        Error::Overloaded { limit, .. } | Error::ClientOverloaded { limit, .. } => {
+            pairs([("limit", limit.to_string())])
+        }
         Error::MessageTooLarge { limit } => pairs([("limit_bytes", limit.to_string())]),
         Error::JobCancelled { job } => pairs([("job", job.clone())]),
         Error::TakenUp { run } => pairs([("run", run.clone())]),

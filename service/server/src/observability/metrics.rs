@@ -1,7 +1,10 @@
 //! What `/metrics` shows. Each server has its own registry: nothing is global.
 
+mod connections;
+
 use std::time::Duration;
 
+pub use connections::ConnectionMetrics;
 use feedwave_store::Observer;
 use prometheus::{
     Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
@@ -53,6 +56,8 @@ pub struct Metrics {
     pub store_bytes: IntGauge,
     /// Jobs stored, by state.
     pub jobs: IntGaugeVec,
+    /// Connections, and what clients take up.
+    pub connections: ConnectionMetrics,
 }
 
 /// Bounds of the time histograms, s: from what a read of the store takes to what a long stream does.
@@ -123,6 +128,7 @@ impl Metrics {
             store_bytes: registrar
                 .gauge("feedwave_store_bytes", "Bytes that the store takes, free space within it included."),
             jobs: registrar.gauges("feedwave_jobs", "Jobs stored.", &["state"]),
+            connections: ConnectionMetrics::new(&registrar),
             registry: registrar.0,
         }
     }

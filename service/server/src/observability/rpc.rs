@@ -1,42 +1,91 @@
-//! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are in progress,
-//! turns new ones away while the service is ending, ends them at their deadline, and completes statuses that the
-//! transport makes.
+//! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are in progress, of
+//! everybody and of one client, turns new ones away while the service is ending, ends them at their deadline and where
+//! they panic, and completes statuses that the transport makes.
 
-use std::collections::HashSet;
-use std::pin::Pin;
+use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
+use bytes::Bytes;
 use feedwave_contract::proto::DESCRIPTORS;
+use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
 use http::{HeaderMap, Request, Response};
-use http_body::{Frame, SizeHint};
+use http_body::Frame;
 use prometheus::IntCounter;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::CancellationToken;
 use tonic::body::Body;
 use tonic::{Code, Status};
 
+use super::answer::AnswerBody;
 use super::metrics::{GaugeGuard, Metrics};
 use crate::api::deadline;
 use crate::config::Limits;
+use crate::connections::{Connection, Held, HeldBytes, OpenCall, RequestBody, Resource, Unread};
 use crate::engine::until;
 use crate::error::{Error, complete};
 use crate::services;
 
-/// Paths that may appear as a label; everything else is counted as one, so that clients cannot grow the metrics.
-static METHODS: LazyLock<HashSet<String>> = LazyLock::new(|| {
+/// What kind of call a method is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Method {
+    /// What a call of it takes up.
+    resource: Resource,
+    /// Whether clients send a stream of messages.
+    sends_many: bool,
+    /// Whether clients may pause between two messages: they do where both sides send.
+    may_pause: bool,
+}
+
+impl Method {
+    const fn new(is_watcher: bool, sends_many: bool, answers_many: bool) -> Self {
+        let resource = if is_watcher {
+            Resource::Watcher
+        } else if sends_many || answers_many {
+            Resource::Stream
+        } else {
+            Resource::Call
+        };
+        Self { resource, sends_many, may_pause: sends_many && answers_many }
+    }
+}
+
+/// Methods by their paths. Only they may appear as a label; everything else is counted as one, so that clients cannot grow
+/// the metrics.
+static METHODS: LazyLock<HashMap<String, Method>> = LazyLock::new(|| {
     let services = DESCRIPTORS.services();
     services
         .flat_map(|service| {
-            service.methods().map(|method| format!("/{}/{}", service.full_name(), method.name())).collect::<Vec<_>>()
+            let of = |method: prost_reflect::MethodDescriptor| {
+                let is_watcher = method.name().starts_with("Watch");
+                let kind = Method::new(is_watcher, method.is_client_streaming(), method.is_server_streaming());
+                (format!("/{}/{}", service.full_name(), method.name()), kind)
+            };
+            service.methods().map(of).collect::<Vec<_>>()
         })
         .collect()
 });
 
 /// Methods that have to answer while the service is ending and must not wait for a place.
 const HEALTH_PREFIX: &str = "/grpc.health.v1.Health/";
+/// Of these, the one that stays open.
+const HEALTH_WATCH: &str = "/grpc.health.v1.Health/Watch";
+/// Reflection, of either version.
+const REFLECTION_PREFIX: &str = "/grpc.reflection.";
+
+/// The label and the kind of a method.
+fn method(path: &str) -> (&'static str, Method) {
+    match METHODS.get_key_value(path) {
+        Some((name, method)) => (name.as_str(), *method),
+        None => (
+            "other",
+            Method::new(path == HEALTH_WATCH, path.starts_with(REFLECTION_PREFIX), path.starts_with(REFLECTION_PREFIX)),
+        ),
+    }
+}
 
 /// Makes [`RpcService`]s.
 #[derive(Clone, Debug)]
@@ -48,6 +97,14 @@ pub struct RpcLayer {
     draining: CancellationToken,
 }
 
+/// What a call holds to the end of its answer.
+#[derive(Default)]
+struct Places {
+    _in_all: Option<OwnedSemaphorePermit>,
+    _of_client: Option<Held>,
+    _of_connection: Option<OpenCall>,
+}
+
 impl RpcLayer {
     /// A layer that lets as many calls through at once as the limits permit, and none once `draining` is cancelled.
     #[must_use]
@@ -56,16 +113,39 @@ impl RpcLayer {
         Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, draining }
     }
 
-    /// A place for a call, held to the end of its response.
-    fn admit(&self, path: &str) -> Result<Option<OwnedSemaphorePermit>, Error> {
-        if path.starts_with(HEALTH_PREFIX) {
-            return Ok(None);
+    /// Places for a call, held to the end of its response.
+    fn admit(&self, path: &str, method: Method, connection: Option<&Arc<Connection>>) -> Result<Places, Error> {
+        let _of_connection = connection.map(Connection::begin_call);
+        let is_health = path.starts_with(HEALTH_PREFIX);
+        if is_health && path != HEALTH_WATCH {
+            return Ok(Places { _of_connection, ..Places::default() });
         }
-        if self.draining.is_cancelled() {
+        if self.draining.is_cancelled() && !is_health {
             return Err(Error::Draining);
         }
-        let overloaded = |_| Error::Overloaded { what: "calls in progress", limit: self.limit as u64 };
-        self.places.clone().try_acquire_owned().map(Some).map_err(overloaded)
+        let of_client = |connection: &Arc<Connection>| connection.clients().take(connection.client(), method.resource);
+        let _of_client = connection.map(of_client).transpose()?;
+        let overloaded = |_| {
+            self.metrics.connections.refused("calls in progress");
+            Error::Overloaded { what: "calls in progress", limit: self.limit as u64 }
+        };
+        let _in_all = if is_health { None } else { Some(self.places.clone().try_acquire_owned().map_err(overloaded)?) };
+        Ok(Places { _in_all, _of_client, _of_connection })
+    }
+
+    /// The body of a request, counted where the connection is known, and what holds its bytes.
+    fn request_body(
+        &self,
+        body: Body,
+        method: Method,
+        connection: Option<&Arc<Connection>>,
+    ) -> (Body, Option<HeldBytes>) {
+        let Some(connection) = connection else { return (body, None) };
+        let clients = connection.clients();
+        let held = HeldBytes::new(clients.request_bytes(connection.client()).into());
+        let pause = (!method.may_pause).then(|| clients.limits().request_timeout());
+        let body = RequestBody::new(body, held.clone(), self.message_bytes, method.sends_many, pause);
+        (Body::new(body), Some(held))
     }
 }
 
@@ -84,9 +164,9 @@ pub struct RpcService<S> {
     layer: RpcLayer,
 }
 
-impl<S, B> tower::Service<Request<B>> for RpcService<S>
+impl<S> tower::Service<Request<Body>> for RpcService<S>
 where
-    S: tower::Service<Request<B>, Response = Response<Body>>,
+    S: tower::Service<Request<Body>, Response = Response<Body>>,
     S::Future: Send + 'static,
     S::Error: 'static,
 {
@@ -98,70 +178,126 @@ where
         self.inner.poll_ready(cx)
     }
 
-    fn call(&mut self, mut request: Request<B>) -> Self::Future {
+    fn call(&mut self, mut request: Request<Body>) -> Self::Future {
         if !services::may_compress(request.uri().path()) {
             request.headers_mut().remove("grpc-accept-encoding");
         }
+        let connection = request.extensions().get::<Arc<Connection>>().cloned();
         let path = request.uri().path();
-        let admitted = self.layer.admit(path);
-        let metrics = &self.layer.metrics;
-        let method = METHODS.get(path).map_or("other", String::as_str);
-        let mut call = Call {
-            metrics: metrics.clone(),
-            method,
-            message_bytes: self.layer.message_bytes,
-            started: Instant::now(),
-            code: None,
-            sent_bytes: metrics.sent_bytes.with_label_values(&[method]),
-            _active: GaugeGuard::new(&metrics.active_requests),
-            place: None,
-        };
+        let (name, method) = method(path);
+        let admitted = self.layer.admit(path, method, connection.as_ref());
+        let mut call = Call::new(&self.layer, name, connection.clone());
         match admitted {
-            Ok(place) => {
-                call.place = place;
+            Ok(places) => {
+                call.places = places;
                 let deadline = deadline(request.headers());
-                let response = self.inner.call(request);
+                let mut held = None;
+                let request = request.map(|body| {
+                    let (body, bytes) = self.layer.request_body(body, method, connection.as_ref());
+                    held = bytes;
+                    body
+                });
+                let begun = catch_unwind(AssertUnwindSafe(|| self.inner.call(request)));
                 Box::pin(async move {
-                    let response = tokio::select! {
+                    let Ok(answer) = begun else { return Ok(observe(call.panicked().into_answer(), call)) };
+                    let answered = tokio::select! {
                         biased;
-                        response = response => response?,
-                        () = until(deadline) => Status::from(Error::DeadlineExceeded).into_http(),
+                        answered = AssertUnwindSafe(answer).catch_unwind() => answered,
+                        () = until(deadline) => Ok(Ok(Error::DeadlineExceeded.into_answer())),
                     };
-                    Ok(observe(response, call))
+                    // The request has become something else, or nothing.
+                    drop(held);
+                    match answered {
+                        Ok(answer) => Ok(observe(answer?, call)),
+                        Err(_) => Ok(observe(call.panicked().into_answer(), call)),
+                    }
                 })
             }
-            Err(error) => {
-                let response = Status::from(error).into_http();
-                Box::pin(async move { Ok(observe(response, call)) })
-            }
+            Err(error) => Box::pin(async move { Ok(observe(error.into_answer(), call)) }),
         }
+    }
+}
+
+impl Error {
+    /// The error as the whole answer to a call.
+    fn into_answer(self) -> Response<Body> {
+        Status::from(self).into_http()
     }
 }
 
 fn observe(mut response: Response<Body>, mut call: Call) -> Response<Body> {
     call.see(response.headers_mut());
-    response.map(|inner| Body::new(ObservedBody { inner, call }))
+    let connection = call.connection.clone();
+    response.map(|body| {
+        let body = AnswerBody::new(body, call);
+        if let Some(connection) = connection {
+            let answer: Arc<dyn Unread> = body.answer();
+            connection.watch(Arc::downgrade(&answer));
+        }
+        Body::new(body)
+    })
 }
 
 /// A call in progress; counted when dropped.
-struct Call {
+pub(super) struct Call {
     metrics: Arc<Metrics>,
     method: &'static str,
     message_bytes: usize,
     started: Instant,
     code: Option<Code>,
     sent_bytes: IntCounter,
+    connection: Option<Arc<Connection>>,
     _active: GaugeGuard,
-    place: Option<OwnedSemaphorePermit>,
+    places: Places,
 }
 
 impl Call {
+    fn new(layer: &RpcLayer, method: &'static str, connection: Option<Arc<Connection>>) -> Self {
+        let metrics = &layer.metrics;
+        Self {
+            metrics: metrics.clone(),
+            method,
+            message_bytes: layer.message_bytes,
+            started: Instant::now(),
+            code: None,
+            sent_bytes: metrics.sent_bytes.with_label_values(&[method]),
+            connection,
+            _active: GaugeGuard::new(&metrics.active_requests),
+            places: Places::default(),
+        }
+    }
+
     /// Completes and notes the status where these headers or trailers have one.
-    fn see(&mut self, headers: &mut HeaderMap) {
+    pub(super) fn see(&mut self, headers: &mut HeaderMap) {
         complete(headers, self.message_bytes);
         if let Some(code) = headers.get("grpc-status") {
             self.code = Some(Code::from_bytes(code.as_bytes()));
         }
+    }
+
+    /// Counts what is sent.
+    pub(super) fn sent(&mut self, frame: &mut Frame<Bytes>) {
+        if let Some(data) = frame.data_ref() {
+            self.sent_bytes.inc_by(data.len() as u64);
+        }
+        if let Some(trailers) = frame.trailers_mut() {
+            self.see(trailers);
+        }
+    }
+
+    /// The error of a call that panicked. Where and why the panic itself has said in the log.
+    pub(super) fn panicked(&self) -> Error {
+        self.metrics.connections.panics.inc();
+        Error::internal(format!("{} panicked", self.method))
+    }
+
+    /// The error of a call whose answer is not read.
+    pub(super) fn unread(&self) -> Error {
+        self.metrics.connections.unread_streams.inc();
+        let limits = self.connection.as_ref().map(|connection| connection.clients().limits());
+        let seconds = limits.map_or(0, |limits| limits.unread_timeout_s);
+        tracing::info!(method = self.method, seconds, "an answer that nobody reads is ended");
+        Error::Unread { seconds }
     }
 }
 
@@ -171,40 +307,6 @@ impl Drop for Call {
         let code = code_name(self.code.unwrap_or(Code::Cancelled));
         self.metrics.requests.with_label_values(&[self.method, code]).inc();
         self.metrics.request_seconds.with_label_values(&[self.method]).observe(self.started.elapsed().as_secs_f64());
-    }
-}
-
-struct ObservedBody {
-    inner: Body,
-    call: Call,
-}
-
-impl http_body::Body for ObservedBody {
-    type Data = bytes::Bytes;
-    type Error = Status;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
-        let mut polled = Pin::new(&mut self.inner).poll_frame(cx);
-        if let Poll::Ready(Some(Ok(frame))) = &mut polled {
-            if let Some(data) = frame.data_ref() {
-                self.call.sent_bytes.inc_by(data.len() as u64);
-            }
-            if let Some(trailers) = frame.trailers_mut() {
-                self.call.see(trailers);
-            }
-        }
-        polled
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.inner.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.inner.size_hint()
     }
 }
 
@@ -234,10 +336,65 @@ pub const fn code_name(code: Code) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use http_body::Body as _;
     use tonic_types::StatusExt as _;
     use tower::{Layer as _, Service as _};
 
     use super::*;
+
+    fn reason(headers: &HeaderMap) -> (Code, String) {
+        let status = Status::from_header_map(headers).unwrap();
+        (status.code(), status.get_error_details().error_info().unwrap().reason.clone())
+    }
+
+    #[tokio::test]
+    async fn a_panic_ends_its_call_and_no_other() {
+        let metrics = Arc::new(Metrics::new());
+        let limits = Limits { concurrent_requests: 1, ..Limits::default() };
+        let layer = RpcLayer::new(metrics.clone(), &limits, CancellationToken::new());
+        let request = || Request::new(Body::empty());
+        let at_once = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
+            panic!("before there is a future")
+        });
+        let later = tower::service_fn(async |_: Request<Body>| -> Result<Response<Body>, Status> { panic!("in it") });
+        for _ in 0..2 {
+            // The place is free again each time.
+            let answer = layer.layer(at_once).call(request()).await.unwrap();
+            assert_eq!(reason(answer.headers()), (Code::Internal, "INTERNAL".to_owned()));
+            drop(answer);
+            let answer = layer.layer(later).call(request()).await.unwrap();
+            assert_eq!(reason(answer.headers()), (Code::Internal, "INTERNAL".to_owned()));
+        }
+        let in_body = tower::service_fn(async |_: Request<Body>| -> Result<Response<Body>, Status> {
+            let frames = futures_util::stream::once(async { Ok::<_, Status>(Frame::data(Bytes::from_static(b"1"))) });
+            let frames =
+                futures_util::StreamExt::chain(frames, futures_util::stream::poll_fn(|_| panic!("in the answer")));
+            Ok(Response::new(Body::new(StreamBody(Box::pin(frames)))))
+        });
+        let mut body = layer.layer(in_body).call(request()).await.unwrap().into_body();
+        let mut next = async || std::future::poll_fn(|cx| std::pin::Pin::new(&mut body).poll_frame(cx)).await;
+        assert_eq!(next().await.unwrap().unwrap().into_data().unwrap(), "1");
+        let trailers = next().await.unwrap().unwrap().into_trailers().unwrap();
+        assert_eq!(reason(&trailers), (Code::Internal, "INTERNAL".to_owned()));
+        assert!(next().await.is_none());
+        assert_eq!(metrics.connections.panics.get(), 5);
+        assert_eq!(metrics.active_requests.get(), 0);
+    }
+
+    /// A body of frames.
+    struct StreamBody(std::pin::Pin<Box<dyn futures_util::Stream<Item = Result<Frame<Bytes>, Status>> + Send>>);
+
+    impl http_body::Body for StreamBody {
+        type Data = Bytes;
+        type Error = Status;
+
+        fn poll_frame(
+            mut self: std::pin::Pin<&mut Self>,
+            cx: &mut Context<'_>,
+        ) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
+            futures_util::Stream::poll_next(self.0.as_mut(), cx)
+        }
+    }
 
     #[tokio::test(start_paused = true)]
     async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {

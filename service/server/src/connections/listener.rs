@@ -1,0 +1,312 @@
+//! A port: accepts connections, bounds them, serves each in a task of its own, and ends all in order.
+
+use std::convert::Infallible;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Body;
+use http::{Request, Response};
+use hyper::body::Incoming;
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto::Builder;
+use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio::time::{Instant, sleep, sleep_until, timeout};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+use tower::util::BoxCloneSyncService;
+use tower::{Service, ServiceExt as _};
+
+use super::clients::{ClientKey, Clients, Held, Resource};
+use super::connection::{Connection, Due, Heard};
+use super::refusal;
+use super::tls::{PeerCertificate, Tls};
+use crate::error::Error;
+use crate::lingering::Lingering;
+
+/// What answers the requests of a port.
+pub(crate) type App = BoxCloneSyncService<Request<Body>, Response<Body>, Infallible>;
+
+/// Connections that are told at the same time why they are not served; any further one is closed without a word.
+const REFUSED_AT_ONCE: usize = 64;
+/// How long being told may take.
+const REFUSAL_TIME: Duration = Duration::from_secs(5);
+/// How long a connection that is closed may take to end what it is sending.
+const CLOSING_TIME: Duration = Duration::from_secs(10);
+/// First and longest pause after a connection could not be accepted.
+const ACCEPT_PAUSE: (Duration, Duration) = (Duration::from_millis(10), Duration::from_secs(1));
+/// Failures to accept are logged this often.
+const ACCEPT_LOG_INTERVAL: Duration = Duration::from_secs(10);
+
+/// A port and how it is served.
+pub(crate) struct Port {
+    /// `grpc` or `http`, for the log.
+    pub(crate) name: &'static str,
+    pub(crate) listener: TcpListener,
+    pub(crate) app: App,
+    pub(crate) tls: Option<Arc<Tls>>,
+    pub(crate) clients: Arc<Clients>,
+    /// Streams that one connection of HTTP/2 may have open.
+    pub(crate) streams_per_connection: u32,
+    /// How long a client may take to read the rest of a connection that is closed.
+    pub(crate) linger: Duration,
+}
+
+/// The same for all connections of a port.
+struct Shared {
+    name: &'static str,
+    app: App,
+    tls: Option<Arc<Tls>>,
+    clients: Arc<Clients>,
+    builder: Builder<TokioExecutor>,
+    refusals: Arc<Semaphore>,
+    linger: Duration,
+    /// Cancelled when connections are to end in order.
+    closing: CancellationToken,
+    /// Cancelled when they are to end at once.
+    killed: CancellationToken,
+}
+
+impl Port {
+    /// Serves until `closing` is cancelled, then until every connection has ended. Where the future is dropped, all of
+    /// them end at once.
+    pub(crate) async fn serve(self, closing: CancellationToken) {
+        let limits = self.clients.limits();
+        let mut builder = Builder::new(TokioExecutor::new());
+        builder
+            .http2()
+            .timer(TokioTimer::new())
+            .max_concurrent_streams(self.streams_per_connection)
+            .keep_alive_interval(limits.keepalive());
+        // The head of a request has its time in `Connection`, where being idle is another thing.
+        builder.http1().header_read_timeout(None);
+        let killed = CancellationToken::new();
+        let _kill = killed.clone().drop_guard();
+        let shared = Arc::new(Shared {
+            name: self.name,
+            app: self.app,
+            tls: self.tls,
+            clients: self.clients,
+            builder,
+            refusals: Arc::new(Semaphore::new(REFUSED_AT_ONCE)),
+            linger: self.linger,
+            closing: closing.clone(),
+            killed,
+        });
+        let connections = TaskTracker::new();
+        {
+            // Closed when the loop is left: whoever connects later is refused by the system.
+            let listener = self.listener;
+            let mut failures = Failures::default();
+            loop {
+                let accepted = tokio::select! {
+                    accepted = listener.accept() => accepted,
+                    () = closing.cancelled() => break,
+                };
+                match accepted {
+                    Ok((stream, peer)) => {
+                        failures.pause = ACCEPT_PAUSE.0;
+                        let shared = shared.clone();
+                        connections.spawn(async move { shared.accepted(stream, peer).await });
+                    }
+                    Err(error) if is_of_one_connection(&error) => {}
+                    Err(error) => {
+                        shared.clients.metrics().accept_errors.inc();
+                        tokio::select! {
+                            () = failures.wait(shared.name, &error) => {}
+                            () = closing.cancelled() => break,
+                        }
+                    }
+                }
+            }
+        }
+        connections.close();
+        connections.wait().await;
+    }
+}
+
+/// Whether the other side went away before it was accepted: the next one is as good as ever.
+fn is_of_one_connection(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)
+}
+
+/// Failures of the system to accept, such as for want of descriptors.
+struct Failures {
+    pause: Duration,
+    count: u64,
+    logged: Option<Instant>,
+}
+
+impl Default for Failures {
+    fn default() -> Self {
+        Self { pause: ACCEPT_PAUSE.0, count: 0, logged: None }
+    }
+}
+
+impl Failures {
+    /// Waits before the next try, longer from time to time.
+    async fn wait(&mut self, port: &str, error: &io::Error) {
+        self.count += 1;
+        if self.logged.is_none_or(|logged| logged.elapsed() >= ACCEPT_LOG_INTERVAL) {
+            tracing::warn!(port, %error, failures = self.count, "connections cannot be accepted, trying again");
+            self.logged = Some(Instant::now());
+        }
+        let pause = self.pause;
+        self.pause = (pause * 2).min(ACCEPT_PAUSE.1);
+        sleep(pause).await;
+    }
+}
+
+impl Shared {
+    async fn accepted(&self, stream: TcpStream, peer: SocketAddr) {
+        let _ = stream.set_nodelay(true);
+        let stream = Lingering::new(stream, self.linger);
+        tokio::select! {
+            () = self.killed.cancelled() => {}
+            () = self.admit(stream, peer) => {}
+        }
+    }
+
+    /// Serves a connection for which there is a place, and tells others why there is none.
+    async fn admit(&self, stream: Lingering, peer: SocketAddr) {
+        let address = ClientKey::of_address(peer.ip());
+        match self.clients.take(&address, Resource::Connection) {
+            Ok(place) => match &self.tls {
+                None => self.serve(stream, peer, address, place).await,
+                Some(tls) => match timeout(self.clients.limits().header_timeout(), tls.accept(stream)).await {
+                    Ok(Ok((stream, certificate))) => self.secured(stream, peer, certificate, place).await,
+                    Ok(Err(error)) => tracing::debug!(port = self.name, %peer, %error, "no handshake"),
+                    Err(_) => self.clients.metrics().closed("handshake_timeout"),
+                },
+            },
+            Err(error) => self.refuse(stream, error).await,
+        }
+    }
+
+    /// Serves an encrypted connection: one that showed a certificate is counted by its subject from here on.
+    async fn secured(
+        &self,
+        stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+        peer: SocketAddr,
+        certificate: Option<PeerCertificate>,
+        place: Held,
+    ) {
+        let Some(certificate) = certificate else {
+            return self.serve(stream, peer, ClientKey::of_address(peer.ip()), place).await;
+        };
+        let client = ClientKey::Subject(certificate.subject);
+        drop(place);
+        match self.clients.take(&client, Resource::Connection) {
+            Ok(place) => self.serve(stream, peer, client, place).await,
+            Err(error) => self.tell(stream, error).await,
+        }
+    }
+
+    /// Serves a connection to its end.
+    async fn serve(
+        &self,
+        stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+        peer: SocketAddr,
+        client: ClientKey,
+        _place: Held,
+    ) {
+        let connection = Connection::new(client, self.clients.clone());
+        let app = self.app.clone();
+        let known = connection.clone();
+        let service = tower::service_fn(move |mut request: Request<Incoming>| {
+            request.extensions_mut().insert(known.clone());
+            app.clone().oneshot(request.map(Body::new))
+        });
+        let io = TokioIo::new(Heard::new(stream, connection.clone()));
+        let mut serving = pin!(self.builder.serve_connection(io, TowerToHyperService::new(service)));
+        let mut look = pin!(sleep_until(Instant::now()));
+        // Until when it may take to close.
+        let mut cut_at: Option<Instant> = None;
+        let mut is_closing = false;
+        loop {
+            tokio::select! {
+                ended = serving.as_mut() => {
+                    if let Err(error) = ended {
+                        tracing::debug!(port = self.name, %peer, %error, "the connection ended");
+                    }
+                    return;
+                }
+                () = look.as_mut() => {}
+                () = self.closing.cancelled(), if !is_closing => {
+                    is_closing = true;
+                    serving.as_mut().graceful_shutdown();
+                }
+            }
+            let now = Instant::now();
+            if cut_at.is_some_and(|at| at <= now) {
+                return;
+            }
+            let next = match connection.due(now) {
+                Due::Later(next) => next,
+                Due::Cut => {
+                    self.clients.metrics().closed("header_timeout");
+                    return;
+                }
+                Due::Close => {
+                    if cut_at.is_none() {
+                        self.clients.metrics().closed("idle_timeout");
+                        serving.as_mut().graceful_shutdown();
+                    }
+                    *cut_at.get_or_insert(now + CLOSING_TIME)
+                }
+            };
+            look.as_mut().reset(cut_at.map_or(next, |at| at.min(next)));
+        }
+    }
+
+    /// Says why a connection is not served, as long as not too many are told the same.
+    async fn refuse(&self, stream: Lingering, error: Error) {
+        let Ok(_place) = self.refusals.try_acquire() else { return };
+        match &self.tls {
+            None => self.tell(stream, error).await,
+            Some(tls) => {
+                if let Ok(Ok((stream, _))) = timeout(REFUSAL_TIME, tls.accept(stream)).await {
+                    self.tell(stream, error).await;
+                }
+            }
+        }
+    }
+
+    /// Answers the first request of a connection with an error, and closes it.
+    async fn tell(&self, stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static, error: Error) {
+        let told = CancellationToken::new();
+        let answered = told.clone();
+        let service = tower::service_fn(move |request: Request<Incoming>| {
+            answered.cancel();
+            std::future::ready(Ok::<_, Infallible>(refusal::answer(request.headers(), &error)))
+        });
+        let serving = self.builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service));
+        let mut serving = pin!(serving);
+        let _ = timeout(REFUSAL_TIME, async {
+            tokio::select! {
+                _ = serving.as_mut() => return,
+                () = told.cancelled() => {}
+            }
+            serving.as_mut().graceful_shutdown();
+            let _ = serving.await;
+        })
+        .await;
+    }
+}
+
+/// A service as a port takes it.
+pub(crate) fn app<S, B>(service: S) -> App
+where
+    S: Service<Request<Body>, Response = Response<B>, Error = Infallible> + Clone + Send + Sync + 'static,
+    S::Future: Send + 'static,
+    B: http_body::Body<Data = bytes::Bytes> + Send + 'static,
+    B::Error: Into<axum::BoxError>,
+{
+    BoxCloneSyncService::new(service.map_response(|response: Response<B>| response.map(Body::new)))
+}
