@@ -160,7 +160,21 @@ impl Block {
         self.clear();
         let mut slash_seen = false;
         let mut looked = false;
-        for token in Lexer::new(line) {
+        let mut tokens = Lexer::new(line);
+        let o_words = table.dialect.flow == Flow::OWords;
+        loop {
+            if let Some(token) = tokens.next_word() {
+                if token.letter == b'O' && o_words && self.is_labelled_only() {
+                    self.rest = Some(Rest::OWord(token.start));
+                    return;
+                }
+                self.add_word(token, table, findings);
+                if self.rest.is_some() {
+                    return;
+                }
+                continue;
+            }
+            let Some(token) = tokens.next() else { break };
             match token.kind {
                 // Words with characters that only look like others are read again as a whole, the rest without them.
                 TokenKind::Unexpected | TokenKind::NotUtf8 if !looked => {
@@ -172,17 +186,11 @@ impl Block {
                     }
                     self.report_defect(line, token, findings);
                 }
-                TokenKind::Word | TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
-                    if token.letter == b'O' && table.dialect.flow == Flow::OWords && self.is_labelled_only() =>
+                TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
+                    if token.letter == b'O' && o_words && self.is_labelled_only() =>
                 {
                     self.rest = Some(Rest::OWord(token.start));
                     return;
-                }
-                TokenKind::Word => {
-                    self.add_word(token, table, findings);
-                    if self.rest.is_some() {
-                        return;
-                    }
                 }
                 TokenKind::Corner => self.add_comma_word(line, token, table, findings),
                 TokenKind::Statement if self.is_labelled_only() => {
@@ -211,6 +219,7 @@ impl Block {
                 TokenKind::Percent if self.extent.0 == u32::MAX && self.percent.is_none() => {
                     self.percent = Some(self.span_of(token.start, token.end));
                 }
+                TokenKind::Polar if table.dialect.is_linuxcnc => self.report_polar(line, token, findings),
                 TokenKind::UnclosedComment => {
                     self.report_defect(line, token, findings);
                     self.check_comment(line, token, findings);
@@ -394,6 +403,8 @@ impl Block {
             self.report_unsupported_code(token, what, findings);
         } else if let Meaning::OfOtherSystem(what) = meaning {
             self.report_code_of_other_system(token, what, findings);
+        } else if meaning == Meaning::VariableLead {
+            self.report_variable_lead(token, findings);
         }
         let bit = 1 << group as u32;
         if let Meaning::MacroCall { modal } = meaning {
@@ -420,6 +431,14 @@ impl Block {
         self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
             finding.message = format!("{} ({what}) is not supported yet", name(token));
             finding
+        });
+    }
+
+    #[cold]
+    fn report_variable_lead(&mut self, token: Token, findings: &mut FindingLog) {
+        self.defect(code::THREAD_VARIABLE_LEAD, token, findings, |mut finding| {
+            finding.message = format!("{} cuts a thread whose lead changes, which is not carried out", name(token));
+            finding.suggest("write it as passes of constant lead behind each other (G32, G33), each with its own F")
         });
     }
 
@@ -486,6 +505,18 @@ impl Block {
             finding.message = format!("{letter}{value} is no {name} number: it must be whole, 0 to {LARGEST_LABEL}");
             let finding = finding.with_value("number", value, "").with_value("limit", LARGEST_LABEL, "");
             finding.suggest_replacement(format!("remove it: a {name} number moves nothing"), "")
+        });
+    }
+
+    #[cold]
+    fn report_polar(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        let (text, what) = match line[token.start as usize] {
+            b'@' => ("@", "the radius"),
+            _ => ("^", "the angle"),
+        };
+        self.defect(code::POLAR_WORD, token, findings, |mut finding| {
+            finding.message = format!("{text} is {what} of a polar coordinate, which is not read");
+            finding.suggest("write the end as X and Y, such as X[10 * COS[30]] Y[10 * SIN[30]] for @10 ^30")
         });
     }
 

@@ -57,6 +57,9 @@ pub(crate) struct Tables {
     pub(crate) intermediate: Option<Intermediate>,
     /// Offsets that a block has assigned, in force from the next one on.
     pub(crate) assigned: Vec<(u32, f64)>,
+    /// LinuxCNC: the system in force as its variables have been assigned since it was selected. Its interpreter does not look
+    /// at them before another system is selected, or `G10` sets this one.
+    pub(crate) written: Option<WorkOffset>,
 }
 
 /// Where the last `G28` or `G30` has passed, for `G29`.
@@ -100,6 +103,7 @@ impl Coordinates {
             tools: Vec::new(),
             intermediate: None,
             assigned: Vec::new(),
+            written: None,
         };
         let zero = Position::default();
         Self {
@@ -127,7 +131,23 @@ impl Coordinates {
     }
 
     pub(crate) fn set_offset(&mut self, system: WorkSystem, offset: WorkOffset) {
+        if system == self.system {
+            self.tables.written = None;
+        }
         self.tables.systems.insert(system, offset);
+    }
+
+    /// The variables of a system: where it lies, but for one in force whose variables have been assigned in LinuxCNC.
+    pub(crate) fn stored_offset_of(&self, system: WorkSystem, settings: &LanguageSettings) -> WorkOffset {
+        let written = self.tables.written.filter(|_| system == self.system);
+        written.unwrap_or_else(|| self.offset_of(system, settings))
+    }
+
+    /// Makes of the variables of the system in force where it lies from now on.
+    pub(crate) fn take_over_written(&mut self) {
+        if let Some(written) = self.tables.written {
+            self.set_offset(self.system, written);
+        }
     }
 
     /// The local shift in force.

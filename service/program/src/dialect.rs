@@ -224,6 +224,8 @@ pub(crate) enum Meaning {
     LookAhead,
     /// `G187`
     Smoothness,
+    /// `G103` of Haas controls: how many blocks are read ahead, which changes no path.
+    BlockLimit,
     /// `G31`, `G36`, `G37`: a move to a contact, for its block only.
     Skip,
     /// `G38.2` to `G38.5`: moves to or from a contact.
@@ -240,6 +242,8 @@ pub(crate) enum Meaning {
     SpeedClampOrThreadCycle,
     /// `G32`, `G33`
     Thread,
+    /// `G34`: a thread whose lead changes.
+    VariableLead,
     /// A lathe's `G76`, in one of its three forms.
     ThreadCycles,
     /// The threading cycle of G-code systems B and C, which `G92` is in system A.
@@ -296,7 +300,7 @@ pub(crate) enum Meaning {
 impl Meaning {
     /// Whether the code is of this dialect and does what it says.
     const fn is_carried_out(self) -> bool {
-        !matches!(self, Self::Unsupported(_) | Self::OfNoSystem(_) | Self::OfOtherSystem(_))
+        !matches!(self, Self::Unsupported(_) | Self::VariableLead | Self::OfNoSystem(_) | Self::OfOtherSystem(_))
     }
 }
 
@@ -557,7 +561,7 @@ impl CodeTable {
     /// A code of a group as it is written, such as `G28`.
     pub(crate) fn name(&self, group: Group, place: u8) -> String {
         let number = f64::from(self.code(place).tenths) / 10.0;
-        let letter = if matches!(group, Group::ToolChange | Group::Overrides) { 'M' } else { 'G' };
+        let letter = if matches!(group, Group::ToolChange | Group::Overrides | Group::Subprogram) { 'M' } else { 'G' };
         format!("{letter}{number}")
     }
 

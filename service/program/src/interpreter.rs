@@ -34,6 +34,7 @@ use crate::consequence;
 use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
 use crate::finding::FindingMark;
 use crate::foreign::{self, Foreign};
+use crate::lexer::{Lexer, TokenKind};
 use crate::state::Phase;
 use crate::{
     Compensator, Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan,
@@ -640,6 +641,10 @@ impl Interpreter {
             return;
         }
         let text = |byte: &u8| !byte.is_ascii_whitespace() && !matches!(byte, b'%' | 0);
+        if Lexer::new(line).all(|token| matches!(token.kind, TokenKind::Comment | TokenKind::Percent | TokenKind::Nul))
+        {
+            return;
+        }
         let (Some(first), Some(last)) = (line.iter().position(text), line.iter().rposition(text)) else {
             return;
         };

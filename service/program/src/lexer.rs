@@ -59,6 +59,8 @@ pub enum TokenKind {
     Statement,
     /// A comma with a word behind it: `,R5`, `,C2`.
     Corner,
+    /// `@` or `^` with a value: polar coordinates of LinuxCNC.
+    Polar,
     /// A run of NUL bytes.
     Nul,
     /// A run of bytes above ASCII that is not UTF-8.
@@ -198,6 +200,16 @@ impl<'a> Lexer<'a> {
         Some((upper(self.line[letter]), scan))
     }
 
+    /// Behind `@` or `^` and its value.
+    #[cold]
+    fn polar(&self, start: usize) -> usize {
+        let at = self.skip_class(start + 1, Class::Blank);
+        if starts_value(self.line, at) {
+            return value_end(self.line, at);
+        }
+        if self.class_at(at) == Some(Class::Number) { scan_number(self.line, at).end } else { start + 1 }
+    }
+
     /// A parameter at the start of a token, and the value that it is assigned.
     #[cold]
     fn assignment(&self, start: usize) -> usize {
@@ -215,6 +227,25 @@ impl<'a> Lexer<'a> {
             Some(b'1'..=b'9') => at + 1,
             _ => start + 1,
         }
+    }
+}
+
+impl Lexer<'_> {
+    /// The next token where it is a plain word, as most are: the same as [`Iterator::next`], which is left where it was otherwise.
+    #[inline(always)]
+    pub(crate) fn next_word(&mut self) -> Option<Token> {
+        let (start, class) = self.behind_blanks(self.at);
+        if class != Some(Class::Letter) {
+            return None;
+        }
+        let (next, class) = self.behind_blanks(start + 1);
+        if class != Some(Class::Number) {
+            return None;
+        }
+        let Scan { end, number, defect: None } = scan_number(self.line, next) else { return None };
+        self.at = end;
+        let letter = upper(self.line[start]);
+        Some(Token { kind: TokenKind::Word, letter, number, start: start as u32, end: end as u32 })
     }
 }
 
@@ -266,6 +297,7 @@ impl Iterator for Lexer<'_> {
                 self.at = end;
                 return Some(Token { kind: TokenKind::Corner, letter, number, start: start as u32, end: end as u32 });
             }
+            Class::Other if matches!(self.line[start], b'@' | b'^') => (TokenKind::Polar, self.polar(start)),
             Class::Other | Class::Blank => (TokenKind::Unexpected, self.skip_class(start + 1, Class::Other)),
         };
         self.at = end;

@@ -49,6 +49,8 @@ pub struct InterpreterState {
     /// The block that moved there; line 0 before the first.
     pub(crate) moved_by: SourceSpan,
     pub(crate) motion: Motion,
+    /// LinuxCNC: ten times the last code of motion or cycles, -1 behind a NURBS: `#<_motion_mode>`.
+    pub(crate) motion_code: i16,
     pub(crate) plane: Plane,
     pub(crate) inch: bool,
     /// A code was read that G-code system A does not have.
@@ -350,6 +352,7 @@ impl InterpreterState {
             position: Position::default(),
             moved_by: SourceSpan::default(),
             motion: Motion::None,
+            motion_code: 800,
             plane: match settings.dialect {
                 crate::DialectName::Lathe => Plane::Zx,
                 crate::DialectName::Mill | crate::DialectName::LinuxCnc => Plane::Xy,

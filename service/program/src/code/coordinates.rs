@@ -54,6 +54,14 @@ crate::finding_codes! {
         example: mill("G0 X10 Y0\nG68 X0 Y0 R90\nG91 X5"),
     }
 
+    "PRG-POLAR-WORD" [POLAR_WORD: Error] {
+        meaning: "a polar word of LinuxCNC, `@` or `^`",
+        cause: "They place the end of a move by its distance from the origin and its angle, both of which other words of the block \
+                change; they are not carried out.",
+        cure: "Write the end of the move as X and Y, with expressions where that is shorter.",
+        example: linuxcnc("G0 @10 ^30"),
+    }
+
     "PRG-OFFSET-IN-FORCE" [OFFSET_IN_FORCE: Error] {
         meaning: "the program changes a tool offset that is in force",
         cause: "Controls apply the new value at once, or when the offset is called the next time.",

@@ -35,9 +35,32 @@ crate::finding_codes! {
 
     "PRG-THREAD-ANGLE" [THREAD_ANGLE: Error] {
         meaning: "a start angle or a phase shift of a thread outside 0 to 360 degrees",
-        cause: "A negative angle, or thousandths of a degree as some controls count them.",
+        cause: "A negative angle, one beyond a whole turn, or a number without a decimal point that is neither degrees nor thousandths.",
         cure: "Write the angle that the finding suggests.",
-        example: lathe("M3 S500\nG32 Z-20 F1.5 Q180000"),
+        example: lathe("M3 S500\nG32 Z-20 F1.5 Q400."),
+    }
+
+    "PRG-THREAD-VARIABLE-LEAD" [THREAD_VARIABLE_LEAD: Error] {
+        meaning: "a thread whose lead changes along it",
+        cause: "`G34` changes the lead by `K` in every revolution; threads have one lead here.",
+        cure: "Write it as threads of constant lead behind each other, `G32` or `G33` with an `F` each, where the part permits it.",
+        example: lathe("M3 S500\nG34 Z-20 F1.5 K0.1"),
+    }
+
+    "PRG-THREAD-FLANK" [THREAD_FLANK: Info] {
+        meaning: "the passes of a threading cycle begin beside each other, along the flank of the tool",
+        cause: "Pass by pass the start moves by what the depth lacks of the height times the tangent of half the tool angle, away from \
+                the end of the thread, so that the last pass begins where the cycle does. Some controls move it the other way.",
+        cure: "Start far enough from the work on both sides; the thread itself is the same.",
+        example: lathe("M3 S500\nG0 X24 Z5\nG76 P010060 Q100 R0.05\nG76 X18.16 Z-20 P920 Q300 F1.5"),
+    }
+
+    "PRG-THREAD-CHAMFER" [THREAD_CHAMFER: Info] {
+        meaning: "a threading cycle without a chamfer at its end, as nothing states one",
+        cause: "Controls leave the thread at 45 degrees over some tenths of a lead, which a parameter or a setting says; neither the machine \
+                profile nor the program does.",
+        cure: "Set language.turning.thread_chamfer_tenths of the machine profile as the control has it, 0 for none.",
+        example: lathe("M3 S500\nG0 X24 Z5\nG92 X19.2 Z-20 F1.5"),
     }
 
     "PRG-THREAD-AMPLITUDE" [THREAD_AMPLITUDE: Error] {

@@ -44,11 +44,10 @@ crate::finding_codes! {
 
     "PRG-UNSUPPORTED-CODE" [UNSUPPORTED_CODE: Error] {
         meaning: "a known code that is not supported yet",
-        cause: "The setting of coordinates and threads of variable lead are known, but \
-              nothing carries them out.",
-        cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3), and work offsets (G54 to G59) for \
-              coordinates.",
-        example: lathe("M3 S500\nG34 Z-20 F1.5 K0.1"),
+        cause: "The reference position check, pocket and bolt hole cycles of Haas controls, polar and cylindrical interpolation are \
+              known, but nothing carries them out.",
+        cure: "Let the CAM post write the moves themselves (G0, G1, G2, G3).",
+        example: mill("G27 Z5"),
     }
 
     "PRG-GROUP-CONFLICT" [GROUP_CONFLICT: Error] {

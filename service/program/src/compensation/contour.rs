@@ -1,6 +1,6 @@
 //! A contour between `G41` and the move behind `G40`: operations in, the path of the tool out.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +49,8 @@ struct Pending {
     /// What an arc has lost at its start, rad.
     lost_rad: f64,
     is_entry: bool,
+    /// The entry of a contour that was reached at right angles: the window has it.
+    is_beside: bool,
     /// After an error: it is not judged any more.
     is_broken: bool,
     place: Place,
@@ -291,7 +293,7 @@ impl Contour {
             // The reference point moves along an arc only once it is beside the centre of the nose.
             self.piece(&block, from, None, sink);
         }
-        self.pending = Some(Pending { block, from, lost_rad: 0.0, is_entry: !is_beside, is_broken, place });
+        self.pending = Some(Pending { block, from, lost_rad: 0.0, is_entry: !is_beside, is_beside, is_broken, place });
     }
 
     /// A further move in the plane.
@@ -304,6 +306,7 @@ impl Contour {
             is_broken = true;
             report::arc_too_small(span, curve.radius(), side.radius, sink.findings);
         }
+        let is_first = self.pending.as_ref().is_some_and(|pending| pending.is_entry);
         let (joint, turn_rad) = match self.pending.take() {
             // Where they do not meet, a block that was refused is missing between them.
             Some(pending) if is_same(pending.block.curve.to, curve.from) => self.join(pending, &block, is_broken, sink),
@@ -313,13 +316,12 @@ impl Contour {
                 (Joint::at(plus(curve.from, side.offset(curve.start_tangent()))), 0.0)
             }
         };
-        let place = self.window.advance(&curve, turn_rad);
+        let is_link = block.step.kind == MoveKind::Rapid || is_first && is_lead(&curve);
+        let place = self.window.advance(&curve, turn_rad).linking(is_link);
         self.corner(&joint, &block, place, sink);
-        if !is_broken {
-            report::gouges(span, self.window.add(curve, side.radius, place, span.line), sink.findings);
-        }
         let lost_rad = joint.lost_rad[1];
-        self.pending = Some(Pending { block, from: joint.start, lost_rad, is_entry: false, is_broken, place });
+        self.pending =
+            Some(Pending { block, from: joint.start, lost_rad, is_entry: false, is_beside: false, is_broken, place });
     }
 
     /// Joins the pending block to the next; how the direction changes there, rad.
@@ -344,7 +346,13 @@ impl Contour {
 
     /// Hands on the pending block up to the joint, and what waits behind it.
     fn hand_on(&mut self, pending: Pending, joint: &Joint, sink: &mut Sink) {
-        let Pending { block: Block { span, mut step, curve }, from, lost_rad, is_entry, is_broken, place } = pending;
+        if !pending.is_broken && !pending.is_beside && !pending.is_entry {
+            let Block { span, curve, .. } = pending.block;
+            let gouges = self.window.add(curve, self.mode.radius_mm, pending.place, span.line);
+            report::gouges(span, gouges, sink.findings);
+        }
+        let Pending { block: Block { span, mut step, curve }, from, lost_rad, is_entry, is_broken, place, .. } =
+            pending;
         let to = joint.end;
         let mut path = Curve::line(from, to);
         let mut is_backwards = !is_entry && dot(minus(to, from), curve.end_tangent()) < -ROUNDING;
@@ -444,6 +452,11 @@ impl Contour {
 
     /// `G40`: whether the tool is on the programmed path.
     pub(super) fn leave(&mut self, span: SourceSpan, sink: &mut Sink) -> bool {
+        if let Some(pending) = &mut self.pending
+            && is_lead(&pending.block.curve)
+        {
+            pending.place = pending.place.linking(true);
+        }
         if !matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::B, .. }) {
             self.stand(sink);
         }
@@ -494,6 +507,12 @@ impl Contour {
         sink.push(span, step);
         goes
     }
+}
+
+/// Whether a block next to the entry or the exit of a contour leads to it or away from it: an arc of less than half a turn, which
+/// most programs have there so that the tool leaves no mark. It is no wall of the part.
+fn is_lead(curve: &Curve) -> bool {
+    curve.circle.is_some_and(|circle| circle.sweep_rad.abs() < PI - ROUNDING)
 }
 
 /// Which block of which program.

@@ -115,6 +115,10 @@ pub(super) fn arc_too_small(span: SourceSpan, arc_mm: f64, radius_mm: f64, findi
             .with_value("arc_radius", arc_mm, "mm")
             .with_value("radius", radius_mm, "mm")
             .suggest("use a tool with a radius smaller than that of the arc")
+            .suggest(
+                "where the program has the path of the tool's centre and the offset holds its wear only, state radius_wear_mm of the \
+                 job's tool as minus its radius",
+            )
     });
 }
 

@@ -45,6 +45,11 @@ impl Place {
     /// The way to a contour or away from it, which can cut into every block.
     pub(super) const LINK: Self = Self { block: 0, newest: u64::MAX, is_link: true };
 
+    /// The same, leading to a contour or away from it where that is so.
+    pub(super) const fn linking(self, is_link: bool) -> Self {
+        Self { is_link: self.is_link || is_link, ..self }
+    }
+
     /// The corner before the block, which the block itself may bend into.
     pub(super) const fn corner(self) -> Self {
         Self { block: self.block.saturating_sub(1), ..self }

@@ -97,7 +97,7 @@ const LATHE_G_CODES: &[Code] = &[
     doubtful(210, Group::Units, Meaning::Units { inch: false }, &THREADING_CYCLE_C),
     code(240, Group::Motion, Meaning::OfNoSystem("the facing cycle of G-code system C")),
     code(320, Group::Motion, Meaning::Thread),
-    code(340, Group::Motion, Meaning::Unsupported("variable-lead thread cutting")),
+    code(340, Group::Motion, Meaning::VariableLead),
     code(360, Group::NonModal, Meaning::Skip),
     code(370, Group::NonModal, Meaning::Skip),
     code(430, Group::LengthCompensation, Meaning::Unsupported("tool length compensation")),

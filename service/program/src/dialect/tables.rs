@@ -218,6 +218,22 @@ pub(super) static MILL: Dialect = Dialect {
 };
 
 const MILL_G_CODES: &[Code] = &[
+    code(71, Group::NonModal, Meaning::Unsupported("cylindrical interpolation")),
+    code(120, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, clockwise")),
+    code(121, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
+    code(130, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, counter-clockwise")),
+    code(131, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
+    code(700, Group::NonModal, Meaning::Unsupported("the bolt hole circle of Haas controls")),
+    code(710, Group::NonModal, Meaning::Unsupported("the bolt hole arc of Haas controls")),
+    code(720, Group::NonModal, Meaning::Unsupported("bolt holes along an angle of Haas controls")),
+    code(1_030, Group::NonModal, Meaning::BlockLimit),
+    code(1_070, Group::NonModal, Meaning::Unsupported("cylindrical mapping of Haas controls")),
+    code(1_410, Group::NonModal, Meaning::Unsupported("three-dimensional cutter compensation of Haas controls")),
+    code(1_430, Group::NonModal, Meaning::Unsupported("five-axis tool length compensation of Haas controls")),
+    code(1_500, Group::NonModal, Meaning::Unsupported("general-purpose pocket milling of Haas controls")),
+    code(2_340, Group::NonModal, Meaning::Unsupported("tool centre point control of Haas controls: write G43.4")),
+    code(2_540, Group::NonModal, Meaning::Unsupported("dynamic work offset of Haas controls: write G68.2")),
+    code(2_550, Group::NonModal, Meaning::Unsupported("the end of dynamic work offset of Haas controls")),
     code(150, Group::PolarCoordinates, Meaning::Polar { on: false }),
     code(160, Group::PolarCoordinates, Meaning::Polar { on: true }),
     code(370, Group::NonModal, Meaning::Skip),

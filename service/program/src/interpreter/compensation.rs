@@ -219,18 +219,34 @@ impl Execution<'_> {
     fn is_refused_on_contour(&self, group: Group, meaning: Meaning, is_linuxcnc: bool) -> bool {
         match (group, meaning) {
             // They have their own finding.
-            (_, Meaning::Unsupported(_)) => false,
+            (_, Meaning::Unsupported(_) | Meaning::VariableLead) => false,
             (Group::Plane, Meaning::Plane(plane)) => plane != self.state.plane,
             (Group::ToolChange, meaning) => meaning == Meaning::ToolChange,
             (Group::WorkOffset, Meaning::WorkOffset(system)) => is_linuxcnc || system != self.state.coords.system,
             (Group::WorkOffset, _) => true,
             (Group::LengthCompensation, Meaning::ToolControl { .. }) => true,
             (Group::LengthCompensation | Group::PathControl | Group::CycleReturn | Group::Overrides, _) => is_linuxcnc,
-            (Group::NonModal, Meaning::Dwell | Meaning::ExactStop | Meaning::AlreadySo | Meaning::SpeedClamp) => false,
+            (
+                Group::NonModal,
+                Meaning::Dwell
+                | Meaning::ExactStop
+                | Meaning::AlreadySo
+                | Meaning::SpeedClamp
+                | Meaning::LookAhead
+                | Meaning::Smoothness
+                | Meaning::BlockLimit,
+            ) => false,
             (Group::NonModal, Meaning::SpeedClampOrThreadCycle) => {
                 self.block.letters & self.table.axis_letters & !letter_bit(b'S') != 0
             }
             (Group::NonModal, _) => true,
+            // Contour control of FANUC (G5.1 Q1, G5 P10000) moves nothing.
+            (Group::Motion, Meaning::CubicSpline | Meaning::QuadraticSpline)
+                if !is_linuxcnc && self.block.letters & self.table.axis_letters == 0 =>
+            {
+                false
+            }
+            (Group::Subprogram, meaning) => meaning == Meaning::Return && !is_linuxcnc,
             (Group::Motion, Meaning::Turning(cycle)) => cycle != TurningCycle::Finish,
             (Group::Motion, meaning) => !matches!(meaning, Meaning::Rapid | Meaning::Linear | Meaning::Arc { .. }),
             _ => false,
@@ -268,7 +284,7 @@ impl Execution<'_> {
 }
 
 /// The groups that hold what a compensated contour does not permit.
-const CHECKED: [Group; 9] = [
+const CHECKED: [Group; 10] = [
     Group::Plane,
     Group::ToolChange,
     Group::Overrides,
@@ -278,4 +294,5 @@ const CHECKED: [Group; 9] = [
     Group::CycleReturn,
     Group::NonModal,
     Group::Motion,
+    Group::Subprogram,
 ];

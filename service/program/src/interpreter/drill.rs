@@ -91,6 +91,7 @@ impl Execution<'_> {
             self.leave_cycle();
             if linuxcnc {
                 self.state.motion = Motion::None;
+                self.state.motion_code = 800;
             }
         }
     }

@@ -4,7 +4,7 @@ use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
 use crate::consequence::JUDGED_BY;
-use crate::dialect::{FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
+use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
 
@@ -52,7 +52,13 @@ impl Execution<'_> {
             return;
         }
         if let Some(code) = self.block.code(Group::Motion) {
-            let meaning = self.table.code(code.place).meaning;
+            let &Code { meaning, tenths, .. } = self.table.code(code.place);
+            match meaning {
+                // Its interpreter leaves the mode alone.
+                Meaning::CubicSpline | Meaning::QuadraticSpline | Meaning::Nurbs => {}
+                Meaning::NurbsEnd => self.state.motion_code = -1,
+                _ => self.state.motion_code = tenths as i16,
+            }
             if !matches!(meaning, Meaning::Drill(_)) {
                 self.leave_cycle();
             }
@@ -108,7 +114,8 @@ impl Execution<'_> {
                 | Meaning::StoreReference { .. }
                 | Meaning::AlignTool
                 | Meaning::LookAhead
-                | Meaning::Smoothness,
+                | Meaning::Smoothness
+                | Meaning::BlockLimit,
             ) => return,
             Some(Meaning::Skip) => return self.probing_move(),
             Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
@@ -445,19 +452,25 @@ impl Execution<'_> {
             (Some(transform), Some(arc)) => Some(transform.arc(&arc)),
             (_, arc) => arc,
         };
-        let step = Move { arc, ..self.new_move(kind, end, feed) };
+        let step = self.move_with(kind, end, feed, arc);
         self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
     }
 
     /// A straight move to `end` under the present modal states.
     #[inline]
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
+        self.move_with(kind, end, feed, None)
+    }
+
+    /// A move to `end`, along an arc where there is one.
+    #[inline(always)]
+    fn move_with(&self, kind: MoveKind, end: Position, feed: Feed, arc: Option<ArcGeometry>) -> Move {
         Move {
             kind,
             start: self.state.coords.placed(&self.state.position),
             end: self.state.coords.placed(&end),
             work_offset: self.machine_offset(),
-            arc: None,
+            arc,
             spline: None,
             path_control: self.path_control(),
             feed,

@@ -20,6 +20,7 @@ impl Execution<'_> {
             Some((Meaning::ExactStop, _)) => self.exact_stop = true,
             Some((Meaning::LookAhead, span)) => self.look_ahead(span),
             Some((Meaning::Smoothness, span)) => self.smoothness(span),
+            Some((Meaning::BlockLimit, _)) => drop(self.take(b'P')),
             _ => {}
         }
         match self.code(Group::PathControl) {

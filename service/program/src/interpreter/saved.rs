@@ -84,7 +84,12 @@ impl Execution<'_> {
         (state.reported.feed, state.reported.spindle) = (false, false);
         state.x_diameter = saved.x_diameter;
         let (length, system) = (saved.length, saved.system);
-        self.rebase(|state| (state.length, state.coords.system) = (length, system));
+        self.rebase(|state| {
+            if system != state.coords.system {
+                state.coords.take_over_written();
+            }
+            (state.length, state.coords.system) = (length, system);
+        });
         if saved.compensation.is_some() {
             self.compensation_restored(span);
         }

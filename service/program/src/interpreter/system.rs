@@ -118,6 +118,7 @@ impl System<'_> {
                 ),
                 cure: "let the job bring a value for it, or take it out",
             }),
+            _ if is_of_small_memory(self.settings, number) => Err(of_small_memory(number)),
             _ => Err(unavailable(format!("#{number}"))),
         }
     }
@@ -152,6 +153,24 @@ impl System<'_> {
     /// Whether a programmed position differs from work coordinates by more than offsets.
     fn is_transformed(&self) -> bool {
         self.state.coords.transform.is_some()
+    }
+}
+
+/// Whether a number is one of the tool offsets of mills with few of them, whose meaning depends on the memory of the control.
+fn is_of_small_memory(settings: &LanguageSettings, number: u32) -> bool {
+    settings.dialect == DialectName::Mill && matches!(number, 2_001..=2_999)
+}
+
+#[cold]
+fn of_small_memory(number: u32) -> Refusal {
+    Refusal {
+        code: code::PARAMETER_UNAVAILABLE,
+        message: format!(
+            "#{number} is a length, a radius, a geometry or a wear of a tool offset, by the kind of offset memory that the \
+             control has"
+        ),
+        cure: "write #10001 on (H wear), #11001 on (H geometry), #12001 on (D wear) or #13001 on (D geometry), which are the same \
+               on all controls",
     }
 }
 
@@ -223,6 +242,9 @@ fn set_system(
                 message: "#5220 is the number of the work coordinate system in force, and selects none".to_owned(),
                 cure: "select it with its code, such as G55",
             });
+        }
+        None if is_of_small_memory(settings, number) => {
+            return Err(Refusal { code: code::PARAMETER_READ_ONLY, ..of_small_memory(number) });
         }
         None => return Err(read_only(format!("#{number}"))),
         Some(_) => {}

@@ -20,6 +20,7 @@ mod misread;
 mod order;
 mod parameters;
 mod path_control;
+mod refused_words;
 mod requests;
 mod splines;
 mod thread_cycles;
@@ -203,8 +204,11 @@ fn check(settings: &LanguageSettings, program: &str, expected: &str) {
     assert_eq!(found, expected, "program:\n{program}");
 }
 
+/// A lathe whose threads have no chamfer at their end unless a program says so.
 fn lathe() -> LanguageSettings {
-    LanguageSettings::default()
+    let mut settings = LanguageSettings::default();
+    settings.turning.thread_chamfer_tenths = Some(0);
+    settings
 }
 
 fn mill() -> LanguageSettings {

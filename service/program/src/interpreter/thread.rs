@@ -19,7 +19,8 @@ use crate::consequence::JUDGED_BY;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::Motion;
 use crate::{
-    Axis, DecimalPointRule, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadKind, ThreadMove,
+    Axis, DecimalPointRule, DialectName, Finding, MoveKind, OperationKind, Position, PullOut, ThreadEWord, ThreadKind,
+    ThreadMove,
 };
 
 /// Leads of threads, mm: what common controls take.
@@ -196,26 +197,27 @@ impl Execution<'_> {
         if ANGLES_DEG.contains(&angle_deg) {
             return Some(Some(angle_deg));
         }
-        let span = self.block.word_span(&word);
-        // Controls that take no decimal point here count thousandths.
+        // FANUC lathes take no decimal point here and count thousandths; no other reading is possible beyond a turn.
         let thousandths = angle_deg / 1_000.0;
         let calculator = self.settings.decimal_point == DecimalPointRule::Calculator;
-        let as_thousandths = calculator && !word.number.has_point() && ANGLES_DEG.contains(&thousandths);
-        let cures = [
-            as_thousandths.then_some(("if thousandths are meant, write", thousandths)),
-            Some(("the same angle is", angle_deg.rem_euclid(360.0))),
-        ];
+        let is_start = letter == b'Q' && self.settings.dialect == DialectName::Lathe;
+        if calculator && is_start && !word.number.has_point() && ANGLES_DEG.contains(&thousandths) {
+            return Some(Some(thousandths));
+        }
+        let span = self.block.word_span(&word);
         self.findings.push_with(code::THREAD_ANGLE, |code| {
             let letter = char::from(letter);
             let message = format!("the {name} {letter} is {angle_deg}°, but must be 0° to 360°");
-            let mut finding = Finding::new(code, span, message).with_value("angle", angle_deg, "deg");
-            for (cure, value) in cures.into_iter().flatten() {
-                let value = (value * 1_000.0).round() / 1_000.0;
-                // With a decimal point, which every rule reads in the same way.
-                let text = format!("{letter}{value:?}");
-                finding = finding.suggest_value(format!("{cure} {text}"), Some(text), "angle", value, "deg");
-            }
-            finding
+            let value = (angle_deg.rem_euclid(360.0) * 1_000.0).round() / 1_000.0;
+            // With a decimal point, which every rule reads in the same way.
+            let text = format!("{letter}{value:?}");
+            Finding::new(code, span, message).with_value("angle", angle_deg, "deg").suggest_value(
+                format!("the same angle is {text}"),
+                Some(text),
+                "angle",
+                value,
+                "deg",
+            )
         });
         None
     }

@@ -387,3 +387,47 @@ fn a_lathe_takes_radius_and_tip_of_the_offset_of_its_tool() {
     assert_eq!(with("G98 F100 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nG40 X60"), ["PRG-COMP-NUMBER"]);
     assert_eq!(with("G98 F100 T0101 G0 X60 Z10\nG42 G1 X20 Z5\nZ-10\nT0202\nG40 X60"), ["PRG-COMP-BLOCK"]);
 }
+
+/// Codes of all findings of a mill's program, with the tool 1 of 8 mm.
+fn found(program: &str) -> Vec<(&'static str, Severity)> {
+    let tool = crate::ToolOffset { radius_mm: Some(4.0), ..crate::ToolOffset::new(1) };
+    let program = format!("G21 G17 G90 G94\n{program}\nM30\n");
+    let (_, findings) = Interpreter::new(LanguageSettings::mill()).with_tools(vec![tool]).read_all(program.as_bytes());
+    findings.findings().iter().map(|finding| (finding.code.name(), finding.severity)).collect()
+}
+
+#[test]
+fn arcs_that_lead_to_a_contour_and_away_from_it_are_no_walls() {
+    // A bore of 30 mm, entered and left on quarter circles of 10 mm, as post processors write it.
+    let bore = "G0 X0 Y0\nG41 D1 G1 X5. Y-10. F300\nG3 X15. Y0 I0 J10.\nG3 I-15.\nG3 X5. Y10. I-10.\nG40 G1 X0 Y0";
+    assert!(found(bore).iter().all(|(_, severity)| *severity == Severity::Info), "{:?}", found(bore));
+    // A block round the outside, likewise.
+    let block = "G0 X31.5 Y-12.\nG41 D1 G1 X36.5 Y-11.4 F300\nG3 X31.5 Y-6.4 I-5. J0\nG1 X0\nG2 X-5. Y-1.4 J5.\nG1 Y30.\n\
+                 G2 X0 Y35. I5.\nG1 X60.\nG2 X65. Y30. J-5.\nG1 Y-1.4\nG2 X60. Y-6.4 I-5.\nG1 X31.5\nG3 X26.5 Y-11.4 J-5.\n\
+                 G40 G1 X31.5 Y-12.";
+    assert!(found(block).iter().all(|(_, severity)| *severity == Severity::Info), "{:?}", found(block));
+    // A slot that the tool does not fit into is a wall all the same.
+    let slot =
+        "G0 X0 Y0\nG41 D1 G1 X5. Y-10. F300\nG3 X15. Y0 I0 J10.\nG1 Y30.\nX12.\nY0\nG3 X5. Y-10. J-10.\nG40 G1 X0";
+    assert!(found(slot).iter().any(|(_, severity)| *severity != Severity::Info), "{:?}", found(slot));
+}
+
+#[test]
+fn rapids_are_no_walls() {
+    // Out of the groove on the way that led into it.
+    let program = "G0 X0 Y-20\nG41 D1 G1 X20. Y0 F300\nG0 Y40.\nG1 X60.\nG0 Y0\nX20.\nG40 G1 X0 Y-20.";
+    assert!(found(program).iter().all(|(code, _)| *code != "PRG-COMP-GOUGE"), "{:?}", found(program));
+}
+
+#[test]
+fn contour_control_is_permitted_on_a_contour_and_a_return_is_not() {
+    let on = |block: &str| found(&format!("G0 X0 Y-20\nG41 D1 G1 X0 Y0 F300\nY40.\n{block}\nX60.\nG40 G1 X80."));
+    for block in ["G5.1 Q1", "G5 P10000", "G8 P1", "G187 P2", "G103 P1"] {
+        assert!(on(block).iter().all(|(_, severity)| *severity == Severity::Info), "{block}: {:?}", on(block));
+    }
+    assert!(on("M99").contains(&("PRG-COMP-BLOCK", Severity::Error)), "{:?}", on("M99"));
+    let within = "G0 X0 Y-20\nM98 P1000\nG40 G1 X80.\nM30\nO1000\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nM99";
+    assert!(found(within).contains(&("PRG-COMP-BLOCK", Severity::Error)), "{:?}", found(within));
+    let whole = "G0 X0 Y-20\nM98 P1000\nM30\nO1000\nG41 D1 G1 X0 Y0 F300\nY40.\nX60.\nG40 X80.\nM99";
+    assert!(found(whole).iter().all(|(_, severity)| *severity == Severity::Info), "{:?}", found(whole));
+}

@@ -297,7 +297,7 @@ impl Execution<'_> {
         }
         let axes = self.take_axes();
         let settings = self.settings;
-        let mut place = self.state.coords.offset_of(system, settings);
+        let mut place = self.state.coords.stored_offset_of(system, settings);
         if let Some(word) = rotation {
             place.rotation_deg = self.scaled(&word, false);
         }

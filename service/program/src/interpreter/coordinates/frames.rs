@@ -46,7 +46,10 @@ impl Execution<'_> {
         if !self.is_linuxcnc_dialect() && self.is_transform_on(span, "another work offset") {
             return;
         }
-        self.rebase(|state| state.coords.system = system);
+        self.rebase(|state| {
+            state.coords.take_over_written();
+            state.coords.system = system;
+        });
     }
 
     /// `G54 P` is an extended system, where the `P` belongs to no other code of the block.

@@ -1,7 +1,7 @@
 //! Offsets as system variables: which number is which register, for reading and for assigning.
 
 use super::rebase;
-use crate::coordinates::{WorkOffset, WorkSystem};
+use crate::coordinates::{Coordinates, WorkOffset, WorkSystem};
 use crate::expression::Value;
 use crate::interpreter::execute::MM_PER_INCH;
 use crate::state::InterpreterState;
@@ -143,8 +143,10 @@ pub(in super::super) fn read(
     let in_units = |axis: Axis, value: f64| value / unit(state, settings, Some(axis));
     Some(match register {
         Register::External(axis) => in_units(axis, coords.external[axis.index()]),
-        Register::System(system, axis) => in_units(axis, coords.offset_of(system, settings).offset[axis.index()]),
-        Register::Rotation(system) => coords.offset_of(system, settings).rotation_deg,
+        Register::System(system, axis) => {
+            in_units(axis, coords.stored_offset_of(system, settings).offset[axis.index()])
+        }
+        Register::Rotation(system) => coords.stored_offset_of(system, settings).rotation_deg,
         Register::Reference(number, axis) => coords.tables.reference[number].map_or(0.0, |at| at[axis.index()]),
         Register::StoredShift(axis) => coords.tables.stored_shift[axis.index()],
         Register::ShiftIsOn => f64::from(u8::from(coords.tables.shift_is_on)),
@@ -224,16 +226,25 @@ fn set_frame(state: &mut InterpreterState, settings: &LanguageSettings, register
     match register {
         Register::External(axis) => coords.external[axis.index()] = value,
         Register::System(system, axis) => {
-            let mut place: WorkOffset = coords.offset_of(system, settings);
+            let mut place = coords.stored_offset_of(system, settings);
             place.offset[axis.index()] = value;
-            coords.set_offset(system, place);
+            store(coords, settings, system, place);
         }
         Register::Rotation(system) => {
-            let mut place = coords.offset_of(system, settings);
+            let mut place = coords.stored_offset_of(system, settings);
             place.rotation_deg = value;
-            coords.set_offset(system, place);
+            store(coords, settings, system, place);
         }
         _ => {}
+    }
+}
+
+/// Stores the variables of a system, which in LinuxCNC do not move one that is in force.
+fn store(coords: &mut Coordinates, settings: &LanguageSettings, system: WorkSystem, place: WorkOffset) {
+    if settings.dialect == DialectName::LinuxCnc && system == coords.system {
+        coords.tables.written = Some(place);
+    } else {
+        coords.set_offset(system, place);
     }
 }
 
@@ -251,6 +262,7 @@ pub(crate) fn set_initial_offsets(state: &mut InterpreterState, settings: &Langu
     }
     if settings.dialect == DialectName::LinuxCnc {
         let coords = &mut state.coords;
+        coords.take_over_written();
         if coords.tables.shift_is_on {
             coords.shift = coords.tables.stored_shift;
         }

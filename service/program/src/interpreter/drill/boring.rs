@@ -2,14 +2,14 @@
 
 use super::super::execute::Execution;
 use super::Hole;
-use crate::{Feed, MoveKind, Position, SpindleDirection};
+use crate::{Feed, MachineCommand, MachineEffect, MoveKind, OperationKind, Position, SpindleDirection};
 
 impl Execution<'_> {
     /// `G76`: the tool stops in its orientation, leaves the wall, and comes out without a mark.
     pub(super) fn fine_bore(&mut self, hole: &Hole, direction: SpindleDirection) {
         self.feed_along(hole, hole.bottom);
         self.wait(hole);
-        self.turn(SpindleDirection::Stopped);
+        self.orient();
         self.shift_by(hole, 1.0);
         self.rapid_along(hole, hole.clear);
         self.shift_by(hole, -1.0);
@@ -21,18 +21,25 @@ impl Execution<'_> {
         let mut over = *at;
         over[hole.axis] = self.state.position[hole.axis];
         self.drill_to(MoveKind::Rapid, over, Feed::PerMinute(0.0));
-        self.turn(SpindleDirection::Stopped);
+        self.orient();
         self.shift_by(hole, 1.0);
         self.rapid_along(hole, hole.r);
         self.shift_by(hole, -1.0);
         self.turn(direction);
         self.feed_along(hole, hole.bottom);
         self.wait(hole);
-        self.turn(SpindleDirection::Stopped);
+        self.orient();
         self.shift_by(hole, 1.0);
         self.rapid_along(hole, hole.clear);
         self.shift_by(hole, -1.0);
         self.turn(direction);
+    }
+
+    /// The spindle stops at the angle that the machine has for it, as by `M19`.
+    fn orient(&mut self) {
+        self.turn(SpindleDirection::Stopped);
+        let command = MachineCommand { number: 19, effect: MachineEffect::Barrier, words: Vec::new() };
+        self.emit(self.block.span(), OperationKind::MachineCode(command));
     }
 
     fn shift_by(&mut self, hole: &Hole, factor: f64) {

@@ -3,7 +3,6 @@
 use super::{Effect, Row, System};
 use crate::dialect::FeedUnit;
 use crate::expression::{Name, Value};
-use crate::state::Motion;
 use crate::{Axis, Plane, SpindleDirection};
 
 pub(super) static ROWS: &[Row] = &[
@@ -65,7 +64,7 @@ static NAMES: &[(&str, Read)] = &[
     ("_vmajor", |_| Some(2.9)),
     ("_vminor", |_| Some(0.0)),
     ("_line", |system| Some(f64::from(system.state.lines))),
-    ("_motion_mode", |system| Some(motion(system.state.motion))),
+    ("_motion_mode", |system| Some(f64::from(system.state.motion_code))),
     ("_plane", |system| Some(plane(system.state.plane))),
     ("_ccomp", |_| Some(400.0)),
     ("_metric", |system| truth(!system.state.inch)),
@@ -130,21 +129,6 @@ pub(super) fn named(system: &System<'_>, name: &Name) -> Option<f64> {
 /// Whether a name is predefined, so that it cannot be assigned.
 pub(super) fn is_predefined(name: &Name) -> bool {
     name.is_global() && NAMES.iter().any(|(text, _)| *text == name.as_str())
-}
-
-/// Ten times the code of the motion mode; `G80` where there is none.
-fn motion(motion: Motion) -> f64 {
-    match motion {
-        Motion::Rapid => 0.0,
-        Motion::Linear => 10.0,
-        Motion::Arc { clockwise: true } => 20.0,
-        Motion::Arc { clockwise: false } => 30.0,
-        Motion::Cubic => 50.0,
-        Motion::Quadratic => 51.0,
-        Motion::Nurbs => 52.0,
-        Motion::Thread => 330.0,
-        _ => 800.0,
-    }
 }
 
 const fn plane(plane: Plane) -> f64 {

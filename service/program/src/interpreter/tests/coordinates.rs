@@ -5,6 +5,8 @@ mod frames;
 mod planar;
 mod properties;
 mod tools;
+mod variables;
+mod worked;
 
 use super::*;
 

@@ -312,6 +312,7 @@ fn boring_with_an_oriented_tool() {
     let fine = "rapid Z10 -> Z2
          line Z2 -> Z-8 @100/min
          spindle off 1000
+         M19 Barrier
          rapid Z-8 -> X0.5 Z-8
          rapid X0.5 Z-8 -> X0.5 Z10
          rapid X0.5 Z10 -> Z10
@@ -323,12 +324,14 @@ fn boring_with_an_oriented_tool() {
         &stated(),
         "G87 X0 Z-15 R-20 Q0.5 F100",
         "spindle off 1000
+         M19 Barrier
          rapid Z10 -> X0.5 Z10
          rapid X0.5 Z10 -> X0.5 Z-20
          rapid X0.5 Z-20 -> Z-20
          spindle cw 1000
          line Z-20 -> Z-15 @100/min
          spindle off 1000
+         M19 Barrier
          rapid Z-15 -> X0.5 Z-15
          rapid X0.5 Z-15 -> X0.5 Z10
          rapid X0.5 Z10 -> Z10

@@ -348,7 +348,7 @@ fn unsupported_codes_are_one_finding_each() {
         &lathe(),
         "G34 Z-2. F1.5\nX5.\nG0 X10.",
         "rapid X2.5 Z-2 -> X5 Z-2
-         ! 1:1+3 PRG-UNSUPPORTED-CODE",
+         ! 1:1+3 PRG-THREAD-VARIABLE-LEAD",
     );
     check(
         &mill(),

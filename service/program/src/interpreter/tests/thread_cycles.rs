@@ -123,7 +123,8 @@ fn g76_in_two_lines() {
          thread X30.32 Z130 -> X30.32 Z25 @6 amplitude 0 out over 6 by 6 tool 60
          rapid X36.32 Z25 -> X40 Z25
          rapid X40 Z25 -> X40 Z130
-         rapid X40 Z130 -> X50 Z130",
+         rapid X40 Z130 -> X50 Z130
+         i 4:1+31 PRG-THREAD-FLANK",
     );
     // The same in least increments, and the same in inches to their resolution.
     let settings = LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, ..lathe() };

@@ -212,7 +212,7 @@ fn angles_and_amplitudes_out_of_range() {
         finding_with(lathe(), program, text).suggestions.into_iter().filter_map(|cure| cure.replacement).collect()
     };
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q-30.", "start angle"), ["Q330.0"]);
-    assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q325584", "start angle"), ["Q325.584", "Q144.0"]);
+    assert_eq!(replacements("M3 S100\nG32 Z5. F2. Q400.5", "start angle"), ["Q40.5"]);
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. R540.", "phase shift"), ["R180.0"]);
     assert_eq!(replacements("M3 S100\nG32 Z5. F2. A-1.5", "amplitude"), ["A1.5", "A0"]);
 }
@@ -311,7 +311,7 @@ fn threads_go_on_in_a_restored_interpreter() {
         let state = postcard::from_bytes(&stored).expect("and read back");
         interpreter = Interpreter::restore(lathe(), state);
     }
-    assert!(findings.findings().is_empty(), "{findings:?}");
+    assert!(findings.findings().iter().all(|finding| finding.severity == Severity::Info), "{findings:?}");
     assert_eq!(operations, expected);
     assert!(expected.iter().filter(|operation| matches!(operation.kind, OperationKind::Thread(_))).count() > 5);
 }

@@ -3,6 +3,7 @@
 mod contours;
 mod grooves;
 mod linuxcnc;
+mod one_line;
 mod refusals;
 mod resuming;
 mod single;

@@ -113,6 +113,7 @@ impl Execution<'_> {
         }
         self.state.motion = Motion::ThreadCycle;
         self.state.spline_exit = None;
+        self.note_chamfer();
         self.thread_cycle(axes);
     }
 
@@ -283,6 +284,7 @@ impl Execution<'_> {
             && let (Some(angle_deg), Some(pattern), Some(lead_mm)) = (angle_deg, pattern, lead_mm)
             && turns
         {
+            self.note_chamfer();
             let modes = self.thread_modes();
             let cycle = VCycle {
                 root,
@@ -302,6 +304,34 @@ impl Execution<'_> {
     fn thread_modes(&self) -> CycleModes {
         let chamfer_tenths = self.settings.turning.thread_chamfer_tenths.unwrap_or(0);
         self.state.thread.cycle.unwrap_or(CycleModes { chamfer_tenths, ..CycleModes::default() })
+    }
+
+    /// Says that there is no chamfer at the end of a thread, where nothing states one.
+    fn note_chamfer(&mut self) {
+        if self.settings.turning.thread_chamfer_tenths.is_some() || self.state.thread.cycle.is_some() {
+            return;
+        }
+        let span = self.block.span();
+        self.findings.push_with(code::THREAD_CHAMFER, |code| {
+            let message = "neither the program nor language.turning.thread_chamfer_tenths of the machine profile states the chamfer \
+                           at the end of the thread: it has none";
+            Finding::new(code, span, message).suggest("set thread_chamfer_tenths as the control has it, 0 for none")
+        });
+    }
+
+    /// Says on which side the passes of a flank infeed start.
+    fn note_flank(&mut self, shift_mm: f64) {
+        let span = self.block.span();
+        self.findings.push_with(code::THREAD_FLANK, |code| {
+            let message = format!(
+                "with the infeed along the flank the passes start up to {:.4} mm before the start of the cycle; some controls \
+                 start them behind it",
+                shift_mm
+            );
+            Finding::new(code, span, message)
+                .with_value("shift", shift_mm, "mm")
+                .suggest("start the cycle at least that far from the work")
+        });
     }
 
     /// X and Z of the root at the end of a `G76`.
@@ -370,6 +400,10 @@ impl Execution<'_> {
         }
         if chamfer_mm > 0.0 && cycle.taper_mm.abs() > length {
             return self.thread_travel("a thread steeper than 45° has no chamfer: set it to 00 in the P of G76");
+        }
+        if largest_shift > 0.0 && !cycle.alternating {
+            let first_mm = passes.first().map_or(0.0, |pass| pass.depth_mm);
+            self.note_flank(slope * (cycle.height_mm - first_mm));
         }
         for (index, &Pass { depth_mm, finishing }) in passes.iter().enumerate() {
             let other_flank = cycle.alternating && index % 2 == 1;

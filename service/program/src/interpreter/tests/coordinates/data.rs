@@ -109,10 +109,10 @@ fn assigning_an_offset_acts_like_g10_from_the_next_block_on() {
     let rows = vec![ToolOffset::new(1).with_length(100.0)];
     ends_with(&lathe(), &rows, "#2701=20\n#2801=70\n#2001=1\nT0101\nG0 X0 Z0", &[[10.5, 0.0, 70.0]]);
     // The words of its own line are read before.
-    ends(&linuxcnc(), "#5221=10 G0 X1\nX1", &[[1.0, 0.0, 0.0], [11.0, 0.0, 0.0]]);
+    ends(&linuxcnc(), "#5241=10 G55 G0 X1\nG54\nG55 X1", &[[1.0, 0.0, 0.0], [11.0, 0.0, 0.0]]);
     ends(
         &linuxcnc(),
-        "#5221=10 #5230=90\nG0 X1 Y0\n#5161=3\nG28 Y0\nG0 X#5230",
+        "#5241=10 #5250=90\nG55 G0 X1 Y0\n#5161=3\nG28 Y0\nG0 X#5250",
         &[[10.0, 1.0, 0.0], [10.0, 0.0, 0.0], [10.0, 90.0, 0.0]],
     );
     finds(&mill(), "G43 H1\n#11001=5\nG0 X1", &["2:PRG-PARAMETER-READ-ONLY"]);
