@@ -10,6 +10,7 @@ mod discovery;
 mod documents;
 mod durability;
 mod escalation;
+mod exclusive;
 mod five_axis;
 mod hostile;
 mod jobs;

@@ -124,6 +124,12 @@ impl Server {
         self.child.id().expect("the service is running")
     }
 
+    /// What it runs on.
+    #[must_use]
+    pub const fn home(&self) -> &Home {
+        &self.home
+    }
+
     /// What it has logged so far.
     #[must_use]
     pub fn log(&self) -> String {

@@ -198,6 +198,12 @@ pub enum StoreError {
         #[source]
         source: Option<Arc<dyn Error + Send + Sync>>,
     },
+    /// Another process has the database open.
+    #[error("the database is in use by {holder}: end that process, or name another database")]
+    InUseBy {
+        /// The process and its host, as it wrote them down.
+        holder: String,
+    },
     /// The database is not usable by this version: it belongs to a newer version or to another
     /// program.
     #[error("the database cannot be used by this version: {0}")]

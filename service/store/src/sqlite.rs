@@ -6,6 +6,7 @@ mod compress;
 mod documents;
 mod fault;
 mod jobs;
+mod lock;
 mod open;
 mod options;
 mod programs;
@@ -73,19 +74,19 @@ impl Database for SqliteStore {
 
 impl SqliteStore {
     /// Opens the database file, creates it if it does not exist, and brings its schema up to date. The folder must
-    /// exist. One process at a time should have a database open: others would write safely, but not see each
-    /// other's events arrive.
+    /// exist, and no other process may have the database open as a store.
     ///
     /// # Errors
     /// As [`crate::Store::open`].
     pub(crate) async fn open(options: SqliteOptions, settings: StoreSettings) -> Result<Self> {
         let opened = open::open(&options).await?;
-        let (writer, announced) = Writer::start(opened.writer, opened.options, opened.newest, &settings);
+        let readers = opened.readers.clone();
+        let (writer, announced) = Writer::start(opened, &settings);
         let inner = Inner {
             options,
             settings,
             writer,
-            readers: opened.readers,
+            readers,
             reads: AtomicU64::new(0),
             newest_event: announced.event,
             newest_decision: announced.decision,

@@ -46,7 +46,7 @@ impl Store {
     /// up to date. Errors do not repeat the URI.
     ///
     /// # Errors
-    /// `CannotOpen` if there is none and none can be made, `Incompatible` if it belongs to a newer version or to another
+    /// `CannotOpen` if there is none and none can be made, `InUseBy` another process, `Incompatible` if it belongs to a newer version or to another
     /// program, `Corrupt` if it is not intact, `Unavailable`.
     pub async fn open(uri: &StoreUri, settings: StoreSettings) -> Result<Self> {
         let database: Arc<dyn Database> = match uri.place() {

@@ -16,14 +16,14 @@ const SCHEMES: [&str; 1] = [sqlite::SCHEME];
 ///
 /// | URI | database |
 /// | --- | --- |
-/// | `sqlite:///absolute/path/to/file.db` | in this file, created where there is none; its folder must exist and be writable, for two more files lie beside it |
+/// | `sqlite:///absolute/path/to/file.db` | in this file, created where there is none; its folder must exist and be writable, for three more files lie beside it |
 ///
 /// Options follow as in `sqlite:///var/lib/feedwave/feedwave.db?readers=8&busy_timeout_s=10`:
 ///
 /// | option | range | default | meaning |
 /// | --- | --- | --- | --- |
 /// | `readers` | 1 to 64 | 4 | connections that read at the same time |
-/// | `busy_timeout_s` | 0 to 3600 | 5 | how long to wait for a lock that another program holds, or for a free reader, s |
+/// | `busy_timeout_s` | 0 to 3600 | 5 | how long to wait for a lock that another process holds, or for a free reader, s |
 ///
 /// What would weaken a promise of the store, such as its synchronisation with the disk, is no option.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -55,6 +55,24 @@ async fn unusable_paths_are_named() {
 }
 
 #[tokio::test]
+async fn a_database_that_is_in_use_is_refused_with_who_uses_it() {
+    let (folder, path) = folder();
+    let first = open(&path).await.unwrap();
+    let link = folder.path().join("link.db");
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    for name in [&path, &link] {
+        let uri = format!("{}?busy_timeout_s=0", StoreUri::of_file(name).unwrap());
+        let error = Store::open(&uri.parse().unwrap(), StoreSettings::default()).await.err().unwrap();
+        let own = format!("process {} on host ", std::process::id());
+        assert!(matches!(&error, StoreError::InUseBy { holder } if holder.starts_with(&own)), "{error:?}");
+    }
+    // What a killed process leaves is the file without its lock.
+    first.close().await;
+    assert!(folder.path().join("feedwave.db.lock").is_file());
+    open(&path).await.unwrap();
+}
+
+#[tokio::test]
 async fn what_is_no_database_is_refused_and_left_alone() {
     let (_folder, path) = folder();
     for garbage in [b"G1 X10\n".repeat(1000), [b"SQLite format 3\0".to_vec(), vec![0xAA; 9000]].concat()] {
@@ -296,6 +314,7 @@ proptest! {
             let mut rest = &source[..];
             for (size, reopen) in pieces {
                 if reopen {
+                    drop(store);
                     store = open(&path).await.unwrap();
                 }
                 let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64).await.unwrap() else {

@@ -8,6 +8,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
 use super::SqliteOptions;
+use super::lock::FileLock;
 use super::writer::Newest;
 use crate::error::{Result, StoreError};
 
@@ -29,6 +30,7 @@ pub(super) struct Opened {
     pub(super) options: SqliteConnectOptions,
     pub(super) readers: SqlitePool,
     pub(super) newest: Newest,
+    pub(super) lock: FileLock,
 }
 
 pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
@@ -41,6 +43,7 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         return Err(cannot("its folder does not exist"));
     }
 
+    let lock = FileLock::take(path, wanted.busy_timeout).await?;
     let plain = SqliteConnectOptions::new()
         .filename(path)
         .create_if_missing(true)
@@ -72,7 +75,7 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         .test_before_acquire(false)
         .connect_with(options.clone().create_if_missing(false).pragma("query_only", "ON"))
         .await?;
-    Ok(Opened { writer, options, readers, newest })
+    Ok(Opened { writer, options, readers, newest, lock })
 }
 
 /// Position of the newest row that a log ever had.

@@ -38,7 +38,7 @@ pub(crate) struct SqliteOptions {
     pub(crate) path: PathBuf,
     /// Connections that read at the same time.
     pub(crate) readers: u32,
-    /// How long to wait for a lock held by another program, or for a free reader.
+    /// How long to wait for a lock held by another process, or for a free reader.
     pub(crate) busy_timeout: Duration,
 }
 

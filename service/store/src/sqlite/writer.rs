@@ -14,6 +14,8 @@ use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch}
 use tokio::task::JoinHandle;
 
 use super::checkpointer;
+use super::lock::FileLock;
+use super::open::Opened;
 use crate::error::{Result, StoreError};
 use crate::settings::{Observer, StoreSettings, StoreStats};
 
@@ -103,14 +105,10 @@ struct Counters {
 }
 
 impl Writer {
-    /// Starts the task that writes through `connection`, and opens further connections with
-    /// `options` should this one fail. The second value follows the newest durable rows.
-    pub(super) fn start(
-        connection: SqliteConnection,
-        options: SqliteConnectOptions,
-        newest: Newest,
-        settings: &StoreSettings,
-    ) -> (Self, Announced) {
+    /// Starts the task that writes, and opens further connections should the first one fail. The second value follows
+    /// the newest durable rows.
+    pub(super) fn start(opened: Opened, settings: &StoreSettings) -> (Self, Announced) {
+        let Opened { writer: connection, options, newest, lock, .. } = opened;
         let (queue, receiver) = mpsc::channel(settings.write_queue.max(1));
         let (event_sender, event) = watch::channel(newest.event);
         let (decision_sender, decision) = watch::channel(newest.decision);
@@ -127,6 +125,7 @@ impl Writer {
             counters: counters.clone(),
             commits,
             _alive: alive,
+            _lock: lock,
         };
         let (runtime, max_operations) = (Handle::current(), settings.max_commit_operations.max(1));
         // A thread of its own: a commit is many short waits, none of which may queue up behind other tasks.
@@ -250,6 +249,8 @@ struct Task {
     commits: Arc<Notify>,
     /// Its end also ends the receivers of the commits.
     _alive: oneshot::Sender<()>,
+    /// Held until the last write is done.
+    _lock: FileLock,
 }
 
 impl Task {

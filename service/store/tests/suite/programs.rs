@@ -57,6 +57,7 @@ async fn too_large_is_refused() {
     store.put_program("0123456789".into()).await.unwrap();
     let refused = store.put_program("0123456789A".into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { size: 11, limit: 10, .. })), "{refused:?}");
+    drop(store);
     let store = open(&place).await;
     let refused = store.put_program(vec![b' '; MAX_PUT_BYTES as usize + 1].into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { limit: MAX_PUT_BYTES, .. })), "{refused:?}");
