@@ -129,6 +129,8 @@ pub struct FindingCounts {
 pub struct Job {
     /// Identifier (UUID version 7).
     pub id: Uuid,
+    /// Place in the order in which jobs were created.
+    pub sequence: i64,
     /// The client's request id.
     pub request_id: String,
     /// Name for people.
@@ -259,7 +261,8 @@ pub trait Jobs {
     /// `Unavailable`.
     async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>>;
 
-    /// Jobs by creation time, newest first. Jobs created while paging do not shift later pages.
+    /// Jobs in the order in which they were created, newest first, whatever the clock said. Jobs created while paging do
+    /// not shift later pages.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.

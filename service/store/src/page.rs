@@ -84,6 +84,22 @@ impl Scope {
         bytes.drain(..SCOPE_BYTES);
         Ok(Some(bytes))
     }
+
+    /// The token of the page after the record with this number, in a list by numbers.
+    #[must_use]
+    pub fn sequence_token(&self, sequence: i64) -> String {
+        self.token(&sequence.to_be_bytes())
+    }
+
+    /// The number of the record that a page begins after; `None` for the first page.
+    ///
+    /// # Errors
+    /// `InvalidPageToken` where it is none.
+    pub fn after_sequence(&self, token: &str) -> Result<Option<i64>> {
+        let Some(position) = self.position(token)? else { return Ok(None) };
+        let bytes = position.try_into().map_err(|_| StoreError::InvalidPageToken)?;
+        Ok(Some(i64::from_be_bytes(bytes)))
+    }
 }
 
 impl<T> Page<T> {

@@ -94,6 +94,8 @@ pub struct ProgramInfo {
 pub struct ProgramEntry {
     /// Size and age.
     pub info: ProgramInfo,
+    /// Place in the order in which programs became complete.
+    pub sequence: i64,
     /// Name of the file that it was uploaded as last; may be empty.
     pub file_name: String,
     /// Jobs that use it, as their program or as a further file.

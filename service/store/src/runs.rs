@@ -90,6 +90,8 @@ pub struct NewRun {
 pub struct Run {
     /// Identifier (UUID version 7).
     pub id: Uuid,
+    /// Place in the order in which runs began.
+    pub sequence: i64,
     /// The job.
     pub job_id: Uuid,
     /// What it is.

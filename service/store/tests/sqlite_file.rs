@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use feedwave_store::{
-    CHUNK_BYTES, Fingerprint, JobState, Kind, NewJob, ProgramId, RawValue, Store, StoreError, StoreSettings, StoreUri,
-    UploadStart,
+    CHUNK_BYTES, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId, RawValue, Store, StoreError,
+    StoreSettings, StoreUri, UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
@@ -70,6 +70,36 @@ async fn a_database_that_is_in_use_is_refused_with_who_uses_it() {
     first.close().await;
     assert!(folder.path().join("feedwave.db.lock").is_file());
     open(&path).await.unwrap();
+}
+
+#[tokio::test]
+async fn order_does_not_depend_on_the_clock() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let programs =
+        [store.put_program("M30\n".into()).await.unwrap().id, store.put_program("M2\n".into()).await.unwrap().id];
+    let early = store.create_job(new_job("early", programs[0])).await.unwrap().id;
+    // As if the clock had been ten years ahead when they were made, and was set back since.
+    let mut database = raw(&path).await;
+    for sql in [
+        "UPDATE jobs SET created_us = created_us + 315360000000000",
+        "UPDATE programs SET created_us = created_us + sequence",
+    ] {
+        sqlx::query(sql).execute(&mut database).await.unwrap();
+    }
+    let late = store.create_job(new_job("late", programs[0])).await.unwrap().id;
+    let size = |size, token| PageRequest { size, token };
+    let first = store.list_jobs(&JobFilter::default(), &size(1, String::new())).await.unwrap();
+    let second = store.list_jobs(&JobFilter::default(), &size(1, first.next_token.unwrap())).await.unwrap();
+    assert_eq!((first.items[0].id, second.items[0].id), (late, early));
+    assert_eq!(store.jobs_in_state(&[JobState::PendingValidation], 10).await.unwrap(), [early, late]);
+    // Times remain what they were said to be: a filter by them finds what was created in them.
+    let from = Some(first.items[0].created_us + 1);
+    let filter = JobFilter { created_from_us: from, ..JobFilter::default() };
+    let found = store.list_jobs(&filter, &PageRequest::default()).await.unwrap();
+    assert_eq!(found.items.iter().map(|job| job.id).collect::<Vec<_>>(), [early]);
+    let listed = store.list_programs("", &PageRequest::default()).await.unwrap();
+    assert_eq!(listed.items.iter().map(|entry| entry.info.id).collect::<Vec<_>>(), [programs[1], programs[0]]);
 }
 
 #[tokio::test]

@@ -19,13 +19,10 @@ use crate::page::{Page, PageRequest, Scope};
 /// Longest request id, machine id, display name and detail in bytes.
 const MAX_TEXT_BYTES: u64 = 4096;
 
-/// Bytes of a page position: creation time, then id.
-const POSITION_BYTES: usize = 24;
-
 macro_rules! job_query {
     ($columns:literal, $rest:literal) => {
         concat!(
-            "SELECT j.id, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id, j.state,
+            "SELECT j.id, j.sequence, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id, j.state,
                 j.state_detail, j.created_us, j.updated_us, j.revision,
                 r.error_count, r.warning_count, r.info_count, r.summary ", $columns,
             " FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
@@ -42,6 +39,7 @@ fn job(row: &SqliteRow) -> Result<Job> {
     };
     Ok(Job {
         id: parsed(row, "id")?,
+        sequence: row.try_get("sequence")?,
         request_id: row.try_get("request_id")?,
         display_name: row.try_get("display_name")?,
         program_id: parsed(row, "program_id")?,
@@ -161,19 +159,22 @@ fn scope(filter: &JobFilter) -> Scope {
     Scope::of([b"jobs", states.join(",").as_bytes(), machine.as_bytes(), &from, &before])
 }
 
-fn position(job: &Job) -> [u8; POSITION_BYTES] {
-    let mut position = [0; POSITION_BYTES];
-    position[..8].copy_from_slice(&job.created_us.to_be_bytes());
-    position[8..].copy_from_slice(job.id.as_bytes());
-    position
-}
-
-/// The creation time and id in a page position.
-fn position_parts(position: &[u8]) -> Result<(i64, Uuid)> {
-    let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
-    let time = time.try_into().map_err(|_| StoreError::InvalidPageToken)?;
-    let id = id.try_into().map_err(|_| StoreError::InvalidPageToken)?;
-    Ok((i64::from_be_bytes(time), Uuid::from_bytes(id)))
+/// Between which numbers the jobs created from and before these times are, found by the index over times: the list itself
+/// goes by numbers. `None` where there are none.
+async fn bounds(connection: &mut SqliteConnection, filter: &JobFilter) -> Result<Option<(i64, i64)>> {
+    let (from, before) = (filter.created_from_us, filter.created_before_us);
+    if from.is_none() && before.is_none() {
+        return Ok(Some((0, i64::MAX)));
+    }
+    let row = sqlx::query(
+        "SELECT MIN(sequence) AS first, MAX(sequence) AS last FROM jobs WHERE created_us >= ? AND created_us < ?",
+    )
+    .bind(from.unwrap_or(i64::MIN))
+    .bind(before.unwrap_or(i64::MAX))
+    .fetch_one(connection)
+    .await?;
+    let first: Option<i64> = row.try_get("first")?;
+    Ok(first.zip(row.try_get("last")?))
 }
 
 fn push_states(sql: &mut QueryBuilder<Sqlite>, states: &[JobState]) {
@@ -230,7 +231,14 @@ impl Jobs for SqliteStore {
     async fn list_jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<Job>> {
         let scope = scope(filter);
         let size = page.bounded_size();
-        let mut sql = QueryBuilder::<Sqlite>::new(job_query!("", "WHERE TRUE"));
+        let mut reader = self.reader().await?;
+        let before = scope.after_sequence(&page.token)?;
+        let Some((first, last)) = bounds(&mut reader, filter).await? else {
+            return Ok(Page { items: Vec::new(), next_token: None });
+        };
+        let mut sql = QueryBuilder::<Sqlite>::new(job_query!("", "WHERE j.sequence >= "));
+        sql.push_bind(first).push(" AND j.sequence <= ");
+        sql.push_bind(before.map_or(last, |before| last.min(before.saturating_sub(1))));
         if !filter.states.is_empty() {
             sql.push(" AND j.state IN ");
             push_states(&mut sql, &filter.states);
@@ -239,25 +247,22 @@ impl Jobs for SqliteStore {
             sql.push(" AND j.machine_id = ").push_bind(machine);
         }
         if let Some(from) = filter.created_from_us {
-            sql.push(" AND j.created_us >= ").push_bind(from);
+            // The sign keeps the order of the list from being left for the index over times.
+            sql.push(" AND +j.created_us >= ").push_bind(from);
         }
         if let Some(before) = filter.created_before_us {
-            sql.push(" AND j.created_us < ").push_bind(before);
+            sql.push(" AND +j.created_us < ").push_bind(before);
         }
-        if let Some(position) = scope.position(&page.token)? {
-            let (time, id) = position_parts(&position)?;
-            sql.push(" AND (j.created_us, j.id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
-        }
-        sql.push(" ORDER BY j.created_us DESC, j.id DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        sql.push(" ORDER BY j.sequence DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *reader).await?;
         let jobs = rows.iter().map(job).collect::<Result<Vec<_>>>()?;
-        Ok(Page::cut(jobs, size, |last| scope.token(&position(last))))
+        Ok(Page::cut(jobs, size, |last| scope.sequence_token(last.sequence)))
     }
 
     async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>> {
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT id FROM jobs WHERE state IN ");
         push_states(&mut sql, states);
-        sql.push(" ORDER BY created_us, id LIMIT ").push_bind(limit);
+        sql.push(" ORDER BY sequence LIMIT ").push_bind(limit);
         let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
         rows.iter().map(|row| parsed(row, "id")).collect()
     }
@@ -366,9 +371,9 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let now_us = tx.now_us();
     let inserted = sqlx::query(
         "INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail,
-            created_us, updated_us, revision, settings, machine_snapshot)
-         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?)
-         RETURNING (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
+            created_us, updated_us, revision, settings, machine_snapshot, sequence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM jobs))
+         RETURNING sequence, (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
     )
     .bind(id.to_string())
     .bind(&new.request_id)
@@ -399,6 +404,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     log(tx, id, None, Some(state), now_us, "").await?;
     Ok(Job {
         id,
+        sequence: row.try_get("sequence")?,
         request_id: new.request_id,
         display_name: new.display_name,
         program_id: new.program_id,

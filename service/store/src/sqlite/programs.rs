@@ -59,14 +59,17 @@ pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i6
 
 /// Makes a content visible as a program.
 pub(super) async fn insert_program(connection: &mut SqliteConnection, content: i64, info: &ProgramInfo) -> Result<()> {
-    sqlx::query("INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us) VALUES (?, ?, ?, ?, ?)")
-        .bind(info.id.to_string())
-        .bind(content)
-        .bind(signed("program size in bytes", info.size_bytes)?)
-        .bind(signed("number of chunks", info.chunk_count)?)
-        .bind(info.created_us)
-        .execute(connection)
-        .await?;
+    sqlx::query(
+        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, sequence)
+         VALUES (?, ?, ?, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM programs))",
+    )
+    .bind(info.id.to_string())
+    .bind(content)
+    .bind(signed("program size in bytes", info.size_bytes)?)
+    .bind(signed("number of chunks", info.chunk_count)?)
+    .bind(info.created_us)
+    .execute(connection)
+    .await?;
     Ok(())
 }
 
@@ -108,7 +111,7 @@ macro_rules! job_count {
 macro_rules! entry_query {
     ($rest:literal) => {
         concat!(
-            "SELECT p.id, p.size_bytes, p.chunk_count, p.created_us, p.file_name, ",
+            "SELECT p.id, p.sequence, p.size_bytes, p.chunk_count, p.created_us, p.file_name, ",
             job_count!("p.id"),
             " AS job_count FROM programs AS p ",
             $rest
@@ -119,6 +122,7 @@ macro_rules! entry_query {
 fn program_entry(row: &SqliteRow) -> Result<ProgramEntry> {
     Ok(ProgramEntry {
         info: program_info(row)?,
+        sequence: row.try_get("sequence")?,
         file_name: row.try_get("file_name")?,
         job_count: unsigned(row, "job_count")?,
     })
@@ -244,18 +248,13 @@ impl Programs for SqliteStore {
             // An index has only programs with a name.
             sql.push(" AND p.file_name <> '' AND p.file_name = ").push_bind(file_name);
         }
-        if let Some(position) = scope.position(&page.token)? {
-            let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
-            let time = i64::from_be_bytes(time.try_into().map_err(|_| StoreError::InvalidPageToken)?);
-            let id = ProgramId::from_bytes(id.try_into().map_err(|_| StoreError::InvalidPageToken)?);
-            sql.push(" AND (p.created_us, p.id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
+        if let Some(before) = scope.after_sequence(&page.token)? {
+            sql.push(" AND p.sequence < ").push_bind(before);
         }
-        sql.push(" ORDER BY p.created_us DESC, p.id DESC LIMIT ").push_bind(size as i64 + 1);
+        sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
         let programs = rows.iter().map(program_entry).collect::<Result<Vec<_>>>()?;
-        let position =
-            |last: &ProgramEntry| [&last.info.created_us.to_be_bytes()[..], last.info.id.as_bytes()].concat();
-        Ok(Page::cut(programs, size, |last| scope.token(&position(last))))
+        Ok(Page::cut(programs, size, |last| scope.sequence_token(last.sequence)))
     }
 
     async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {

@@ -44,6 +44,7 @@ fn run(row: &SqliteRow) -> Result<Run> {
     };
     Ok(Run {
         id: parsed(row, "id")?,
+        sequence: row.try_get("sequence")?,
         job_id: parsed(row, "job_id")?,
         kind: parsed(row, "kind")?,
         state: parsed(row, "state")?,
@@ -93,7 +94,7 @@ async fn tell(tx: &mut Transaction, run_id: &str, message: &str) -> Result<()> {
 macro_rules! run_query {
     ($rest:literal) => {
         concat!(
-            "SELECT id, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
+            "SELECT id, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
                 setpoints_sent, setpoints_digest, settings,
                 (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
                     AS open_conditions
@@ -199,8 +200,9 @@ impl Runs for SqliteStore {
                 let now_us = tx.now_us();
                 let inserted = sqlx::query(
                     "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
-                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor)
-                     VALUES (?, ?, ?, 'open', '', ?, ?, 1, 0, 0, ?, ?, ?)",
+                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, sequence)
+                     VALUES (?, ?, ?, 'open', '', ?, ?, 1, 0, 0, ?, ?, ?,
+                        (SELECT COALESCE(MAX(sequence), 0) + 1 FROM runs))",
                 )
                 .bind(id.to_string())
                 .bind(job_id.to_string())
@@ -268,18 +270,13 @@ impl Runs for SqliteStore {
         if let Some(job_id) = job_id {
             sql.push(" AND job_id = ").push_bind(job_id.to_string());
         }
-        if let Some(position) = scope.position(&page.token)? {
-            let (time, id) = position.split_at_checked(8).ok_or(StoreError::InvalidPageToken)?;
-            let time = i64::from_be_bytes(time.try_into().map_err(|_| StoreError::InvalidPageToken)?);
-            let id = Uuid::from_slice(id).map_err(|_| StoreError::InvalidPageToken)?;
-            sql.push(" AND (created_us, id) < (").push_bind(time).push(", ").push_bind(id.to_string()).push(")");
+        if let Some(before) = scope.after_sequence(&page.token)? {
+            sql.push(" AND sequence < ").push_bind(before);
         }
-        sql.push(" ORDER BY created_us DESC, id DESC LIMIT ").push_bind(size as i64 + 1);
+        sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
         let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
         let runs = rows.iter().map(run).collect::<Result<Vec<_>>>()?;
-        Ok(Page::cut(runs, size, |last| {
-            scope.token(&[last.created_us.to_be_bytes().as_slice(), last.id.as_bytes()].concat())
-        }))
+        Ok(Page::cut(runs, size, |last| scope.sequence_token(last.sequence)))
     }
 
     async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {

@@ -99,17 +99,17 @@ async fn lists_are_read_by_index() {
     for (sql, index) in [
         (
             "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
-             WHERE (j.created_us, j.id) < (1, 'x') ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
-            "jobs_by_time",
+             WHERE j.sequence >= 1 AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
+            "jobs_by_sequence",
         ),
         (
             "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
-             WHERE j.state IN ('ready') ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
+             WHERE j.state IN ('ready') AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
             "jobs_by_state",
         ),
         (
             "EXPLAIN QUERY PLAN SELECT * FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
-             WHERE j.machine_id = 'm' ORDER BY j.created_us DESC, j.id DESC LIMIT 5",
+             WHERE j.machine_id = 'm' AND +j.created_us < 7 AND j.sequence <= 9 ORDER BY j.sequence DESC LIMIT 5",
             "jobs_by_machine",
         ),
         (

@@ -48,7 +48,7 @@ impl SqliteStore {
 
     pub(super) async fn all_uploads(&self) -> Result<Vec<UploadInfo>> {
         let rows =
-            sqlx::query("SELECT * FROM uploads ORDER BY created_us, id").fetch_all(&mut *self.reader().await?).await?;
+            sqlx::query("SELECT * FROM uploads ORDER BY content_id").fetch_all(&mut *self.reader().await?).await?;
         rows.iter().map(upload_info).collect()
     }
 
