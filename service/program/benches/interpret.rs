@@ -67,6 +67,23 @@ fn lathe_program() -> String {
     program
 }
 
+/// A pocket in rows by Macro B: conditions, assignments, expressions in words.
+fn macro_program(rounds: u32) -> String {
+    format!(
+        "G21 G90 G17 G94\nS8000 M3\nG0 X0 Y0 Z5.\n#1=0\nG1 Z-1. F200\nWHILE[#1LT{rounds}]DO1\n#1=#1+1\n#2=[#1MOD50]*0.5\n\
+         IF[#2GT20]THEN#2=20\nG1X[10+8*COS[#1]]Y[#2+SIN[#1]]F[400+#2]\nEND1\nG0 Z5.\nM30\n"
+    )
+}
+
+/// The same by O-words.
+fn o_word_program(rounds: u32) -> String {
+    format!(
+        "G21 G90 G17 G94\nS8000 M3\nG0 X0 Y0 Z5\n#1=0\nG1 Z-1 F200\no1 while [#1 LT {rounds}]\n#1=[#1+1]\n\
+         #<row>=[[#1 MOD 50]*0.5]\no2 if [#<row> GT 20]\n#<row>=20\no2 endif\nG1 X[10+8*COS[#1]] Y[#<row>+SIN[#1]] F[400+#<row>]\n\
+         o1 endwhile\nG0 Z5\nM2\n"
+    )
+}
+
 fn interpret(program: &[u8], settings: &LanguageSettings, operations: &mut Vec<Operation>) -> (usize, FindingLog) {
     let mut interpreter = Interpreter::new(settings.clone());
     let mut findings = FindingLog::default();
@@ -84,6 +101,45 @@ fn interpret(program: &[u8], settings: &LanguageSettings, operations: &mut Vec<O
             LineOutcome::NeedMore | LineOutcome::Ended => return (count, findings),
         }
     }
+}
+
+/// The same for a program that jumps: the next line is where the interpreter says.
+fn execute(program: &[u8], settings: &LanguageSettings, operations: &mut Vec<Operation>) -> (usize, FindingLog) {
+    let mut interpreter = Interpreter::new(settings.clone());
+    let mut findings = FindingLog::default();
+    let mut count = 0;
+    loop {
+        let rest = &program[interpreter.place().offset as usize..];
+        let outcome = interpreter.read_line(rest, true, operations, &mut findings);
+        if operations.len() >= BATCH || outcome == LineOutcome::Ended {
+            count += black_box(&*operations).len();
+            operations.clear();
+        }
+        if outcome == LineOutcome::Ended {
+            return (count, findings);
+        }
+    }
+}
+
+/// Programs that compute: blocks executed per second. Bar: one million on one core.
+fn computing(criterion: &mut Criterion) {
+    const ROUNDS: u32 = 20_000;
+    // Blocks of a round, of which the body of the O-words' condition is executed in one of five.
+    let programs = [
+        ("macro_b", macro_program(ROUNDS), 6, LanguageSettings::mill()),
+        ("o_words", o_word_program(ROUNDS), 7, LanguageSettings::linuxcnc()),
+    ];
+    let mut group = criterion.benchmark_group("computing");
+    for (name, program, blocks, settings) in &programs {
+        let mut operations = Vec::with_capacity(2 * BATCH);
+        let (count, findings) = execute(program.as_bytes(), settings, &mut operations);
+        assert!(!findings.has_errors() && count as u32 > ROUNDS, "{count}, {:?}", findings.findings().first());
+        group.throughput(Throughput::Elements(u64::from(ROUNDS * blocks))).sample_size(20);
+        group.bench_function(*name, |bencher| {
+            bencher.iter(|| execute(black_box(program.as_bytes()), settings, &mut operations).0);
+        });
+    }
+    group.finish();
 }
 
 /// The lexer alone: the sum of all numbers, so that none is optimised away.
@@ -154,5 +210,5 @@ fn benchmark(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, benchmark);
+criterion_group!(benches, benchmark, computing);
 criterion_main!(benches);

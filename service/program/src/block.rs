@@ -346,8 +346,28 @@ impl Block {
         self.groups & !(1 << Group::Motion as u32) != 0 || !self.machine.is_empty()
     }
 
-    #[inline]
+    /// Adds a word: most are of an axis or a parameter and the first of their letter, and need nothing but their place.
+    #[inline(always)]
     fn add_word(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
+        let Token { letter, number, start, end, .. } = token;
+        let place = usize::from(letter - b'A');
+        let bit = letter_bit(letter);
+        let is_plain = match table.dialect.letters[place] {
+            Letter::Code | Letter::Unknown => false,
+            Letter::Label => is_label(number),
+            _ => number.value().abs() <= LARGEST_NUMBER,
+        };
+        if !is_plain || number.is_spaced() || self.letters & bit != 0 {
+            return self.add_other_word(token, table, findings);
+        }
+        self.extent = (self.extent.0.min(start), end);
+        self.letters |= bit;
+        self.words[place] = Word { number, start, end };
+    }
+
+    /// A code, or a word that may be refused.
+    #[inline(never)]
+    fn add_other_word(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
         let Token { letter, number, .. } = token;
         self.extent.0 = self.extent.0.min(token.start);
         self.extent.1 = token.end;

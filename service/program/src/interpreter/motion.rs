@@ -185,16 +185,24 @@ impl Execution<'_> {
                 if end != self.state.position
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    let corner = if may_have_corner { self.corner_words(axes) } else { None };
-                    self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, None, feed));
+                    if may_have_corner {
+                        let corner = self.corner_words(axes);
+                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, None, feed));
+                    } else {
+                        self.emit_move(MoveKind::Cutting, end, None, feed);
+                    }
                 }
             }
             Motion::Arc { clockwise } => {
                 if let Some(arc) = self.arc(clockwise, &end)
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    let corner = if self.block.has_comma_words() { self.corner_words(axes) } else { None };
-                    self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, Some(arc), feed));
+                    if self.block.has_comma_words() {
+                        let corner = self.corner_words(axes);
+                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, Some(arc), feed));
+                    } else {
+                        self.emit_move(MoveKind::Cutting, end, Some(arc), feed);
+                    }
                 }
             }
             Motion::Cubic | Motion::Quadratic => {
@@ -306,6 +314,49 @@ impl Execution<'_> {
     /// The position after the axis words in the mask `axes`, which are used by this.
     #[inline]
     pub(super) fn target(&mut self, axes: u32, frame: Frame) -> Position {
+        let coords = &self.state.coords;
+        let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
+        if is_plain && self.state.tool_control.held.is_empty() {
+            return self.plain_target(axes);
+        }
+        self.transformed_target(axes, frame)
+    }
+
+    /// The same where words are work coordinates, and the program knows where every axis is.
+    #[inline]
+    fn plain_target(&mut self, axes: u32) -> Position {
+        let mut end = self.state.position;
+        self.used |= axes;
+        let mut named = 0u32;
+        for place in set_bits(axes) {
+            let letter = self.table.dialect.letters[place];
+            let (axis, increment) = match letter {
+                Letter::Axis(axis) => (axis, !self.state.absolute),
+                Letter::Increment(axis) => (axis, true),
+                _ => continue,
+            };
+            let word = self.block.slot(place);
+            let mut value = if axis == Axis::X { self.radius(word) } else { self.scaled(word, letter.is_length()) };
+            if named & (1 << axis.index()) != 0 {
+                self.named_twice(place);
+            }
+            named |= 1 << axis.index();
+            if axis.is_rotary() && !increment {
+                value = self.rolled(axis, value, Frame::Work, place);
+            }
+            let target = &mut end[axis.index()];
+            *target = if increment { *target + value } else { value };
+        }
+        end
+    }
+
+    #[cold]
+    fn named_twice(&mut self, place: usize) {
+        let word = *self.block.slot(place);
+        self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
+    }
+
+    fn transformed_target(&mut self, axes: u32, frame: Frame) -> Position {
         let mut end = self.state.position;
         let mut named = 0u32;
         self.used |= axes;
@@ -329,8 +380,7 @@ impl Execution<'_> {
             let word = self.block.slot(place);
             let value = if axis == Axis::X { self.radius(word) } else { self.scaled(word, letter.is_length()) };
             if named & (1 << axis.index()) != 0 {
-                let word = *word;
-                self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
+                self.named_twice(place);
             }
             named |= 1 << axis.index();
             let value = if axis.is_rotary() && !increment { self.rolled(axis, value, frame, place) } else { value };
@@ -448,9 +498,9 @@ impl Execution<'_> {
         if arc.is_none() && end == self.state.position {
             return;
         }
-        let arc = match (&self.state.coords.transform, arc) {
-            (Some(transform), Some(arc)) => Some(transform.arc(&arc)),
-            (_, arc) => arc,
+        let arc = match &self.state.coords.transform {
+            None => arc,
+            Some(transform) => arc.map(|arc| transform.arc(&arc)),
         };
         let step = self.move_with(kind, end, feed, arc);
         self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
@@ -465,10 +515,14 @@ impl Execution<'_> {
     /// A move to `end`, along an arc where there is one.
     #[inline(always)]
     fn move_with(&self, kind: MoveKind, end: Position, feed: Feed, arc: Option<ArcGeometry>) -> Move {
+        let (start, end) = match &self.state.coords.transform {
+            None => (self.state.position, end),
+            Some(transform) => (transform.apply(&self.state.position), transform.apply(&end)),
+        };
         Move {
             kind,
-            start: self.state.coords.placed(&self.state.position),
-            end: self.state.coords.placed(&end),
+            start,
+            end,
             work_offset: self.machine_offset(),
             arc,
             spline: None,

@@ -324,9 +324,8 @@ impl Execution<'_> {
         let span = self.block.span();
         self.findings.push_with(code::THREAD_FLANK, |code| {
             let message = format!(
-                "with the infeed along the flank the passes start up to {:.4} mm before the start of the cycle; some controls \
-                 start them behind it",
-                shift_mm
+                "with the infeed along the flank the passes start up to {shift_mm:.4} mm before the start of the cycle; some controls \
+                 start them behind it"
             );
             Finding::new(code, span, message)
                 .with_value("shift", shift_mm, "mm")
