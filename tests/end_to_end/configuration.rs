@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 
-use feedwave_server::config::{Config, HealthcheckConfig, Overrides, StoreConfig, TlsConfig};
+use feedwave_server::config::{Config, HealthcheckConfig, Overrides, RetentionConfig, StoreConfig, TlsConfig};
 use tokio::process::Command;
 
 use crate::FEEDWAVE;
@@ -85,6 +85,14 @@ fn the_example_states_every_key_with_its_default() {
         domain: Some("name".to_owned()),
     };
     full.store = StoreConfig::of_file(Path::new("feedwave.db")).expect("a path");
+    full.retention = RetentionConfig {
+        jobs_days: Some(1),
+        runs_days: Some(1),
+        programs_days: Some(1),
+        events_days: Some(1),
+        max_bytes: Some(1),
+        dry_run: false,
+    };
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");
     let mut keys = BTreeSet::new();

@@ -27,4 +27,5 @@ mod streaming;
 mod telemetry;
 mod threads;
 mod uploads;
+mod validation_queue;
 mod waiting_runs;

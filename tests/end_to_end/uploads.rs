@@ -2,8 +2,10 @@
 
 use bytes::Bytes;
 use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::programs_client::ProgramsClient;
 use feedwave_contract::proto::{
-    DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, UploadProgramRequest, UploadProgramResponse,
+    DeleteProgramRequest, GetUploadRequest, GetUploadResponse, JobState, ListUploadsRequest, UploadProgramRequest,
+    UploadProgramResponse,
 };
 use feedwave_tests::{Clients, Server, many_blocks, patiently, sha256_hex, upload, upload_messages};
 use tokio::sync::mpsc;
@@ -185,4 +187,40 @@ async fn an_upload_that_breaks_the_rules_is_refused() {
     gap.remove(1);
     let status = send(&mut clients, gap).await.unwrap_err();
     assert_error(&status, Code::OutOfRange, "UPLOAD_OFFSET");
+}
+
+/// A program that was announced only, number `number`.
+fn announced(number: u8) -> Vec<UploadProgramRequest> {
+    upload_messages(&Bytes::from(vec![b'0' + number; 100]), 0, PIECE)[..1].to_vec()
+}
+
+#[tokio::test]
+async fn headers_without_data_keep_nobody_out_for_long() {
+    let limits = "[limits]\nunfinished_uploads_per_client = 3\nunfinished_uploads = 5";
+    let server = feedwave_tests::Home::new(FEEDWAVE, limits).start().await;
+    let mut clients = server.connect().await;
+    for number in 0..3 {
+        let answer = send(&mut clients, announced(number)).await.unwrap();
+        assert_eq!((answer.program.as_str(), answer.received_bytes), ("", 0));
+    }
+    let refused = send(&mut clients, announced(3)).await.unwrap_err();
+    assert_error(&refused, Code::ResourceExhausted, "OVERLOADED");
+    assert!(refused.message().contains("3 unfinished uploads of this client"), "{refused:?}");
+
+    // An operator sees them, and deletes one.
+    let mut programs = ProgramsClient::new(clients.channel.clone());
+    let uploads = programs.list_uploads(ListUploadsRequest {}).await.unwrap().into_inner().uploads;
+    let shown: Vec<_> = uploads.iter().map(|upload| (upload.client.as_str(), upload.program_bytes)).collect();
+    assert_eq!(shown, [("127.0.0.1", 100); 3]);
+    clients.jobs.delete_program(DeleteProgramRequest { name: uploads[0].program.clone() }).await.unwrap();
+    send(&mut clients, announced(3)).await.unwrap();
+
+    // They expire, whatever was limited.
+    let mut home = server.kill().await;
+    home.set_environment(vec![("FEEDWAVE_LIMITS__UPLOAD_EXPIRY_S".to_owned(), "1".to_owned())]);
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let goes_on = async { while send(&mut clients, announced(4)).await.is_err() {} };
+    patiently(goes_on).await;
+    assert!(server.log().contains("an unfinished upload has expired"), "{}", server.log());
 }

@@ -18,6 +18,7 @@ use crate::{Clients, PATIENCE, Web};
 pub struct Home {
     binary: PathBuf,
     directory: TempDir,
+    environment: Vec<(String, String)>,
 }
 
 impl Home {
@@ -33,7 +34,12 @@ impl Home {
         writeln!(config, "[store]\nuri = 'sqlite://{}/feedwave.db'\n{more}", directory.path().display())
             .expect("text grows");
         std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
-        Self { binary: binary.into(), directory }
+        Self { binary: binary.into(), directory, environment: Vec::new() }
+    }
+
+    /// Sets what the service finds in its environment besides what the test finds in its own.
+    pub fn set_environment(&mut self, environment: Vec<(String, String)>) {
+        self.environment = environment;
     }
 
     /// Path of the directory.
@@ -56,6 +62,7 @@ impl Home {
             .arg(self.path().join("feedwave.toml"))
             .arg("--ready-file")
             .arg(&ready_file)
+            .envs(self.environment.iter().map(|(key, value)| (key, value)))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log_file)

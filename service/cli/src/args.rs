@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use feedwave_server::config::{Config, ConfigError, Overrides};
 
-use crate::commands::{self, CliError, healthcheck, serve};
+use crate::commands::{self, CliError, database, healthcheck, serve};
 
 /// Machining programs in, validated and interpolated setpoints out.
 #[derive(Debug, Parser)]
@@ -58,6 +58,19 @@ pub enum Command {
     Tool(Box<commands::Command>),
     /// Ask a running service over gRPC whether it serves; exit code 0 if so, 1 if not
     Healthcheck(healthcheck::Args),
+    /// Verify a database: hashes, references, reports, logs; says what is lost
+    ///
+    /// The service may run meanwhile. Every byte is read; what can be made again is told apart from what cannot.
+    Check(database::CheckArgs),
+    /// Copy a database as it is at one moment into a new file; the service may run meanwhile
+    ///
+    /// The file appears once it is complete, verified and on the disk.
+    Backup(database::BackupArgs),
+    /// Put a copy in the place of a database that no service uses
+    ///
+    /// The copy is verified first; whenever it is interrupted, either the earlier database or the copy is there. The earlier
+    /// one is kept beside it, with `.replaced` behind its name.
+    Restore(database::RestoreArgs),
 }
 
 impl Command {
@@ -70,6 +83,9 @@ impl Command {
             Self::Serve(args) => serve::run(args, global).await,
             Self::Tool(command) => command.run().await,
             Self::Healthcheck(args) => healthcheck::run(args, global).await,
+            Self::Check(args) => database::check(args, global).await,
+            Self::Backup(args) => database::backup(args, global).await,
+            Self::Restore(args) => database::restore(args, global).await,
         }
     }
 }

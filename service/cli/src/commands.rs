@@ -7,6 +7,7 @@
 mod acknowledge;
 mod client;
 mod data_file;
+pub mod database;
 mod decisions;
 mod demo;
 mod findings;

@@ -16,7 +16,12 @@ fn main() -> ExitCode {
     let runtime =
         tokio::runtime::Builder::new_multi_thread().enable_all().max_blocking_threads(MAX_BLOCKING_THREADS).build();
     let ended = match runtime {
-        Ok(runtime) => runtime.block_on(cli.command.run(&cli.global)),
+        Ok(runtime) => {
+            let ended = runtime.block_on(cli.command.run(&cli.global));
+            // What still runs waits for a disk that does not answer.
+            runtime.shutdown_background();
+            ended
+        }
         Err(error) => Err(CliError::new(error)),
     };
     match ended {

@@ -26,6 +26,7 @@ pub(crate) use jobs::state_to_proto;
 pub(crate) use telemetry::run_state_to_proto;
 
 use crate::config::Limits;
+use crate::connections::Connection;
 use crate::engine::Engine;
 use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
@@ -37,6 +38,7 @@ pub struct Api {
     pub(crate) engine: Engine,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) limits: Limits,
+    pub(crate) recent_events: Arc<events::RecentEvents>,
 }
 
 impl std::fmt::Debug for Api {
@@ -49,7 +51,8 @@ impl Api {
     /// Services over a store and an engine.
     #[must_use]
     pub fn new(store: Store, engine: Engine, metrics: Arc<Metrics>, limits: Limits) -> Self {
-        Self { store, engine, metrics, limits }
+        let recent_events = Arc::new(events::RecentEvents::new(&store));
+        Self { store, engine, metrics, limits, recent_events }
     }
 
     /// Creates `machines/lathe` and `machines/mill` where there is no machine at all.
@@ -73,6 +76,11 @@ impl Api {
         }
         Ok(())
     }
+}
+
+/// Who calls, for shares and limits of clients; empty where it is not known.
+fn client<T>(request: &Request<T>) -> String {
+    request.extensions().get::<Arc<Connection>>().map_or_else(String::new, |connection| connection.client().to_string())
 }
 
 /// Answers a unary call.

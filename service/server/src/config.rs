@@ -49,6 +49,8 @@ pub struct Config {
     pub limits: Limits,
     /// Bounds on connections and clients.
     pub connections: ConnectionLimits,
+    /// How long records are kept.
+    pub retention: RetentionConfig,
     /// The log.
     pub log: LogConfig,
     /// Export of traces.
@@ -124,6 +126,12 @@ pub struct Limits {
     pub inline_program_bytes: u64,
     /// Largest uploaded program, bytes.
     pub upload_bytes: u64,
+    /// Unfinished uploads kept at a time.
+    pub unfinished_uploads: u32,
+    /// Of these most of one client.
+    pub unfinished_uploads_per_client: u32,
+    /// How long an unfinished upload is kept to which nothing comes, s.
+    pub upload_expiry_s: u64,
     /// Largest request message, bytes.
     pub message_bytes: usize,
     /// Calls in progress at once, streams included.
@@ -136,6 +144,12 @@ pub struct Limits {
     pub streams_per_connection: u32,
     /// Programs validated at once.
     pub validation_workers: usize,
+    /// How long a validation computes while others wait, ms: then it is another one's turn.
+    pub validation_turn_ms: u64,
+    /// Validations that keep what they have done between their turns; one client has at most half of them.
+    pub begun_validations: usize,
+    /// Attempts to validate a job that may end with the service; then the job has failed.
+    pub validation_attempts: u32,
     /// How long open calls may take to finish when the service ends, and clients to read the rest of a connection that is
     /// closed, s.
     pub drain_s: u64,
@@ -146,23 +160,59 @@ impl Default for Limits {
         Self {
             inline_program_bytes: 1 << 20,
             upload_bytes: 2 << 30,
+            unfinished_uploads: 256,
+            unfinished_uploads_per_client: 64,
+            upload_expiry_s: 86_400,
             message_bytes: 4 << 20,
             concurrent_requests: 1_024,
             concurrent_streams: 64,
             concurrent_runs: 64,
             streams_per_connection: 128,
-            validation_workers: std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
+            validation_workers: std::thread::available_parallelism()
+                .map_or(2, |cores| cores.get().saturating_sub(1).max(2)),
+            validation_turn_ms: 200,
+            begun_validations: 16,
+            validation_attempts: 3,
             drain_s: 10,
         }
     }
 }
 
 impl Limits {
+    /// [`Limits::validation_turn_ms`]
+    #[must_use]
+    pub const fn validation_turn(&self) -> Duration {
+        Duration::from_millis(self.validation_turn_ms)
+    }
+
     /// [`Limits::drain_s`]
     #[must_use]
     pub const fn drain(&self) -> Duration {
         Duration::from_secs(self.drain_s)
     }
+}
+
+/// How long records are kept; absent keys: for ever.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RetentionConfig {
+    /// Jobs that have ended, with their reports and runs, since their last change, days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jobs_days: Option<u32>,
+    /// Runs that have ended, with their decisions, days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub runs_days: Option<u32>,
+    /// Programs that no job uses, days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub programs_days: Option<u32>,
+    /// Events of jobs, days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub events_days: Option<u32>,
+    /// Bytes in use within the store: beyond, the oldest jobs that have ended go.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_bytes: Option<u64>,
+    /// Only says what would be removed.
+    pub dry_run: bool,
 }
 
 /// Form of the log lines.
@@ -364,11 +414,17 @@ impl Config {
         // What surrounds an inline program in its message counts too.
         range("limits.inline_program_bytes", limits.inline_program_bytes, 1, message_bytes.saturating_sub(32 << 10));
         range("limits.upload_bytes", limits.upload_bytes, 1, 1 << 40);
+        range("limits.unfinished_uploads", limits.unfinished_uploads.into(), 1, 100_000);
+        range("limits.unfinished_uploads_per_client", limits.unfinished_uploads_per_client.into(), 1, 100_000);
+        range("limits.upload_expiry_s", limits.upload_expiry_s, 1, 31_536_000);
         range("limits.concurrent_requests", limits.concurrent_requests as u64, 1, 1_000_000);
         range("limits.concurrent_streams", limits.concurrent_streams as u64, 1, 10_000);
         range("limits.concurrent_runs", limits.concurrent_runs as u64, 1, 10_000);
         range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
         range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
+        range("limits.validation_turn_ms", limits.validation_turn_ms, 1, 60_000);
+        range("limits.begun_validations", limits.begun_validations as u64, 1, 1_024);
+        range("limits.validation_attempts", limits.validation_attempts.into(), 1, 1_000);
         range("limits.drain_s", limits.drain_s, 0, 3_600);
         for (key, value, low, high) in self.connections.ranges(message_bytes) {
             range(key, value, low, high);

@@ -6,18 +6,22 @@ mod active;
 mod columns;
 mod interpretation;
 mod live;
+mod rebuild;
+mod schedule;
 mod session;
 mod source;
 mod stream;
 mod telemetry;
+mod turns;
 mod validation;
 mod worker;
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use feedwave_cutting::{MachineProfile, PipelineConfig};
-use feedwave_store::{CheckpointSet, JobDetail, ProgramId, Store};
-use tokio::sync::{Notify, Semaphore};
+use feedwave_store::{CheckpointSet, JobDetail, JobState, ProgramId, Store, StoreError, WaitingJob};
+use tokio::sync::{Notify, Semaphore, mpsc};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
@@ -35,6 +39,7 @@ pub(crate) use stream::beyond_end;
 pub use stream::{Generator, StreamPlan, StreamStart};
 pub use telemetry::Ingestion;
 pub(crate) use telemetry::Intake;
+pub use turns::ValidationProgress;
 
 use crate::config::Limits;
 use crate::error::{Error, Result, Violations};
@@ -44,6 +49,10 @@ use crate::stored;
 use feedwave_contract::convert;
 use feedwave_contract::names;
 use feedwave_contract::proto;
+use turns::{Turn, Turns};
+
+/// Longest reason that a job is marked with, bytes.
+const MAX_REASON_BYTES: usize = 1_000;
 
 /// The engine of one server. Cloning is cheap.
 #[derive(Clone, Debug)]
@@ -59,8 +68,14 @@ struct Inner {
     active: ActiveJobs,
     stream_places: Arc<Semaphore>,
     run_places: Arc<Semaphore>,
-    /// Places for validations on request; the background workers have their own.
+    /// Places for the arithmetic of calls that is no validation.
     validation_places: Arc<Semaphore>,
+    /// Jobs whose checkpoints are being made anew.
+    rebuilding: rebuild::Rebuilding,
+    /// Whose turn it is to validate.
+    turns: Turns,
+    /// Jobs whose turn has come; taken by the workers as they start.
+    given: Mutex<Option<mpsc::UnboundedReceiver<(WaitingJob, Turn)>>>,
     wake: Notify,
     /// Where the grid of commits that can wait begins, for all runs.
     commit_grid: std::time::Instant,
@@ -79,7 +94,17 @@ impl Engine {
     /// An engine that does nothing yet; [`Engine::start`] sets the workers going.
     #[must_use]
     pub fn new(store: Store, metrics: Arc<Metrics>, limits: Limits, draining: CancellationToken) -> Self {
+        let (turns, given) = Turns::new(
+            limits.validation_workers,
+            limits.begun_validations,
+            limits.validation_turn(),
+            metrics.clone(),
+            draining.clone(),
+        );
         let inner = Inner {
+            rebuilding: rebuild::Rebuilding::default(),
+            turns,
+            given: Mutex::new(Some(given)),
             stream_places: Arc::new(Semaphore::new(limits.concurrent_streams)),
             run_places: Arc::new(Semaphore::new(limits.concurrent_runs)),
             validation_places: Arc::new(Semaphore::new(limits.validation_workers)),
@@ -97,8 +122,11 @@ impl Engine {
 
     /// Takes up jobs that wait for validation, those that an earlier run of the service left behind included.
     pub fn start(&self) {
-        let engine = self.clone();
-        self.inner.tasks.spawn(async move { worker::run(engine).await });
+        let given = self.inner.given.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(given) = given {
+            let engine = self.clone();
+            self.inner.tasks.spawn(async move { worker::run(engine, given).await });
+        }
     }
 
     /// Says that there is a new job to validate.
@@ -112,9 +140,35 @@ impl Engine {
         self.inner.active.enter(id)
     }
 
+    /// How far the validations of these jobs are; those that neither wait nor are validated are left out.
+    #[must_use]
+    pub fn progress(&self, jobs: &[Uuid]) -> HashMap<Uuid, ValidationProgress> {
+        self.inner.turns.progress(jobs)
+    }
+
+    /// Jobs whose validation has begun and not ended.
+    #[must_use]
+    pub fn jobs_under_way(&self) -> u64 {
+        self.inner.turns.jobs_under_way()
+    }
+
     /// Ends the work on a job: its validation and its streams.
     pub fn cancel_job(&self, id: Uuid) {
         self.inner.active.cancel(id);
+    }
+
+    /// Marks a job as failed whose stored data is damaged, with the reason; other errors change nothing.
+    pub async fn mark_damaged(&self, id: Uuid, error: &Error) {
+        let Error::Damaged(reason) = error else { return };
+        let from = [JobState::PendingValidation, JobState::Validating, JobState::Ready, JobState::Rejected];
+        let mut detail = format!("stored data is damaged: {reason}");
+        detail.truncate(detail.floor_char_boundary(MAX_REASON_BYTES));
+        match self.inner.store.transition(id, &from, JobState::Failed, &detail, None).await {
+            Ok(_) => tracing::error!(job = %id, %reason, "the job is marked as damaged"),
+            // It is marked already, or gone.
+            Err(StoreError::FailedState { .. } | StoreError::NotFound { .. }) => {}
+            Err(error) => tracing::error!(job = %id, %reason, %error, "a damaged job could not be marked"),
+        }
     }
 
     /// The token that is cancelled when the service begins to end.

@@ -135,8 +135,11 @@ pub enum Error {
     #[error("{}", .0.message())]
     Transport(Status),
     /// The store cannot be used at the moment.
-    #[error("the store is unavailable")]
+    #[error("{0}")]
     StoreUnavailable(#[source] Arc<StoreError>),
+    /// What is stored cannot be read back as it was written.
+    #[error("stored data is damaged: {0}")]
+    Damaged(String),
     /// A fault of the service; the log has the cause.
     #[error("internal error")]
     Internal(String),
@@ -172,6 +175,7 @@ impl Error {
             Self::Draining | Self::StoreUnavailable(_) => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
+            Self::Damaged(_) => Code::DataLoss,
             Self::Internal(_) => Code::Internal,
         }
     }
@@ -199,6 +203,7 @@ impl Error {
             Self::JobCancelled { .. } => "JOB_CANCELLED",
             Self::TakenUp { .. } => "RUN_TAKEN_UP",
             Self::StoreUnavailable(_) => "STORE_UNAVAILABLE",
+            Self::Damaged(_) => "STORE_DAMAGED",
             Self::Internal(_) => "INTERNAL",
         }
     }
@@ -284,6 +289,7 @@ impl From<StoreError> for Error {
             }
             StoreError::Detached { run_id } => Self::TakenUp { run: format!("runs/{run_id}") },
             StoreError::Unavailable { .. } => Self::StoreUnavailable(Arc::new(error)),
+            StoreError::Corrupt { reason, .. } => Self::Damaged(reason),
             other => {
                 let source = std::error::Error::source(&other).map(|source| format!(": {source}")).unwrap_or_default();
                 Self::internal(format!("{other}{source}"))

@@ -20,6 +20,7 @@ use feedwave_contract::proto::{
     ListRunsRequest, ServerState,
 };
 use feedwave_contract::routes::{ROUTES, Route};
+use feedwave_store::JobState;
 use prost::Name;
 use prost_types::Timestamp;
 use query::Query;
@@ -30,12 +31,15 @@ use crate::api::Api;
 use crate::connections::in_json;
 use crate::error::{Error, Result, Violations};
 use crate::observability::{REVISION, VERSION};
+use crate::readiness::Readiness;
 
 /// What the handlers work with.
 #[derive(Clone, Debug)]
 pub struct HttpState {
     /// The services.
     pub api: Api,
+    /// Whether the service can do its work.
+    pub readiness: Readiness,
     /// When the service was started.
     pub start_time: Timestamp,
 }
@@ -168,6 +172,7 @@ async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer
     let api = &state.api;
     let jobs = api.store.count_jobs().await?;
     let count = |gauge: &prometheus::IntGauge| u32::try_from(gauge.get()).unwrap_or(0);
+    let queued = queued_validations(api, &jobs);
     let answer = ServerState {
         version: VERSION.to_owned(),
         revision: REVISION.to_owned(),
@@ -179,11 +184,18 @@ async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer
             .collect(),
         active_streams: count(&api.metrics.active_streams),
         active_validations: count(&api.metrics.active_validations),
-        queued_validations: count(&api.metrics.validation_queue),
+        queued_validations: queued.try_into().unwrap_or(u32::MAX),
         last_event: api.store.latest_sequence().unsigned_abs(),
         open_conditions: api.store.count_open_conditions().await?.try_into().unwrap_or(u32::MAX),
     };
     Ok(message(&headers, &answer))
+}
+
+/// Jobs that wait for validation, all of them.
+fn queued_validations(api: &Api, jobs: &[(JobState, u64)]) -> u64 {
+    let waiting = jobs.iter().filter(|(state, _)| matches!(state, JobState::PendingValidation | JobState::Validating));
+    let waiting: u64 = waiting.map(|(_, count)| count).sum();
+    waiting.saturating_sub(api.engine.jobs_under_way())
 }
 
 async fn get_metrics(State(state): State<HttpState>) -> Answer {
@@ -196,7 +208,9 @@ async fn get_metrics(State(state): State<HttpState>) -> Answer {
     if let Ok(open) = api.store.count_open_conditions().await {
         api.metrics.open_conditions.set(open.try_into().unwrap_or(i64::MAX));
     }
-    for (state, count) in api.store.count_jobs().await.unwrap_or_default() {
+    let jobs = api.store.count_jobs().await.unwrap_or_default();
+    api.metrics.validation_queue.set(queued_validations(api, &jobs).try_into().unwrap_or(i64::MAX));
+    for (state, count) in jobs {
         api.metrics.jobs.with_label_values(&[state.as_str()]).set(count.try_into().unwrap_or(i64::MAX));
     }
     Ok(([(header::CONTENT_TYPE, prometheus::TEXT_FORMAT)], api.metrics.to_text()).into_response())
@@ -206,6 +220,7 @@ async fn get_ready(State(state): State<HttpState>) -> Answer {
     if state.api.engine.draining().is_cancelled() {
         return Err(Error::Draining.into());
     }
+    state.readiness.check()?;
     state.api.store.ping().await?;
     Ok("ok\n".into_response())
 }

@@ -12,5 +12,7 @@ pub mod http;
 pub mod lifecycle;
 mod lingering;
 pub mod observability;
+pub mod readiness;
+mod retention;
 pub mod services;
 mod stored;

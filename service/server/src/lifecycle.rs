@@ -28,13 +28,16 @@ use crate::engine::Engine;
 use crate::http::{HttpState, router};
 use crate::observability::metrics::Metrics;
 use crate::observability::rpc::RpcLayer;
-use crate::services;
+use crate::{readiness, retention, services};
 
 /// The header with the id of a call.
 const REQUEST_ID: &str = "x-request-id";
 
 /// How often certificate files are looked at for changes.
 const RELOAD_INTERVAL: Duration = Duration::from_secs(10);
+
+/// Least time that closing the store may take.
+const LEAST_CLOSING: Duration = Duration::from_secs(10);
 
 /// Why a server could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -110,10 +113,15 @@ impl Server {
         for service in services::names() {
             health.set_service_status(service, ServingStatus::Serving).await;
         }
+        let (readiness, probes) = readiness::follow(store.clone(), health.clone(), metrics.clone(), draining.clone());
+        engine.spawn(probes);
+        let rules = config.retention.clone();
+        engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
         let clients = Clients::new(bounded_by_descriptors(&config), metrics.connections.clone());
         let http_stop = CancellationToken::new();
-        let http_state = HttpState { api: api.clone(), start_time: timestamp(Timestamp::now().as_microsecond()) };
+        let http_state =
+            HttpState { api: api.clone(), readiness, start_time: timestamp(Timestamp::now().as_microsecond()) };
         let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
             name,
             listener,
@@ -292,7 +300,10 @@ impl RunningServer {
         if !self.http.is_finished() && tokio::time::timeout(drain, &mut self.http).await.is_err() {
             self.http.abort();
         }
-        self.store.close().await;
+        // A disk that does not answer must not keep the process.
+        if tokio::time::timeout(drain.max(LEAST_CLOSING), self.store.close()).await.is_err() {
+            tracing::error!("the store could not be closed: the disk does not answer");
+        }
     }
 }
 
@@ -303,6 +314,9 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
     let uri = config.store_uri().map_err(|(key, reason)| StartError::Setup(format!("{key}: {reason}")))?;
     let settings = StoreSettings {
         max_program_bytes: config.limits.upload_bytes.max(config.limits.inline_program_bytes),
+        max_uploads: config.limits.unfinished_uploads,
+        max_client_uploads: config.limits.unfinished_uploads_per_client,
+        upload_expiry: Duration::from_secs(config.limits.upload_expiry_s),
         observer: metrics,
         ..StoreSettings::default()
     };

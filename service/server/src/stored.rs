@@ -11,10 +11,10 @@ use crate::error::{Error, Result};
 /// A stored document, of an earlier version too; a fault of the service where it cannot be read.
 ///
 /// # Errors
-/// [`Error::Internal`] when the text is not the JSON of such a message.
+/// [`Error::Damaged`] when the text is not the JSON of such a message.
 pub(crate) fn from_stored<M: Name + Default>(text: &str) -> Result<M> {
     former::document(text)
-        .map_err(|error| Error::internal(format!("a stored {} cannot be read: {error}", M::full_name())))
+        .map_err(|error| Error::Damaged(format!("a stored {} cannot be read: {error}", M::full_name())))
 }
 
 /// A message as a document for the store.

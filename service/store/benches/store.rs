@@ -20,6 +20,7 @@ async fn create(store: Store, program_id: ProgramId, jobs: u64) {
             program_id,
             further_program_ids: Vec::new(),
             machine_id: "lathe-1".into(),
+            client: String::new(),
             machine_snapshot: body(),
             settings: body(),
         };

@@ -208,6 +208,14 @@ pub enum StoreError {
     /// program.
     #[error("the database cannot be used by this version: {0}")]
     Incompatible(String),
+    /// A copy is not intact, so it does not replace a database.
+    #[error("the copy is damaged in {count} place(s), first: {first}")]
+    Damaged {
+        /// How many problems there are.
+        count: u64,
+        /// The first one.
+        first: String,
+    },
     /// Stored data cannot be read back as it was written.
     #[error("the database is damaged: {reason}")]
     Corrupt {

@@ -107,6 +107,8 @@ pub struct NewJob {
     pub further_program_ids: Vec<ProgramId>,
     /// The machine's identifier, by which jobs are filtered.
     pub machine_id: String,
+    /// Who creates it: validations are shared out by clients.
+    pub client: String,
     /// The machine profile as it is now: later edits of the profile do not change the job.
     pub machine_snapshot: Json,
     /// Settings of the job.
@@ -155,6 +157,8 @@ pub struct Job {
     pub updated_us: i64,
     /// Counts the changes, from 1.
     pub revision: u64,
+    /// Attempts to validate it, but for those that were broken off in order.
+    pub attempts: u32,
 }
 
 impl Job {

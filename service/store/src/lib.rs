@@ -4,7 +4,7 @@
 //! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
 //! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
 //! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
-//! [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) and [`Database`] over them say what a database must do; a
+//! [`Validations`], [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) and [`Database`] over them say what a database must do; a
 //! [`Store`] is the database that a [`StoreUri`] names. One more database is one more implementation of the traits,
 //! one more scheme of the URI, and the same tests.
 //!
@@ -14,21 +14,24 @@
 //!   may or may not have written; writes are made so that they can be repeated.
 //! - A write happens entirely or not at all.
 //! - Reads see every write acknowledged before they began.
-//! - Nothing is removed unless asked.
+//! - Nothing is removed unless asked, by a call or by a [`RetentionPolicy`].
 #![forbid(unsafe_code)]
 
 mod checkpoints;
 mod error;
 mod jobs;
 mod machines;
+mod maintenance;
 mod page;
 mod programs;
+mod retention;
 mod runs;
 mod settings;
 mod sqlite;
 mod store;
 mod tools;
 mod uri;
+mod validations;
 
 pub use checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
 pub use error::{Kind, Result, StoreError};
@@ -37,11 +40,13 @@ pub use jobs::{
     StoredReport, UnknownJobState,
 };
 pub use machines::{MachineRecord, Machines};
+pub use maintenance::{CheckReport, CopyReport, MAX_PROBLEMS, Problem, backup, check, restore};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo,
     UploadStart,
 };
+pub use retention::{Removed, Retention, RetentionPolicy};
 pub use runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,
     RunCommit, RunCondition, RunKind, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
@@ -50,6 +55,7 @@ pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use store::{Database, Store};
 pub use tools::{ToolFilter, ToolRecord, Tools};
 pub use uri::{InvalidStoreUri, StoreUri};
+pub use validations::{Attempt, Validations, WaitingJob};
 
 /// A JSON document the store keeps without looking inside. That it is well-formed is checked when
 /// the value is made ([`to_raw_value`], [`RawValue::from_string`]).

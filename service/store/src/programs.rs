@@ -112,6 +112,8 @@ pub struct UploadInfo {
     pub id: UploadId,
     /// The SHA-256 its bytes must have.
     pub expected: ProgramId,
+    /// Who uploads it.
+    pub client: String,
     /// Bytes announced.
     pub size_bytes: u64,
     /// Bytes durably received; the next byte is appended at this offset.
@@ -179,11 +181,11 @@ pub trait Programs {
     async fn delete_program(&self, id: ProgramId) -> Result<()>;
 
     /// Begins the upload of a program of `size_bytes` bytes with the SHA-256 `expected`, or finds
-    /// the unfinished upload with the same hash and size.
+    /// the unfinished upload with the same hash and size. A new one counts as one of `client`.
     ///
     /// # Errors
-    /// `TooLarge`, `LimitReached` if there are too many unfinished uploads, `Unavailable`.
-    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart>;
+    /// `TooLarge`, `LimitReached` if there are too many unfinished uploads, of the client or in all, `Unavailable`.
+    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart>;
 
     /// Appends bytes at `offset`, which must be the number of bytes received so far, and returns
     /// the number of bytes received thereafter. `data` may be of any size; if a large one fails
@@ -211,6 +213,13 @@ pub trait Programs {
     /// # Errors
     /// `Unavailable`.
     async fn uploads(&self) -> Result<Vec<UploadInfo>>;
+
+    /// Discards unfinished uploads to which nothing came for as long as [`crate::StoreSettings::upload_expiry`]; returns how
+    /// many.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn expire_uploads(&self) -> Result<u64>;
 
     /// Discards an unfinished upload with the bytes received.
     ///

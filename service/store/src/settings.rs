@@ -10,9 +10,12 @@ use std::time::Duration;
 pub struct StoreSettings {
     /// Largest program in bytes; default 2 GiB.
     pub max_program_bytes: u64,
-    /// Most unfinished uploads kept at a time; default 64. They do not expire: once the limit is
-    /// reached one must be finished or deleted before another begins.
+    /// Most unfinished uploads kept at a time; default 256.
     pub max_uploads: u32,
+    /// Most of these that are one client's; default 64.
+    pub max_client_uploads: u32,
+    /// How long an unfinished upload is kept to which nothing comes; default one day.
+    pub upload_expiry: Duration,
     /// Largest JSON document (profile, tool, settings) in bytes; default 4 MiB.
     pub max_document_bytes: u64,
     /// Largest validation report in bytes before compression; default 64 MiB.
@@ -34,7 +37,9 @@ impl Default for StoreSettings {
     fn default() -> Self {
         Self {
             max_program_bytes: 2 << 30,
-            max_uploads: 64,
+            max_uploads: 256,
+            max_client_uploads: 64,
+            upload_expiry: Duration::from_secs(86_400),
             max_document_bytes: 4 << 20,
             max_report_bytes: 64 << 20,
             max_snapshot_bytes: 16 << 20,
@@ -51,6 +56,8 @@ impl fmt::Debug for StoreSettings {
         f.debug_struct("StoreSettings")
             .field("max_program_bytes", &self.max_program_bytes)
             .field("max_uploads", &self.max_uploads)
+            .field("max_client_uploads", &self.max_client_uploads)
+            .field("upload_expiry", &self.upload_expiry)
             .field("max_document_bytes", &self.max_document_bytes)
             .field("max_report_bytes", &self.max_report_bytes)
             .field("max_snapshot_bytes", &self.max_snapshot_bytes)

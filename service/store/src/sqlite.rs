@@ -7,19 +7,23 @@ mod documents;
 mod fault;
 mod jobs;
 mod lock;
+pub(crate) mod maintenance;
 mod open;
 mod options;
+mod probe;
 mod programs;
+mod retention;
 mod runs;
 #[cfg(test)]
 mod tests;
 mod uploads;
+mod validations;
 mod writer;
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use async_trait::async_trait;
 use sqlx::pool::PoolConnection;
@@ -30,6 +34,7 @@ use crate::Database;
 use crate::error::{Result, StoreError};
 use crate::settings::{StoreSettings, StoreStats};
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
+use probe::Probing;
 use writer::{BoxFuture, Transaction, Writer};
 
 /// The store in an SQLite file. Cloning is cheap; clones are the same store.
@@ -42,6 +47,7 @@ struct Inner {
     options: SqliteOptions,
     settings: StoreSettings,
     writer: Writer,
+    probing: Arc<Probing>,
     readers: SqlitePool,
     reads: AtomicU64,
     newest_event: watch::Receiver<i64>,
@@ -64,6 +70,14 @@ impl Database for SqliteStore {
         Ok(())
     }
 
+    async fn probe(&self, patience: Duration) -> Result<()> {
+        self.probe_writing(patience).await
+    }
+
+    fn watch_faults(&self) -> watch::Receiver<u64> {
+        self.inner.probing.faults()
+    }
+
     fn stats(&self) -> StoreStats {
         let mut stats = self.inner.writer.stats();
         stats.reads = self.inner.reads.load(Ordering::Relaxed);
@@ -81,11 +95,13 @@ impl SqliteStore {
     pub(crate) async fn open(options: SqliteOptions, settings: StoreSettings) -> Result<Self> {
         let opened = open::open(&options).await?;
         let readers = opened.readers.clone();
-        let (writer, announced) = Writer::start(opened, &settings);
+        let probing = Arc::new(Probing::new(&options.path));
+        let (writer, announced) = Writer::start(opened, probing.clone(), &settings);
         let inner = Inner {
             options,
             settings,
             writer,
+            probing,
             readers,
             reads: AtomicU64::new(0),
             newest_event: announced.event,

@@ -3,23 +3,29 @@
 use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
+use std::time::Duration;
 
 use async_trait::async_trait;
+use tokio::sync::watch;
 
 use crate::checkpoints::Checkpoints;
 use crate::error::Result;
 use crate::jobs::Jobs;
 use crate::machines::Machines;
 use crate::programs::Programs;
+use crate::retention::Retention;
 use crate::runs::Runs;
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sqlite::SqliteStore;
 use crate::tools::Tools;
 use crate::uri::{Place, StoreUri};
+use crate::validations::Validations;
 
 /// A database that keeps everything.
 #[async_trait]
-pub trait Database: Programs + Jobs + Checkpoints + Runs + Machines + Tools + Send + Sync {
+pub trait Database:
+    Programs + Jobs + Validations + Checkpoints + Runs + Machines + Tools + Retention + Send + Sync
+{
     /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the database. Dropping
     /// the store without closing it loses nothing that was acknowledged.
     async fn close(&self);
@@ -29,6 +35,17 @@ pub trait Database: Programs + Jobs + Checkpoints + Runs + Machines + Tools + Se
     /// # Errors
     /// `Unavailable`, `Corrupt`.
     async fn ping(&self) -> Result<()>;
+
+    /// Verifies that writing works, by a durable write that is not larger than it has to be. Where it does not come back
+    /// within `patience`, or the database is no longer where it was opened, further writes are refused at once until a
+    /// probe succeeds; those that wait are answered likewise.
+    ///
+    /// # Errors
+    /// `Unavailable` with the reason.
+    async fn probe(&self, patience: Duration) -> Result<()>;
+
+    /// Counts writes that the database could not do, so that a probe follows them at once.
+    fn watch_faults(&self) -> watch::Receiver<u64>;
 
     /// Counters since the store was opened.
     fn stats(&self) -> StoreStats;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use feedwave_store::{
-    CHUNK_BYTES, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId, RawValue, Store, StoreError,
-    StoreSettings, StoreUri, UploadStart,
+    CHUNK_BYTES, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId, RawValue, Removed,
+    RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
@@ -36,6 +36,7 @@ fn new_job(request: &str, program_id: ProgramId) -> NewJob {
         program_id,
         further_program_ids: Vec::new(),
         machine_id: String::new(),
+        client: String::new(),
         machine_snapshot: empty(),
         settings: empty(),
     }
@@ -259,7 +260,7 @@ async fn an_interrupted_removal_is_completed_when_opening() {
     let store = open(&path).await.unwrap();
     let gone = store.put_program(vec![b'x'; 10 << 20].into()).await.unwrap();
     let kept = store.put_program("M30\n".into()).await.unwrap();
-    let UploadStart::Unfinished(upload) = store.begin_upload(ProgramId::of(b"ab"), 2).await.unwrap() else {
+    let UploadStart::Unfinished(upload) = store.begin_upload(ProgramId::of(b"ab"), 2, "").await.unwrap() else {
         panic!("nothing was uploaded yet");
     };
     store.append_upload(upload.id, 0, "a".into()).await.unwrap();
@@ -282,7 +283,7 @@ async fn a_large_program_is_removed_in_pieces() {
     let store = open(&path).await.unwrap();
     let source = bytes::Bytes::from(vec![b'\n'; 70 << 20]);
     let id = ProgramId::of(&source);
-    let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64).await.unwrap() else {
+    let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64, "").await.unwrap() else {
         panic!("nothing was uploaded yet");
     };
     store.append_upload(upload.id, 0, source).await.unwrap();
@@ -347,7 +348,7 @@ proptest! {
                     drop(store);
                     store = open(&path).await.unwrap();
                 }
-                let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64).await.unwrap() else {
+                let UploadStart::Unfinished(upload) = store.begin_upload(id, source.len() as u64, "").await.unwrap() else {
                     panic!("not finished yet");
                 };
                 assert_eq!(upload.received_bytes as usize, source.len() - rest.len());
@@ -366,4 +367,39 @@ proptest! {
             assert!(matches!(store.upload(upload.id).await, Err(StoreError::NotFound { kind: Kind::Upload, .. })));
         });
     }
+}
+
+#[tokio::test]
+async fn beyond_its_size_a_database_loses_the_oldest_jobs_and_gives_space_back() {
+    let (_folder, path) = folder();
+    let store = open(&path).await.unwrap();
+    let mut jobs = Vec::new();
+    for index in 0..8_u8 {
+        // Noise does not compress.
+        let mut state = u64::from(index) + 1;
+        let noise: Vec<u8> = (0..CHUNK_BYTES)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 56) as u8
+            })
+            .collect();
+        let program = store.put_program(noise.into()).await.unwrap().id;
+        let job = store.create_job(new_job(&index.to_string(), program)).await.unwrap().id;
+        store.transition(job, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
+        jobs.push(job);
+    }
+    // The first one waits still, and is nobody's to remove.
+    store.transition(jobs[0], &JobState::ALL, JobState::PendingValidation, "", None).await.unwrap();
+    let mut database = raw(&path).await;
+    sqlx::query("UPDATE programs SET created_us = created_us - 7200000000").execute(&mut database).await.unwrap();
+    let policy = RetentionPolicy { bytes: Some(4 << 20), ..RetentionPolicy::default() };
+    assert_eq!(store.expired(&policy).await.unwrap(), Removed::default(), "the size is not foreseen");
+    let removed = store.remove_expired(&policy).await.unwrap();
+    assert!(removed.jobs == removed.programs && (3..=5).contains(&removed.jobs), "{removed:?}");
+    let kept = store.jobs_in_state(&JobState::ALL, 10).await.unwrap();
+    let oldest_gone = usize::try_from(removed.jobs).unwrap() + 1;
+    assert_eq!(kept, [&jobs[..1], &jobs[oldest_gone..]].concat());
+    database.close().await.unwrap();
+    store.close().await;
+    assert!(std::fs::metadata(&path).unwrap().len() < 6 << 20, "the file has shrunk");
 }

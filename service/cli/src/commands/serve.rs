@@ -12,6 +12,9 @@ use tokio::signal::unix::{SignalKind, signal};
 use crate::args::GlobalArgs;
 use crate::commands::CliError;
 
+/// The signal of a write beyond a limit of file sizes, on every system that has it.
+const SIGXFSZ: i32 = 25;
+
 /// Flags of `feedwave serve`; each sets the configuration key that it names.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
@@ -50,6 +53,8 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     let mut terminate = signal(SignalKind::terminate()).map_err(CliError::new)?;
     let mut interrupt = signal(SignalKind::interrupt()).map_err(CliError::new)?;
     let mut hangup = signal(SignalKind::hangup()).map_err(CliError::new)?;
+    // Without a handler a write beyond a limit of file sizes ends the process; with one it fails, and is told.
+    let _file_size = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CliError::new)?;
     let mut server = Server::start(config).await.map_err(CliError::new)?;
     tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), "ready");
     if let Some(path) = &args.ready_file {

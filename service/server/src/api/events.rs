@@ -1,6 +1,9 @@
 //! State changes of jobs: listed, and watched as they happen.
 
+mod recent;
+
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use feedwave_contract::convert::timestamp;
 use feedwave_contract::proto::{
@@ -15,6 +18,8 @@ use uuid::Uuid;
 use super::jobs::state_to_proto;
 use super::{Api, LogPage, cursor, page_request};
 use crate::error::{Result, Violations};
+
+pub(crate) use recent::RecentEvents;
 
 /// Events read together for a watcher.
 const EVENT_PAGE: u32 = 500;
@@ -60,7 +65,14 @@ impl Api {
         violations.finish()?;
         let newest = self.store.watch_events();
         let after = request.after.map_or_else(|| *newest.borrow(), cursor);
-        let watch = EventWatch { store: self.store.clone(), newest, after, job, read: VecDeque::new() };
+        let watch = EventWatch {
+            store: self.store.clone(),
+            recent: self.recent_events.clone(),
+            newest,
+            after,
+            job,
+            read: VecDeque::new(),
+        };
         Ok(stream::try_unfold(watch, async |mut watch| {
             let event = watch.next().await?;
             Ok(event.map(|event| (WatchJobsResponse { event: Some(event) }, watch)))
@@ -75,6 +87,7 @@ fn event_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {
 /// Reads events as they come.
 struct EventWatch {
     store: Store,
+    recent: Arc<RecentEvents>,
     newest: watch::Receiver<i64>,
     after: i64,
     job: Option<Uuid>,
@@ -90,6 +103,12 @@ impl EventWatch {
             }
             let newest = *self.newest.borrow_and_update();
             if newest > self.after {
+                let limit = EVENT_PAGE as usize;
+                if let Some(found) = self.recent.after(&self.store, self.after, newest, self.job, limit).await? {
+                    self.after = found.to.max(self.after);
+                    self.read.extend(found.events.iter().map(event_to_proto));
+                    continue;
+                }
                 let events = self.store.events_after(self.after, self.job, EVENT_PAGE).await?;
                 // Events of other jobs are passed over; a full page may not reach the newest one.
                 let last = events.last().map_or(newest, |event| event.sequence);

@@ -1,5 +1,6 @@
 //! `feedwave.v1.Jobs`: jobs. Their events and their programs are in modules of their own.
 
+use std::collections::HashMap;
 use std::pin::Pin;
 
 use feedwave_contract::convert::{
@@ -23,8 +24,8 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
-use super::{Api, answer, etag, page_request, tools};
-use crate::engine::{self, File};
+use super::{Api, answer, client, etag, page_request, tools};
+use crate::engine::{self, File, ValidationProgress};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 
@@ -50,7 +51,14 @@ fn state_from_proto(state: proto::JobState) -> Option<JobState> {
     JobState::ALL.into_iter().find(|known| state_to_proto(*known) == state)
 }
 
-fn job_to_proto(job: &JobRecord, settings: Option<JobSettings>) -> Result<Job> {
+fn job_to_proto(
+    job: &JobRecord,
+    settings: Option<JobSettings>,
+    progress: &HashMap<Uuid, ValidationProgress>,
+) -> Result<Job> {
+    // The engine may be behind the store: a job whose validation has ended shows none.
+    let waits = matches!(job.state, JobState::PendingValidation | JobState::Validating);
+    let progress = progress.get(&job.id).copied().unwrap_or_default();
     Ok(Job {
         name: names::job(job.id),
         display_name: job.display_name.clone(),
@@ -64,11 +72,13 @@ fn job_to_proto(job: &JobRecord, settings: Option<JobSettings>) -> Result<Job> {
         etag: job.etag(),
         create_time: Some(timestamp(job.created_us)),
         update_time: Some(timestamp(job.updated_us)),
+        validation: waits.then(|| proto::ValidationProgress {
+            queue_place: progress.queue_place,
+            read_bytes: progress.bytes_read,
+            setpoint_count: progress.setpoint_count,
+        }),
+        validation_attempts: job.attempts,
     })
-}
-
-fn detail_to_proto(detail: &JobDetail) -> Result<Job> {
-    job_to_proto(&detail.job, Some(engine::job_settings(detail)?))
 }
 
 /// The identifier of the job that a request names.
@@ -137,11 +147,16 @@ fn check_request_id(violations: &mut Violations, request_id: &str) {
 }
 
 impl Api {
-    /// Stores a job.
+    /// A job as the contract has it.
+    fn detail_to_proto(&self, detail: &JobDetail) -> Result<Job> {
+        job_to_proto(&detail.job, Some(engine::job_settings(detail)?), &self.engine.progress(&[detail.job.id]))
+    }
+
+    /// Stores a job of `client`.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn create_job(&self, request: CreateJobRequest) -> Result<CreateJobResponse> {
+    pub async fn create_job(&self, client: String, request: CreateJobRequest) -> Result<CreateJobResponse> {
         let mut violations = Violations::default();
         check_request_id(&mut violations, &request.request_id);
         let machine_id = violations.check("machine", names::parse_machine(&request.machine));
@@ -188,13 +203,14 @@ impl Api {
             program_id,
             further_program_ids,
             machine_id: machine_id.to_owned(),
+            client,
             machine_snapshot: stored::to_stored(&document)?,
             settings: stored::to_stored(&settings)?,
         };
         let job = self.store.create_job(new).await?;
         tracing::info!(job = %job.id, program = %job.program_id, machine = %job.machine_id, "created");
         self.engine.wake();
-        Ok(CreateJobResponse { job: Some(detail_to_proto(&self.store.job_detail(job.id).await?)?) })
+        Ok(CreateJobResponse { job: Some(self.detail_to_proto(&self.store.job_detail(job.id).await?)?) })
     }
 
     /// The program that a new job is for. An inline one is not stored yet.
@@ -274,11 +290,15 @@ impl Api {
         Ok(tools)
     }
 
-    /// Validates a program without storing anything.
+    /// Validates a program of `client` without storing anything.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn validate_program(&self, request: ValidateProgramRequest) -> Result<ValidateProgramResponse> {
+    pub async fn validate_program(
+        &self,
+        client: &str,
+        request: ValidateProgramRequest,
+    ) -> Result<ValidateProgramResponse> {
         let mut violations = Violations::default();
         check_inline(&mut violations, request.inline_program.len(), self.limits.inline_program_bytes);
         self.check_program_files(&mut violations, "programs", &request.programs, request.inline_program.len());
@@ -317,11 +337,12 @@ impl Api {
             (None, None) => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let mut settings = self.settings(&checked, &profile).await?;
+        let program_bytes = request.inline_program.len() as u64;
         let (source, programs) = self.sources(File::Memory(request.inline_program), &request.programs).await?;
         settings.programs = programs;
         settings.offsets = request.offsets;
         let config = PipelineConfig { overrides, ..convert::pipeline_config(profile, &settings) };
-        let report = self.engine.validate_program(config, source).await?;
+        let report = self.engine.validate_program(client, config, program_bytes, source).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
     }
 
@@ -331,7 +352,7 @@ impl Api {
     /// As the contract says.
     pub async fn get_job(&self, request: GetJobRequest) -> Result<GetJobResponse> {
         let detail = self.store.job_detail(job_id("name", &request.name)?).await?;
-        Ok(GetJobResponse { job: Some(detail_to_proto(&detail)?) })
+        Ok(GetJobResponse { job: Some(self.detail_to_proto(&detail)?) })
     }
 
     /// Reads the report of a job.
@@ -346,8 +367,12 @@ impl Api {
             let message = format!("{subject} is {} and has no report", job.state);
             return Err(Error::Precondition { reason: "JOB_NOT_VALIDATED", subject, message });
         }
-        let report: ValidationReport = stored::from_stored(self.store.report(id).await?.report.get())?;
-        Ok(GetReportResponse { report: Some(report) })
+        let stored = self.store.report(id).await.map_err(Error::from);
+        let report = stored.and_then(|stored| stored::from_stored::<ValidationReport>(stored.report.get()));
+        if let Err(error) = &report {
+            self.engine.mark_damaged(id, error).await;
+        }
+        Ok(GetReportResponse { report: Some(report?) })
     }
 
     /// Lists jobs.
@@ -377,8 +402,9 @@ impl Api {
         filter.states.sort_unstable();
         filter.states.dedup();
         let page = self.store.list_jobs(&filter, &page).await?;
+        let progress = self.engine.progress(&page.items.iter().map(|job| job.id).collect::<Vec<_>>());
         Ok(ListJobsResponse {
-            jobs: page.items.iter().map(|job| job_to_proto(job, None)).collect::<Result<_>>()?,
+            jobs: page.items.iter().map(|job| job_to_proto(job, None, &progress)).collect::<Result<_>>()?,
             next_page_token: page.next_token.unwrap_or_default(),
         })
     }
@@ -398,7 +424,7 @@ impl Api {
             Err(error) => return Err(error.into()),
         }
         self.engine.cancel_job(id);
-        Ok(CancelJobResponse { job: Some(detail_to_proto(&self.store.job_detail(id).await?)?) })
+        Ok(CancelJobResponse { job: Some(self.detail_to_proto(&self.store.job_detail(id).await?)?) })
     }
 
     /// Deletes a job.
@@ -420,14 +446,16 @@ pub(super) type ResponseStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>>
 #[async_trait]
 impl Jobs for Api {
     async fn create_job(&self, request: Request<CreateJobRequest>) -> Result<Response<CreateJobResponse>, Status> {
-        answer(request, async |request| self.create_job(request).await).await
+        let client = client(&request);
+        answer(request, async |request| self.create_job(client, request).await).await
     }
 
     async fn upload_program(
         &self,
         request: Request<Streaming<UploadProgramRequest>>,
     ) -> Result<Response<UploadProgramResponse>, Status> {
-        Ok(Response::new(self.upload_program(request.into_inner()).await?))
+        let client = client(&request);
+        Ok(Response::new(self.upload_program(&client, request.into_inner()).await?))
     }
 
     async fn get_upload(&self, request: Request<GetUploadRequest>) -> Result<Response<GetUploadResponse>, Status> {
@@ -438,7 +466,8 @@ impl Jobs for Api {
         &self,
         request: Request<ValidateProgramRequest>,
     ) -> Result<Response<ValidateProgramResponse>, Status> {
-        answer(request, async |request| self.validate_program(request).await).await
+        let client = client(&request);
+        answer(request, async |request| self.validate_program(&client, request).await).await
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {

@@ -10,8 +10,9 @@ use feedwave_contract::proto::upload_program_request::Message;
 use feedwave_contract::proto::{
     DeleteProgramRequest, DeleteProgramResponse, GetProgramRequest, GetProgramResponse, GetUploadRequest,
     GetUploadResponse, InterpretRequest, InterpretResponse, JobSettings, ListProgramsRequest, ListProgramsResponse,
-    Program, ProgramFile, ProgramsDeleteProgramRequest, ProgramsDeleteProgramResponse, ReadProgramRequest,
-    ReadProgramResponse, UploadChunk, UploadHeader, UploadProgramRequest, UploadProgramResponse, interpret_request,
+    ListUploadsRequest, ListUploadsResponse, Program, ProgramFile, ProgramsDeleteProgramRequest,
+    ProgramsDeleteProgramResponse, ReadProgramRequest, ReadProgramResponse, Upload, UploadChunk, UploadHeader,
+    UploadProgramRequest, UploadProgramResponse, interpret_request,
 };
 use feedwave_store::{CHUNK_BYTES, Kind, ProgramEntry, ProgramId, StoreError, UploadInfo, UploadStart};
 use futures_util::{Stream, stream};
@@ -60,11 +61,15 @@ fn program_id(field: &str, name: &str) -> Result<ProgramId> {
 }
 
 impl Api {
-    /// Receives a program. What arrived stays when the upload breaks off.
+    /// Receives a program of `client`. What arrived stays when the upload breaks off.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn upload_program(&self, mut messages: Streaming<UploadProgramRequest>) -> Result<UploadProgramResponse> {
+    pub async fn upload_program(
+        &self,
+        client: &str,
+        mut messages: Streaming<UploadProgramRequest>,
+    ) -> Result<UploadProgramResponse> {
         let header = match self.next(&mut messages).await? {
             Some(Message::Header(header)) => header,
             Some(Message::Chunk(_)) => return Err(Error::invalid("header", "must be the first message")),
@@ -75,7 +80,7 @@ impl Api {
             "" => Ok(()),
             name => self.store.name_program(id, name).await,
         };
-        let upload = match self.store.begin_upload(expected, header.program_bytes).await? {
+        let upload = match self.store.begin_upload(expected, header.program_bytes, client).await? {
             UploadStart::Unfinished(upload) => upload,
             UploadStart::Complete(program) => {
                 name(program.id).await?;
@@ -409,6 +414,22 @@ impl Api {
         Ok(DeleteProgramResponse {})
     }
 
+    /// Lists unfinished uploads.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub async fn list_uploads(&self, _request: ListUploadsRequest) -> Result<ListUploadsResponse> {
+        let upload = |upload: UploadInfo| Upload {
+            program: names::program(upload.expected),
+            program_bytes: upload.size_bytes,
+            received_bytes: upload.received_bytes,
+            client: upload.client,
+            create_time: Some(timestamp(upload.created_us)),
+            update_time: Some(timestamp(upload.updated_us)),
+        };
+        Ok(ListUploadsResponse { uploads: self.store.uploads().await?.into_iter().map(upload).collect() })
+    }
+
     async fn unfinished(&self, id: ProgramId) -> Result<Option<UploadInfo>> {
         Ok(self.store.uploads().await?.into_iter().find(|upload| upload.expected == id))
     }
@@ -448,6 +469,13 @@ impl Programs for Api {
             Ok(ProgramsDeleteProgramResponse {})
         };
         answer(request, delete).await
+    }
+
+    async fn list_uploads(
+        &self,
+        request: Request<ListUploadsRequest>,
+    ) -> Result<Response<ListUploadsResponse>, Status> {
+        answer(request, async |request| self.list_uploads(request).await).await
     }
 
     type InterpretStream = ResponseStream<InterpretResponse>;

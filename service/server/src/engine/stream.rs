@@ -12,7 +12,7 @@ use feedwave_cutting::ServoExpander;
 use feedwave_cutting::setpoint_index_at;
 use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
 use feedwave_program::Severity;
-use feedwave_store::JobDetail;
+use feedwave_store::{JobDetail, StoreError};
 use futures_util::Stream;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
@@ -192,12 +192,14 @@ impl Engine {
         let source = self.job_source(detail)?;
         let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
+        let (engine, id, runtime) = (self.clone(), detail.job.id, Handle::current());
         let mut run = Run { pipeline, source, plan, first_block_index, outlet };
         let active = GaugeGuard::new(&inner.metrics.active_streams);
         let finished = complete.clone();
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);
             let end = run.generate().unwrap_or_else(|error| {
+                runtime.block_on(engine.mark_damaged(id, &error));
                 // A reader that left does not need the error.
                 run.outlet.send(Err(error));
                 End::Last
@@ -215,14 +217,23 @@ impl Engine {
             return Ok(Pipeline::new(config));
         }
         let set = checkpoint_set(detail.job.id, &config);
-        let Some(checkpoint) = self.inner.store.nearest_checkpoint(&set, index).await? else {
-            return Ok(Pipeline::new(config));
+        let checkpoint = match self.inner.store.nearest_checkpoint(&set, index).await {
+            Ok(Some(checkpoint)) => checkpoint,
+            Ok(None) => return Ok(Pipeline::new(config)),
+            Err(error @ StoreError::Corrupt { .. }) => {
+                tracing::warn!(job = %detail.job.id, ?error, "damaged checkpoint: made anew");
+                self.rebuild_checkpoints(detail);
+                return Ok(Pipeline::new(config));
+            }
+            Err(error) => return Err(error.into()),
         };
         match Pipeline::restore(config.clone(), &checkpoint.snapshot) {
             Ok(pipeline) => Ok(pipeline),
             Err(error) => {
                 // Derived data: without it the stream only begins later.
-                tracing::warn!(job = %detail.job.id, index = checkpoint.setpoint_index, %error, "unusable checkpoint");
+                let index = checkpoint.setpoint_index;
+                tracing::warn!(job = %detail.job.id, index, %error, "unusable checkpoint: made anew");
+                self.rebuild_checkpoints(detail);
                 Ok(Pipeline::new(config))
             }
         }

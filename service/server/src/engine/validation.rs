@@ -7,7 +7,9 @@ use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationRep
 use feedwave_store::JobDetail;
 
 use super::source::Source;
+use super::turns::{Next, Turn};
 use crate::error::{Error, Result};
+use crate::observability::metrics::GaugeGuard;
 
 /// Setpoints between the first checkpoints: what a stream generates in vain when it starts in between, some
 /// milliseconds.
@@ -22,23 +24,39 @@ pub(super) enum Outcome {
     Reported(Box<ValidationReport>),
     /// It was stopped first.
     Stopped,
+    /// It is to begin again later.
+    SetAside,
 }
 
-/// Runs the pipeline to the end, or until `stop` says so. `checkpoint` is called between blocks, with the pipeline, wherever one is due.
+/// What a validation does after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Go {
+    /// The next one.
+    On,
+    /// None any more.
+    Stop,
+    /// It gives up what it has done.
+    SetAside,
+}
+
+/// Runs the pipeline to the end, or until `step` says so, which is told after every block or input the bytes read and the
+/// setpoints generated. `checkpoint` is called between blocks, with the pipeline, wherever one is due.
 ///
 /// # Errors
 /// Those of the source and of `checkpoint`.
 pub(super) fn validate(
     config: Arc<PipelineConfig>,
     source: &Source,
-    stop: impl Fn() -> bool,
+    mut step: impl FnMut(u64, u64) -> Go,
     mut checkpoint: impl FnMut(&Pipeline) -> Result<()>,
 ) -> Result<Outcome> {
     let mut validation = Validation::new(config);
     let mut due = CHECKPOINT_INTERVAL;
     loop {
-        if stop() {
-            return Ok(Outcome::Stopped);
+        match step(validation.pipeline().place().offset, validation.pipeline().next_index()) {
+            Go::On => {}
+            Go::Stop => return Ok(Outcome::Stopped),
+            Go::SetAside => return Ok(Outcome::SetAside),
         }
         match validation.step() {
             Step::NeedInput(place) => match source.read(place)? {
@@ -111,27 +129,48 @@ impl super::Engine {
         path
     }
 
-    /// Validates a program without storing anything. Dropping the future ends the work.
+    /// Validates a program of `program_bytes` bytes for `client` without storing anything; it has turns as the validations
+    /// of jobs have. Dropping the future ends the work.
     ///
     /// # Errors
     /// [`Error::Draining`] when the service ends first.
-    pub async fn validate_program(&self, config: PipelineConfig, source: Source) -> Result<ValidationReport> {
-        use crate::observability::metrics::GaugeGuard;
+    pub async fn validate_program(
+        &self,
+        client: &str,
+        config: PipelineConfig,
+        program_bytes: u64,
+        source: Source,
+    ) -> Result<ValidationReport> {
+        let config = Arc::new(config);
+        let mut times = 0;
+        loop {
+            let turn = self.inner.turns.request(client, program_bytes, times).await.ok_or(Error::Draining)?;
+            match self.validate_in_turns(turn, config.clone(), source.clone()).await? {
+                Outcome::Reported(report) => return Ok(*report),
+                Outcome::Stopped => return Err(Error::Draining),
+                Outcome::SetAside => times += 1,
+            }
+        }
+    }
 
-        let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
+    async fn validate_in_turns(&self, mut turn: Turn, config: Arc<PipelineConfig>, source: Source) -> Result<Outcome> {
         let token = self.inner.draining.child_token();
         let cancel_when_dropped = token.clone().drop_guard();
         let active = GaugeGuard::new(&self.inner.metrics.active_validations);
         let run = self.inner.tasks.spawn_blocking(move || {
-            let _held = (place, active);
-            validate(Arc::new(config), &source, || token.is_cancelled(), |_| Ok(()))
+            let _active = active;
+            turn.start();
+            let step = |_, _| {
+                if !token.is_cancelled() && turn.is_over() && turn.rest() == Next::SetAside {
+                    return Go::SetAside;
+                }
+                if token.is_cancelled() { Go::Stop } else { Go::On }
+            };
+            validate(config, &source, step, |_| Ok(()))
         });
-        let outcome = run.await.map_err(Error::internal)??;
+        let outcome = run.await.map_err(Error::internal)?;
         drop(cancel_when_dropped);
-        match outcome {
-            Outcome::Reported(report) => Ok(*report),
-            Outcome::Stopped => Err(Error::Draining),
-        }
+        outcome
     }
 }
 

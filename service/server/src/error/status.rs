@@ -35,6 +35,7 @@ impl From<Error> for Status {
     fn from(error: Error) -> Self {
         match &error {
             Error::Internal(cause) => tracing::error!(%cause, "internal error"),
+            Error::Damaged(cause) => tracing::error!(%cause, "stored data is damaged: `feedwave check` says what else"),
             Error::StoreUnavailable(cause) => tracing::error!(error = ?cause, "the store is unavailable"),
             // `complete` adds it, where the limits are known.
             Error::Transport(status) => return status.clone(),
@@ -150,6 +151,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::Transport(_)
         | Error::JobCancelled { .. }
         | Error::TakenUp { .. }
+        | Error::Damaged(_)
         | Error::Internal(_) => {}
     }
     if let Some(after) = error.retry_after() {

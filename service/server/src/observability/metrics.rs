@@ -42,6 +42,12 @@ pub struct Metrics {
     pub validation_queue: IntGauge,
     /// Validations running.
     pub active_validations: IntGauge,
+    /// Validations between their first turn and their end.
+    pub begun_validations: IntGauge,
+    /// Turns given to validations.
+    pub validation_turns: IntCounter,
+    /// Validations that had to begin again, since as many as permitted were begun.
+    pub validations_set_aside: IntCounter,
     /// Validations ended, by the outcome of the job.
     pub validations: IntCounterVec,
     /// Time of a read of the store, s.
@@ -54,6 +60,12 @@ pub struct Metrics {
     pub store_write_queue: IntGauge,
     /// Bytes that the store takes, free space within it included.
     pub store_bytes: IntGauge,
+    /// Records removed since they were kept no longer, by kind.
+    pub retention_removed: IntCounterVec,
+    /// Records that are kept no longer but not removed yet, by kind; what a dry run would remove.
+    pub retention_expired: IntGaugeVec,
+    /// 1 while the store can be written, 0 while it cannot.
+    pub store_writable: IntGauge,
     /// Jobs stored, by state.
     pub jobs: IntGaugeVec,
     /// Connections, and what clients take up.
@@ -119,6 +131,11 @@ impl Metrics {
             sent_bytes: registrar.counters("feedwave_grpc_sent_bytes_total", "Bytes of responses sent.", &["method"]),
             validation_queue: registrar.gauge("feedwave_validation_queue", "Jobs waiting for validation."),
             active_validations: registrar.gauge("feedwave_active_validations", "Validations running."),
+            begun_validations: registrar
+                .gauge("feedwave_begun_validations", "Validations between their first turn and their end."),
+            validation_turns: registrar.counter("feedwave_validation_turns_total", "Turns given to validations."),
+            validations_set_aside: registrar
+                .counter("feedwave_validations_set_aside_total", "Validations that had to begin again."),
             validations: registrar.counters("feedwave_validations_total", "Validations of jobs ended.", &["outcome"]),
             store_read_seconds: registrar.seconds("feedwave_store_read_seconds", "Time of a read of the store."),
             store_commit_seconds: registrar
@@ -127,6 +144,17 @@ impl Metrics {
             store_write_queue: registrar.gauge("feedwave_store_write_queue", "Writes waiting for the writer."),
             store_bytes: registrar
                 .gauge("feedwave_store_bytes", "Bytes that the store takes, free space within it included."),
+            retention_removed: registrar.counters(
+                "feedwave_retention_removed_total",
+                "Records removed since they were kept no longer.",
+                &["kind"],
+            ),
+            retention_expired: registrar.gauges(
+                "feedwave_retention_expired",
+                "Records that are kept no longer but not removed yet.",
+                &["kind"],
+            ),
+            store_writable: registrar.gauge("feedwave_store_writable", "1 while the store can be written."),
             jobs: registrar.gauges("feedwave_jobs", "Jobs stored.", &["state"]),
             connections: ConnectionMetrics::new(&registrar),
             registry: registrar.0,

@@ -23,6 +23,9 @@ mod code {
     pub(super) const NOTADB: i32 = 26;
 }
 
+/// What a broken constraint is called: the database works, and what was asked of it was wrong.
+pub(super) const REFUSED: &str = "it refused the operation";
+
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
         use sqlx::Error as E;
@@ -39,7 +42,7 @@ impl From<sqlx::Error> for StoreError {
                     code::IOERR => "reading or writing the file failed",
                     code::FULL => "the disk is full",
                     code::CANTOPEN => "the file cannot be opened",
-                    _ => "it refused the operation",
+                    _ => REFUSED,
                 }
             }
             E::ColumnDecode { .. } | E::ColumnNotFound(_) | E::Decode(_) | E::TypeNotFound { .. } => {

@@ -23,7 +23,7 @@ macro_rules! job_query {
     ($columns:literal, $rest:literal) => {
         concat!(
             "SELECT j.id, j.sequence, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id, j.state,
-                j.state_detail, j.created_us, j.updated_us, j.revision,
+                j.state_detail, j.created_us, j.updated_us, j.revision, j.attempts,
                 r.error_count, r.warning_count, r.info_count, r.summary ", $columns,
             " FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
                 LEFT JOIN validation_reports AS r ON r.job_id = j.id ",
@@ -52,6 +52,7 @@ fn job(row: &SqliteRow) -> Result<Job> {
         created_us: row.try_get("created_us")?,
         updated_us: row.try_get("updated_us")?,
         revision: unsigned(row, "revision")?,
+        attempts: u32::try_from(unsigned(row, "attempts")?).unwrap_or(u32::MAX),
     })
 }
 
@@ -74,7 +75,7 @@ fn event(row: &SqliteRow) -> Result<JobEvent> {
     })
 }
 
-fn missing(id: Uuid) -> StoreError {
+pub(super) fn missing(id: Uuid) -> StoreError {
     StoreError::not_found(Kind::Job, id)
 }
 
@@ -83,15 +84,15 @@ async fn find_job(connection: &mut SqliteConnection, id: Uuid) -> Result<Job> {
     job(&row.ok_or_else(|| missing(id))?)
 }
 
-/// Writes an event into the log.
-async fn log(
+/// Writes an event into the log; its number, which none ever has again.
+pub(super) async fn log(
     tx: &mut Transaction,
     id: Uuid,
     from: Option<JobState>,
     to: Option<JobState>,
     at_us: i64,
     detail: &str,
-) -> Result<()> {
+) -> Result<i64> {
     let sequence =
         sqlx::query("INSERT INTO job_events (job_id, from_state, to_state, at_us, detail) VALUES (?, ?, ?, ?, ?)")
             .bind(id.to_string())
@@ -103,7 +104,7 @@ async fn log(
             .await?
             .last_insert_rowid();
     tx.event_written(sequence);
-    Ok(())
+    Ok(sequence)
 }
 
 /// A report ready to be written.
@@ -193,6 +194,7 @@ impl Jobs for SqliteStore {
             ("request id size in bytes", &new.request_id),
             ("display name size in bytes", &new.display_name),
             ("machine id size in bytes", &new.machine_id),
+            ("client size in bytes", &new.client),
         ] {
             check_size(what, text.len(), MAX_TEXT_BYTES)?;
         }
@@ -328,7 +330,7 @@ impl Jobs for SqliteStore {
                 }
                 sqlx::query("DELETE FROM jobs WHERE id = ?").bind(id.to_string()).execute(&mut tx.connection).await?;
                 let now_us = tx.now_us();
-                log(tx, id, Some(job.state), None, now_us, "deleted").await
+                log(tx, id, Some(job.state), None, now_us, "deleted").await.map(drop)
             })
         })
         .await
@@ -369,11 +371,13 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let id = Uuid::now_v7();
     let state = JobState::PendingValidation;
     let now_us = tx.now_us();
+    // Its number is that of its first event: who reads on behind a number misses no job, whatever was deleted.
+    let sequence = log(tx, id, None, Some(state), now_us, "").await?;
     let inserted = sqlx::query(
         "INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail,
-            created_us, updated_us, revision, settings, machine_snapshot, sequence)
-         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM jobs))
-         RETURNING sequence, (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
+            created_us, updated_us, revision, settings, machine_snapshot, client, sequence)
+         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?, ?, ?)
+         RETURNING (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
     )
     .bind(id.to_string())
     .bind(&new.request_id)
@@ -386,6 +390,8 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     .bind(now_us)
     .bind(new.settings.get())
     .bind(new.machine_snapshot.get())
+    .bind(&new.client)
+    .bind(sequence)
     .fetch_one(&mut tx.connection)
     .await;
     let row = inserted.map_err(|error| {
@@ -401,10 +407,9 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
             if is_reference(&error) { StoreError::not_found(Kind::Program, further) } else { error.into() }
         })?;
     }
-    log(tx, id, None, Some(state), now_us, "").await?;
     Ok(Job {
         id,
-        sequence: row.try_get("sequence")?,
+        sequence,
         request_id: new.request_id,
         display_name: new.display_name,
         program_id: new.program_id,
@@ -417,6 +422,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
         created_us: now_us,
         updated_us: now_us,
         revision: 1,
+        attempts: 0,
     })
 }
 

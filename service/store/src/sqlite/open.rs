@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sqlx::migrate::{MigrateError, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
 use super::SqliteOptions;
@@ -12,10 +12,10 @@ use super::lock::FileLock;
 use super::writer::Newest;
 use crate::error::{Result, StoreError};
 
-static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/sqlite");
+pub(super) static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
 /// Marks the file as ours ("fwdb"), so that no other program's database is ever migrated.
-const APPLICATION_ID: i32 = 0x6677_6462;
+pub(super) const APPLICATION_ID: i32 = 0x6677_6462;
 
 /// Pages of the write-ahead log, 64 MiB, from which on a commit moves them itself. It is done beside the writer long
 /// before, but for writes that come faster than that.
@@ -48,7 +48,9 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         .filename(path)
         .create_if_missing(true)
         .busy_timeout(wanted.busy_timeout)
-        .disable_statement_logging();
+        .disable_statement_logging()
+        // Of a new file: free space can be given back. An earlier one has it after a backup and its restore.
+        .auto_vacuum(SqliteAutoVacuum::Incremental);
     let fresh = identify(&plain).await?;
 
     let options = plain
@@ -67,13 +69,15 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
         decision: newest_row(&mut writer, "decisions").await?,
     };
 
+    // Should the file be gone later, an empty one in its place would take what is written.
+    let options = options.create_if_missing(false);
     let readers = SqlitePoolOptions::new()
         .max_connections(wanted.readers)
         .acquire_timeout(wanted.busy_timeout)
         .idle_timeout(None)
         .max_lifetime(None)
         .test_before_acquire(false)
-        .connect_with(options.clone().create_if_missing(false).pragma("query_only", "ON"))
+        .connect_with(options.clone().pragma("query_only", "ON"))
         .await?;
     Ok(Opened { writer, options, readers, newest, lock })
 }

@@ -318,8 +318,8 @@ impl Programs for SqliteStore {
         self.remove_content(content).await
     }
 
-    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart> {
-        self.begin(expected, size_bytes).await
+    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart> {
+        self.begin(expected, size_bytes, client).await
     }
 
     async fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> Result<u64> {
@@ -336,6 +336,10 @@ impl Programs for SqliteStore {
 
     async fn uploads(&self) -> Result<Vec<UploadInfo>> {
         self.all_uploads().await
+    }
+
+    async fn expire_uploads(&self) -> Result<u64> {
+        self.discard_expired().await
     }
 
     async fn delete_upload(&self, id: UploadId) -> Result<()> {

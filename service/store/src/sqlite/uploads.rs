@@ -3,6 +3,8 @@
 //! at most twice however small the pieces are, and a finished upload becomes a program without
 //! copying.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use sqlx::Row;
@@ -14,8 +16,11 @@ use super::compress::offload;
 use super::fault::{parsed, signed, unsigned};
 use super::programs::{Chunk, find_program, insert_chunks, insert_content, insert_program};
 use super::writer::Transaction;
-use crate::error::{Kind, Result, StoreError};
+use crate::error::{Kind, Result, StoreError, check_size};
 use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, UploadId, UploadInfo, UploadStart};
+
+/// Longest name of a client in bytes.
+const MAX_CLIENT_BYTES: u64 = 4_096;
 
 /// Bytes appended by one write; larger pieces are appended by several.
 const APPENDED_BYTES: usize = 4 << 20;
@@ -24,6 +29,7 @@ fn upload_info(row: &SqliteRow) -> Result<UploadInfo> {
     Ok(UploadInfo {
         id: parsed(row, "id")?,
         expected: parsed(row, "expected_id")?,
+        client: row.try_get("client")?,
         size_bytes: unsigned(row, "size_bytes")?,
         received_bytes: unsigned(row, "received_bytes")?,
         created_us: row.try_get("created_us")?,
@@ -52,14 +58,18 @@ impl SqliteStore {
         rows.iter().map(upload_info).collect()
     }
 
-    pub(super) async fn begin(&self, expected: ProgramId, size_bytes: u64) -> Result<UploadStart> {
+    pub(super) async fn begin(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart> {
+        check_size("client size in bytes", client.len(), MAX_CLIENT_BYTES)?;
         let what = "program size in bytes";
         let limit = self.settings().max_program_bytes;
         if size_bytes > limit {
             return Err(StoreError::TooLarge { what, size: size_bytes, limit });
         }
         let size = signed(what, size_bytes)?;
-        let limit = u64::from(self.settings().max_uploads);
+        let limits = [self.settings().max_uploads, self.settings().max_client_uploads].map(u64::from);
+        let client = client.to_owned();
+        // What nobody goes on with keeps nobody out.
+        self.discard_expired().await?;
         self.write(0, move |tx| {
             Box::pin(async move {
                 if let Some(program) = find_program(&mut tx.connection, expected).await? {
@@ -73,20 +83,30 @@ impl SqliteStore {
                 if let Some(row) = unfinished {
                     return Ok(UploadStart::Unfinished(upload_info(&row)?));
                 }
-                let count: i64 =
-                    sqlx::query_scalar("SELECT COUNT(*) FROM uploads").fetch_one(&mut tx.connection).await?;
-                if count.unsigned_abs() >= limit {
-                    return Err(StoreError::LimitReached { what: "unfinished uploads", limit });
+                let counts: (i64, i64) =
+                    sqlx::query_as("SELECT COUNT(*), COUNT(*) FILTER (WHERE client = ?) FROM uploads")
+                        .bind(&client)
+                        .fetch_one(&mut tx.connection)
+                        .await?;
+                let what = ["unfinished uploads", "unfinished uploads of this client"];
+                for ((count, limit), what) in [counts.0, counts.1].into_iter().zip(limits).zip(what) {
+                    if count.unsigned_abs() >= limit {
+                        return Err(StoreError::LimitReached { what, limit });
+                    }
                 }
                 let content = insert_content(&mut tx.connection).await?;
                 let now_us = tx.now_us();
-                let row = sqlx::query("INSERT INTO uploads VALUES (?, ?, ?, ?, 0, ?, ?) RETURNING *")
+                let row = sqlx::query(
+                    "INSERT INTO uploads (id, content_id, expected_id, size_bytes, received_bytes, created_us, updated_us,
+                        client) VALUES (?, ?, ?, ?, 0, ?, ?, ?) RETURNING *",
+                )
                     .bind(Uuid::now_v7().to_string())
                     .bind(content)
                     .bind(expected.to_string())
                     .bind(size)
                     .bind(now_us)
                     .bind(now_us)
+                    .bind(&client)
                     .fetch_one(&mut tx.connection)
                     .await?;
                 Ok(UploadStart::Unfinished(upload_info(&row)?))
@@ -257,6 +277,30 @@ impl SqliteStore {
             hash = offload(chunk.len(), move || Ok(hash.chain_update(&chunk))).await?;
         }
         Ok(ProgramId::from_bytes(hash.finalize().into()))
+    }
+
+    pub(super) async fn discard_expired(&self) -> Result<u64> {
+        let kept_us = i64::try_from(self.settings().upload_expiry.as_micros()).unwrap_or(i64::MAX);
+        let now_us = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |age| age.as_micros());
+        let before_us = i64::try_from(now_us).unwrap_or(i64::MAX).saturating_sub(kept_us);
+        let expired = sqlx::query("SELECT id FROM uploads WHERE updated_us < ?")
+            .bind(before_us)
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        let mut discarded = 0;
+        for row in &expired {
+            let id = parsed(row, "id")?;
+            match self.discard(id).await {
+                Ok(()) => {
+                    tracing::info!(upload = %id, "an unfinished upload has expired");
+                    discarded += 1;
+                }
+                // Finished or deleted in the meantime.
+                Err(StoreError::NotFound { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(discarded)
     }
 
     pub(super) async fn discard(&self, id: UploadId) -> Result<()> {

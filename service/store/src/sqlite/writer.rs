@@ -14,8 +14,10 @@ use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch}
 use tokio::task::JoinHandle;
 
 use super::checkpointer;
+use super::fault::REFUSED;
 use super::lock::FileLock;
 use super::open::Opened;
+use super::probe::Probing;
 use crate::error::{Result, StoreError};
 use crate::settings::{Observer, StoreSettings, StoreStats};
 
@@ -103,6 +105,7 @@ pub(super) struct Writer {
     payload: Arc<Semaphore>,
     payload_units: u32,
     counters: Arc<Counters>,
+    probing: Arc<Probing>,
 }
 
 #[derive(Default)]
@@ -116,7 +119,7 @@ struct Counters {
 impl Writer {
     /// Starts the task that writes, and opens further connections should the first one fail. The second value follows
     /// the newest durable rows.
-    pub(super) fn start(opened: Opened, settings: &StoreSettings) -> (Self, Announced) {
+    pub(super) fn start(opened: Opened, probing: Arc<Probing>, settings: &StoreSettings) -> (Self, Announced) {
         let Opened { writer: connection, options, newest, lock, .. } = opened;
         let (queue, receiver) = mpsc::channel(settings.write_queue.max(1));
         let (event_sender, event) = watch::channel(newest.event);
@@ -148,11 +151,38 @@ impl Writer {
             payload: Arc::new(Semaphore::new(payload_units as usize)),
             payload_units,
             counters,
+            probing,
         };
         (writer, Announced { event, decision })
     }
 
+    /// Does a write, unless it is known that none can be done.
     pub(super) async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        let mut blocked = self.probing.blocked();
+        let refused = async {
+            // The sender lives as long as the writer.
+            let reason = blocked.wait_for(Option::is_some).await.ok().and_then(|reason| *reason);
+            StoreError::unavailable(reason.unwrap_or("it is closed"))
+        };
+        let result = tokio::select! {
+            biased;
+            error = refused => return Err(error),
+            result = self.write_unblocked(payload_bytes, work) => result,
+        };
+        if let Err(StoreError::Unavailable { reason, source: Some(_) }) = &result
+            && *reason != REFUSED
+        {
+            self.probing.fault();
+        }
+        result
+    }
+
+    /// As [`Writer::write`], whatever is known.
+    pub(super) async fn write_unblocked<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
     where
         T: Send + 'static,
         F: for<'t> FnOnce(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,

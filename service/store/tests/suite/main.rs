@@ -8,6 +8,7 @@ mod jobs;
 mod programs;
 mod runs;
 mod uploads;
+mod validations;
 
 use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri};
 use tempfile::TempDir;
@@ -53,6 +54,7 @@ pub(crate) fn new_job(request: &str, program_id: ProgramId) -> NewJob {
         program_id,
         further_program_ids: Vec::new(),
         machine_id: "lathe-1".into(),
+        client: String::new(),
         machine_snapshot: json(r#"{"axes":["X","Z"]}"#),
         settings: json(r#"{"interpolation_period_us":1000}"#),
     }

@@ -8,7 +8,7 @@ use super::{Place, open, read_back, source};
 const CHUNK: usize = CHUNK_BYTES as usize;
 
 async fn begin(store: &Store, expected: ProgramId, size: usize) -> UploadInfo {
-    match store.begin_upload(expected, size as u64).await.unwrap() {
+    match store.begin_upload(expected, size as u64, "").await.unwrap() {
         UploadStart::Unfinished(upload) => upload,
         UploadStart::Complete(program) => panic!("{program:?} is stored already"),
     }
@@ -79,7 +79,7 @@ async fn an_upload_resumes_after_reopening() {
     store.finish_upload(resumed.id).await.unwrap();
     assert_eq!(read_back(&store, id).await, source);
 
-    match store.begin_upload(id, source.len() as u64).await.unwrap() {
+    match store.begin_upload(id, source.len() as u64, "").await.unwrap() {
         UploadStart::Complete(program) => assert_eq!(program.id, id),
         other => panic!("a complete program is uploaded again: {other:?}"),
     }
@@ -154,7 +154,7 @@ async fn uploads_are_limited_listed_and_deleted() {
     let store = place.open(limits).await;
     let first = begin(&store, ProgramId::of(b"1"), 1).await;
     let second = begin(&store, ProgramId::of(b"2"), 1).await;
-    let refused = store.begin_upload(ProgramId::of(b"3"), 1).await;
+    let refused = store.begin_upload(ProgramId::of(b"3"), 1, "").await;
     assert!(matches!(refused, Err(StoreError::LimitReached { limit: 2, .. })), "{refused:?}");
     assert_eq!(begin(&store, ProgramId::of(b"1"), 1).await.id, first.id, "resuming needs no further place");
     assert_eq!(store.uploads().await.unwrap(), [first.clone(), second.clone()]);
@@ -165,8 +165,37 @@ async fn uploads_are_limited_listed_and_deleted() {
     assert!(matches!(appended, Err(StoreError::NotFound { .. })), "{appended:?}");
     begin(&store, ProgramId::of(b"3"), 1).await;
 
-    let refused = store.begin_upload(ProgramId::of(b"4"), 101).await;
+    let refused = store.begin_upload(ProgramId::of(b"4"), 101, "").await;
     assert!(matches!(refused, Err(StoreError::TooLarge { size: 101, limit: 100, .. })), "{refused:?}");
+}
+
+#[tokio::test]
+async fn a_client_has_its_share_and_what_nobody_goes_on_with_expires() {
+    let place = Place::new();
+    let limits = StoreSettings { max_uploads: 3, max_client_uploads: 2, ..StoreSettings::default() };
+    let store = place.open(limits.clone()).await;
+    for (source, client) in [(b"1", "a"), (b"2", "a")] {
+        store.begin_upload(ProgramId::of(source), 1, client).await.unwrap();
+    }
+    let refused = store.begin_upload(ProgramId::of(b"3"), 1, "a").await;
+    assert!(
+        matches!(refused, Err(StoreError::LimitReached { what: "unfinished uploads of this client", limit: 2 })),
+        "{refused:?}"
+    );
+    store.begin_upload(ProgramId::of(b"3"), 1, "b").await.unwrap();
+    let refused = store.begin_upload(ProgramId::of(b"4"), 1, "b").await;
+    assert!(matches!(refused, Err(StoreError::LimitReached { what: "unfinished uploads", limit: 3 })), "{refused:?}");
+    assert_eq!(store.uploads().await.unwrap()[2].client, "b");
+    assert_eq!(store.expire_uploads().await.unwrap(), 0);
+    drop(store);
+
+    let store = place.open(StoreSettings { upload_expiry: std::time::Duration::ZERO, ..limits }).await;
+    // They expire when asked for, and before anybody is refused for them.
+    let UploadStart::Unfinished(fourth) = store.begin_upload(ProgramId::of(b"4"), 1, "b").await.unwrap() else {
+        panic!("nothing was uploaded yet");
+    };
+    assert_eq!(store.uploads().await.unwrap(), [fourth]);
+    assert_eq!(store.expire_uploads().await.unwrap(), 1);
 }
 
 #[tokio::test]

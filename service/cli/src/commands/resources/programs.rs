@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use feedwave_contract::proto::{
-    GetProgramRequest, ListProgramsRequest, ListProgramsResponse, Program, ProgramsDeleteProgramRequest,
-    ReadProgramRequest,
+    GetProgramRequest, ListProgramsRequest, ListProgramsResponse, ListUploadsRequest, Program,
+    ProgramsDeleteProgramRequest, ReadProgramRequest, Upload,
 };
 use tonic::Status;
 
@@ -16,12 +16,23 @@ use super::{card, full_name, refused, time};
 use crate::commands::CliError;
 use crate::commands::client::{Client, ServerArgs};
 use crate::commands::terminal::{print, print_json};
+use crate::commands::validate::Format;
 
 /// Arguments of `feedwave program`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
+}
+
+/// Arguments of `feedwave program uploads`.
+#[derive(Debug, clap::Args)]
+struct UploadsArgs {
+    /// Form of the output
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    server: ServerArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -38,6 +49,9 @@ enum Command {
         #[command(flatten)]
         list: ListArgs,
     },
+    /// Show unfinished uploads; `delete` deletes one
+    #[command(after_long_help = "Exit codes: 0 shown, 2 wrong usage or no answer.")]
+    Uploads(UploadsArgs),
     /// Read the bytes of a program
     #[command(after_long_help = "Exit codes: 0 read, 2 wrong usage, no such program, no answer or an unusable file.
 
@@ -79,6 +93,7 @@ pub(in crate::commands) async fn run(args: Args) -> Result<ExitCode, CliError> {
     match args.command {
         Command::Get(args) => collection::get(Programs::default(), args).await,
         Command::List { file_name, list } => collection::list(Programs { file_name }, list).await,
+        Command::Uploads(args) => uploads(&args).await,
         Command::Read { name, out, offset, length, server } => {
             let client = server.connect().await?;
             let request = ReadProgramRequest { name: full_name(Programs::NAME, &name), offset, length };
@@ -148,6 +163,24 @@ impl Collection for Programs {
         .await?;
         print_json(&all)
     }
+}
+
+/// Shows unfinished uploads.
+async fn uploads(args: &UploadsArgs) -> Result<ExitCode, CliError> {
+    let client = args.server.connect().await?;
+    let answer = client.programs().list_uploads(ListUploadsRequest {}).await;
+    let answer = answer.map_err(|status| refused(&client, &status))?.into_inner();
+    if args.format == Format::Json {
+        print_json(&answer)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut text = format!("{:<73}  {:>12}  {:>12}  {:<27}  client\n", "program", "bytes", "received", "last bytes");
+    for Upload { program, program_bytes, received_bytes, client, update_time, .. } in &answer.uploads {
+        let updated = time(update_time.as_ref());
+        text += &format!("{program:<73}  {program_bytes:>12}  {received_bytes:>12}  {updated:<27}  {client}\n");
+    }
+    print(&text)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes the bytes of a program where they are wanted; a file appears only when all of them are there.

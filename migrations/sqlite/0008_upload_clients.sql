@@ -1,0 +1,3 @@
+-- Who uploads, for limits by client.
+ALTER TABLE uploads ADD COLUMN client TEXT NOT NULL DEFAULT '';
+CREATE INDEX uploads_by_client ON uploads (client);

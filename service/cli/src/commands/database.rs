@@ -1,0 +1,155 @@
+//! `feedwave check`, `feedwave backup` and `feedwave restore`: the database of a service, without the service.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use feedwave_server::config::{Overrides, StoreUri};
+use feedwave_store::{CheckReport, CopyReport, StoreError};
+
+use super::terminal::print;
+use super::validate::Format;
+use super::{CliError, EXIT_REFUSED};
+use crate::args::GlobalArgs;
+
+/// Which database.
+#[derive(Clone, Debug, clap::Args)]
+pub struct StoreArgs {
+    /// Where it is kept, as for `serve` [key: store.uri]
+    #[arg(long, value_name = "URI")]
+    store: Option<String>,
+}
+
+impl StoreArgs {
+    fn uri(&self, global: &GlobalArgs) -> Result<StoreUri, CliError> {
+        let config = global.load(Overrides::default().set("store.uri", self.store.clone()))?;
+        config.store_uri().map_err(|(key, reason)| CliError::trouble(format!("{key}: {reason}")))
+    }
+}
+
+/// Arguments of `feedwave check`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = "Exit codes: 0 everything is as it was written, 1 something is not, 2 it cannot be read.")]
+pub struct CheckArgs {
+    #[command(flatten)]
+    store: StoreArgs,
+    /// Form of the output
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
+    format: Format,
+}
+
+/// Arguments of `feedwave backup`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = "Exit codes: 0 written, 2 the file is there already, or cannot be written.
+
+Example, every night, from a service that runs on:
+  feedwave backup --store sqlite:///var/lib/feedwave/feedwave.db /backup/feedwave-$(date +%F).db")]
+pub struct BackupArgs {
+    /// File to make
+    #[arg(value_name = "TO")]
+    to: PathBuf,
+    #[command(flatten)]
+    store: StoreArgs,
+}
+
+/// Arguments of `feedwave restore`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(
+    after_long_help = "Exit codes: 0 restored, 1 the copy is damaged, 2 a service runs, the copy is of a newer version, or a \
+file cannot be used. But for 0 the database is what it was."
+)]
+pub struct RestoreArgs {
+    /// A copy that `backup` made
+    #[arg(value_name = "FROM")]
+    from: PathBuf,
+    #[command(flatten)]
+    store: StoreArgs,
+    /// Restore it even if something in it is damaged; `feedwave check` says what would be lost
+    #[arg(long)]
+    accept_damage: bool,
+}
+
+/// Verifies a database.
+///
+/// # Errors
+/// [`CliError`] when it cannot be read.
+pub async fn check(args: CheckArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
+    let uri = args.store.uri(global)?;
+    let report = feedwave_store::check(&uri).await.map_err(|error| failed(&uri, &error))?;
+    match args.format {
+        Format::Json => print(&json(&report))?,
+        _ => print(&text(&uri, &report))?,
+    }
+    Ok(if report.is_intact() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
+}
+
+/// Copies a database.
+///
+/// # Errors
+/// [`CliError`] when it cannot be copied.
+pub async fn backup(args: BackupArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
+    let uri = args.store.uri(global)?;
+    let report = feedwave_store::backup(&uri, &args.to).await.map_err(|error| failed(&uri, &error))?;
+    print(&format!("{}: written: {}\n", args.to.display(), of(&report)))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Puts a copy in the place of a database.
+///
+/// # Errors
+/// [`CliError`] when it cannot be restored.
+pub async fn restore(args: RestoreArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
+    let uri = args.store.uri(global)?;
+    let report = feedwave_store::restore(&uri, &args.from, args.accept_damage).await.map_err(|error| match error {
+        StoreError::Damaged { .. } => CliError {
+            message: format!("{}: {error}; --accept-damage restores it all the same", args.from.display()),
+            exit_code: EXIT_REFUSED,
+        },
+        error => failed(&uri, &error),
+    })?;
+    print(&format!("{uri}: restored from {}: {}\n", args.from.display(), of(&report)))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn failed(uri: &StoreUri, error: &StoreError) -> CliError {
+    let cause = std::error::Error::source(error).map_or_else(String::new, |cause| format!(": {cause}"));
+    CliError::trouble(format!("{uri}: {error}{cause}"))
+}
+
+fn of(report: &CopyReport) -> String {
+    let CopyReport { bytes, jobs, programs, newest_event } = report;
+    format!("{bytes} bytes, {jobs} job(s), {programs} program(s), newest event {newest_event}")
+}
+
+fn text(uri: &StoreUri, report: &CheckReport) -> String {
+    let mut text = String::new();
+    for problem in &report.problems {
+        text += &format!("{} {}: {}\n  lost: {}\n", problem.kind, problem.id, problem.reason, problem.lost);
+    }
+    if report.further_problems > 0 {
+        text += &format!("and {} further problem(s)\n", report.further_problems);
+    }
+    let checked: Vec<String> = report.checked.iter().map(|(kind, count)| format!("{count} {kind}(s)")).collect();
+    let verdict = if report.is_intact() { "intact" } else { "damaged" };
+    text + &format!("{uri}: {verdict}; checked: {}\n", checked.join(", "))
+}
+
+fn json(report: &CheckReport) -> String {
+    let problems: Vec<_> = report
+        .problems
+        .iter()
+        .map(|problem| {
+            serde_json::json!({
+                "kind": problem.kind, "id": problem.id, "reason": problem.reason, "lost": problem.lost,
+            })
+        })
+        .collect();
+    let checked: serde_json::Map<String, serde_json::Value> =
+        report.checked.iter().map(|(kind, count)| ((*kind).to_owned(), (*count).into())).collect();
+    let report = serde_json::json!({
+        "intact": report.is_intact(),
+        "checked": checked,
+        "problems": problems,
+        "furtherProblems": report.further_problems,
+    });
+    format!("{report:#}\n")
+}

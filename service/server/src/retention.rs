@@ -1,0 +1,77 @@
+//! Removes what is kept no longer, now and every hour: unfinished uploads, and what the configuration says.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use feedwave_store::{Removed, Result, RetentionPolicy, Store};
+use tokio_util::sync::CancellationToken;
+
+use crate::config::RetentionConfig;
+use crate::observability::metrics::Metrics;
+
+/// Time between two rounds.
+const PERIOD: Duration = Duration::from_secs(3_600);
+
+impl RetentionConfig {
+    /// As the store understands it.
+    #[must_use]
+    pub fn policy(&self) -> RetentionPolicy {
+        let days = |days: Option<u32>| days.map(|days| Duration::from_secs(u64::from(days) * 86_400));
+        RetentionPolicy {
+            jobs: days(self.jobs_days),
+            runs: days(self.runs_days),
+            programs: days(self.programs_days),
+            events: days(self.events_days),
+            bytes: self.max_bytes,
+        }
+    }
+}
+
+/// Goes round until `draining`.
+pub(crate) async fn follow(store: Store, metrics: Arc<Metrics>, config: RetentionConfig, draining: CancellationToken) {
+    let policy = config.policy();
+    loop {
+        tokio::select! {
+            result = round(&store, &metrics, &policy, config.dry_run) => {
+                if let Err(error) = result {
+                    tracing::warn!(%error, "what is kept no longer could not be removed");
+                }
+            }
+            () = draining.cancelled() => return,
+        }
+        tokio::select! {
+            () = tokio::time::sleep(PERIOD) => {}
+            () = draining.cancelled() => return,
+        }
+    }
+}
+
+async fn round(store: &Store, metrics: &Metrics, policy: &RetentionPolicy, dry_run: bool) -> Result<()> {
+    store.expire_uploads().await?;
+    if *policy == RetentionPolicy::default() {
+        return Ok(());
+    }
+    let expired = store.expired(policy).await?;
+    for (kind, count) in by_kind(expired) {
+        metrics.retention_expired.with_label_values(&[kind]).set(i64::try_from(count).unwrap_or(i64::MAX));
+    }
+    let Removed { jobs, runs, programs, events } = expired;
+    if dry_run {
+        tracing::info!(jobs, runs, programs, events, "retention, dry run: this would be removed");
+        return Ok(());
+    }
+    let removed = store.remove_expired(policy).await?;
+    for (kind, count) in by_kind(removed) {
+        metrics.retention_removed.with_label_values(&[kind]).inc_by(count);
+        metrics.retention_expired.with_label_values(&[kind]).set(0);
+    }
+    if removed != Removed::default() {
+        let Removed { jobs, runs, programs, events } = removed;
+        tracing::info!(jobs, runs, programs, events, "retention: removed");
+    }
+    Ok(())
+}
+
+fn by_kind(removed: Removed) -> [(&'static str, u64); 4] {
+    [("jobs", removed.jobs), ("runs", removed.runs), ("programs", removed.programs), ("events", removed.events)]
+}

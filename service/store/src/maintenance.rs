@@ -1,0 +1,89 @@
+//! Work on a database beside the service: verifying it, and copies of it to and fro.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::sqlite::maintenance;
+use crate::uri::{Place, StoreUri};
+
+/// Something that is not as it was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// What it is about: `file`, `program`, `upload`, `job`, `report`, `checkpoint`, `document`, `run`, `event`.
+    pub kind: &'static str,
+    /// Identifier of the record; empty where it is none.
+    pub id: String,
+    /// What does not fit.
+    pub reason: String,
+    /// What is lost with it.
+    pub lost: &'static str,
+}
+
+/// What a verification found.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CheckReport {
+    /// How many records of each kind were looked at.
+    pub checked: Vec<(&'static str, u64)>,
+    /// What is wrong, at most [`MAX_PROBLEMS`].
+    pub problems: Vec<Problem>,
+    /// Problems beyond those.
+    pub further_problems: u64,
+}
+
+/// Most problems that a verification lists.
+pub const MAX_PROBLEMS: usize = 10_000;
+
+impl CheckReport {
+    /// Whether everything is as it was written.
+    #[must_use]
+    pub fn is_intact(&self) -> bool {
+        self.problems.is_empty() && self.further_problems == 0
+    }
+}
+
+/// What a copy holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CopyReport {
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Jobs.
+    pub jobs: u64,
+    /// Programs.
+    pub programs: u64,
+    /// Sequence number of the newest event.
+    pub newest_event: i64,
+}
+
+/// Verifies every record of a database: the file itself, references, hashes of programs, reports, logs. The service may
+/// run meanwhile.
+///
+/// # Errors
+/// `CannotOpen`, `Incompatible`, `Unavailable`. That something is damaged is no error but what the report says.
+pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
+    match uri.place() {
+        Place::Sqlite(options) => maintenance::check(&options.path).await,
+    }
+}
+
+/// Copies a database as it is at one moment into a new file; the service may run meanwhile. The file appears once it is
+/// complete, verified and on the disk.
+///
+/// # Errors
+/// `CannotOpen` also where the file is there already, `Incompatible`, `Corrupt`, `Unavailable`.
+pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
+    match uri.place() {
+        Place::Sqlite(options) => maintenance::backup(&options.path, to).await,
+    }
+}
+
+/// Puts a copy in the place of a database that no service uses, at once: whenever it is interrupted, either the earlier
+/// database or the copy is there. The earlier one is kept beside it, with `.replaced` behind its name.
+///
+/// # Errors
+/// `InUseBy` a service, `Incompatible` if the copy is of a newer version or no copy, `Damaged` if it is not intact and
+/// `accept_damage` does not say otherwise, `CannotOpen`, `Unavailable`.
+pub async fn restore(uri: &StoreUri, from: &Path, accept_damage: bool) -> Result<CopyReport> {
+    match uri.place() {
+        Place::Sqlite(options) => maintenance::restore(options, from, accept_damage).await,
+    }
+}

@@ -1,0 +1,24 @@
+//! A copy of a database that may be in use.
+
+use std::path::Path;
+
+use super::{beside, cannot, connect, copy, failed, remove, sync_folder};
+use crate::error::Result;
+use crate::maintenance::CopyReport;
+
+/// See [`crate::backup`].
+pub(crate) async fn backup(path: &Path, to: &Path) -> Result<CopyReport> {
+    if to.exists() {
+        return Err(cannot("the file of the backup is there already"));
+    }
+    let mut connection = connect(path).await?;
+    let part = beside(to, ".part");
+    remove(&part)?;
+    let report = copy(&mut connection, &part).await?;
+    // Not renamed: that would replace a file that came meanwhile.
+    std::fs::hard_link(&part, to).map_err(failed("the file of the backup cannot be made"))?;
+    remove(&part)?;
+    sync_folder(to)?;
+    sqlx::Connection::close(connection).await?;
+    Ok(report)
+}

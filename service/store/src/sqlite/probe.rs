@@ -1,0 +1,139 @@
+//! Whether writing works: a durable write, and the files where they were opened.
+
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use super::SqliteStore;
+use crate::error::{Result, StoreError};
+
+/// What a probe writes once a write has failed, bytes: where this fits, ordinary writes do.
+const BALLAST_BYTES: i64 = 1 << 20;
+
+/// Why writes are refused without being tried.
+pub(super) type Blocked = Option<&'static str>;
+
+const STALLED: &str = "the disk does not answer in time";
+const GONE: &str = "its file was removed or replaced while it was open";
+
+/// What is known about writing.
+#[derive(Debug)]
+pub(super) struct Probing {
+    blocked: watch::Sender<Blocked>,
+    /// Counts writes that the database could not do.
+    faults: watch::Sender<u64>,
+    /// The file as it was opened: device and number.
+    file: Option<(u64, u64)>,
+    path: PathBuf,
+    pending: Mutex<Pending>,
+}
+
+#[derive(Debug, Default)]
+struct Pending {
+    /// A probe that has not come back yet.
+    write: Option<JoinHandle<Result<()>>>,
+    /// Whether the last one failed.
+    failed: bool,
+    /// Faults when the last one began.
+    faults: u64,
+}
+
+fn identity(path: &Path) -> Option<(u64, u64)> {
+    std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()))
+}
+
+impl Probing {
+    /// Of a file that has just been opened.
+    pub(super) fn new(path: &Path) -> Self {
+        Self {
+            blocked: watch::channel(None).0,
+            faults: watch::channel(0).0,
+            file: identity(path),
+            path: path.to_owned(),
+            pending: Mutex::default(),
+        }
+    }
+
+    fn pending(&self) -> MutexGuard<'_, Pending> {
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Follows why writes are refused without being tried.
+    pub(super) fn blocked(&self) -> watch::Receiver<Blocked> {
+        self.blocked.subscribe()
+    }
+
+    /// Follows the number of writes that the database could not do.
+    pub(super) fn faults(&self) -> watch::Receiver<u64> {
+        self.faults.subscribe()
+    }
+
+    /// Notes that the database could not do a write.
+    pub(super) fn fault(&self) {
+        self.faults.send_modify(|faults| *faults += 1);
+    }
+
+    fn block(&self, reason: Blocked) {
+        self.blocked.send_if_modified(|blocked| std::mem::replace(blocked, reason) != reason);
+    }
+}
+
+impl SqliteStore {
+    /// See [`crate::Database::probe`].
+    pub(super) async fn probe_writing(&self, patience: Duration) -> Result<()> {
+        let probing = &self.inner.probing;
+        if identity(&probing.path) != probing.file {
+            probing.block(Some(GONE));
+            return Err(StoreError::unavailable(GONE));
+        }
+        let (mut write, faults) = {
+            let mut pending = probing.pending();
+            let faults = *probing.faults.borrow();
+            let ballast = pending.failed || faults != pending.faults;
+            let write = pending.write.take().unwrap_or_else(|| {
+                let store = self.clone();
+                tokio::spawn(async move { store.write_probe(if ballast { BALLAST_BYTES } else { 0 }).await })
+            });
+            (write, faults)
+        };
+        let result = match tokio::time::timeout(patience, &mut write).await {
+            Ok(Ok(result)) => result,
+            Ok(Err(_)) => Err(StoreError::unavailable("the service is ending")),
+            Err(_) => {
+                probing.pending().write = Some(write);
+                probing.block(Some(STALLED));
+                return Err(StoreError::unavailable(STALLED));
+            }
+        };
+        probing.block(None);
+        let mut pending = probing.pending();
+        pending.failed = result.is_err();
+        pending.faults = faults;
+        result
+    }
+
+    async fn write_probe(&self, ballast_bytes: i64) -> Result<()> {
+        for bytes in [ballast_bytes, 0] {
+            let write = self.inner.writer.write_unblocked(0, move |tx| {
+                Box::pin(async move {
+                    let now_us = tx.now_us();
+                    sqlx::query("INSERT OR REPLACE INTO probe (id, at_us, ballast) VALUES (1, ?, zeroblob(?))")
+                        .bind(now_us)
+                        .bind(bytes)
+                        .execute(&mut tx.connection)
+                        .await?;
+                    Ok(())
+                })
+            });
+            write.await?;
+            if ballast_bytes == 0 {
+                break;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,185 @@
+//! Retention in SQLite.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use async_trait::async_trait;
+use sqlx::Row as _;
+use uuid::Uuid;
+
+use super::SqliteStore;
+use super::fault::parsed;
+use crate::error::{Result, StoreError};
+use crate::programs::{ProgramId, Programs as _};
+use crate::retention::{Removed, Retention, RetentionPolicy};
+
+/// Records removed by one write.
+const BATCH: i64 = 100;
+/// Pages given back by one write.
+const PAGES: u32 = 1_000;
+
+/// Programs younger than this are not removed for the sake of size: their jobs may be yet to come.
+const UNUSED: Duration = Duration::from_secs(3_600);
+
+/// Jobs that may go and were changed before a time.
+const JOBS: &str = "FROM jobs AS j WHERE j.state IN ('ready', 'rejected', 'cancelled', 'failed') AND j.updated_us < ?
+    AND NOT EXISTS (SELECT 1 FROM runs AS r WHERE r.job_id = j.id AND r.state = 'open')";
+const RUNS: &str = "FROM runs AS j WHERE j.state <> 'open' AND j.updated_us < ?";
+const PROGRAMS: &str = "FROM programs AS j WHERE j.created_us < ?
+    AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = j.id)
+    AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = j.id)";
+const EVENTS: &str = "FROM job_events AS j WHERE j.at_us < ?";
+
+fn cutoff(age: Option<Duration>) -> Option<i64> {
+    let age_us = i64::try_from(age?.as_micros()).unwrap_or(i64::MAX);
+    let now_us = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |age| age.as_micros());
+    Some(i64::try_from(now_us).unwrap_or(i64::MAX).saturating_sub(age_us))
+}
+
+impl SqliteStore {
+    async fn count(&self, from: &str, age: Option<Duration>) -> Result<u64> {
+        let Some(cutoff) = cutoff(age) else { return Ok(0) };
+        let sql = format!("SELECT COUNT(*) {from}");
+        let count: i64 =
+            sqlx::query_scalar(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_one(&mut *self.reader().await?).await?;
+        Ok(count.unsigned_abs())
+    }
+
+    /// Removes records by their row numbers, oldest first; how many.
+    async fn remove(&self, table: &'static str, from: &'static str, cutoff: i64) -> Result<u64> {
+        let mut removed = 0;
+        loop {
+            let gone = self
+                .write(0, move |tx| {
+                    Box::pin(async move {
+                        let sql = format!(
+                            "DELETE FROM {table} WHERE rowid IN (SELECT j.rowid {from} ORDER BY j.rowid LIMIT {BATCH})"
+                        );
+                        let gone =
+                            sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).execute(&mut tx.connection).await?;
+                        Ok(gone.rows_affected())
+                    })
+                })
+                .await?;
+            removed += gone;
+            if gone < BATCH.unsigned_abs() {
+                return Ok(removed);
+            }
+        }
+    }
+
+    /// Removes the oldest jobs, at most so many; they are logged as deleted.
+    async fn remove_jobs(&self, cutoff: i64, most: i64) -> Result<u64> {
+        let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT {most}");
+        let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
+        let mut removed = 0;
+        for row in &rows {
+            let id: Uuid = parsed(row, "id")?;
+            match crate::Jobs::delete_job(self, id, None).await {
+                Ok(()) => removed += 1,
+                Err(StoreError::NotFound { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(removed)
+    }
+
+    async fn remove_programs(&self, cutoff: i64) -> Result<u64> {
+        let mut removed = 0;
+        loop {
+            let sql = format!("SELECT j.id {PROGRAMS} ORDER BY j.sequence LIMIT {BATCH}");
+            let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
+            let before = removed;
+            for row in &rows {
+                let id: ProgramId = parsed(row, "id")?;
+                match self.delete_program(id).await {
+                    Ok(()) => removed += 1,
+                    // A job was created with it meanwhile.
+                    Err(StoreError::NotFound { .. } | StoreError::InUse { .. }) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+            if rows.len() < BATCH as usize || removed == before {
+                return Ok(removed);
+            }
+        }
+    }
+
+    /// Bytes in use, free space not counted.
+    async fn bytes_in_use(&self) -> Result<u64> {
+        let row = sqlx::query(
+            "SELECT (SELECT page_count FROM pragma_page_count) - (SELECT freelist_count FROM pragma_freelist_count) AS pages,
+                (SELECT page_size FROM pragma_page_size) AS bytes",
+        )
+        .fetch_one(&mut *self.reader().await?)
+        .await?;
+        let (pages, bytes): (i64, i64) = (row.try_get("pages")?, row.try_get("bytes")?);
+        Ok(pages.unsigned_abs() * bytes.unsigned_abs())
+    }
+
+    /// Gives free pages back to the file system, where the database was made for that.
+    async fn give_back(&self) -> Result<()> {
+        loop {
+            let free = "SELECT freelist_count FROM pragma_freelist_count";
+            let before: i64 = sqlx::query_scalar(free).fetch_one(&mut *self.reader().await?).await?;
+            self.write(0, move |tx| {
+                Box::pin(async move {
+                    let sql = format!("PRAGMA incremental_vacuum({PAGES})");
+                    sqlx::query(sqlx::AssertSqlSafe(sql)).execute(&mut tx.connection).await?;
+                    Ok(())
+                })
+            })
+            .await?;
+            let after: i64 = sqlx::query_scalar(free).fetch_one(&mut *self.reader().await?).await?;
+            if after == 0 || after >= before {
+                return Ok(());
+            }
+        }
+    }
+}
+
+#[async_trait]
+impl Retention for SqliteStore {
+    async fn expired(&self, policy: &RetentionPolicy) -> Result<Removed> {
+        Ok(Removed {
+            jobs: self.count(JOBS, policy.jobs).await?,
+            runs: self.count(RUNS, policy.runs).await?,
+            programs: self.count(PROGRAMS, policy.programs).await?,
+            events: self.count(EVENTS, policy.events).await?,
+        })
+    }
+
+    async fn remove_expired(&self, policy: &RetentionPolicy) -> Result<Removed> {
+        let mut removed = Removed::default();
+        if let Some(cutoff) = cutoff(policy.runs) {
+            removed.runs = self.remove("runs", RUNS, cutoff).await?;
+        }
+        if let Some(cutoff) = cutoff(policy.jobs) {
+            loop {
+                let gone = self.remove_jobs(cutoff, BATCH).await?;
+                removed.jobs += gone;
+                if gone == 0 {
+                    break;
+                }
+            }
+        }
+        if let Some(cutoff) = cutoff(policy.programs) {
+            removed.programs = self.remove_programs(cutoff).await?;
+        }
+        if let Some(cutoff) = cutoff(policy.events) {
+            removed.events = self.remove("job_events", EVENTS, cutoff).await?;
+        }
+        if let Some(bytes) = policy.bytes {
+            while self.bytes_in_use().await? > bytes {
+                let jobs = self.remove_jobs(i64::MAX, 1).await?;
+                let programs = self.remove_programs(cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
+                removed.jobs += jobs;
+                removed.programs += programs;
+                if jobs + programs == 0 {
+                    break;
+                }
+            }
+        }
+        self.give_back().await?;
+        Ok(removed)
+    }
+}

@@ -1,0 +1,274 @@
+//! Damaged data, and copies of a database: what is damaged is told, what is derived is made again, and a copy is whole or
+//! not there.
+
+use std::path::Path;
+use std::process::{Output, Stdio};
+use std::time::Duration;
+
+use feedwave_contract::proto::stream_setpoints_request::Start;
+use feedwave_contract::proto::{GetJobRequest, Job, JobState, ListJobsRequest, StreamSetpointsRequest};
+use feedwave_tests::{Chance, Clients, Home, Server, long_dwell, patiently, stream};
+use rustix::process::Signal;
+use sqlx::Connection as _;
+use sqlx::sqlite::SqliteConnection;
+use tokio::process::Command;
+use tonic::{Code, Status};
+
+use crate::FEEDWAVE;
+
+fn uri(folder: &Path) -> String {
+    format!("sqlite://{}?busy_timeout_s=0", folder.join("feedwave.db").display())
+}
+
+fn command(name: &str, folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(FEEDWAVE);
+    command.args([name, "--store", &uri(folder)]).args(arguments).kill_on_drop(true);
+    command.stdin(Stdio::null());
+    command
+}
+
+async fn run(name: &str, folder: &Path, arguments: &[&str]) -> Output {
+    patiently(command(name, folder, arguments).output()).await.expect("the binary is started")
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+async fn assert_exit(name: &str, folder: &Path, arguments: &[&str], code: i32, words: &str) -> String {
+    let output = run(name, folder, arguments).await;
+    let text = told(&output);
+    assert_eq!(output.status.code(), Some(code), "{name} {arguments:?}: {text}");
+    assert!(text.contains(words), "{words:?} is not in: {text}");
+    text
+}
+
+/// Ends a service in order and does something to its database.
+async fn damaged(server: Server, sql: &'static str) -> Home {
+    server.signal(Signal::TERM);
+    let (_, home) = patiently(server.ended()).await;
+    let path = home.path().join("feedwave.db");
+    let mut database = SqliteConnection::connect(&format!("sqlite://{}", path.display())).await.expect("the database");
+    let changed = sqlx::query(sql).execute(&mut database).await.expect("it is damaged");
+    assert!(changed.rows_affected() > 0, "{sql}");
+    database.close().await.expect("it is closed");
+    home
+}
+
+async fn jobs(clients: &mut Clients) -> Vec<Job> {
+    let request = ListJobsRequest { page_size: 500, ..ListJobsRequest::default() };
+    clients.jobs.list_jobs(request).await.expect("the jobs are listed").into_inner().jobs
+}
+
+fn from(job: &str, index: u64) -> StreamSetpointsRequest {
+    StreamSetpointsRequest {
+        job: job.to_owned(),
+        start: Some(Start::StartIndex(index)),
+        ..StreamSetpointsRequest::default()
+    }
+}
+
+/// How a stream ends.
+async fn read_all(clients: &mut Clients, request: StreamSetpointsRequest) -> Result<u64, Status> {
+    let mut messages = clients.setpoints.stream_setpoints(request).await?.into_inner();
+    let mut count = 0;
+    while messages.message().await?.is_some() {
+        count += 1;
+    }
+    Ok(count)
+}
+
+#[tokio::test]
+async fn a_damaged_checkpoint_is_made_again_and_nobody_notices() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let job = clients.submit(&long_dwell(300)).await.job.name;
+    let whole = stream(&mut clients, from(&job, 290_000)).await.expect("a stream");
+    let home = damaged(server, "UPDATE job_checkpoints SET snapshot = x'00'").await;
+    assert_exit("check", home.path(), &[], 1, "it is made again when it is needed").await;
+
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let again = stream(&mut clients, from(&job, 290_000)).await.expect("a stream");
+    assert!(again.bits_from(290_000) == whole.bits_from(290_000) && again.len() > 1_000);
+    let rebuilt = async {
+        while !server.log().contains("checkpoints were made anew") {
+            server.web().get("/healthz").await;
+        }
+    };
+    patiently(rebuilt).await;
+    assert_exit("check", server.home().path(), &[], 0, "intact").await;
+    assert!(!server.log().contains("ERROR"), "{}", server.log());
+}
+
+#[tokio::test]
+async fn a_job_whose_program_is_damaged_is_marked_and_others_are_not() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let job = clients.submit("G21\nG0 X10. Z1.\nM30\n").await.job.name;
+    let other = clients.submit("G21\nG0 X11. Z1.\nM30\n").await.job.name;
+    let home = damaged(server, "UPDATE program_chunks SET data = x'00' WHERE content_id = 1").await;
+    let text = assert_exit("check", home.path(), &["--format", "json"], 1, "a compressed record").await;
+    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((report["problems"][0]["kind"].as_str(), report["intact"].as_bool()), (Some("program"), Some(false)));
+
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    let status = read_all(&mut clients, from(&job, 0)).await.unwrap_err();
+    assert_eq!(status.code(), Code::DataLoss, "{status:?}");
+    let job = clients.jobs.get_job(GetJobRequest { name: job }).await.expect("the job").into_inner().job;
+    let job = job.expect("a job");
+    assert_eq!(job.state(), JobState::Failed);
+    assert!(job.state_message.starts_with("stored data is damaged"), "{job:?}");
+    assert!(read_all(&mut clients, from(&other, 0)).await.expect("a stream") > 0);
+}
+
+#[tokio::test]
+async fn a_backup_is_made_while_the_service_works_and_is_restored_elsewhere() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let first = clients.submit("G21\nG0 X10. Z1.\nM30\n").await.job;
+    let mut busy = server.connect().await;
+    let work = tokio::spawn(async move {
+        for number in 0.. {
+            if busy.create(format!("G21\nG0 X{number}. Z1.\nM30\n")).await.is_err() {
+                return;
+            }
+        }
+    });
+    let copy = server.home().path().join("copy");
+    let to = copy.to_str().expect("text");
+    assert_exit("backup", server.home().path(), &[to], 0, "written").await;
+    assert_exit("backup", server.home().path(), &[to], 2, "is there already").await;
+    let in_use = format!("in use by process {} on host", server.pid());
+    assert_exit("restore", server.home().path(), &[to], 2, &in_use).await;
+    work.abort();
+
+    // Into an empty place, and over what is there.
+    let home = Home::new(FEEDWAVE, "");
+    for _ in 0..2 {
+        assert_exit("restore", home.path(), &[to], 0, "restored").await;
+        assert_exit("check", home.path(), &[], 0, "intact").await;
+    }
+    assert!(home.path().join("feedwave.db.replaced").is_file());
+    let restored = home.start().await;
+    let mut there = restored.connect().await;
+    let kept = there.jobs.get_job(GetJobRequest { name: first.name.clone() }).await.expect("the job").into_inner().job;
+    assert_eq!(
+        kept,
+        Some(clients.jobs.get_job(GetJobRequest { name: first.name }).await.unwrap().into_inner().job.unwrap())
+    );
+    there.submit("G21\nG0 X9. Z1.\nM30\n").await;
+}
+
+#[tokio::test]
+async fn what_is_newer_or_damaged_is_not_restored() {
+    let server = Server::start(FEEDWAVE).await;
+    server.connect().await.submit("G21\nM30\n").await;
+    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+        VALUES (9999, 'later', TRUE, x'00', 0)";
+    let home = damaged(server, newer).await;
+    let file = |home: &Home| home.path().join("feedwave.db").to_str().expect("text").to_owned();
+    let target = Home::new(FEEDWAVE, "");
+    assert_exit("restore", target.path(), &[&file(&home)], 2, "changed by a newer version").await;
+
+    let server = Server::start(FEEDWAVE).await;
+    server.connect().await.submit("G21\nM30\n").await;
+    let home = damaged(server, "UPDATE validation_reports SET report = x'00'").await;
+    assert_exit("restore", target.path(), &[&file(&home)], 1, "--accept-damage").await;
+    assert!(!target.path().join("feedwave.db").exists());
+    assert_exit("restore", target.path(), &[&file(&home), "--accept-damage"], 0, "restored").await;
+    std::fs::write(target.path().join("other"), b"SQLite format 3\0 or not").expect("a file");
+    let other = target.path().join("other").to_str().expect("text").to_owned();
+    let output = run("restore", target.path(), &[&other]).await;
+    assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+}
+
+#[tokio::test]
+async fn a_copy_is_whole_or_not_there_whenever_it_is_killed() {
+    // The moments are random; a failure names the seed.
+    let mut chance = Chance::new();
+    let seed = chance.seed();
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    for number in 0..20 {
+        clients.submit(&format!("G21\nG0 X{number}. Z1.\nM30\n")).await;
+    }
+    let old = Home::new(FEEDWAVE, "").start().await;
+    old.connect().await.submit("G21\nM30\n").await;
+    old.signal(Signal::TERM);
+    let (_, target) = patiently(old.ended()).await;
+
+    for round in 0..12 {
+        let copy = server.home().path().join(format!("copy-{round}"));
+        let name = copy.to_str().expect("text");
+        let moment = Duration::from_micros(chance.up_to(60_000));
+        let (command_name, folder, arguments) = if round % 2 == 0 {
+            ("backup", server.home().path(), [name])
+        } else {
+            let whole = server.home().path().join("whole");
+            if !whole.exists() {
+                assert_exit("backup", server.home().path(), &[whole.to_str().expect("text")], 0, "written").await;
+            }
+            std::fs::copy(&whole, &copy).expect("a copy");
+            ("restore", target.path(), [name])
+        };
+        let mut child = command(command_name, folder, &arguments)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary is started");
+        let ended = tokio::time::timeout(moment, child.wait()).await;
+        if ended.is_err() {
+            child.kill().await.expect("it is killed");
+        }
+        if copy.exists() {
+            let home = Home::new(FEEDWAVE, "");
+            assert_exit("restore", home.path(), &[name], 0, "restored").await;
+        }
+        let text = assert_exit("check", target.path(), &[], 0, "intact").await;
+        assert!(text.contains("1 job(s)") || text.contains("20 job(s)"), "seed {seed}: {text}");
+    }
+    assert_eq!(jobs(&mut clients).await.len(), 20);
+    target.start().await.connect().await.submit("G21\nM30\n").await;
+}
+
+#[tokio::test]
+async fn what_is_kept_no_longer_is_removed_but_not_by_a_dry_run() {
+    let mut home = Home::new(FEEDWAVE, "[retention]\njobs_days = 7\nprograms_days = 7\nevents_days = 7");
+    home.set_environment(vec![("FEEDWAVE_RETENTION__DRY_RUN".to_owned(), "true".to_owned())]);
+    let server = home.start().await;
+    let mut clients = server.connect().await;
+    for number in 0..5 {
+        clients.submit(&format!("G21\nG0 X{number}. Z1.\nM30\n")).await;
+    }
+    // Eight days later for the first three, their programs and all events.
+    let later = "UPDATE jobs SET updated_us = updated_us - 691200000000
+        WHERE id IN (SELECT id FROM jobs ORDER BY sequence LIMIT 3)";
+    let home = damaged(server, later).await;
+    let server = home.start().await;
+    let home = damaged(server, "UPDATE programs SET created_us = created_us - 691200000000 WHERE sequence <= 3").await;
+    let server = home.start().await;
+    let mut home = damaged(server, "UPDATE job_events SET at_us = at_us - 691200000000").await;
+
+    let removed = async |server: &Server, words: &str| {
+        while !server.log().contains(words) {
+            server.web().get("/healthz").await;
+        }
+    };
+    let server = home.start().await;
+    patiently(removed(&server, "dry run: this would be removed jobs=3 runs=0 programs=0 events=15")).await;
+    let metrics = server.web().get("/metrics").await;
+    assert!(metrics.text().contains("feedwave_retention_expired{kind=\"jobs\"} 3"), "{}", metrics.text());
+    assert_eq!(jobs(&mut server.connect().await).await.len(), 5);
+    home = server.kill().await;
+
+    home.set_environment(Vec::new());
+    let server = home.start().await;
+    patiently(removed(&server, "retention: removed jobs=3 runs=0 programs=3 events=15")).await;
+    let metrics = server.web().get("/metrics").await;
+    assert!(metrics.text().contains("feedwave_retention_removed_total{kind=\"programs\"} 3"), "{}", metrics.text());
+    assert_eq!(jobs(&mut server.connect().await).await.len(), 2);
+    let text = assert_exit("check", server.home().path(), &[], 0, "intact").await;
+    assert!(text.contains("2 program(s)") && text.contains("2 job(s)"), "{text}");
+}

@@ -1,0 +1,186 @@
+//! A disk that is full, fails, hangs or is gone: nothing is acknowledged that is not kept, everybody is told at once, and the
+//! service goes on when the disk does.
+
+use std::os::unix::fs::PermissionsExt as _;
+
+use feedwave_contract::proto::{GetJobRequest, Job};
+use feedwave_tests::{Clients, Home, Server, patiently};
+use tonic::{Code, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_types::StatusExt as _;
+
+use crate::FEEDWAVE;
+use crate::library::{EIO, ENOSPC, Faults};
+
+const PROGRAM: &str = "G21\nG0 X10. Z1.\nM30\n";
+
+async fn start(faults: &Faults) -> Server {
+    let mut home = Home::new(FEEDWAVE, "");
+    home.set_environment(faults.environment.clone());
+    home.start().await
+}
+
+/// Waits until `/readyz` answers so, with these words.
+async fn readiness(server: &Server, status: u16, words: &str) {
+    let answered = async {
+        loop {
+            let answer = server.web().get("/readyz").await;
+            if answer.status == status && answer.text().contains(words) {
+                return;
+            }
+        }
+    };
+    patiently(answered).await;
+}
+
+/// Waits until gRPC health says so.
+async fn health(clients: &Clients, status: ServingStatus) {
+    let mut health = HealthClient::new(clients.channel.clone());
+    let mut watch = health.watch(HealthCheckRequest::default()).await.expect("health is watched").into_inner();
+    while patiently(watch.message()).await.expect("the watch goes on").expect("a status").status() != status {}
+}
+
+fn assert_unavailable(status: &Status) {
+    assert_eq!(status.code(), Code::Unavailable, "{status:?}");
+    assert_eq!(status.get_error_details().error_info().expect("details").reason, "STORE_UNAVAILABLE");
+    assert!(status.get_error_details().retry_info().is_some_and(|info| info.retry_delay.is_some()), "{status:?}");
+}
+
+/// What holds whatever the fault is: told while it lasts, over without a restart, and nothing acknowledged lost.
+async fn survives(reason: &str, begin: impl AsyncFnOnce(&Server, &Faults), end: impl AsyncFnOnce(&Server, &Faults)) {
+    let faults = Faults::new();
+    let server = start(&faults).await;
+    let mut clients = server.connect().await;
+    let before: Job = clients.submit(PROGRAM).await.job;
+    readiness(&server, 200, "ok").await;
+    begin(&server, &faults).await;
+    let told = patiently(clients.create("G21\nG0 X11. Z1.\nM30\n")).await;
+    if let Err(status) = &told {
+        assert_unavailable(status);
+    }
+    readiness(&server, 503, reason).await;
+    health(&clients, ServingStatus::NotServing).await;
+    // From now on it is known: refused at once.
+    assert_unavailable(&patiently(clients.create("G21\nG0 X12. Z1.\nM30\n")).await.unwrap_err());
+    let metrics = server.web().get("/metrics").await;
+    assert!(metrics.text().contains("feedwave_store_writable 0"), "{}", metrics.text());
+
+    end(&server, &faults).await;
+    readiness(&server, 200, "ok").await;
+    health(&clients, ServingStatus::Serving).await;
+    let after = clients.submit(PROGRAM).await.job;
+    let mut kept = vec![before.name, after.name];
+    kept.extend(told.map(|job| job.name));
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    for name in kept {
+        clients.jobs.get_job(GetJobRequest { name }).await.expect("what was acknowledged is kept");
+    }
+}
+
+#[tokio::test]
+async fn a_full_disk() {
+    let begin = async |_: &Server, faults: &Faults| faults.writes_fail(ENOSPC);
+    survives("the disk is full", begin, async |_, faults| faults.writes_fail(0)).await;
+}
+
+#[tokio::test]
+async fn a_disk_that_fails_to_write() {
+    let begin = async |_: &Server, faults: &Faults| faults.writes_fail(EIO);
+    survives("reading or writing the file failed", begin, async |_, faults| faults.writes_fail(0)).await;
+}
+
+#[tokio::test]
+async fn a_disk_that_fails_to_synchronise() {
+    let begin = async |_: &Server, faults: &Faults| faults.syncs_fail(EIO);
+    survives("reading or writing the file failed", begin, async |_, faults| faults.syncs_fail(0)).await;
+}
+
+#[tokio::test]
+async fn a_disk_that_does_not_answer() {
+    let begin = async |_: &Server, faults: &Faults| faults.syncs_hang(true);
+    survives("does not answer in time", begin, async |_, faults| faults.syncs_hang(false)).await;
+}
+
+#[tokio::test]
+async fn a_file_that_is_gone() {
+    let rename = async |server: &Server, from: &str, to: &str| {
+        let folder = server.home().path();
+        std::fs::rename(folder.join(from), folder.join(to)).expect("it is renamed");
+    };
+    let begin = async |server: &Server, _: &Faults| rename(server, "feedwave.db", "elsewhere.db").await;
+    let end = async |server: &Server, _: &Faults| rename(server, "elsewhere.db", "feedwave.db").await;
+    survives("removed or replaced", begin, end).await;
+}
+
+#[tokio::test]
+async fn a_hanging_disk_does_not_keep_the_process_alive() {
+    let faults = Faults::new();
+    let mut home = Home::new(FEEDWAVE, "[limits]\ndrain_s = 1");
+    home.set_environment(faults.environment.clone());
+    let server = home.start().await;
+    server.connect().await.submit(PROGRAM).await;
+    faults.syncs_hang(true);
+    readiness(&server, 503, "").await;
+    server.signal(rustix::process::Signal::TERM);
+    patiently(server.ended()).await;
+}
+
+/// Creates jobs until one is refused: those that were acknowledged, and the refusal.
+async fn fill(clients: &mut Clients) -> (Vec<String>, Status) {
+    let mut kept = Vec::new();
+    loop {
+        // Comments that hardly compress.
+        let mut state = kept.len() as u64 + 1;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            char::from(b'a' + (state >> 59) as u8 % 26)
+        };
+        let comment: String = (0..900_000).map(|index| if index % 60 == 59 { '\n' } else { noise() }).collect();
+        let lines = comment.lines().map(|line| format!("({line})\n")).collect::<String>();
+        match clients.create(format!("G21\n{lines}M30\n")).await {
+            Ok(job) => kept.push(job.name),
+            Err(status) => return (kept, status),
+        }
+        assert!(kept.len() < 1_000, "nothing is full");
+    }
+}
+
+#[tokio::test]
+async fn a_limit_of_file_sizes_does_not_end_the_process() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wrapper = folder.path().join("feedwave");
+    std::fs::write(&wrapper, format!("#!/bin/sh\nulimit -f 16384\nexec {FEEDWAVE} \"$@\"\n")).expect("a script");
+    std::fs::set_permissions(&wrapper, std::fs::Permissions::from_mode(0o755)).expect("it can be run");
+    let server = Home::new(&wrapper, "").start().await;
+    let mut clients = server.connect().await;
+    let (kept, status) = fill(&mut clients).await;
+    assert_unavailable(&status);
+    readiness(&server, 503, "").await;
+    for name in kept {
+        clients.jobs.get_job(GetJobRequest { name }).await.expect("what was acknowledged is kept");
+    }
+}
+
+/// Run by `tests/faults/long.sh`, with temporary files on a file system of 48 MiB.
+#[tokio::test]
+#[ignore = "needs a small file system"]
+async fn a_small_disk_that_fills_up() {
+    let server = Server::start(FEEDWAVE).await;
+    let filler = server.home().path().join("filler");
+    std::fs::write(&filler, vec![1; 16 << 20]).expect("there is room at first");
+    let mut clients = server.connect().await;
+    let (kept, status) = fill(&mut clients).await;
+    assert_unavailable(&status);
+    readiness(&server, 503, "the disk is full").await;
+    std::fs::remove_file(filler).expect("it is removed");
+    readiness(&server, 200, "ok").await;
+    clients.submit(PROGRAM).await;
+    let server = server.kill().await.start().await;
+    let mut clients = server.connect().await;
+    for name in kept {
+        clients.jobs.get_job(GetJobRequest { name }).await.expect("what was acknowledged is kept");
+    }
+}

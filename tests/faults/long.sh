@@ -1,0 +1,20 @@
+#!/bin/sh
+# The long form of the fault bench: every test again and again with other moments, and a full disk that is a real one.
+# Usage: tests/faults/long.sh [ROUNDS]; needs root for the small file system. Its figures go to docs/reliability.md.
+set -eu
+cd "$(dirname "$0")/../.."
+rounds=${1:-20}
+for round in $(seq "$rounds"); do
+    echo "round $round of $rounds"
+    PROPTEST_RNG_SEED=$round cargo test --quiet -p feedwave --test faults
+    PROPTEST_RNG_SEED=$round cargo test --quiet -p feedwave --test end_to_end -- durability uploads validation_queue
+done
+echo "$rounds rounds passed"
+if [ "$(id -u)" = 0 ]; then
+    # Temporary files of the tests on 48 MiB: the disk is full for real.
+    small=$(mktemp -d)
+    mount -t tmpfs -o size=48m tmpfs "$small"
+    trap 'umount "$small"; rmdir "$small"' EXIT
+    TMPDIR=$small cargo test --quiet -p feedwave --test faults -- small_disk --ignored
+    echo "small disk passed"
+fi
