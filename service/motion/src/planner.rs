@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::junction::{Junction, JunctionRules};
 use crate::speed::AxisLimits;
-use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, MOST_PIECE_S};
+use crate::tolerance::{FIRST_PLAN, FIRST_RELEASE_S, LARGEST_RESERVE, RELEASE_S};
 use crate::{Machine, Stretch};
 
 pub use change::ChangedCourse;
@@ -268,7 +268,8 @@ impl<B> Planner<B> {
         let mut wanted = self.chain.len() / 2;
         if self.settings.limits.is_some() && !is_overdue {
             // What is planned for the least time costs more: not more at once than is run in a while.
-            wanted = wanted.min(self.scratch.elements_within(MOST_PIECE_S)).max(1);
+            let most_s = if self.chain.len() < window { FIRST_RELEASE_S } else { RELEASE_S };
+            wanted = wanted.min(self.scratch.elements_within(most_s)).max(1);
         }
         match self.scratch.cut(wanted).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {

@@ -247,14 +247,22 @@ pub(crate) const SPEED_TIGHTENINGS: usize = 6;
 /// Derivatives at the end of an interval are taken this share of it inside: those of the element that it belongs to.
 pub(crate) const SPEED_SIDE: f64 = 1e-7;
 
-/// Largest share of acceleration and jerk that a junction may take, by its plan of runs, without dividing a piece that is planned
+/// Largest share of acceleration and jerk that a junction may take, by its plan of runs, without dividing a row that is planned
 /// for the least time.
 pub(crate) const SMOOTH_RESERVE: f64 = 0.03;
 /// A share this small is within what a plan for the least time leaves unused.
 pub(crate) const NO_RESERVE: f64 = 4e-4;
-/// Longest piece that is planned for the least time at once, s; bounds memory, and the wait for the first setpoints.
-pub(crate) const MOST_PIECE_S: f64 = 1.5;
-/// A piece that takes no more than this times as long as at its commanded speeds gains nothing.
+/// Time that is released at once where the plan is for the least time, by the plan of runs, s.
+pub(crate) const RELEASE_S: f64 = 6.0;
+/// The same for the first time, so that the first setpoints come soon, s.
+pub(crate) const FIRST_RELEASE_S: f64 = 0.3;
+/// Longest run that is planned anew for the least time, s: in a longer one the feed is steady.
+pub(crate) const MOST_RUN_S: f64 = 4.0;
+/// Time of a window that is planned for the least time at once, by the plan of runs, s.
+pub(crate) const WINDOW_S: f64 = 1.5;
+/// Part of a window's time, from and to, in which the next one takes over.
+pub(crate) const HANDOVER: [f64; 2] = [0.55, 0.75];
+/// A window that takes no more than this times as long as at its commanded speeds gains nothing.
 pub(crate) const WORTHWHILE: f64 = 1.0005;
 /// Time on either side of a junction in which differences of setpoints average over it, s: three periods of 4 ms. At a longer
 /// period a step is spread so far that its share is small.
@@ -265,3 +273,10 @@ pub(crate) const BRAKING_SHARES: [f64; 3] = [0.7, 0.4, 0.2];
 pub(crate) const CEILING_MARGIN: f64 = 1.02;
 /// Factor between the length of such a braking to rest and the one that is planned.
 pub(crate) const REST_MARGIN: f64 = 1.05;
+/// Speed below which the path rests, mm/s: what rounding leaves of a speed where a profile ends.
+pub(crate) const AT_REST: f64 = 1e-9;
+/// What a window leaves of the limits of acceleration and jerk at its end, where another one takes over: with other knots beyond,
+/// it has to find a way from a state at those limits.
+pub(crate) const SPEED_GRADE: f64 = 6e-3;
+/// Part of what a window found beyond the next one's start in which that keeps its knots.
+pub(crate) const KEPT_KNOTS: f64 = 0.6;

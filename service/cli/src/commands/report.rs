@@ -9,7 +9,7 @@ mod tool_oscillation;
 
 pub(super) use thread::text as thread_text;
 
-use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, PlanQuality, ProgramSummary, ValidationReport};
 
 use super::CliError;
 use super::findings;
@@ -173,6 +173,11 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         );
         if let Some(times) = &summary.limit_times {
             rows.row("governed by", governed_by(times, summary.duration_s));
+        }
+        match summary.plan_quality() {
+            PlanQuality::LeastTime => rows.row("plan", "close to the least time"),
+            PlanQuality::Fast => rows.row("plan", "fast: plan_quality of the machine asks for it"),
+            PlanQuality::Unspecified => {}
         }
         let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));

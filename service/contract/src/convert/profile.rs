@@ -150,7 +150,7 @@ fn plan_quality_from_proto(violations: &mut Violations, quality: i32) -> PlanQua
     }
 }
 
-const fn plan_quality_to_proto(quality: PlanQuality) -> proto::PlanQuality {
+pub(super) const fn plan_quality_to_proto(quality: PlanQuality) -> proto::PlanQuality {
     match quality {
         PlanQuality::Fast => proto::PlanQuality::Fast,
         PlanQuality::LeastTime => proto::PlanQuality::LeastTime,

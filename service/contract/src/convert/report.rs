@@ -6,6 +6,7 @@ use feedwave_program::{Finding, NamedValue, Occurrence, RelatedPlace, Severity, 
 use super::action::file_name;
 use super::functions;
 use super::offsets::initial_offsets_to_proto;
+use super::profile::plan_quality_to_proto;
 use crate::proto;
 
 /// A report as the contract has it.
@@ -39,6 +40,7 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
         moves: summary.moves,
         cutting_moves: summary.cutting_moves,
         interpolation_period_us: summary.interpolation_period_us,
+        plan_quality: plan_quality_to_proto(summary.plan_quality).into(),
         setpoint_count: summary.setpoint_count,
         duration_s: summary.duration_s,
         cutting_time_s: summary.cutting_time_s,

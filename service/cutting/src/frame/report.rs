@@ -6,6 +6,7 @@ use feedwave_program::{Finding, InitialOffsets};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::pipeline::PipelineConfig;
+use crate::frame::profile::PlanQuality;
 use crate::functions::path_vibration::SectionReport;
 use crate::functions::thinning::ProgramThinning;
 use crate::functions::thread::ThreadSectionReport;
@@ -73,6 +74,8 @@ pub struct ProgramSummary {
     pub cutting_moves: u64,
     /// Interpolation period, µs.
     pub interpolation_period_us: u32,
+    /// How the speed along the path was planned.
+    pub plan_quality: PlanQuality,
     /// Setpoints at that period; 0 when the program has errors.
     pub setpoint_count: u64,
     /// Machining time, s.

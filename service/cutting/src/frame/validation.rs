@@ -197,6 +197,7 @@ impl Validation {
             moves: analysis.moves,
             cutting_moves: analysis.cutting_moves,
             interpolation_period_us: pipeline.config().interpolation_period_us,
+            plan_quality: config.profile.plan_quality,
             setpoint_count: if refused { 0 } else { setpoint_count },
             duration_s: if_accepted(pipeline.interpolator.elapsed_s()),
             cutting_time_s: if_accepted(shares.cutting_s),

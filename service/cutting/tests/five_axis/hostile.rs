@@ -1,5 +1,6 @@
 //! Whatever five-axis words a program puts together, it ends with a report; and what is accepted streams like it was judged.
 
+use feedwave_cutting::PlanQuality;
 use proptest::prelude::*;
 
 use super::common::{run, validate};
@@ -72,7 +73,9 @@ proptest! {
 
     #[test]
     fn every_program_ends_with_a_report(program in a_program()) {
-        let config = config();
+        let mut config = config();
+        // Four plans of each for the least time would take minutes.
+        config.profile.plan_quality = PlanQuality::Fast;
         let report = validate(&program, &config);
         prop_assert!(report.findings.iter().all(|finding| !finding.message.is_empty() && finding.span.line > 0));
         let times = report.thinning.as_ref().map_or([0.0; 2], |it| [it.time_before_s, it.time_after_s]);

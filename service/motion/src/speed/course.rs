@@ -205,6 +205,48 @@ impl Course {
         Self { ends_plan, ..Self::new(segments, to - from, time_s, end_speed, self.reserves) }
     }
 
+    /// Courses one behind the other.
+    pub(crate) fn joined(parts: &[Self]) -> Self {
+        let mut segments = Vec::with_capacity(parts.iter().map(|part| part.segments.len()).sum());
+        let (mut length, mut duration_s) = (0.0, 0.0);
+        let mut reserves = [0.0_f64; 3];
+        for (index, part) in parts.iter().enumerate() {
+            let moved = |segment: &Segment| Segment {
+                start_s: duration_s + segment.start_s,
+                s: length + segment.s,
+                ..*segment
+            };
+            segments.extend(part.segments.iter().map(moved));
+            length += part.length;
+            duration_s += part.duration_s;
+            let [start, end, inside] = part.reserves;
+            reserves[2] = reserves[2].max(inside);
+            if index == 0 {
+                reserves[0] = start;
+            } else {
+                // Where parts meet is inside now.
+                reserves[2] = reserves[2].max(start).max(reserves[1]);
+            }
+            reserves[1] = end;
+        }
+        let end_speed = parts.last().map_or(0.0, |last| last.end_speed);
+        Self { ends_plan: true, ..Self::new(segments, length, duration_s, end_speed, reserves) }
+    }
+
+    /// Of the places where segments start, within these shares of the time, the one with the least acceleration.
+    pub(crate) fn calmest_place(&self, [from, to]: [f64; 2]) -> f64 {
+        let times = from * self.duration_s..to * self.duration_s;
+        let within = self.segments.iter().filter(|segment| times.contains(&segment.start_s));
+        let calmest = within.min_by(|a, b| a.acceleration.abs().total_cmp(&b.acceleration.abs()));
+        calmest.map_or(0.5 * self.length, |segment| segment.s)
+    }
+
+    /// Places and speeds at the starts of its segments but the first, in this first share of its time.
+    pub(crate) fn knots(&self, share: f64) -> Vec<(f64, f64)> {
+        let within = self.segments.iter().skip(1).take_while(|segment| segment.start_s <= share * self.duration_s);
+        within.map(|segment| (segment.s, segment.speed)).collect()
+    }
+
     /// Path position, speed, acceleration and jerk at local time `t_s`; the ends beyond them.
     #[must_use]
     pub fn state(&self, t_s: f64) -> (f64, f64, f64, f64) {
@@ -215,7 +257,8 @@ impl Course {
         let (x, speed) = segment.after(t);
         let acceleration = segment.acceleration + segment.jerk * t + segment.rate * x;
         let s = if t_s >= self.duration_s { self.length } else { (segment.s + x).clamp(0.0, self.length) };
-        (s, speed.max(0.0), acceleration, segment.jerk + segment.rate * speed)
+        let speed = if t_s >= self.duration_s { self.end_speed } else { speed.max(0.0) };
+        (s, speed, acceleration, segment.jerk + segment.rate * speed)
     }
 
     /// Path positions and speeds at the local times `(first + k) · period_s − offset_s`. Each value depends on its own time

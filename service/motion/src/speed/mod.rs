@@ -22,8 +22,8 @@ pub use course::{Course, Governor};
 pub(crate) use path::{AxisLimits, Path, Span};
 
 use crate::tolerance::{
-    RESERVED_S, SPEED_CHECKED_SHARE, SPEED_INTERVALS, SPEED_LIMIT_SHARE, SPEED_RAMP_INTERVALS, SPEED_RAMP_SHARE,
-    SPEED_SIDE, SPEED_STEPS, SPEED_TIGHTENINGS,
+    RESERVED_S, SPEED_CHECKED_SHARE, SPEED_GRADE, SPEED_INTERVALS, SPEED_LIMIT_SHARE, SPEED_RAMP_INTERVALS,
+    SPEED_RAMP_SHARE, SPEED_SIDE, SPEED_STEPS, SPEED_TIGHTENINGS,
 };
 use problem::{Knots, Problem};
 use solver::{GAPS, Solver};
@@ -46,6 +46,16 @@ impl End {
         let gained = 0.5 * acceleration.abs() * RESERVED_S + largest_jerk * RESERVED_S * RESERVED_S;
         Self { speed, acceleration, reserve, reserved_mm: RESERVED_S * (speed + gained) }
     }
+}
+
+/// One of several windows along a path.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Window<'a> {
+    /// Knots that the window before has at the start of this one, behind its start, and speeds there: what it found can go on.
+    pub(crate) knots: &'a [(f64, f64)],
+    /// Whether another window takes over from it; it then leaves a little more of the limits towards its end, so that there is
+    /// room for what the next one finds.
+    pub(crate) goes_on: bool,
 }
 
 /// What is known of a window before: a plan of it, by time.
@@ -128,6 +138,17 @@ impl SpeedPlanner {
     /// The course along a path from one end to the other, from a plan that there is; `None` where none was found that keeps
     /// every limit.
     pub(crate) fn plan(&mut self, path: &Path<'_>, ends: [End; 2], guess: &dyn Guess) -> Option<Course> {
+        self.plan_window(path, ends, guess, Window::default())
+    }
+
+    /// [`SpeedPlanner::plan`] of one of several windows.
+    pub(crate) fn plan_window(
+        &mut self,
+        path: &Path<'_>,
+        ends: [End; 2],
+        guess: &dyn Guess,
+        window: Window<'_>,
+    ) -> Option<Course> {
         let has_length = path.length > 0.0;
         if path.axes.is_empty() || !has_length {
             return None;
@@ -163,11 +184,11 @@ impl SpeedPlanner {
         }
         let settled_s: [f64; 2] =
             core::array::from_fn(|k| ramps[k].time_s + (2.0 * ends[k].speed / limits[k].1).sqrt());
-        let coarse = self.solve(path, ends, ramps, settled_s, 2.0 * interval_s, guess, 0.7, GAPS[0]);
-        let fine =
-            coarse.and_then(|coarse| self.solve(path, ends, ramps, settled_s, interval_s, &coarse, 0.97, GAPS[1]));
+        let coarse = self.solve(path, ends, ramps, settled_s, 2.0 * interval_s, guess, window, 0.7, GAPS[0]);
+        let fine = coarse
+            .and_then(|coarse| self.solve(path, ends, ramps, settled_s, interval_s, &coarse, window, 0.7, GAPS[1]));
         // From somewhere else the steps may lead where they did not.
-        fine.or_else(|| self.solve(path, ends, ramps, settled_s, interval_s, guess, 0.4, GAPS[1]))
+        fine.or_else(|| self.solve(path, ends, ramps, settled_s, interval_s, guess, window, 0.4, GAPS[1]))
     }
 
     /// The course on knots at equal times of a guess, which is scaled to start with.
@@ -180,10 +201,11 @@ impl SpeedPlanner {
         settled_s: [f64; 2],
         interval_s: f64,
         guess: &dyn Guess,
+        window: Window<'_>,
         scale: f64,
         gap: f64,
     ) -> Option<Course> {
-        let (knots, squares) = place_knots(path, ramps, settled_s, interval_s, guess)?;
+        let (knots, squares) = place_knots(path, ramps, settled_s, interval_s, guess, window.knots)?;
         let intervals = knots.intervals();
         self.middles.clear();
         self.middles.resize(intervals, 0.5);
@@ -204,6 +226,11 @@ impl SpeedPlanner {
             }
         }
         self.shares.clone_from(&self.left);
+        if window.goes_on {
+            for (index, share) in self.shares.iter_mut().enumerate() {
+                *share *= 1.0 - SPEED_GRADE * index as f64 / intervals as f64;
+            }
+        }
         self.c.clear();
         self.c.push(0.0);
         self.c.extend(squares.windows(2).map(|pair| (scale * 0.5 * (pair[0] + pair[1])).max(f64::MIN_POSITIVE)));
@@ -348,6 +375,7 @@ fn place_knots(
     settled_s: [f64; 2],
     interval_s: f64,
     guess: &dyn Guess,
+    given: &[(f64, f64)],
 ) -> Option<(Knots, Vec<f64>)> {
     let duration_s = guess.duration_s();
     let step_at = |t: f64| {
@@ -367,6 +395,11 @@ fn place_knots(
     let mut t = ramps[0].time_s;
     let start_speed = guess.at(t).1;
     squares[0] = start_speed * start_speed;
+    if let Some(&(given_to, _)) = given.last() {
+        places.extend(given.iter().map(|&(place, _)| place));
+        squares.extend(given.iter().map(|&(_, speed)| speed * speed));
+        t = time_at(guess, given_to);
+    }
     let least_s = interval_s * LEAST_INTERVAL;
     loop {
         t += step_at(t).max(least_s);
@@ -388,6 +421,22 @@ fn place_knots(
     (LEAST_INTERVALS..=MOST_INTERVALS).contains(&(places.len() - 1)).then_some((Knots(places), squares))
 }
 
+/// When a guess passes a place, s.
+fn time_at(guess: &dyn Guess, place: f64) -> f64 {
+    let (mut low, mut high) = (0.0, guess.duration_s());
+    for _ in 0..PLACE_STEPS {
+        let middle = 0.5 * (low + high);
+        if guess.at(middle).0 < place {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Halvings of a time: to a nanosecond of seconds.
+const PLACE_STEPS: u32 = 32;
 /// Shortest interval, as a share of an ordinary one.
 const LEAST_INTERVAL: f64 = 1.0 / 64.0;
 /// Fewest intervals: with fewer nothing is free to be chosen.

@@ -17,8 +17,10 @@ struct Side {
     a: Row,
     g: f64,
     slack: f64,
+    /// 1/slack.
+    per_slack: f64,
     price: f64,
-    /// Change of g along the present direction; then of the price.
+    /// Change of the slack along the present direction, and what the predictor's products miss, then the change of the price.
     change: f64,
     correction: f64,
 }
@@ -40,7 +42,7 @@ const STEP_SHARE: f64 = 0.98;
 /// Below this step the next one leads back to the middle.
 const SHORT_STEP: f64 = 0.2;
 /// Largest ratio of a product of slack and price to their mean, and of that to it.
-const OFF_CENTER: f64 = 30.0;
+const OFF_CENTER: f64 = 1e3;
 /// 1/(largest relative decrease of a coefficient in a step).
 const DECREASE: f64 = 1.4;
 /// Largest residual of the rows, as a share of their scale, that counts as none.
@@ -61,16 +63,15 @@ impl Solver {
         let last_target = gap * time_s * per_row;
         let mut last_step = 1.0;
         for step in 0..steps {
-            let residual = self.evaluate(problem, c, rows, (step == 0).then_some(time_s * per_row));
-            let complementarity = self.sides.iter().map(|side| side.slack * side.price).sum::<f64>() * per_row;
+            let (residual, products) = self.evaluate(problem, c, rows, (step == 0).then_some(time_s * per_row));
+            let complementarity = products * per_row;
             if step > 0 && complementarity < last_target && residual < NO_RESIDUAL {
                 return true;
             }
             if !complementarity.is_finite() {
                 return false;
             }
-            self.center(complementarity);
-            self.assemble(problem, c, rows);
+            self.assemble(problem, c, rows, complementarity);
             // Predictor: straight at the optimum.
             self.direction.clear();
             self.direction.extend_from_slice(&self.gradient);
@@ -86,7 +87,7 @@ impl Solver {
             for (index, sides) in self.sides.chunks_exact(rows).enumerate() {
                 let direction = &mut self.direction[index..index + 3];
                 for side in sides {
-                    let pull = (target - side.correction) / side.slack;
+                    let pull = (target - side.correction) * side.per_slack;
                     for (direction, a) in direction.iter_mut().zip(side.a) {
                         *direction -= a * pull;
                     }
@@ -98,42 +99,45 @@ impl Solver {
             self.matrix.solve(&mut self.direction);
             last_step = self.advance(c, rows, target);
         }
-        let residual = self.evaluate(problem, c, rows, None);
+        let (residual, _) = self.evaluate(problem, c, rows, None);
         residual < SMALL_RESIDUAL
     }
 
     /// The rows at the present coefficients; slacks follow where the tangent leaves more, and are made when a complementarity
-    /// is given. The largest residual, as a share of the row's scale.
-    fn evaluate(&mut self, problem: &Problem, c: &[f64], rows: usize, start: Option<f64>) -> f64 {
+    /// is given. The largest residual, as a share of the row's scale, and the sum of the products of slack and price.
+    fn evaluate(&mut self, problem: &Problem, c: &[f64], rows: usize, start: Option<f64>) -> (f64, f64) {
         let axes = problem.axes;
-        let mut largest = 0.0_f64;
+        let (mut largest, mut products) = (0.0_f64, 0.0);
         for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
             let c = &c[index..index + 3];
             let dot = |row: &Row| row[0] * c[0] + row[1] * c[1] + row[2] * c[2];
             let mut sides = sides.iter_mut();
-            let mut put = |a: Row, g: f64, scale: f64| {
+            let mut put = |a: Row, g: f64, per_scale: f64| {
                 let Some(side) = sides.next() else { return };
                 side.a = a;
                 side.g = g;
-                match start {
-                    Some(complementarity) => {
-                        side.slack = (-g).max(SPEED_START_SLACK * scale);
-                        side.price = complementarity / side.slack;
-                    }
-                    None => side.slack = side.slack.max(-g),
+                side.slack = match start {
+                    Some(_) => (-g).max(SPEED_START_SLACK / per_scale),
+                    None => side.slack.max(-g),
+                };
+                side.per_slack = 1.0 / side.slack;
+                if let Some(complementarity) = start {
+                    side.price = complementarity * side.per_slack;
                 }
-                largest = largest.max((g + side.slack) / scale);
+                products += side.slack * side.price;
+                largest = largest.max((g + side.slack) * per_scale);
             };
             for place in 0..PLACES {
                 let at = index * PLACES + place;
                 let square = &problem.squares[at];
                 let b = dot(square);
-                let inverse = 1.0 / b.sqrt();
+                let speed = b.sqrt();
+                let inverse = 1.0 / speed;
                 let fall = 0.5 * inverse / b;
                 for row in &problem.jerks[at * axes..][..axes] {
                     let value = dot(row);
-                    put(core::array::from_fn(|k| row[k] + fall * square[k]), value - inverse, inverse);
-                    put(core::array::from_fn(|k| fall * square[k] - row[k]), -value - inverse, inverse);
+                    put(core::array::from_fn(|k| row[k] + fall * square[k]), value - inverse, speed);
+                    put(core::array::from_fn(|k| fall * square[k] - row[k]), -value - inverse, speed);
                 }
             }
             for row in &problem.accelerations[index * axes..][..axes] {
@@ -151,11 +155,15 @@ impl Solver {
                 put([1.0 / cap, 0.0, 0.0], c[0] / cap - 1.0, 1.0);
             }
         }
-        largest
+        (largest, products)
     }
 
     /// Matrix of Newton's method, factored, and the right side without products.
-    fn assemble(&mut self, problem: &Problem, c: &[f64], rows: usize) {
+    ///
+    /// Products of slack and price are kept near their mean before: far from it steps become short. Prices are free, as nothing but
+    /// the products is asked of them.
+    fn assemble(&mut self, problem: &Problem, c: &[f64], rows: usize, complementarity: f64) {
+        let prices = [complementarity / OFF_CENTER, complementarity * OFF_CENTER];
         self.matrix.clear(c.len());
         self.gradient.clear();
         for (index, (&c, weight)) in c.iter().zip(&problem.weights).enumerate() {
@@ -163,10 +171,11 @@ impl Solver {
             self.gradient.push(force);
             self.matrix.add_diagonal(index, 1.5 * force / c);
         }
-        for (index, sides) in self.sides.chunks_exact(rows).enumerate() {
+        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
             let mut force = [0.0; 3];
             for side in sides {
-                let weight = side.price / side.slack;
+                side.price = side.price.max(prices[0] * side.per_slack).min(prices[1] * side.per_slack);
+                let weight = side.price * side.per_slack;
                 self.matrix.add_square(index, &side.a, weight);
                 let pull = weight * (side.g + side.slack);
                 for (force, a) in force.iter_mut().zip(side.a) {
@@ -184,48 +193,47 @@ impl Solver {
         self.matrix.factor();
     }
 
-    /// Changes of the rows along the direction.
-    fn look_along(&mut self, rows: usize) {
+    /// How far the predictor gets, as the next target; and what its products miss.
+    fn predict(&mut self, rows: usize, complementarity: f64, per_row: f64) -> f64 {
+        let (mut most, mut most_price) = (1.0_f64, 1.0_f64);
+        // Sums of the products with none, one and both of the changes.
+        let mut sums = [0.0; 4];
         for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
             let x = &self.direction[index..index + 3];
             for side in sides {
-                side.change = side.a[0] * x[0] + side.a[1] * x[1] + side.a[2] * x[2];
+                let change = side.a[0] * x[0] + side.a[1] * x[1] + side.a[2] * x[2];
+                let grows = -(side.g + side.slack) - change;
+                let shrinks = -grows * side.per_slack;
+                most = most.max(shrinks);
+                most_price = most_price.max(1.0 - shrinks);
+                let price = side.price * (shrinks - 1.0);
+                side.correction = grows * price;
+                sums[0] += side.slack * side.price;
+                sums[1] += grows * side.price;
+                sums[2] += side.slack * price;
+                sums[3] += side.correction;
             }
         }
-    }
-
-    /// How far the predictor gets, as the next target; and what its products miss.
-    fn predict(&mut self, rows: usize, complementarity: f64, per_row: f64) -> f64 {
-        self.look_along(rows);
-        let (mut most, mut most_price) = (1.0_f64, 1.0_f64);
-        for side in &mut self.sides {
-            let grows = -(side.g + side.slack) - side.change;
-            let shrinks = -grows / side.slack;
-            most = most.max(shrinks);
-            most_price = most_price.max(1.0 - shrinks);
-            side.correction = grows * side.price * (shrinks - 1.0);
-        }
         let (step, price_step) = (1.0 / most, 1.0 / most_price);
-        let mut reached = 0.0;
-        for side in &self.sides {
-            let grows = -(side.g + side.slack) - side.change;
-            let price = side.price * (-1.0 - grows / side.slack);
-            reached += (side.slack + step * grows) * (side.price + price_step * price);
-        }
+        let reached = sums[0] + step * sums[1] + price_step * (sums[2] + step * sums[3]);
         let ratio = reached * per_row / complementarity;
         (ratio * ratio * ratio).max(LEAST_CENTERING) * complementarity
     }
 
     /// Goes along the direction as far as slacks, prices and coefficients stay positive; the step.
     fn advance(&mut self, c: &mut [f64], rows: usize, target: f64) -> f64 {
-        self.look_along(rows);
         let (mut most, mut most_price) = (1.0_f64, 1.0_f64);
-        for side in &mut self.sides {
-            let grows = -(side.g + side.slack) - side.change;
-            most = most.max(-grows / side.slack);
-            let price = (target - side.correction) / side.slack - side.price - side.price * grows / side.slack;
-            side.correction = price;
-            most_price = most_price.max(-price / side.price);
+        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
+            let x = &self.direction[index..index + 3];
+            for side in sides {
+                let change = side.a[0] * x[0] + side.a[1] * x[1] + side.a[2] * x[2];
+                let grows = -(side.g + side.slack) - change;
+                let shrinks = -grows * side.per_slack;
+                most = most.max(shrinks);
+                let price = (target - side.correction) * side.per_slack - side.price * (1.0 - shrinks);
+                most_price = most_price.max(-price / side.price);
+                (side.change, side.correction) = (grows, price);
+            }
         }
         for (c, x) in c.iter().zip(&self.direction) {
             most = most.max(-DECREASE * x / c);
@@ -236,20 +244,10 @@ impl Solver {
             *c += step * x;
         }
         for side in &mut self.sides {
-            let grows = -(side.g + side.slack) - side.change;
-            side.slack += step * grows;
+            side.slack += step * side.change;
             side.price += price_step * side.correction;
         }
         step.min(price_step)
-    }
-
-    /// Keeps products of slack and price near their mean: far from it steps become short. Prices are free, as nothing but the
-    /// products is asked of them.
-    fn center(&mut self, complementarity: f64) {
-        for side in &mut self.sides {
-            let price = complementarity / side.slack;
-            side.price = side.price.max(price / OFF_CENTER).min(price * OFF_CENTER);
-        }
     }
 }
 

@@ -1,6 +1,8 @@
 //! Plans for the least time: within every limit, never slower than plans of runs, and the same whatever the window.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod optimum;
 
 use common::{PERIOD_S, machine, programs, request, smoothed, within};
 use feedwave_motion::{
@@ -96,6 +98,65 @@ fn every_program_is_never_slower_and_keeps_every_limit() {
         let control = within(0.05);
         let [runs, least] = times(&program, control, &machine, PERIOD_S);
         println!("| {} | {runs:.3} s | {least:.3} s |", program.name);
+    }
+}
+
+#[test]
+fn the_time_is_close_to_the_optimum_on_the_same_path() {
+    let machine = machine();
+    let mut ratios = Vec::new();
+    for program in programs() {
+        for tolerance_mm in [0.01, 0.05] {
+            let settings = PlannerSettings::new(&machine, 5_000, PERIOD_S).for_least_time(&machine);
+            let motions = plan(&program, within(tolerance_mm), &machine, (settings, CornerSpeed::Changing));
+            let [planned, optimum] = optimum::times(&motions, &machine);
+            assert!((planned / seconds(&motions) - 1.0).abs() < 1e-9, "{planned} of {} s", seconds(&motions));
+            let ratio = planned / optimum;
+            println!("| {} | {tolerance_mm} mm | {planned:.3} s | {optimum:.3} s | {ratio:.3} |", program.name);
+            assert!((0.99..=1.10).contains(&ratio), "{} within {tolerance_mm} mm: {ratio}", program.name);
+            ratios.push(ratio);
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    let median = ratios[ratios.len() / 2];
+    assert!(median <= 1.05, "{median}");
+}
+
+#[test]
+fn a_tolerance_never_costs_time() {
+    let machine = machine();
+    for program in programs() {
+        let [_, stop] = times(&program, PathControl::ExactStop, &machine, PERIOD_S);
+        // From the smallest tolerance to the largest; the curve within another one is another curve, and need not be better.
+        let mut before = stop;
+        for tolerance_mm in [0.005, 0.02, 0.1] {
+            let [_, least] = times(&program, within(tolerance_mm), &machine, PERIOD_S);
+            assert!(least <= before * 1.03, "{} within {tolerance_mm} mm: {least} after {before} s", program.name);
+            assert!(least <= stop * 1.001, "{} within {tolerance_mm} mm: {least} of {stop} s", program.name);
+            before = least;
+        }
+    }
+}
+
+#[test]
+fn within_a_tolerance_the_time_does_not_depend_on_the_period() {
+    let machine = machine();
+    for program in programs() {
+        let [_, usual] = times(&program, within(0.05), &machine, PERIOD_S);
+        for period_s in [250e-6, 4e-3] {
+            let [_, least] = times(&program, within(0.05), &machine, period_s);
+            assert!((least / usual - 1.0).abs() < 0.01, "{} at {period_s} s: {least} of {usual} s", program.name);
+        }
+    }
+}
+
+#[test]
+fn a_circle_of_chords_runs_like_the_arc() {
+    let machine = machine();
+    for tolerance_mm in [0.02, 0.05, 0.1] {
+        let [_, chords] = times(&common::chord_circle(), within(tolerance_mm), &machine, PERIOD_S);
+        let [_, arc] = times(&common::one_circle(), within(tolerance_mm), &machine, PERIOD_S);
+        assert!(chords <= 1.05 * arc, "{chords} of {arc} s within {tolerance_mm} mm");
     }
 }
 
