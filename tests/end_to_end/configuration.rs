@@ -76,6 +76,7 @@ fn the_example_states_every_key_with_its_default() {
     let tls =
         TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()), ..TlsConfig::default() };
     let mut full = expected;
+    full.auth.clients = Some("clients".into());
     full.grpc.tls = Some(tls.clone());
     full.tls = Some(tls);
     full.healthcheck = HealthcheckConfig {

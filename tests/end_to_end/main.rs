@@ -3,6 +3,7 @@
 /// The binary that cargo built along.
 const FEEDWAVE: &str = env!("CARGO_BIN_EXE_feedwave");
 
+mod access;
 mod configuration;
 mod connections;
 mod dashboards;

@@ -30,6 +30,7 @@ mod stream;
 mod submit;
 mod terminal;
 mod thread_plan;
+mod token;
 mod tool_oscillation;
 mod tools;
 mod validate;
@@ -114,6 +115,11 @@ pub enum Command {
     Program(resources::programs::Args),
     /// Show, cancel and delete jobs of a running service
     Job(resources::jobs::Args),
+    /// Make a token for a client of the service
+    ///
+    /// Writes a new random token to standard output, once: the service keeps its hash alone, in the file of known clients
+    /// (auth.clients), to which --clients adds it. The service takes a changed file over within 10 s, or on SIGHUP.
+    Token(token::Args),
     /// See all of it work: a server, a turning program, the trap and its cure, pictures
     ///
     /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
@@ -145,6 +151,7 @@ impl Command {
             Self::Tool(args) => resources::tools::run(args).await,
             Self::Program(args) => resources::programs::run(args).await,
             Self::Job(args) => resources::jobs::run(args).await,
+            Self::Token(args) => token::run(&args),
             Self::Demo(args) => demo::run(args).await,
         };
         match result {

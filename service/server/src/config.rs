@@ -5,6 +5,7 @@
 //! cluster sets for a service of this name do no harm. An unknown key, a wrong type and a value out of range are
 //! refused with the place, the key and the reason.
 
+mod auth;
 mod connections;
 mod tls;
 
@@ -13,6 +14,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+pub use auth::AuthConfig;
 pub use connections::ConnectionLimits;
 use feedwave_contract::MAX_MESSAGE_BYTES;
 pub use feedwave_store::{InvalidStoreUri, StoreUri};
@@ -45,6 +47,8 @@ pub struct Config {
     pub store: StoreConfig,
     /// The former place of [`StoreConfig`].
     pub database: DatabaseConfig,
+    /// Who clients are.
+    pub auth: AuthConfig,
     /// Sizes and counts.
     pub limits: Limits,
     /// Bounds on connections and clients.
@@ -442,10 +446,12 @@ impl Config {
             }
         }
         let (own, tls, probe) = (self.grpc.tls.as_ref(), self.tls.as_ref(), &self.healthcheck);
+        problems.extend(self.insecure_ports());
         if own.is_some() && tls.is_some() {
             problems.push(("grpc.tls", "the section tls encrypts both ports already: keep one of them".to_owned()));
         }
         let files = [
+            ("auth.clients", self.auth.clients.as_ref()),
             ("tls.cert", tls.map(|tls| &tls.cert)),
             ("tls.key", tls.map(|tls| &tls.key)),
             ("tls.client_ca", tls.and_then(|tls| tls.client_ca.as_ref())),

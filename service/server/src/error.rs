@@ -107,6 +107,22 @@ pub enum Error {
         /// How long was waited, s.
         seconds: u64,
     },
+    /// It is not known who asks.
+    #[error("it is not known who asks: {why}")]
+    Unauthenticated {
+        /// What is missing or wrong, without what was shown.
+        why: &'static str,
+    },
+    /// Whoever asks may not do it.
+    #[error("{client} may not do this: it needs {needs}")]
+    PermissionDenied {
+        /// Who asks.
+        client: String,
+        /// The role that is needed.
+        role: &'static str,
+        /// The same in words.
+        needs: String,
+    },
     /// The service is ending.
     #[error("the server is shutting down")]
     Draining,
@@ -172,6 +188,8 @@ impl Error {
             | Self::ClientOverloaded { .. }
             | Self::Unread { .. }
             | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
+            Self::Unauthenticated { .. } => Code::Unauthenticated,
+            Self::PermissionDenied { .. } => Code::PermissionDenied,
             Self::Draining | Self::StoreUnavailable(_) => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
@@ -194,6 +212,8 @@ impl Error {
             Self::ClientOverloaded { .. } => "CLIENT_LIMIT",
             Self::RequestStalled { .. } => "REQUEST_STALLED",
             Self::Unread { .. } => "STREAM_UNREAD",
+            Self::Unauthenticated { .. } => "UNAUTHENTICATED",
+            Self::PermissionDenied { .. } => "ROLE_NEEDED",
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::MessageTooLarge { .. } => "MESSAGE_TOO_LARGE",
@@ -228,6 +248,8 @@ impl Error {
             // It is the service that has too many, not this client.
             _ if matches!(self, Self::Overloaded { .. }) => http::StatusCode::SERVICE_UNAVAILABLE,
             Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange => http::StatusCode::BAD_REQUEST,
+            Code::Unauthenticated => http::StatusCode::UNAUTHORIZED,
+            Code::PermissionDenied => http::StatusCode::FORBIDDEN,
             Code::NotFound => http::StatusCode::NOT_FOUND,
             Code::AlreadyExists | Code::Aborted => http::StatusCode::CONFLICT,
             Code::ResourceExhausted => http::StatusCode::TOO_MANY_REQUESTS,

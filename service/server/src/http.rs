@@ -6,11 +6,13 @@ mod bounds;
 mod conditional;
 mod query;
 
+use std::sync::Arc;
+
 use axum::Router;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
@@ -26,9 +28,10 @@ use prost_types::Timestamp;
 use query::Query;
 use tower_http::catch_panic::CatchPanicLayer;
 
+use crate::access::{Access, of_route};
 use crate::api;
 use crate::api::Api;
-use crate::connections::in_json;
+use crate::connections::{Connection, in_json};
 use crate::error::{Error, Result, Violations};
 use crate::observability::{REVISION, VERSION};
 use crate::readiness::Readiness;
@@ -40,6 +43,8 @@ pub struct HttpState {
     pub api: Api,
     /// Whether the service can do its work.
     pub readiness: Readiness,
+    /// Who may do what.
+    pub access: Access,
     /// When the service was started.
     pub start_time: Timestamp,
 }
@@ -48,13 +53,27 @@ pub struct HttpState {
 pub fn router(state: HttpState) -> Router {
     let bounds = from_fn_with_state(Bounds::new(&state), bounded);
     let panics = CatchPanicLayer::custom(Panicked(state.api.metrics.clone()));
-    let routes = ROUTES.iter().fold(Router::new(), |router, entry| router.route(entry.path, handler(entry.route)));
+    let routes = ROUTES.iter().fold(Router::new(), |router, entry| {
+        router.route(
+            entry.path,
+            handler(entry.route).layer(from_fn_with_state((state.access.clone(), entry.route), guarded)),
+        )
+    });
     routes
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
         .layer(panics)
         .layer(bounds)
         .with_state(state)
+}
+
+/// Answers who has the role that a route needs.
+async fn guarded(State((access, route)): State<(Access, Route)>, mut request: Request, next: Next) -> Response {
+    let connection = request.extensions().get::<Arc<Connection>>().cloned();
+    match access.authorize(of_route(route), request.headers_mut(), connection.as_ref()) {
+        Ok(_) => next.run(request).await,
+        Err(error) => HttpError(error).into_response(),
+    }
 }
 
 fn handler(route: Route) -> MethodRouter<HttpState> {

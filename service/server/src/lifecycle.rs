@@ -21,6 +21,7 @@ use tower_http::trace::{DefaultOnFailure, DefaultOnResponse, TraceLayer};
 use tracing::Level;
 use uuid::Uuid;
 
+use crate::access::Access;
 use crate::api::Api;
 use crate::config::{Config, ConnectionLimits};
 use crate::connections::{App, Clients, Connection, Port, Tls, TlsError, app};
@@ -60,7 +61,7 @@ pub enum StartError {
         /// Why.
         source: std::io::Error,
     },
-    /// A certificate or key cannot be used.
+    /// A certificate, a key or the file of known clients cannot be used.
     #[error("{key}: {reason}")]
     Tls {
         /// The configuration key.
@@ -120,8 +121,13 @@ impl Server {
         let certificates = Certificates::load(&config, metrics.clone())?;
         let clients = Clients::new(bounded_by_descriptors(&config), metrics.connections.clone());
         let http_stop = CancellationToken::new();
-        let http_state =
-            HttpState { api: api.clone(), readiness, start_time: timestamp(Timestamp::now().as_microsecond()) };
+        let access = certificates.access.clone();
+        let http_state = HttpState {
+            api: api.clone(),
+            readiness,
+            access: access.clone(),
+            start_time: timestamp(Timestamp::now().as_microsecond()),
+        };
         let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
             name,
             listener,
@@ -132,7 +138,7 @@ impl Server {
             // A client that still reads when its connection is closed has the time that open calls have.
             linger: config.limits.drain(),
         };
-        let grpc = grpc_app(&api, &metrics, &health, &draining)?;
+        let grpc = grpc_app(&api, access, &health, &draining)?;
         let grpc = port("grpc", grpc_listener, grpc, certificates.grpc.as_ref()).serve(draining.clone());
         let http = app(router(http_state));
         let http = port("http", http_listener, http, certificates.http.as_ref()).serve(http_stop.clone());
@@ -158,11 +164,11 @@ impl Server {
 /// The gRPC services with what is around each call.
 fn grpc_app(
     api: &Api,
-    metrics: &Arc<Metrics>,
+    access: Access,
     health: &HealthReporter,
     draining: &CancellationToken,
 ) -> Result<App, StartError> {
-    let rpc = RpcLayer::new(metrics.clone(), &api.limits, draining.clone());
+    let rpc = RpcLayer::new(api.metrics.clone(), &api.limits, access, draining.clone());
     let routes = services::routes(api, api.limits.message_bytes, health)
         .map_err(|error| StartError::Setup(error.to_string()))?;
     let trace = TraceLayer::new(SharedClassifier::new(classifier()))
@@ -196,11 +202,12 @@ fn bounded_by_descriptors(config: &Config) -> ConnectionLimits {
     limits
 }
 
-/// Certificates of the ports, taken over anew when their files change.
+/// Certificates of the ports and the clients that are known, taken over anew when their files change.
 #[derive(Clone, Debug)]
 struct Certificates {
     grpc: Option<Arc<Tls>>,
     http: Option<Arc<Tls>>,
+    access: Access,
     metrics: Arc<Metrics>,
 }
 
@@ -211,11 +218,18 @@ impl Certificates {
         let http = config.http_tls().map(load).transpose()?;
         // One section is one set of files.
         let grpc = if config.grpc.tls.is_some() { config.grpc_tls().map(load).transpose()? } else { http.clone() };
-        Ok(Self { grpc, http, metrics })
+        let access = Access::load(config.auth.clients.clone());
+        let access = access.map_err(|reason| StartError::Tls { key: "auth.clients".to_owned(), reason })?;
+        Ok(Self { grpc, http, access, metrics })
     }
 
     /// Takes over what has changed.
     fn reload(&self) {
+        match self.access.reload() {
+            Ok(false) => {}
+            Ok(true) => tracing::info!("the changed file of known clients is used from now on"),
+            Err(error) => tracing::error!(%error, "the changed file of known clients cannot be used, the former stays"),
+        }
         let apart = self.http.iter().filter(|http| !self.grpc.as_ref().is_some_and(|grpc| Arc::ptr_eq(grpc, http)));
         for tls in self.grpc.iter().chain(apart) {
             let outcome = match tls.reload() {
@@ -235,9 +249,6 @@ impl Certificates {
 
     /// Takes over what has changed, again and again.
     async fn watch(self, stop: CancellationToken) {
-        if self.grpc.is_none() && self.http.is_none() {
-            return;
-        }
         while stop.run_until_cancelled(tokio::time::sleep(RELOAD_INTERVAL)).await.is_some() {
             let certificates = self.clone();
             // Files are read on a thread that may wait.
@@ -265,7 +276,7 @@ impl RunningServer {
         &self.metrics
     }
 
-    /// Takes over certificates whose files have changed, as the service does by itself every few seconds.
+    /// Takes over certificates and known clients whose files have changed, as the service does by itself every few seconds.
     pub fn reload(&self) {
         self.certificates.reload();
     }

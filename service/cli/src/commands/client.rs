@@ -1,5 +1,6 @@
 //! The client side of the contract: connecting, uploading, waiting for validation, decoding setpoints.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use feedwave_contract::columns::{self, Column};
@@ -20,6 +21,9 @@ use feedwave_contract::{MAX_MESSAGE_BYTES, delta};
 use feedwave_cutting::SetpointBlock;
 use sha2::{Digest, Sha256};
 use tonic::Status;
+use tonic::metadata::{Ascii, MetadataValue};
+use tonic::service::Interceptor;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 use tonic_types::StatusExt as _;
 
@@ -29,6 +33,8 @@ use super::terminal::{Unit, progress};
 use crate::client_tls::{ClientTls, chain};
 use crate::output::Layout;
 
+/// Where the token is where no file has it.
+const TOKEN_VARIABLE: &str = "FEEDWAVE_TOKEN";
 /// How long a connection may take.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// Times that a broken upload or stream is continued without any progress before it is given up.
@@ -42,15 +48,55 @@ pub(super) struct ServerArgs {
     server: String,
     #[command(flatten)]
     tls: ClientTls,
+    /// File with the token to show to the service; without it the token is that of FEEDWAVE_TOKEN, if there is one
+    #[arg(long, value_name = "FILE", env = "FEEDWAVE_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+}
+
+/// A connection that shows a token with each call.
+pub(super) type Connection = InterceptedService<Channel, Token>;
+
+/// What is shown with each call, where there is something to show.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Token(Option<MetadataValue<Ascii>>);
+
+impl Token {
+    /// The token of the file, or of the environment.
+    fn load(file: Option<&Path>) -> Result<Self, CliError> {
+        let (place, text) = match file {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| CliError::file(path, &error))?;
+                (path.display().to_string(), text)
+            }
+            None => match std::env::var(TOKEN_VARIABLE) {
+                Ok(text) => (TOKEN_VARIABLE.to_owned(), text),
+                Err(_) => return Ok(Self::default()),
+            },
+        };
+        let value = MetadataValue::try_from(format!("Bearer {}", text.trim()));
+        let mut value = value.map_err(|_| CliError::trouble(format!("{place}: this is no token")))?;
+        // Neither logged nor kept by the compression of headers.
+        value.set_sensitive(true);
+        Ok(Self(Some(value)))
+    }
+}
+
+impl Interceptor for Token {
+    fn call(&mut self, mut request: tonic::Request<()>) -> Result<tonic::Request<()>, Status> {
+        if let Some(token) = &self.0 {
+            request.metadata_mut().insert("authorization", token.clone());
+        }
+        Ok(request)
+    }
 }
 
 /// Clients over one connection, which is set up anew by itself when it breaks.
 #[derive(Clone, Debug)]
 pub(super) struct Client {
     pub(super) url: String,
-    pub(super) jobs: JobsClient<Channel>,
-    pub(super) setpoints: SetpointsClient<Channel>,
-    channel: Channel,
+    pub(super) jobs: JobsClient<Connection>,
+    pub(super) setpoints: SetpointsClient<Connection>,
+    channel: Connection,
 }
 
 impl ServerArgs {
@@ -65,12 +111,17 @@ impl ServerArgs {
             endpoint = endpoint.tls_config(self.tls.config()?).map_err(|error| failed(&error))?;
         }
         let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
-        Ok(Client::new(self.server.clone(), channel))
+        Ok(Client::with_token(self.server.clone(), channel, Token::load(self.token_file.as_deref())?))
     }
 }
 
 impl Client {
     pub(super) fn new(url: String, channel: Channel) -> Self {
+        Self::with_token(url, channel, Token::default())
+    }
+
+    fn with_token(url: String, channel: Channel, token: Token) -> Self {
+        let channel = InterceptedService::new(channel, token);
         Self {
             url,
             jobs: JobsClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
@@ -79,27 +130,27 @@ impl Client {
         }
     }
 
-    pub(super) fn machines(&self) -> MachinesClient<Channel> {
+    pub(super) fn machines(&self) -> MachinesClient<Connection> {
         MachinesClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(super) fn programs(&self) -> ProgramsClient<Channel> {
+    pub(super) fn programs(&self) -> ProgramsClient<Connection> {
         ProgramsClient::new(self.channel.clone())
     }
 
-    pub(super) fn runs(&self) -> RunsClient<Channel> {
+    pub(super) fn runs(&self) -> RunsClient<Connection> {
         RunsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(super) fn telemetry(&self) -> TelemetryClient<Channel> {
+    pub(super) fn telemetry(&self) -> TelemetryClient<Connection> {
         TelemetryClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(super) fn threads(&self) -> ThreadsClient<Channel> {
+    pub(super) fn threads(&self) -> ThreadsClient<Connection> {
         ThreadsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 
-    pub(super) fn tools(&self) -> ToolsClient<Channel> {
+    pub(super) fn tools(&self) -> ToolsClient<Connection> {
         ToolsClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 

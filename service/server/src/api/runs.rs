@@ -24,6 +24,7 @@ use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::telemetry::{config_from_message, run_settings};
 use super::{Api, answer, unreadable};
+use crate::access::{check_machine, identity_of};
 use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -85,6 +86,7 @@ fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
 
 impl Api {
     async fn start_run(&self, request: Request<Streaming<RunRequest>>) -> Result<ResponseStream<RunResponse>> {
+        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
@@ -97,6 +99,7 @@ impl Api {
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
         let detail = self.store.job_detail(job).await?;
+        check_machine(identity.as_deref(), &detail.job.machine_id)?;
         if detail.job.state != JobState::Ready {
             let subject = names::job(job);
             let message = format!("{subject} is {}, only a ready job can be run", detail.job.state);

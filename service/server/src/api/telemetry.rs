@@ -24,6 +24,7 @@ use uuid::Uuid;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::{Api, answer, page_request, unreadable};
+use crate::access::{check_machine, identity_of};
 use crate::engine::Intake;
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -196,6 +197,7 @@ impl Api {
         &self,
         request: Request<Streaming<IngestRequest>>,
     ) -> Result<ResponseStream<IngestResponse>> {
+        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
@@ -215,6 +217,7 @@ impl Api {
         // Registered before the run is taken up, so that a cancellation in between is not missed.
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
+        check_machine(identity.as_deref(), &self.store.job(job).await?.machine_id)?;
         let attached = self.attach(target, job).await?;
         let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard)?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
@@ -326,7 +329,16 @@ impl Telemetry for Api {
         &self,
         request: Request<AcknowledgeConditionRequest>,
     ) -> Result<Response<AcknowledgeConditionResponse>, Status> {
-        answer(request, async |request| self.acknowledge_condition(request).await).await
+        let identity = identity_of(request.extensions()).cloned();
+        let acknowledge = async |request: AcknowledgeConditionRequest| {
+            // A name that is none is refused with everything else that is wrong.
+            if let Ok(run) = names::parse_run(&request.run) {
+                let job = self.store.run(run).await?.job_id;
+                check_machine(identity.as_deref(), &self.store.job(job).await?.machine_id)?;
+            }
+            self.acknowledge_condition(request).await
+        };
+        answer(request, acknowledge).await
     }
 
     async fn get_run(&self, request: Request<GetRunRequest>) -> Result<Response<GetRunResponse>, Status> {

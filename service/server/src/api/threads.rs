@@ -18,6 +18,7 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
 use super::{Api, answer};
+use crate::access::{check_machine, identity_of};
 use crate::engine;
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -147,6 +148,7 @@ impl Api {
         &self,
         request: Request<Streaming<FollowSpindleRequest>>,
     ) -> Result<ResponseStream<FollowSpindleResponse>> {
+        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = match messages.message().await {
@@ -158,6 +160,7 @@ impl Api {
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(id);
         let cancelled = guard.token().clone();
+        check_machine(identity.as_deref(), &self.store.job(id).await?.machine_id)?;
         let (following, followed) = self.follow(&start, id).await?;
         tracing::info!(job = %names::job(id), thread = start.thread, pass = start.pass, "follow the spindle");
         let first = FollowSpindleResponse { message: Some(Message::FollowedPass(followed)) };

@@ -25,14 +25,14 @@ fn flags_win_over_environment_over_file_over_defaults() {
     Jail::expect_with(|jail| {
         jail.create_file(
             "feedwave.toml",
-            "[grpc]\nlisten = '0.0.0.0:1'\n[http]\nlisten = '0.0.0.0:2'\n[limits]\ndrain_s = 3\n",
+            "[grpc]\nlisten = '127.0.0.1:1'\n[http]\nlisten = '127.0.0.1:2'\n[limits]\ndrain_s = 3\n",
         )?;
-        jail.set_env("FEEDWAVE_HTTP__LISTEN", "0.0.0.0:20");
+        jail.set_env("FEEDWAVE_HTTP__LISTEN", "127.0.0.1:20");
         jail.set_env("FEEDWAVE_LIMITS__DRAIN_S", "30");
         let flags = Overrides::default().set("limits.drain_s", Some(300)).set("store.uri", None::<String>);
         let config = Config::load(Some(Path::new("feedwave.toml")), &flags).unwrap();
-        assert_eq!(config.grpc.listen, "0.0.0.0:1".parse().unwrap());
-        assert_eq!(config.http.listen, "0.0.0.0:20".parse().unwrap());
+        assert_eq!(config.grpc.listen, "127.0.0.1:1".parse().unwrap());
+        assert_eq!(config.http.listen, "127.0.0.1:20".parse().unwrap());
         assert_eq!(config.limits.drain_s, 300);
         assert_eq!(config.store, StoreConfig::default());
         Ok(())

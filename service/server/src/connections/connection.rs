@@ -10,6 +10,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::Instant;
 
 use super::clients::{ClientKey, Clients};
+use super::tls::PeerCertificate;
 
 /// The first bytes of a connection of HTTP/2.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
@@ -23,6 +24,7 @@ pub(crate) trait Unread: Send + Sync {
 /// A connection. What is asked over it has it among the extensions of the request.
 pub(crate) struct Connection {
     client: ClientKey,
+    certificate: Option<PeerCertificate>,
     clients: Arc<Clients>,
     open: Mutex<Open>,
 }
@@ -49,15 +51,20 @@ pub(super) enum Due {
 }
 
 impl Connection {
-    pub(super) fn new(client: ClientKey, clients: Arc<Clients>) -> Arc<Self> {
+    pub(super) fn new(client: ClientKey, certificate: Option<PeerCertificate>, clients: Arc<Clients>) -> Arc<Self> {
         let now = Instant::now();
         let open = Open { calls: 0, idle_since: now, partial_since: Some(now), answers: Vec::new() };
-        Arc::new(Self { client, clients, open: Mutex::new(open) })
+        Arc::new(Self { client, certificate, clients, open: Mutex::new(open) })
     }
 
     /// The client that what happens on the connection is counted for.
     pub(crate) const fn client(&self) -> &ClientKey {
         &self.client
+    }
+
+    /// The certificate that the other side has proved to have.
+    pub(crate) const fn certificate(&self) -> Option<&PeerCertificate> {
+        self.certificate.as_ref()
     }
 
     /// The account of all clients.
@@ -215,7 +222,7 @@ mod tests {
     fn connection() -> Arc<Connection> {
         let limits = ConnectionLimits { header_timeout_s: 10, idle_timeout_s: 100, ..ConnectionLimits::default() };
         let clients = Clients::new(limits, Metrics::new().connections);
-        Connection::new(ClientKey::of_address([127, 0, 0, 1].into()), clients)
+        Connection::new(ClientKey::of_address([127, 0, 0, 1].into()), None, clients)
     }
 
     fn seconds(seconds: u64) -> Duration {

@@ -178,7 +178,7 @@ impl Shared {
         let address = ClientKey::of_address(peer.ip());
         match self.clients.take(&address, Resource::Connection) {
             Ok(place) => match &self.tls {
-                None => self.serve(stream, peer, address, place).await,
+                None => self.serve(stream, peer, address, None, place).await,
                 Some(tls) => match timeout(self.clients.limits().header_timeout(), tls.accept(stream)).await {
                     Ok(Ok((stream, certificate))) => self.secured(stream, peer, certificate, place).await,
                     Ok(Err(error)) => tracing::debug!(port = self.name, %peer, %error, "no handshake"),
@@ -198,12 +198,12 @@ impl Shared {
         place: Held,
     ) {
         let Some(certificate) = certificate else {
-            return self.serve(stream, peer, ClientKey::of_address(peer.ip()), place).await;
+            return self.serve(stream, peer, ClientKey::of_address(peer.ip()), None, place).await;
         };
-        let client = ClientKey::Subject(certificate.subject);
+        let client = ClientKey::Subject(certificate.subject.clone());
         drop(place);
         match self.clients.take(&client, Resource::Connection) {
-            Ok(place) => self.serve(stream, peer, client, place).await,
+            Ok(place) => self.serve(stream, peer, client, Some(certificate), place).await,
             Err(error) => self.tell(stream, error).await,
         }
     }
@@ -214,9 +214,10 @@ impl Shared {
         stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
         peer: SocketAddr,
         client: ClientKey,
+        certificate: Option<PeerCertificate>,
         _place: Held,
     ) {
-        let connection = Connection::new(client, self.clients.clone());
+        let connection = Connection::new(client, certificate, self.clients.clone());
         let app = self.app.clone();
         let known = connection.clone();
         let service = tower::service_fn(move |mut request: Request<Incoming>| {

@@ -2,7 +2,7 @@
 
 use axum::body::Body;
 use feedwave_contract::json;
-use http::{HeaderMap, HeaderValue, Response, header};
+use http::{HeaderMap, HeaderValue, Response, StatusCode, header};
 use tonic::Status;
 
 use crate::error::Error;
@@ -23,6 +23,9 @@ pub(crate) fn in_json(error: &Error) -> Response<Body> {
     *response.status_mut() = http_status;
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
+    if http_status == StatusCode::UNAUTHORIZED {
+        headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"feedwave\""));
+    }
     if let Some(after) = error.retry_after() {
         headers.insert(header::RETRY_AFTER, HeaderValue::from(after.as_secs()));
     }

@@ -25,13 +25,17 @@ const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
 pub(crate) struct PeerCertificate {
     /// Its subject, such as `CN=mill-3, O=plant`.
     pub(crate) subject: Arc<str>,
+    /// The first common name in it; empty where there is none.
+    pub(crate) common_name: Arc<str>,
 }
 
 impl PeerCertificate {
     /// What a certificate says; a text where it cannot be read.
     fn read(der: &CertificateDer<'_>) -> Result<Self, String> {
         let (_, certificate) = X509Certificate::from_der(der).map_err(|error| error.to_string())?;
-        Ok(Self { subject: certificate.subject().to_string().into() })
+        let subject = certificate.subject();
+        let common_name = subject.iter_common_name().next().and_then(|name| name.as_str().ok()).unwrap_or_default();
+        Ok(Self { subject: subject.to_string().into(), common_name: common_name.into() })
     }
 }
 

@@ -144,6 +144,8 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::OutOfRange { .. }
         | Error::Overloaded { .. }
         | Error::Unread { .. }
+        | Error::Unauthenticated { .. }
+        | Error::PermissionDenied { .. }
         | Error::RequestStalled { .. }
         | Error::Draining
         | Error::StoreUnavailable(_)
@@ -182,6 +184,7 @@ fn metadata(error: &Error) -> HashMap<String, String> {
         Error::Overloaded { limit, .. } | Error::ClientOverloaded { limit, .. } => {
             pairs([("limit", limit.to_string())])
         }
+        Error::PermissionDenied { role, .. } => pairs([("role", (*role).to_owned())]),
         Error::MessageTooLarge { limit } => pairs([("limit_bytes", limit.to_string())]),
         Error::JobCancelled { job } => pairs([("job", job.clone())]),
         Error::TakenUp { run } => pairs([("run", run.clone())]),

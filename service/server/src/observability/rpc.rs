@@ -22,6 +22,7 @@ use tonic::{Code, Status};
 
 use super::answer::AnswerBody;
 use super::metrics::{GaugeGuard, Metrics};
+use crate::access::{Access, of_method};
 use crate::api::deadline;
 use crate::config::Limits;
 use crate::connections::{Connection, Held, HeldBytes, OpenCall, RequestBody, Resource, Unread};
@@ -94,6 +95,7 @@ pub struct RpcLayer {
     places: Arc<Semaphore>,
     limit: usize,
     message_bytes: usize,
+    access: Access,
     draining: CancellationToken,
 }
 
@@ -108,9 +110,9 @@ struct Places {
 impl RpcLayer {
     /// A layer that lets as many calls through at once as the limits permit, and none once `draining` is cancelled.
     #[must_use]
-    pub fn new(metrics: Arc<Metrics>, limits: &Limits, draining: CancellationToken) -> Self {
+    pub fn new(metrics: Arc<Metrics>, limits: &Limits, access: Access, draining: CancellationToken) -> Self {
         let (limit, message_bytes) = (limits.concurrent_requests, limits.message_bytes);
-        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, draining }
+        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, access, draining }
     }
 
     /// Places for a call, held to the end of its response.
@@ -183,13 +185,19 @@ where
             request.headers_mut().remove("grpc-accept-encoding");
         }
         let connection = request.extensions().get::<Arc<Connection>>().cloned();
+        let needs = of_method(request.uri().path());
+        let known = self.layer.access.authorize(needs, request.headers_mut(), connection.as_ref());
         let path = request.uri().path();
         let (name, method) = method(path);
         let admitted = self.layer.admit(path, method, connection.as_ref());
+        let admitted = known.and_then(|identity| Ok((identity, admitted?)));
         let mut call = Call::new(&self.layer, name, connection.clone());
         match admitted {
-            Ok(places) => {
+            Ok((identity, places)) => {
                 call.places = places;
+                if let Some(identity) = identity {
+                    request.extensions_mut().insert(identity);
+                }
                 let deadline = deadline(request.headers());
                 let mut held = None;
                 let request = request.map(|body| {
@@ -351,7 +359,7 @@ mod tests {
     async fn a_panic_ends_its_call_and_no_other() {
         let metrics = Arc::new(Metrics::new());
         let limits = Limits { concurrent_requests: 1, ..Limits::default() };
-        let layer = RpcLayer::new(metrics.clone(), &limits, CancellationToken::new());
+        let layer = RpcLayer::new(metrics.clone(), &limits, Access::load(None).unwrap(), CancellationToken::new());
         let request = || Request::new(Body::empty());
         let at_once = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
             panic!("before there is a future")
@@ -398,7 +406,12 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
-        let layer = RpcLayer::new(Arc::new(Metrics::new()), &Limits::default(), CancellationToken::new());
+        let layer = RpcLayer::new(
+            Arc::new(Metrics::new()),
+            &Limits::default(),
+            Access::load(None).unwrap(),
+            CancellationToken::new(),
+        );
         let endless = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
         let mut request = Request::new(Body::empty());
         request.headers_mut().insert("grpc-timeout", "2S".parse().unwrap());

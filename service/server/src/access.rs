@@ -1,0 +1,250 @@
+//! Who a client is and what it may do.
+//!
+//! A client shows a token (`authorization: Bearer …`) or a certificate. What it shows is looked up in the file of known
+//! clients; without such a file everybody is the operator and may do everything.
+
+mod known;
+mod table;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+use http::{HeaderMap, header};
+use jiff::Timestamp;
+use known::KnownClients;
+use serde::Deserialize;
+pub(crate) use table::{Needs, of_method, of_route};
+
+use crate::connections::Connection;
+use crate::error::{Error, Result};
+
+/// What a client may do. Each may read as a viewer does; an admin may do everything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// Reads everything.
+    Viewer,
+    /// Uploads programs; creates, cancels and deletes jobs; sets how they are monitored.
+    Planner,
+    /// Runs jobs on machines and sends their telemetry.
+    Machine,
+    /// Does everything: machines and tools as well.
+    Admin,
+}
+
+impl Role {
+    /// As it is written in the file of clients.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Viewer => "viewer",
+            Self::Planner => "planner",
+            Self::Machine => "machine",
+            Self::Admin => "admin",
+        }
+    }
+
+    const fn bit(self) -> u8 {
+        1 << self as u8
+    }
+}
+
+/// Machines on which a client may run jobs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Machines {
+    Any,
+    /// Their identifiers.
+    These(Vec<String>),
+}
+
+impl Machines {
+    /// Machines as the file names them: `machines/lathe`, `lathe`, or `*` for any.
+    fn new(names: &[String]) -> Self {
+        if names.iter().any(|name| name == "*") {
+            return Self::Any;
+        }
+        Self::These(names.iter().map(|name| name.strip_prefix("machines/").unwrap_or(name).to_owned()).collect())
+    }
+}
+
+/// A client that is known.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity {
+    name: String,
+    roles: u8,
+    machines: Machines,
+}
+
+impl Identity {
+    fn new(name: String, roles: &[Role], machines: Machines) -> Self {
+        Self { name, roles: roles.iter().fold(0, |bits, role| bits | role.bit()), machines }
+    }
+
+    /// Who everybody is where clients need not say who they are.
+    fn operator() -> Self {
+        Self::new("operator".to_owned(), &[Role::Admin], Machines::Any)
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether it may do what a role may.
+    #[must_use]
+    pub const fn is(&self, role: Role) -> bool {
+        // Every role reads.
+        self.roles & (role.bit() | Role::Admin.bit()) != 0 || matches!(role, Role::Viewer)
+    }
+
+    /// Whether it may run jobs on a machine and send its telemetry.
+    #[must_use]
+    pub fn may_use(&self, machine_id: &str) -> bool {
+        match &self.machines {
+            Machines::Any => true,
+            Machines::These(machines) => self.is(Role::Admin) || machines.iter().any(|machine| machine == machine_id),
+        }
+    }
+
+    /// Refuses a machine that the client may not use.
+    ///
+    /// # Errors
+    /// [`Error::PermissionDenied`].
+    pub fn check_machine(&self, machine_id: &str) -> Result<()> {
+        if self.may_use(machine_id) {
+            return Ok(());
+        }
+        let needs = format!("the role machine for machines/{machine_id}");
+        Err(Error::PermissionDenied { client: self.name.clone(), role: Role::Machine.name(), needs })
+    }
+}
+
+/// Decides who may do what. Cloning is cheap.
+#[derive(Clone, Debug)]
+pub struct Access {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    /// Where known clients are listed; `None` where everybody is the operator.
+    file: Option<PathBuf>,
+    known: RwLock<Arc<KnownClients>>,
+    /// What was read last, whether it could be used or not.
+    seen: Mutex<String>,
+    operator: Arc<Identity>,
+}
+
+impl fmt::Debug for Inner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Access").field("file", &self.file).finish_non_exhaustive()
+    }
+}
+
+impl Access {
+    /// Reads the file of known clients, where there is one.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn load(file: Option<PathBuf>) -> Result<Self, String> {
+        let (text, known) = match &file {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+                let known = KnownClients::parse(&text, path)?;
+                (text, known)
+            }
+            None => (String::new(), KnownClients::default()),
+        };
+        let operator = Arc::new(Identity::operator());
+        let inner = Inner { file, known: RwLock::new(Arc::new(known)), seen: Mutex::new(text), operator };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// Takes the file over where it has changed: whether it had. What cannot be used leaves everything as it was.
+    ///
+    /// # Errors
+    /// What is wrong with it, once for each change.
+    pub fn reload(&self) -> Result<bool, String> {
+        let Some(path) = &self.inner.file else { return Ok(false) };
+        let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+        {
+            let mut seen = self.inner.seen.lock().unwrap_or_else(PoisonError::into_inner);
+            if *seen == text {
+                return Ok(false);
+            }
+            seen.clone_from(&text);
+        }
+        let known = Arc::new(KnownClients::parse(&text, path)?);
+        *self.inner.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+        Ok(true)
+    }
+
+    /// Who asks, if that client may do what needs `needs`. Takes the token away from the headers.
+    ///
+    /// # Errors
+    /// [`Error::Unauthenticated`] and [`Error::PermissionDenied`].
+    pub(crate) fn authorize(
+        &self,
+        needs: Needs,
+        headers: &mut HeaderMap,
+        connection: Option<&Arc<Connection>>,
+    ) -> Result<Option<Arc<Identity>>> {
+        let shown = headers.remove(header::AUTHORIZATION);
+        let Needs::Role(role) = needs else { return Ok(None) };
+        let identity = self.identity(shown.as_ref(), connection)?;
+        if identity.is(role) {
+            return Ok(Some(identity));
+        }
+        let needs = format!("the role {}", role.name());
+        Err(Error::PermissionDenied { client: identity.name.clone(), role: role.name(), needs })
+    }
+
+    fn identity(
+        &self,
+        shown: Option<&http::HeaderValue>,
+        connection: Option<&Arc<Connection>>,
+    ) -> Result<Arc<Identity>> {
+        if self.inner.file.is_none() {
+            return Ok(self.inner.operator.clone());
+        }
+        let known = self.inner.known.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let now = Timestamp::now();
+        if let Some(shown) = shown {
+            let token = shown
+                .to_str()
+                .ok()
+                .and_then(bearer)
+                .ok_or(Error::Unauthenticated { why: "the header authorization has no bearer token" })?;
+            return known
+                .by_token(token, now)
+                .ok_or(Error::Unauthenticated { why: "the token is not known or has ended" });
+        }
+        let certificate = connection.and_then(|connection| connection.certificate());
+        match certificate {
+            Some(shown) => known
+                .by_certificate(&shown.subject, &shown.common_name, now)
+                .ok_or(Error::Unauthenticated { why: "the certificate is of no known client" }),
+            None => Err(Error::Unauthenticated { why: "a bearer token or a certificate is needed" }),
+        }
+    }
+}
+
+/// The token in the value of the header.
+fn bearer(value: &str) -> Option<&str> {
+    let (scheme, token) = value.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then(|| token.trim()).filter(|token| !token.is_empty())
+}
+
+/// Refuses a machine that a client may not use.
+///
+/// # Errors
+/// [`Error::PermissionDenied`].
+pub(crate) fn check_machine(identity: Option<&Identity>, machine_id: &str) -> Result<()> {
+    identity.map_or(Ok(()), |identity| identity.check_machine(machine_id))
+}
+
+/// Who a request comes from, where its method needs somebody.
+pub(crate) fn identity_of(extensions: &http::Extensions) -> Option<&Arc<Identity>> {
+    extensions.get()
+}
