@@ -72,7 +72,7 @@ fn job_to_proto(
         etag: job.etag(),
         create_time: Some(timestamp(job.created_us)),
         update_time: Some(timestamp(job.updated_us)),
-        validation: waits.then(|| proto::ValidationProgress {
+        validation: waits.then_some(proto::ValidationProgress {
             queue_place: progress.queue_place,
             read_bytes: progress.bytes_read,
             setpoint_count: progress.setpoint_count,
