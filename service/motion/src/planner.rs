@@ -353,7 +353,8 @@ impl<B> Planner<B> {
 
     /// Releases the first `count` elements of the planned chain.
     fn release(&mut self, count: usize) {
-        if let Some(limits) = &self.settings.limits {
+        // A change of the feed has to act at once, with thousands of blocks ahead: their least time would take seconds to find.
+        if let Some(limits) = self.settings.limits.as_ref().filter(|_| !self.is_restarting()) {
             let nodes: usize = self.chain.range(..count).map(|waiting| waiting.request.stretches.len()).sum();
             self.scratch.refine(&self.chain, nodes, limits, Junction::REST.reserve);
         }

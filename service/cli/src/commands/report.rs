@@ -176,8 +176,7 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         }
         match summary.plan_quality() {
             PlanQuality::LeastTime => rows.row("plan", "close to the least time"),
-            PlanQuality::Fast => rows.row("plan", "fast: plan_quality of the machine asks for it"),
-            PlanQuality::Unspecified => {}
+            PlanQuality::Fast | PlanQuality::Unspecified => {}
         }
         let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));

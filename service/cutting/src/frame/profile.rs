@@ -69,9 +69,9 @@ pub struct MachineProfile {
 #[serde(rename_all = "snake_case")]
 pub enum PlanQuality {
     /// In runs under one set of limits: at little cost, and slower on curves and short blocks.
+    #[default]
     Fast,
     /// Close to the least time, with the limits of the axes place by place.
-    #[default]
     LeastTime,
 }
 

@@ -57,7 +57,7 @@ fn profiles_survive_the_round_trip() {
     lathe.language.compensation.corner = feedwave_program::CompensationCorner::Circular;
     lathe.following.filter_length_s = Some(0.02);
     lathe.look_ahead_blocks = 100;
-    lathe.plan_quality = PlanQuality::Fast;
+    lathe.plan_quality = PlanQuality::LeastTime;
     lathe.max_feed_override = 1.2;
     for profile in [lathe, five_axis_mill(), oscillating_mill(), MachineProfile::lathe(), MachineProfile::mill()] {
         assert_eq!(from_proto(&profile_to_proto(&profile)), Ok(profile));
