@@ -100,8 +100,7 @@ fn short_blocks_of_a_line_run_like_the_line() {
     short += "Y10.\nM30\n";
     let setpoints = run(&short, &mill());
     let line = run("G17 G21 G90 M3 S3000 F6000. G64 P0.02\nG1 X50.\nY10.\nM30\n", &mill());
-    // What merging used of the tolerance is not used again at the corner, which is a tenth smaller then.
-    assert!(setpoints.len() * 100 <= line.len() * 101, "{} and {}", setpoints.len(), line.len());
+    assert!(setpoints.len().abs_diff(line.len()) <= 2, "{} and {}", setpoints.len(), line.len());
     let report = validate(&short, &mill());
     assert_eq!(report.summary.cutting_moves, 1_001);
     assert!(report.is_accepted());
@@ -159,12 +158,8 @@ fn short_blocks_become_one_curve_within_the_tolerance_both_ways() {
         let mut moving = path.clone();
         moving.dedup();
         let left_out = points.iter().map(|&point| off_polyline(&moving, point)).fold(0.0, f64::max);
-        // Setpoints are chords of the curve, by a·T²/8 within it.
-        let config = mill();
-        let axes = config.profile.machine.axes.iter();
-        let acceleration = axes.map(|axis| axis.max_acceleration_per_s2).fold(0.0, f64::max);
-        let sag_mm = acceleration.hypot(acceleration) * config.period_s().powi(2) / 8.0;
-        assert!(left_out <= tolerance_mm + sag_mm, "a point is {left_out} mm off of {tolerance_mm}");
+        // Setpoints are chords of the curve.
+        assert!(left_out <= tolerance_mm + 1e-3, "a point is {left_out} mm off of {tolerance_mm}");
         let on_wall = path.iter().filter(|[x, _]| (last[0] + 10.5..last[0] + 14.5).contains(x));
         let beside = on_wall.map(|[_, y]| (y - last[1]).abs()).fold(0.0, f64::max);
         assert!(beside < 1e-9, "the wall is {beside} mm off");

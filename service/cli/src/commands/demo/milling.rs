@@ -107,9 +107,6 @@ fn farthest(points: &[[f64; 3]], polyline: &[[f64; 3]]) -> f64 {
     largest
 }
 
-/// Setpoints are compared with chords between setpoints, which lie a·T²/8 beside a curve: 1.8e-3 mm where two axes turn with 10 m/s².
-const CHORD_MM: f64 = 2e-3;
-
 /// Feed hold and override while the program runs.
 async fn override_feed(
     stage: &mut Stage,
@@ -129,7 +126,7 @@ async fn override_feed(
     let still = held[..=HOLD.1 as usize].iter().rev().take_while(|point| **point == held[HOLD.1 as usize]).count();
     stage.check(still > 900, &format!("the axes are at rest for {still} of the 1 000 ms it lasts"))?;
     stage.check(
-        held.last() == all.last() && farthest(&held, &all) < CHORD_MM,
+        held.last() == all.last() && farthest(&held, &all) < 1e-3,
         "then one and a half times the feed, on the same path to the same end",
     )
 }
