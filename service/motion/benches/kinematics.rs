@@ -19,8 +19,8 @@ fn axis(axis: Axis, direction: [f64; 3], point_mm: [f64; 3]) -> ChainAxis {
     ChainAxis { axis, direction, point_mm, range: None, wrap: Wrap::Counting }
 }
 
-fn block(end_mm: [f64; 3], toward: Toward) -> FiveAxisBlock {
-    FiveAxisBlock { end_mm, circle: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
+fn block(end_mm: [f64; 3], toward: Toward) -> FiveAxisBlock<'static> {
+    FiveAxisBlock { end_mm, curve: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
 }
 
 /// A table that carries the work on C and A.

@@ -34,4 +34,4 @@ pub use direction::{DirectionPath, FiveAxisSegment, GreatCircle, OppositeDirecti
 pub use inverse::{DirectionSolution, InverseSolution};
 pub use jacobian::Jacobian;
 pub use path::{FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};
-pub use tip::{TipArc, TipCircle, TipCorner, TipPath};
+pub use tip::{TipArc, TipCircle, TipCurve, TipPath, TipSpline};

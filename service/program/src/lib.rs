@@ -47,7 +47,7 @@ pub use number::Number;
 pub use operation::{
     ArcGeometry, Coolant, DwellTime, Feed, Function, FunctionCommand, FunctionWord, Move, MoveKind, Operation,
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadKind,
-    ThreadMove,
+    ThreadMove, ThreadPlane,
 };
 pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};

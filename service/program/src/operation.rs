@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompensationCommand, GuidedMove, MachineCommand, Plane, Position, SourceSpan};
+use crate::{CompensationCommand, GuidedMove, MachineCommand, Plane, Position, SourceSpan, TiltedPlane};
 
 /// One step of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -123,6 +123,17 @@ pub struct ThreadMove {
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.
     pub tool: u32,
+    /// The tilted plane whose coordinates start and end are in, instead of work coordinates; only taps have one.
+    pub plane: Option<Box<ThreadPlane>>,
+}
+
+/// The tilted plane of a tap.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThreadPlane {
+    /// The plane.
+    pub plane: TiltedPlane,
+    /// Number of the tool length (`H`), 0 for no length.
+    pub length_offset: u32,
 }
 
 /// How a thread is made.

@@ -141,6 +141,15 @@ fn thread(pass: &ThreadMove, action: &mut proto::Action) -> ActionKind {
         pull_out_mm: pass.pull_out.map_or(0.0, |pull_out| pull_out.travel_mm),
         pull_out_retreat_mm: pass.pull_out.map_or(0.0, |pull_out| pull_out.retreat_mm),
     });
+    if let Some(plane) = &pass.plane {
+        action.machine_end = None;
+        action.guide = Some(proto::ActionGuide {
+            kind: proto::ActionGuideKind::Plane.into(),
+            length_offset: plane.length_offset,
+            direction: None,
+            held: String::new(),
+        });
+    }
     match pass.kind {
         ThreadKind::Turned => ActionKind::Thread,
         ThreadKind::Tapped => ActionKind::Tap,

@@ -39,6 +39,12 @@ pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut 
     }
 }
 
+pub(crate) fn spline_cusp(span: SourceSpan) -> Finding {
+    let message = "the spline has a place without a direction, a cusp or a handle of length 0, or turns back";
+    Finding::new(code::PATH_SPLINE_CUSP, span, message)
+        .suggest("move its control points apart, or divide it at the cusp")
+}
+
 pub(crate) fn too_long(span: SourceSpan, duration_s: f64) -> Finding {
     let message = format!("the block would take {duration_s:.0} s, longer than {MAX_BLOCK_DURATION_S:.0} s");
     Finding::new(code::PLAN_TOO_LONG, span, message)

@@ -1,6 +1,8 @@
 //! Running whole programs for tests.
 #![allow(dead_code, reason = "every test file uses its part")]
 
+pub mod machines;
+
 use std::sync::Arc;
 
 use feedwave_cutting::{OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step, Validation, ValidationReport};

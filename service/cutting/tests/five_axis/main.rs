@@ -5,6 +5,7 @@ mod ahead;
 #[path = "../common/mod.rs"]
 mod common;
 mod corners;
+mod curves;
 mod freeform;
 mod hostile;
 mod machine;

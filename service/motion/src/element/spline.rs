@@ -231,6 +231,24 @@ impl Spline {
         self.length_mm = s;
     }
 
+    /// The same curve in other coordinates, whose axes are turned and whose origin is shifted: a point (x, y, z) of it becomes
+    /// `origin_mm` + x·`axes[0]` + y·`axes[1]` + z·`axes[2]`, with perpendicular unit vectors.
+    #[must_use]
+    pub fn placed(&self, axes: &[[f64; 3]; 3], origin_mm: &[f64; 3]) -> Self {
+        let mut placed = self.clone();
+        placed.moves = [false; 3];
+        for (piece, own) in placed.pieces.iter_mut().zip(&self.pieces) {
+            for axis in 0..3 {
+                for power in 0..COEFFICIENTS {
+                    let turned = (0..3).map(|k| axes[k][axis] * own.coefficients[k][power]).sum::<f64>();
+                    piece.coefficients[axis][power] = if power == 0 { origin_mm[axis] + turned } else { turned };
+                }
+                placed.moves[axis] |= piece.coefficients[axis][1..].iter().any(|&coefficient| coefficient != 0.0);
+            }
+        }
+        placed
+    }
+
     /// Arc length, mm.
     #[must_use]
     pub fn length_mm(&self) -> f64 {

@@ -1,5 +1,5 @@
-//! The path of the tool centre point along a block: straight, or an arc or helix in any plane; and along the curve at a corner
-//! between two blocks.
+//! The path of the tool centre point along a block: straight, an arc or helix in any plane, or a spline, which is also the curve
+//! at a corner between two blocks.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,13 +13,13 @@ pub enum TipPath {
     Line([Vec3; 2]),
     /// About a centre.
     Arc(Box<TipArc>),
-    /// At a corner that is rounded.
-    Corner(Box<TipCorner>),
+    /// Along a spline, or at a corner that is rounded.
+    Spline(Box<TipSpline>),
 }
 
-/// The curve at a corner.
+/// A spline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TipCorner {
+pub struct TipSpline {
     ends: [Vec3; 2],
     spline: Spline,
 }
@@ -51,6 +51,15 @@ pub struct TipCircle {
     pub sweep_rad: f64,
 }
 
+/// The curve of a block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TipCurve<'a> {
+    /// A circle or helix.
+    Circle(TipCircle),
+    /// A spline from where the block starts to where it ends, work coordinates; without a corner.
+    Spline(&'a Spline),
+}
+
 impl TipPath {
     /// From one point to another along a circle; `None` where an end is on its axis.
     #[must_use]
@@ -75,9 +84,9 @@ impl TipPath {
         })))
     }
 
-    /// Along the curve at a corner.
-    pub(crate) fn corner(spline: Spline) -> Self {
-        Self::Corner(Box::new(TipCorner { ends: spline.ends(), spline }))
+    /// Along a spline.
+    pub(crate) fn spline(spline: Spline) -> Self {
+        Self::Spline(Box::new(TipSpline { ends: spline.ends(), spline }))
     }
 
     /// Whether it is straight, and leads somewhere.
@@ -91,7 +100,7 @@ impl TipPath {
         match self {
             Self::Line(ends) => ends,
             Self::Arc(arc) => &arc.ends,
-            Self::Corner(corner) => &corner.ends,
+            Self::Spline(it) => &it.ends,
         }
     }
 
@@ -105,7 +114,7 @@ impl TipPath {
                 let turned_mm = 0.5 * (start_mm + end_mm) * arc.sweep_rad;
                 norm([turned_mm, end_mm - start_mm, norm(arc.rise)])
             }
-            Self::Corner(corner) => corner.spline.length_mm(),
+            Self::Spline(it) => it.spline.length_mm(),
         }
     }
 
@@ -115,7 +124,7 @@ impl TipPath {
         match self {
             Self::Line([start, end]) => add_scaled(*start, sub(*end, *start), share),
             Self::Arc(arc) => arc.at(share),
-            Self::Corner(corner) => corner.spline.point(share * corner.spline.length_mm()),
+            Self::Spline(it) => it.spline.point(share * it.spline.length_mm()),
         }
     }
 
@@ -133,15 +142,15 @@ impl TipPath {
                 let second = growth_mm * sine + turned_mm * cosine;
                 add_scaled(add_scaled(arc.rise, arc.across[0], first), arc.across[1], second)
             }
-            Self::Corner(corner) => {
-                let length_mm = corner.spline.length_mm();
-                scale(corner.spline.slope(share * length_mm), length_mm)
+            Self::Spline(it) => {
+                let length_mm = it.spline.length_mm();
+                scale(it.spline.slope(share * length_mm), length_mm)
             }
         }
     }
 }
 
-impl TipCorner {
+impl TipSpline {
     pub(super) const fn spline(&self) -> &Spline {
         &self.spline
     }

@@ -1,7 +1,7 @@
 //! Arcs and helices of the tool centre point, in any plane and on any machine.
 
 use feedwave_motion::kinematics::vector::{add, add_scaled, cross, norm, scale, sub, unit};
-use feedwave_motion::kinematics::{FiveAxisBlock, TipCircle, TipPath, Toward};
+use feedwave_motion::kinematics::{FiveAxisBlock, TipCircle, TipCurve, TipPath, Toward};
 use feedwave_program::Axis;
 use proptest::prelude::*;
 
@@ -35,7 +35,7 @@ proptest! {
         let Some(start) = point(&machine, &setup, exact(0.0), rotary) else { return Ok(()) };
         let to = [rotary[0] + turn[0], rotary[1] + turn[1]];
         let circle = TipCircle { center_mm, normal, sweep_rad };
-        let wanted = FiveAxisBlock { circle: Some(circle), ..block(exact(1.0), Toward::Angles(to)) };
+        let wanted = FiveAxisBlock { curve: Some(TipCurve::Circle(circle)), ..block(exact(1.0), Toward::Angles(to)) };
         // The ranges and poses of the machine are the business of other tests.
         let Ok(motion) = machine.elements(&setup, &start, &wanted) else { return Ok(()) };
         prop_assert_eq!(motion.elements.len(), 1);

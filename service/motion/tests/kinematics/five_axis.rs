@@ -14,8 +14,8 @@ use crate::machines::{
 };
 use crate::properties::a_setup;
 
-pub fn block(end_mm: Vec3, toward: Toward) -> FiveAxisBlock {
-    FiveAxisBlock { end_mm, circle: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
+pub fn block(end_mm: Vec3, toward: Toward) -> FiveAxisBlock<'static> {
+    FiveAxisBlock { end_mm, curve: None, toward, pole_tolerance_rad: 0.0, source: SourceSpan::default(), rapid: false }
 }
 
 /// The point with these rotary values.

@@ -55,8 +55,8 @@ crate::finding_codes! {
 
     "PRG-TOOL-CONTROL-BLOCK" [TOOL_CONTROL_BLOCK: Error] {
         meaning: "something that tool centre point control does not permit",
-        cause: "An arc, a spline, a thread, `G28`, `G53`, a tilted plane, another work offset or a tool change while \
-              it is on.",
+        cause: "A thread, a drilling cycle, `G28`, `G53`, a tilted plane, another work offset or a tool change while it \
+              is on; under `G43.5` a spline, whose I J K would be the tool direction.",
         cure: "Switch it off with G49 first, or write the path as lines.",
         example: mill("G43.4 H1\nG28 Z0"),
     }
@@ -93,7 +93,7 @@ crate::finding_codes! {
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
-        cause: "A word of a rotary axis, a spline, a thread, `G44`, another work offset or a tool change in the plane; \
+        cause: "A word of a rotary axis, a thread, `G44`, another work offset or a tool change in the plane; \
               a plane by other than Euler angles; `G53.1` in the block of `G68.2`.",
         cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything \
               else.",

@@ -4,6 +4,7 @@ use super::execute::{Execution, MM_PER_INCH};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::letter_bit;
+use crate::state::ToolMode;
 use crate::{ArcGeometry, Axis, Finding, FindingCode, Position, SourceSpan};
 
 /// A chord below this, mm, is no chord: far below any program's resolution, far above rounding.
@@ -134,10 +135,16 @@ impl Execution<'_> {
         let span = self.block.word_span(word);
         let radius = self.scaled(word, true);
         if chord.length < SHORTEST_CHORD_MM {
+            let by_vectors = self.state.tool_control.mode == ToolMode::Vectors;
             return self.arc_error(code::ARC_FULL_BY_RADIUS, span, |finding| {
                 let mut finding = finding.with_value("radius", radius, "mm");
                 finding.message.push_str("the arc ends where it starts: a radius does not say where its centre is");
-                finding.suggest("write a full circle with its centre (I, J, K)")
+                // Under G43.5 a centre cannot be written.
+                finding.suggest(if by_vectors {
+                    "write a full circle as two arcs"
+                } else {
+                    "write a full circle with its centre (I, J, K)"
+                })
             });
         }
         let half = chord.length * 0.5;

@@ -12,6 +12,7 @@ mod words;
 
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
+use super::tool_control::GuidedPath;
 use crate::code;
 use crate::coordinates::direction;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
@@ -411,7 +412,7 @@ impl Execution<'_> {
         if self.state.tool_control.is_plain() {
             self.emit_move(kind, end, None, feed);
         } else if end != self.state.position {
-            self.emit_guided(self.guide(None), kind, end, feed, None);
+            self.emit_guided(self.guide(None), kind, end, feed, GuidedPath::Straight);
         }
         self.state.position = end;
     }

@@ -24,7 +24,7 @@ pub(super) const CURVE_LETTERS: u32 = CENTRE_LETTERS
     | letter_bit(b'E');
 
 /// The letters, beside axes, that ask for motion.
-const fn curve_letters(motion: Motion) -> u32 {
+pub(super) const fn curve_letters(motion: Motion) -> u32 {
     match motion {
         Motion::Arc { .. } => CENTRE_LETTERS | letter_bit(b'R'),
         Motion::Cubic | Motion::Quadratic => CENTRE_LETTERS | letter_bit(b'P') | letter_bit(b'Q'),
@@ -134,7 +134,7 @@ impl Execution<'_> {
             return self.probing_move();
         }
         if !self.state.tool_control.is_plain() {
-            return self.guided_motion(frame);
+            return self.guided_motion(frame, before);
         }
         if frame == Frame::Work && self.state.motion == Motion::RigidTap {
             return self.rigid_tap();

@@ -7,7 +7,7 @@ use core::ops::RangeInclusive;
 
 use super::arc::centre_letter;
 use super::execute::Execution;
-use super::motion::{Frame, set_bits};
+use super::motion::{CURVE_LETTERS, Frame, set_bits};
 use crate::block::Word;
 use crate::code;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
@@ -87,7 +87,14 @@ impl Execution<'_> {
     pub(super) fn nurbs(&mut self) {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let (weight, order) = (self.take(b'P'), self.take(b'L'));
+        let is_refused = self.state.nurbs.is_none() && !self.block.unclear && self.is_nurbs_refused();
         let end = self.target(axes, Frame::Work);
+        if is_refused {
+            self.used |= CURVE_LETTERS;
+            self.state.motion = Motion::Unclear;
+            self.state.position = end;
+            return;
+        }
         let mut nurbs = match self.state.nurbs.take() {
             Some(nurbs) => nurbs,
             None => Box::new(Nurbs {
@@ -230,7 +237,11 @@ impl Execution<'_> {
         let mut step = self.new_move(MoveKind::Cutting, nurbs.end, feed);
         step.start = self.state.coords.placed(&start);
         (step.path_control, step.spline) = (path_control, Some(self.placed_spline(spline)));
-        self.emit(nurbs.span, OperationKind::Move(step));
+        let kind = match self.state.tool_control.is_plain() {
+            true => OperationKind::Move(step),
+            false => OperationKind::Guided(Box::new(self.guided_step(self.guide(None), step))),
+        };
+        self.emit(nurbs.span, kind);
     }
 
     /// Drops the open NURBS where the block holds anything but its control points.

@@ -62,7 +62,9 @@ fn thread(step: &ThreadMove) -> String {
     if step.kind == ThreadKind::Tapped {
         let sense = if step.spindle.direction == SpindleDirection::Clockwise { "cw" } else { "ccw" };
         let speed = number(step.spindle.rev_per_s(0.0) * 60.0);
-        return format!("tap {} -> {} @{} {sense} {speed}", place(&step.start), place(&step.end), number(step.lead_mm));
+        let plane = step.plane.as_ref().map_or(String::new(), |it| format!(" plane H{}", it.length_offset));
+        let ends = format!("{} -> {}", place(&step.start), place(&step.end));
+        return format!("tap {ends} @{} {sense} {speed}{plane}", number(step.lead_mm));
     }
     let mut text = format!("thread {} -> {} @{}", place(&step.start), place(&step.end), number(step.lead_mm));
     let mut add = |name: &str, value: Option<f64>| {
@@ -124,6 +126,11 @@ fn render_operation(operation: &Operation) -> String {
                 let [first, second] = arc.center.map(number);
                 format!(" about {first},{second} by {}", number(arc.sweep_rad.to_degrees()))
             });
+            let spline = guided.step.spline.as_deref().map_or(String::new(), |spline| {
+                let points = spline.points.iter().map(|point| format!(" {}", point.map(number).join(",")));
+                format!(" spline order {}{}", spline.order, points.collect::<String>())
+            });
+            let arc = format!("{arc}{spline}");
             let pure = if guided.is_pure_cut { " pure" } else { "" };
             format!("guided {guide} H{} {kind} -> {}{held}{arc}{feed}{pure}", guided.length_offset, place(&step.end))
         }

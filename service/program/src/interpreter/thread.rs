@@ -328,6 +328,7 @@ impl Execution<'_> {
             included_angle_deg: cut.included_angle_deg,
             spindle: self.state.spindle(),
             tool: self.state.tool,
+            plane: None,
         };
         self.emit(self.block.span(), OperationKind::Thread(Box::new(step)));
         self.state.position = end;

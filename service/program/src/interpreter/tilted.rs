@@ -2,6 +2,7 @@
 //! and what goes to machine positions from there.
 
 use super::execute::Execution;
+use super::tool_control::GuidedPath;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{ToolControl, ToolMode};
@@ -131,7 +132,13 @@ impl Execution<'_> {
         };
         let held = &mut self.state.tool_control.held;
         *held = held.with(AxisSet::LINEAR).with(AxisSet::ROTARY);
-        self.emit_guided(ToolGuide::Align(solution), MoveKind::Rapid, self.state.position, Feed::PerMinute(0.0), None);
+        self.emit_guided(
+            ToolGuide::Align(solution),
+            MoveKind::Rapid,
+            self.state.position,
+            Feed::PerMinute(0.0),
+            GuidedPath::Straight,
+        );
     }
 
     /// A rapid or a cut of the axes themselves from within a tilted plane (`G53`, `G28`): to `end` in work coordinates in the

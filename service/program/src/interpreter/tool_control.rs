@@ -2,20 +2,28 @@
 //! the moves under it.
 
 use super::execute::Execution;
-use super::motion::{CURVE_LETTERS, Frame};
+use super::motion::{CURVE_LETTERS, Frame, curve_letters};
+use super::spline::is_point;
 use crate::block::Word;
 use crate::code;
 use crate::dialect::{FeedUnit, Group, Meaning, letter_bit};
 use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
     ArcGeometry, Axis, AxisSet, Feed, Finding, Function, FunctionCommand, GuidedMove, Move, MoveKind, OperationKind,
-    Position, SourceSpan, ToolGuide,
+    Position, SourceSpan, SplineGeometry, ToolGuide,
 };
 
 /// The letters of a direction vector.
 const VECTOR_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 /// The letters of rotary axes.
 const ROTARY_LETTERS: u32 = letter_bit(b'A') | letter_bit(b'B') | letter_bit(b'C');
+
+/// The path of a guided move, in the coordinates of its end.
+pub(super) enum GuidedPath {
+    Straight,
+    Arc(ArcGeometry),
+    Spline(Box<SplineGeometry>),
+}
 
 impl Execution<'_> {
     /// `G43.4`, `G43.5` and `G49`; and what the mode does not permit in a block.
@@ -176,42 +184,58 @@ impl Execution<'_> {
 
     /// Motion of a block under tool centre point control or in a tilted plane, or while axes are held after it.
     #[cold]
-    pub(super) fn guided_motion(&mut self, frame: Frame) {
+    pub(super) fn guided_motion(&mut self, frame: Frame, motion_before: Motion) {
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         let ToolControl { mode, held: held_before, direction: direction_before, .. } = self.state.tool_control;
         let (motion, used_before) = (self.state.motion, self.used);
-        let straight = matches!(motion, Motion::Linear | Motion::Rapid);
-        if straight {
+        if self.is_contour_control(axes, motion_before) {
+            return;
+        }
+        let by_vectors = mode == ToolMode::Vectors;
+        // Along a curve under G43.4, and in a tilted plane, I J K are the curve's own.
+        if matches!(motion, Motion::Linear | Motion::Rapid) || by_vectors && matches!(motion, Motion::Arc { .. }) {
             self.tool_direction(axes);
         }
         let more = match motion {
             Motion::Linear | Motion::Rapid => VECTOR_LETTERS,
-            Motion::Arc { .. } => VECTOR_LETTERS | letter_bit(b'R'),
-            _ => 0,
+            _ => curve_letters(motion),
         };
         let mut letters = axes | self.block.letters & more & !used_before;
-        let in_plane = mode == ToolMode::Plane && frame == Frame::Work;
         if self.is_refused_here(axes, frame) {
             self.used |= CURVE_LETTERS;
             letters = 0;
         }
+        // Linear axes that a word of this very block places do not say where a curve starts.
+        let is_curve = matches!(motion, Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic) && letters != 0;
+        let is_held_curve = is_curve && held_before.meets(AxisSet::LINEAR) && !self.block.unclear;
         let end = self.target(axes, frame);
         if letters == 0 || self.block.unclear {
             return self.state.position = end;
         }
-        let (kind, arc, feed) = match motion {
-            Motion::Rapid => (MoveKind::Rapid, None, Some(Feed::PerMinute(0.0))),
-            Motion::Linear => (MoveKind::Cutting, None, self.cutting_feed(axes)),
-            // Linear axes that a word of this very block places do not say where the circle starts.
-            Motion::Arc { clockwise } if in_plane || mode == ToolMode::Off => {
-                let arc = if held_before.meets(AxisSet::LINEAR) {
-                    self.used |= CURVE_LETTERS;
-                    self.held_start(self.block.span());
-                    None
-                } else {
-                    self.arc(clockwise, &end)
-                };
-                (MoveKind::Cutting, arc, arc.and_then(|_| self.cutting_feed(axes)))
+        let (kind, path, feed) = match motion {
+            Motion::Rapid => (MoveKind::Rapid, GuidedPath::Straight, Some(Feed::PerMinute(0.0))),
+            Motion::Linear => (MoveKind::Cutting, GuidedPath::Straight, self.cutting_feed(axes)),
+            Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic if is_held_curve => {
+                self.used |= CURVE_LETTERS;
+                self.held_start(self.block.span());
+                return self.state.position = end;
+            }
+            Motion::Arc { clockwise } => {
+                let path = self.guided_arc(clockwise, &end).map(GuidedPath::Arc);
+                let feed = path.as_ref().and_then(|_| self.cutting_feed(axes));
+                (MoveKind::Cutting, path.unwrap_or(GuidedPath::Straight), feed)
+            }
+            Motion::Cubic | Motion::Quadratic if by_vectors => {
+                self.used = u32::MAX;
+                self.not_permitted(self.block.span(), "a spline, whose I J K would be the tool direction of G43.5,");
+                return self.state.position = end;
+            }
+            Motion::Cubic | Motion::Quadratic => {
+                // Under G43.4 the rotary axes turn evenly along the curve.
+                let own = if mode == ToolMode::Angles { axes & !ROTARY_LETTERS } else { axes };
+                let spline = self.spline(motion == Motion::Cubic, own, &end).filter(|spline| !is_point(spline));
+                let feed = spline.as_ref().and_then(|_| self.cutting_feed(axes));
+                (MoveKind::Cutting, spline.map_or(GuidedPath::Straight, GuidedPath::Spline), feed)
             }
             Motion::None => {
                 self.state.motion = Motion::Unclear;
@@ -221,11 +245,8 @@ impl Execution<'_> {
                 });
                 return self.state.position = end;
             }
-            Motion::Unclear | Motion::Doubtful { .. } => (MoveKind::Rapid, None, None),
-            Motion::Arc { .. }
-            | Motion::Cubic
-            | Motion::Quadratic
-            | Motion::Nurbs
+            Motion::Unclear | Motion::Doubtful { .. } => (MoveKind::Rapid, GuidedPath::Straight, None),
+            Motion::Nurbs
             | Motion::Probe
             | Motion::Thread
             | Motion::ThreadCycle
@@ -235,13 +256,12 @@ impl Execution<'_> {
                 let span = self.block.span();
                 match mode {
                     ToolMode::Off => self.held_start(span),
-                    ToolMode::Plane => self.not_permitted(span, "a spline or a thread"),
-                    _ => self.not_permitted(span, "an arc, a spline or a thread"),
+                    _ => self.not_permitted(span, "a thread"),
                 }
                 return self.state.position = end;
             }
         };
-        let still = arc.is_none()
+        let still = matches!(path, GuidedPath::Straight)
             && end == self.state.position
             && held_before.is_empty()
             && direction_before == self.state.tool_control.direction;
@@ -249,10 +269,42 @@ impl Execution<'_> {
             if mode == ToolMode::Plane && frame == Frame::Machine {
                 self.emit_from_plane(kind, end, self.named_axes(axes), feed);
             } else {
-                self.emit_guided(self.guide(direction_before), kind, end, feed, arc);
+                self.emit_guided(self.guide(direction_before), kind, end, feed, path);
             }
         }
         self.state.position = end;
+    }
+
+    /// Whether a NURBS cannot be opened here, which is then reported: it starts from a place that only the machine knows, or its
+    /// blocks cannot hold the directions of the tool.
+    pub(super) fn is_nurbs_refused(&mut self) -> bool {
+        let ToolControl { mode, held, .. } = self.state.tool_control;
+        let span = self.block.span();
+        if mode == ToolMode::Vectors {
+            self.not_permitted(span, "a NURBS, whose blocks hold no tool direction,");
+        } else if held.meets(AxisSet::LINEAR) {
+            self.held_start(span);
+        } else {
+            return false;
+        }
+        true
+    }
+
+    /// The circle of a guided move; `None` after a finding. Under `G43.5` I J K are the tool direction, so that only R can
+    /// say which circle it is.
+    fn guided_arc(&mut self, clockwise: bool, end: &Position) -> Option<ArcGeometry> {
+        let has_radius = self.block.letters & letter_bit(b'R') & !self.used != 0;
+        if self.state.tool_control.mode == ToolMode::Vectors && !has_radius {
+            let span = self.block.span();
+            self.findings.push_with(code::ARC_CENTRE_MISSING, |code| {
+                let message = "the arc has no R: under G43.5 I, J and K are the tool direction and no centre";
+                Finding::new(code, span, message)
+                    .suggest("add the radius, R; a full circle takes two arcs")
+                    .suggest("write the directions as angles, G43.4, under which I, J and K are the centre")
+            });
+            return None;
+        }
+        self.arc(clockwise, end)
     }
 
     /// Whether the axis words of a block are refused as a whole, which is reported.
@@ -282,21 +334,31 @@ impl Execution<'_> {
         kind: MoveKind,
         end: Position,
         feed: Feed,
-        arc: Option<ArcGeometry>,
+        path: GuidedPath,
     ) {
+        let mut step = self.new_move(kind, end, feed);
+        match path {
+            GuidedPath::Straight => {}
+            GuidedPath::Arc(arc) => step.arc = Some(arc),
+            GuidedPath::Spline(spline) => step.spline = Some(spline),
+        }
+        let guided = self.guided_step(guide, step);
+        self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+    }
+
+    /// A move as one of a guided tool.
+    pub(super) fn guided_step(&self, guide: ToolGuide, step: Move) -> GuidedMove {
         let ToolControl { mode, length_offset, direction, held, .. } = self.state.tool_control;
         let length_offset = if mode == ToolMode::Plane { self.state.length.number } else { length_offset };
         let others = letter_bit(b'S') | letter_bit(b'T');
-        let is_pure_cut = kind == MoveKind::Cutting
+        let is_pure_cut = step.kind == MoveKind::Cutting
+            && (step.arc.is_none() && step.spline.is_none())
             && (mode == ToolMode::Angles || mode == ToolMode::Vectors && direction.is_some())
             && held.is_empty()
             && self.state.feed_unit != FeedUnit::InverseTime
             && !self.block.has_codes_besides_motion()
             && self.block.letters & others == 0;
-        let step = Move { arc, ..self.new_move(kind, end, feed) };
-        let plane = self.state.plane_tilted;
-        let guided = GuidedMove { step, guide, held, length_offset, plane, is_pure_cut };
-        self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
+        GuidedMove { step, guide, held, length_offset, plane: self.state.plane_tilted, is_pure_cut }
     }
 
     /// `I J K` as a direction under `G43.5`; the words of the other form are reported.

@@ -1,7 +1,7 @@
 //! Moves under tool centre point control.
 
 use feedwave_motion::Planner;
-use feedwave_program::{FindingLog, GuidedMove, MoveKind, SourceSpan};
+use feedwave_program::{FindingLog, GuidedMove, MoveKind, PathControl, SourceSpan};
 
 use super::Builder;
 use crate::frame::interpolator::Barrier;
@@ -11,6 +11,24 @@ use crate::shared::checks::check_travel;
 use crate::shared::cut::Cut;
 
 impl Builder {
+    /// What becomes of a move of a guided tool, which the guide then has made; nothing after a finding.
+    pub(super) fn follow(
+        &mut self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<Guided> {
+        let Some(guide) = &self.guide else {
+            if self.state.guide.is_first_refusal(guided.length_offset) {
+                findings.push(no_kinematics(span));
+            }
+            return None;
+        };
+        let chosen = self.chosen.take();
+        guide.carry_out(guided, span, chosen, &mut self.state.guide, &config.guide_inputs(), findings)
+    }
+
     /// A move of a guided tool.
     pub(super) fn guided(
         &mut self,
@@ -20,19 +38,12 @@ impl Builder {
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
     ) {
-        let Some(guide) = self.guide.clone() else {
-            if self.state.guide.is_first_refusal(guided.length_offset) {
-                findings.push(no_kinematics(span));
-            }
-            return;
+        let motion = match self.follow(guided, span, config, findings) {
+            Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
+            Some(Guided::Elements(motion)) => motion,
+            None => return,
         };
-        let chosen = self.chosen.take();
-        let motion =
-            match guide.carry_out(guided, span, chosen, &mut self.state.guide, &config.guide_inputs(), findings) {
-                Some(Guided::Axes(mv)) => return self.motion(&mv, span, config, planner, findings),
-                Some(Guided::Elements(motion)) => motion,
-                None => return,
-            };
+        let Some(guide) = self.guide.clone() else { return };
         let mv = &guided.step;
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
@@ -50,10 +61,15 @@ impl Builder {
         }
         let corners = guide.corners(&config.guide_inputs());
         let joining = self.joining(config);
-        for element in motion.elements {
+        let mut elements = motion.elements.into_iter().peekable();
+        while let Some(element) = elements.next() {
             check_travel(&element, &config.profile.machine, findings);
             let cut = Cut::of(mv, &element);
-            let (control, smoothed) = (mv.path_control, &mut self.smoothed);
+            // Along a spline the block stops at its own end only.
+            let stops_within = elements.peek().is_some() && mv.spline.is_some();
+            let is_inner = stops_within && mv.path_control == PathControl::ExactStop;
+            let control = if is_inner { PathControl::ExactPath } else { mv.path_control };
+            let smoothed = &mut self.smoothed;
             let mut take = |element| smoothed.push(element);
             self.state.smoother.push_guided(element, control, cut, joining, corners, &mut take);
         }

@@ -24,7 +24,7 @@ use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
-use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, too_long};
+use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, spline_cusp, too_long};
 use crate::shared::cut::Cut;
 
 /// Modal state between operations.
@@ -224,10 +224,7 @@ impl Builder {
         let machine = &config.profile.machine;
         let Some(element) = Element::from_move(mv, span) else {
             if mv.spline.is_some() {
-                let message =
-                    "the spline has a place without a direction, a cusp or a handle of length 0, or turns back";
-                let finding = Finding::new(code::PATH_SPLINE_CUSP, span, message);
-                findings.push(finding.suggest("move its control points apart, or divide it at the cusp"));
+                findings.push(spline_cusp(span));
             }
             return;
         };

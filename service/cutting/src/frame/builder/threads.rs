@@ -1,13 +1,16 @@
 //! Threading blocks: passes wait for the block behind them, and rapids for the pass that may follow.
 
-use feedwave_motion::Planner;
-use feedwave_program::{Axis, Finding, FindingLog, Move, SourceSpan, ThreadKind, ThreadMove};
+use feedwave_motion::{Element, Planner};
+use feedwave_program::{
+    Axis, AxisSet, Finding, FindingLog, GuidedMove, Move, SourceSpan, ThreadKind, ThreadMove, ToolGuide,
+};
 
 use super::Builder;
 use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
-use crate::functions::thread::{Pass, WaitingPass};
+use crate::functions::five_axis::Guided;
+use crate::functions::thread::{Pass, WaitingPass, straight};
 
 impl Builder {
     /// Whether a rapid waits for a thread that may follow.
@@ -48,8 +51,9 @@ impl Builder {
         if self.state.functions.vibration.is_on() {
             vibrates_no_thread(span, findings);
         }
+        let Some(element) = self.tap_element(stroke, span, config, findings) else { return };
         let machine = &config.profile.machine;
-        let Some(run) = self.state.functions.threads.tap(stroke, span, machine, findings) else { return };
+        let Some(run) = self.state.functions.threads.tap(stroke, element, machine, findings) else { return };
         self.state.radius_mm = stroke.end[Axis::X.index()];
         if let Some(analysis) = &mut self.analysis {
             analysis.moves += 1;
@@ -59,6 +63,36 @@ impl Builder {
             analysis.turns_at(60.0 * run.peak_rev_per_s());
         }
         planner.push_barrier(Barrier::from(run));
+    }
+
+    /// The path of a stroke; nothing where it leads nowhere, or after a finding. In a tilted plane the axes that follow the tool
+    /// centre point go straight, as the rotary ones rest.
+    fn tap_element(
+        &mut self,
+        stroke: &ThreadMove,
+        span: SourceSpan,
+        config: &PipelineConfig,
+        findings: &mut FindingLog,
+    ) -> Option<Element> {
+        let step = straight(stroke);
+        let Some(plane) = &stroke.plane else {
+            if self.guide.is_some() {
+                self.state.guide.moved(&step);
+            }
+            return Element::from_move(&step, span);
+        };
+        let guided = GuidedMove {
+            step,
+            guide: ToolGuide::Plane,
+            held: AxisSet::NONE,
+            length_offset: plane.length_offset,
+            plane: Some(plane.plane),
+            is_pure_cut: false,
+        };
+        match self.follow(&guided, span, config, findings)? {
+            Guided::Elements(motion) => motion.elements.into_iter().next(),
+            Guided::Axes(_) => None,
+        }
     }
 
     /// Plans what waits: a rapid, or a pass that is complete now.

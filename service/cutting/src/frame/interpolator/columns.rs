@@ -1,5 +1,7 @@
 //! From activities to columns: where every setpoint is on the path, and which function carries it out.
 
+use feedwave_motion::{Curve, Element};
+
 use super::functions::FunctionScratch;
 use super::{Activity, ActivityKind, Interpolator, Rest, Settings, State};
 use crate::shared::columns::{ColumnMap, Samples, still};
@@ -122,6 +124,16 @@ impl Interpolator {
 }
 
 impl Rest {
+    /// At the end of an element.
+    pub(super) fn after(element: &Element) -> Self {
+        let tool = match &element.curve {
+            Curve::FiveAxis(five_axis) => Some((five_axis.tip().ends()[1], *five_axis.setup())),
+            _ => None,
+        };
+        let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
+        Self { position, work_offset, line, tool }
+    }
+
     /// Value of a column here.
     fn value(&self, map: ColumnMap) -> f64 {
         let index = map.axis.index();

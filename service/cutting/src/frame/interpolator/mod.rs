@@ -19,7 +19,7 @@ mod vibrating;
 
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{Kinematics, Setup};
-use feedwave_motion::{Curve, Machine, Planned, PlannedMotion};
+use feedwave_motion::{Machine, Planned, PlannedMotion};
 use feedwave_program::{Position, Spindle};
 use serde::{Deserialize, Serialize};
 
@@ -329,14 +329,8 @@ impl Interpolator {
     fn leave_motion(&mut self) {
         let state = &mut self.state;
         if let Some(motion) = state.track.motion(state.track.current_index()) {
-            let element = &motion.element;
-            state.path_base_mm += element.length;
-            let tool = match &element.curve {
-                Curve::FiveAxis(five_axis) => Some((five_axis.tip().ends()[1], *five_axis.setup())),
-                _ => None,
-            };
-            let (position, work_offset, line) = (element.end, element.work_offset, element.source.line);
-            state.rest = Rest { position, work_offset, line, tool };
+            state.path_base_mm += motion.element.length;
+            state.rest = Rest::after(&motion.element);
         }
         state.track.advance(state.functions.reach_back_mm());
     }

@@ -33,10 +33,10 @@ impl Interpolator {
     pub(super) fn leave_tap(&mut self) {
         if let Some(run) = self.tap() {
             let (turn_rev, length_mm) = (run.turn_rev(), run.element.length);
-            let (position, work_offset, line) = (run.element.end, run.element.work_offset, run.element.source.line);
+            let rest = Rest::after(&run.element);
             self.state.spindle_rev += turn_rev;
             self.state.path_base_mm += length_mm;
-            self.state.rest = Rest { position, work_offset, line, tool: None };
+            self.state.rest = rest;
         }
         self.state.track.advance(0.0);
     }

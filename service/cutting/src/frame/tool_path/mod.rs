@@ -205,7 +205,11 @@ impl Follower {
     fn thread(&self, pass: &ThreadMove, sink: &mut impl ToolPathSink) {
         let vibrates = self.thread_vibration && pass.amplitude_mm != Some(0.0);
         let motion = if vibrates { ToolMotion::VibratingThread } else { ToolMotion::Threading };
-        let (from, mut to) = (point(&pass.start), point(&pass.end));
+        let place = |position: &Position| match &pass.plane {
+            Some(it) => it.plane.to_work(point(position)),
+            None => point(position),
+        };
+        let (from, mut to) = (place(&pass.start), place(&pass.end));
         let mut last = from;
         if let Some(pull_out) = pass.pull_out {
             let travel = [0, 1, 2].map(|axis| to[axis] - from[axis]);

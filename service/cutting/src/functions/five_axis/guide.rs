@@ -1,5 +1,6 @@
 //! Guided moves: from what the program says about the tool to elements of the machine's axes.
 
+mod curve;
 mod plane;
 mod refusal;
 
@@ -8,7 +9,7 @@ use std::sync::Arc;
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
-    Kinematics, KinematicsError, RotaryDirections, Setup, Toward,
+    Kinematics, KinematicsError, RotaryDirections, Setup, TipCurve, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
@@ -176,7 +177,13 @@ impl Guide {
     }
 
     /// What a guided move asks of the machine axes.
-    fn block(&self, guided: &GuidedMove, span: SourceSpan, tool: &Tool, inputs: &GuideInputs<'_>) -> FiveAxisBlock {
+    fn block(
+        &self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        tool: &Tool,
+        inputs: &GuideInputs<'_>,
+    ) -> FiveAxisBlock<'static> {
         let step = &guided.step;
         let (_, rotary) = self.kinematics.letters();
         let held = |axis: Axis| guided.held.contains(axis);
@@ -200,7 +207,7 @@ impl Guide {
         };
         FiveAxisBlock {
             end_mm,
-            circle: guided.plane.as_ref().and_then(|plane| plane::circle_in_work(plane, step)),
+            curve: curve::circle_in_work(guided).map(TipCurve::Circle),
             toward,
             pole_tolerance_rad: inputs.pole_tolerance_deg.to_radians(),
             source: span,
@@ -213,7 +220,7 @@ impl Guide {
         &self,
         refusal: &FiveAxisRefusal,
         guided: &GuidedMove,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         state: &mut GuideState,
         findings: &mut FindingLog,
     ) {
@@ -264,6 +271,7 @@ impl Guide {
         let tool = state.tool.as_mut()?;
         let block = self.block(guided, span, tool, inputs);
         let before = tool.point;
+        let parts = curve::spline_in_work(guided, [before.tip_mm, block.end_mm], span, findings)?;
         let start_rad = chosen.as_ref().map(|chosen| chosen.start_rad);
         let is_free_rapid = chosen.is_some() && block.rapid;
         if let Some(chosen) = chosen {
@@ -271,7 +279,11 @@ impl Guide {
         } else if block.rapid && !matches!(guided.guide, ToolGuide::Vector { .. }) {
             state.cut = None;
         }
-        let motion = match self.elements(&tool.setup, &before, &block, start_rad) {
+        let motion = match parts.as_slice() {
+            [] => self.elements(&tool.setup, &before, &block, start_rad),
+            parts => self.along_spline(&tool.setup, &before, &block, parts),
+        };
+        let motion = match motion {
             Ok(motion) => motion,
             Err(refusal) => {
                 self.refuse(&refusal, guided, &block, state, findings);
@@ -315,7 +327,7 @@ impl Guide {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         chosen_rad: Option<[f64; 2]>,
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
         let Some(angles) = self.turn_in_pole(setup, start, block, chosen_rad) else {
@@ -336,7 +348,7 @@ impl Guide {
             let direction = unit(target).unwrap_or(motion.end.direction);
             return Ok(FiveAxisMotion { end: FiveAxisPoint { direction, ..motion.end }, ..motion });
         };
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, circle: None, toward: Toward::Angles(angles), ..*block };
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, curve: None, toward: Toward::Angles(angles), ..*block };
         let turn = self.kinematics.elements(setup, start, &turn)?;
         let (stood, start) = (start, FiveAxisPoint { direction: start.direction, ..turn.end });
         let motion = self.kinematics.elements(setup, &start, block)?;
@@ -351,7 +363,7 @@ impl Guide {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         chosen_rad: Option<[f64; 2]>,
     ) -> Option<[f64; 2]> {
         let Toward::Vector(target) = block.toward else { return None };

@@ -43,5 +43,5 @@ pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
 pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
-pub(crate) use tap::TapRun;
+pub(crate) use tap::{TapRun, straight};
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

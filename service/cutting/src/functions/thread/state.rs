@@ -1,7 +1,7 @@
 //! Threads in the program: the words that switch their vibration, the passes that belong together, and their
 //! judgement.
 
-use feedwave_motion::Machine;
+use feedwave_motion::{Element, Machine};
 use feedwave_program::{
     Axis, Finding, FindingCode, FindingLog, FunctionCommand, Move, MoveKind, SourceSpan, ThreadMove,
 };
@@ -249,11 +249,12 @@ impl Threads {
     pub(crate) fn tap(
         &mut self,
         stroke: &ThreadMove,
-        span: SourceSpan,
+        element: Element,
         machine: &Machine,
         findings: &mut FindingLog,
     ) -> Option<TapRun> {
-        let run = TapRun::new(stroke, span, machine, findings)?;
+        let span = element.source;
+        let run = TapRun::new(stroke, element, span, machine, findings)?;
         if !std::mem::replace(&mut self.taps_reported, true) {
             let message = "the feed override does not act on rigid taps: the tool is bound to the spindle";
             findings.push(Finding::new(code::THREAD_TAP_OVERRIDE, span, message));

@@ -26,14 +26,14 @@ pub(crate) struct TapRun {
 }
 
 impl TapRun {
-    /// The stroke; nothing after a finding that forbids it.
+    /// The stroke along a straight element of its own; nothing after a finding that forbids it.
     pub(crate) fn new(
         stroke: &ThreadMove,
+        element: Element,
         span: SourceSpan,
         machine: &Machine,
         findings: &mut FindingLog,
     ) -> Option<Self> {
-        let element = Element::from_move(&straight(stroke), span)?;
         if let Some(axis) = missing_axis(&element, machine) {
             findings.push(missing(axis, span));
             return None;
@@ -87,8 +87,8 @@ impl TapRun {
     }
 }
 
-/// The stroke as a straight cut.
-fn straight(stroke: &ThreadMove) -> Move {
+/// A stroke as a straight cut.
+pub(crate) fn straight(stroke: &ThreadMove) -> Move {
     Move {
         kind: MoveKind::Cutting,
         start: stroke.start,

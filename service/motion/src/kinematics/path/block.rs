@@ -12,7 +12,7 @@ use crate::kinematics::description::Wrap;
 use crate::kinematics::direction::{GreatCircle, OppositeDirections};
 use crate::kinematics::inverse::travel;
 use crate::kinematics::range::nearest_turn;
-use crate::kinematics::tip::{TipCircle, TipPath};
+use crate::kinematics::tip::{TipCurve, TipPath};
 use crate::kinematics::vector::{Vec3, unit};
 use crate::tolerance::{MAX_POLE_TOLERANCE_RAD, POLE_RAD, SAME_POINT_MM, SAME_START_RAD};
 use crate::{Curve, Element};
@@ -42,11 +42,11 @@ pub enum Toward {
 
 /// A block of five-axis motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FiveAxisBlock {
+pub struct FiveAxisBlock<'a> {
     /// Tool centre point at the end, work coordinates, mm.
     pub end_mm: Vec3,
-    /// The circle on which it goes there; straight without one.
-    pub circle: Option<TipCircle>,
+    /// The curve on which it goes there; straight without one.
+    pub curve: Option<TipCurve<'a>>,
     /// Direction at the end.
     pub toward: Toward,
     /// Angle to the first rotary axis' line within which a great circle may be bent to lead through it, rad, at most
@@ -157,7 +157,7 @@ impl Kinematics {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
         let is_finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         let target = match &block.toward {
@@ -230,7 +230,7 @@ impl Kinematics {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         angles: [f64; 2],
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
         let from = self.rotary_deg(&start.position);
@@ -261,7 +261,7 @@ impl Kinematics {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         target: Vec3,
         tolerance_rad: f64,
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
@@ -306,7 +306,7 @@ impl Kinematics {
         &self,
         setup: &Setup,
         start: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         turning: &Turning,
         needed_rad: [f64; 2],
     ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
@@ -319,7 +319,7 @@ impl Kinematics {
             return Err(FiveAxisRefusal::Start { axis: letters[axis], difference: difference(axis) });
         }
         let needed_deg = [needed_rad[0].to_degrees(), from_deg[1]];
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, circle: None, toward: Toward::Angles(needed_deg), ..*block };
+        let turn = FiveAxisBlock { end_mm: start.tip_mm, curve: None, toward: Toward::Angles(needed_deg), ..*block };
         let turn = self.by_angles(setup, start, &turn, needed_deg)?;
         let turned = FiveAxisPoint { direction: start.direction, ..turn.end };
         let motion = self.elements(setup, &turned, block)?;
@@ -334,13 +334,16 @@ impl Kinematics {
         setup: &Setup,
         start: &FiveAxisPoint,
         end: &FiveAxisPoint,
-        block: &FiveAxisBlock,
+        block: &FiveAxisBlock<'_>,
         path: &RotaryPath<'_>,
         turn_deg: f64,
     ) -> Result<Option<Element>, FiveAxisRefusal> {
-        let tip = match &block.circle {
+        let tip = match block.curve {
             None => TipPath::Line([start.tip_mm, end.tip_mm]),
-            Some(circle) => TipPath::along(circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?,
+            Some(TipCurve::Spline(spline)) => TipPath::spline(spline.clone()),
+            Some(TipCurve::Circle(circle)) => {
+                TipPath::along(&circle, start.tip_mm, end.tip_mm).ok_or(FiveAxisRefusal::NotANumber)?
+            }
         };
         let length_mm = tip.length_mm();
         // A shorter travel counts as none: derivatives by it would mean nothing.

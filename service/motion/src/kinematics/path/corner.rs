@@ -94,7 +94,7 @@ impl FiveAxisCorners<'_> {
     pub(crate) fn element(&self, before: &Element, after: &Element, tip: Spline, turns: Turns) -> Option<Element> {
         let Curve::FiveAxis(own) = &before.curve else { return None };
         let length = tip.length_mm();
-        let tip = TipPath::corner(tip);
+        let tip = TipPath::spline(tip);
         let curve = fit(self.kinematics, own.setup(), &before.end, &RotaryPath::Quintics(turns), tip, length).ok()?;
         curve.check_start(&before.end).ok()?;
         for (axis, range) in self.kinematics.ranges() {

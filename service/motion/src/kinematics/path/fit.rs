@@ -86,8 +86,9 @@ pub(in crate::kinematics) fn fit(
         }
         RotaryPath::Angles { .. } | RotaryPath::Quintics(_) => SmallVec::new(),
     };
-    if let TipPath::Corner(corner) = &tip {
-        bends.extend(corner.spline().meetings().map(|s| s / length));
+    if let TipPath::Spline(curve) = &tip {
+        bends.extend(curve.spline().meetings().map(|s| s / length));
+        bends.sort_by(f64::total_cmp);
     }
     for to in bends.into_iter().chain([1.0]) {
         if to > from {
@@ -144,8 +145,8 @@ impl Fit<'_> {
                     axial + first.scaled(across[0][k]) + second.scaled(across[1][k])
                 })
             }
-            TipPath::Corner(corner) => {
-                let about = corner.spline().about(share * self.length, half * self.length);
+            TipPath::Spline(curve) => {
+                let about = curve.spline().about(share * self.length, half * self.length);
                 let mut series = [Series::<N>::ZERO; 3];
                 for k in 0..N.min(COEFFICIENTS) {
                     let value = about.map(|polynomial| polynomial[k]);

@@ -1,6 +1,7 @@
 //! Reference positions: `G28`, `G30`, `G29`, and `G28.1`, `G30.1` of LinuxCNC, which store them.
 
 use super::super::motion::Frame;
+use super::super::tool_control::GuidedPath;
 use super::Execution;
 use crate::code;
 use crate::coordinates::Intermediate;
@@ -112,7 +113,7 @@ impl Execution<'_> {
         if self.state.tool_control.is_plain() {
             self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0));
         } else {
-            self.emit_guided(self.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), None);
+            self.emit_guided(self.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), GuidedPath::Straight);
         }
     }
 

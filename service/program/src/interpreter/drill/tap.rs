@@ -7,6 +7,7 @@ use crate::dialect::letter_bit;
 use crate::state::Cycle;
 use crate::{
     DialectName, OperationKind, PeckReturn, Position, Spindle, SpindleDirection, SpindleSpeed, ThreadKind, ThreadMove,
+    ThreadPlane,
 };
 
 /// The other sense.
@@ -68,6 +69,7 @@ impl Execution<'_> {
         if end == self.state.position {
             return;
         }
+        let length_offset = self.state.length.number;
         let stroke = ThreadMove {
             kind: ThreadKind::Tapped,
             start: self.state.coords.placed(&self.state.position),
@@ -82,6 +84,7 @@ impl Execution<'_> {
             included_angle_deg: None,
             spindle: Spindle { direction, speed: SpindleSpeed::Constant { rev_per_min } },
             tool: self.state.tool,
+            plane: self.state.plane_tilted.map(|plane| Box::new(ThreadPlane { plane, length_offset })),
         };
         self.emit(self.block.span(), OperationKind::Thread(Box::new(stroke)));
         self.state.position = end;

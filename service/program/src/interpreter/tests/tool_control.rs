@@ -87,8 +87,7 @@ fn contradictions_are_refused() {
     };
     refused("G43.4 H1", "! 3:1+5 PRG-TOOL-CONTROL-NESTED");
     refused("G43.5 H2", "! 3:1+5 PRG-TOOL-CONTROL-NESTED");
-    refused("G2 X2 Y2 R5 F100", "! 3:1+16 PRG-TOOL-CONTROL-BLOCK");
-    refused("G5.1 X2 Y2 I1 J1 F100", "! 3:1+21 PRG-TOOL-CONTROL-BLOCK");
+    refused("G5.1 X2 Y2 Z5 I1 J1 F100", "! 3:12+2 PRG-SPLINE-AXIS");
     refused("G28 Z0", "! 3:1+3 PRG-TOOL-CONTROL-BLOCK");
     refused("G53 G0 Z0", "! 3:1+3 PRG-TOOL-CONTROL-BLOCK");
     refused("G55", "! 3:1+3 PRG-TOOL-CONTROL-BLOCK");
@@ -104,6 +103,50 @@ fn contradictions_are_refused() {
     );
     check(&mill(), "M33\nM34", "! 1:1+3 PRG-TOOL-CONTROL-OFF");
     check(&lathe(), "G43.4", "! 1:1+5 PRG-UNSUPPORTED-CODE");
+}
+
+#[test]
+fn curves_of_the_tool_centre_point() {
+    // Centres under G43.4; the rotary axes turn on the way, and such a block is never thinned out.
+    check(
+        &mill(),
+        "G43.4 H1\nG0 X0 Y0 Z5 A0 C0\nG2 X2 I1 A10 F100\nG3 I-1 C-20\nG18 G2 X4 R1 Z5\nG17 G5.1 X6 Y2 I1 J0 A5\nG5.1 Q1\nG1 X7",
+        "guided angles H1 rapid -> Z5
+         guided angles H1 cut -> X2 Z5 A10 about 1,0 by -180 @100/min
+         guided angles H1 cut -> X2 Z5 A10 C-20 about 1,0 by 360 @100/min
+         guided angles H1 cut -> X4 Z5 A10 C-20 about 5,3 by -180 @100/min
+         guided angles H1 cut -> X6 Y2 Z5 A5 C-20 spline order 3 4,0 5,0 6,2 @100/min
+         guided angles H1 cut -> X7 Y2 Z5 A5 C-20 @100/min pure",
+    );
+    check(
+        &mill(),
+        "G43.4 H1\nG0 X0 Y0 Z5\nF100\nG5.2 X1 Y1\nX2 Y0\nG5.3\nG5 X4 Y0 I1 J1 P-1 Q1",
+        "guided angles H1 rapid -> Z5
+         guided angles H1 cut -> X2 Z5 spline order 3 0,0 1,1 2,0 @100/min
+         guided angles H1 cut -> X4 Z5 spline order 4 2,0 3,1 3,1 4,0 @100/min",
+    );
+    // Under G43.5 I J K are the direction at the end of the arc, and R says which circle it is.
+    check(
+        &mill(),
+        "G43.5 H1\nG0 X0 Y0 Z5 I0 J0 K1\nG3 X2 R1 I0 J3 K4 F100\nX0 R-1",
+        "guided vector - 0,0,1 H1 rapid -> Z5
+         guided vector 0,0,1 0,0.6,0.8 H1 cut -> X2 Z5 about 1,0 by 180 @100/min
+         guided vector 0,0.6,0.8 0,0.6,0.8 H1 cut -> Z5 about 1,0 by 180 @100/min",
+    );
+    let refused = |program: &str, finding: &str| {
+        let program = format!("G43.5 H1\nG0 X0 Y0 Z5 I0 J0 K1\nF100\n{program}");
+        check(&mill(), &program, &format!("guided vector - 0,0,1 H1 rapid -> Z5\n{finding}"));
+    };
+    refused("G3 X2 I1 J0 K0", "! 4:1+14 PRG-ARC-CENTRE-MISSING");
+    refused("G3 X2 R1 A30", "! 4:10+3 PRG-TOOL-DIRECTION");
+    refused("G3 R1 I1", "! 4:4+2 PRG-ARC-FULL-BY-RADIUS");
+    refused("G5.1 X2 Y2 I1 J1", "! 4:1+16 PRG-TOOL-CONTROL-BLOCK");
+    refused(
+        "G5.2 X2 Y2\nG1 X5",
+        "guided vector 0,0,1 0,0,1 H1 cut -> X5 Y2 Z5 @100/min pure\n! 4:1+10 PRG-TOOL-CONTROL-BLOCK",
+    );
+    check(&mill(), "G43.4 H1\nG2 X1 Y1 R1 F10", "! 2:1+15 PRG-TOOL-CONTROL-HELD");
+    check(&mill(), "G43.4 H1\nF10\nG5.2 X1 Y1", "! 3:1+10 PRG-TOOL-CONTROL-HELD");
 }
 
 #[test]

@@ -4,9 +4,7 @@
 //! point control, in work coordinates that move with the table, and the length is along the tool axis whatever machine it is.
 
 use feedwave_motion::kinematics::vector::{Vec3, angle};
-use feedwave_motion::kinematics::{
-    BranchPreference, FiveAxisRefusal, InverseSolution, KinematicsError, TipCircle, ToolPose,
-};
+use feedwave_motion::kinematics::{BranchPreference, FiveAxisRefusal, InverseSolution, KinematicsError, ToolPose};
 use feedwave_program::{
     Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, TiltedPlane, ToolAxisSolution,
 };
@@ -25,17 +23,6 @@ pub(super) fn end_in_work(plane: &TiltedPlane, guided: &GuidedMove, from_mm: Vec
         let place = axis.index();
         if guided.held.contains(axis) { from_mm[place] } else { guided.step.end[place] }
     }))
-}
-
-/// The circle of a move in a plane, work coordinates.
-pub(super) fn circle_in_work(plane: &TiltedPlane, step: &Move) -> Option<TipCircle> {
-    let arc = step.arc?;
-    let (first, second) = arc.plane.axes();
-    let (mut center_mm, mut normal) = ([0.0; 3], [0.0; 3]);
-    center_mm[first.index()] = arc.center[0];
-    center_mm[second.index()] = arc.center[1];
-    normal[arc.plane.normal().index()] = 1.0;
-    Some(TipCircle { center_mm: plane.to_work(center_mm), normal: plane.turned_out(normal), sweep_rad: arc.sweep_rad })
 }
 
 /// A rotary axis that cannot turn as far as the normal asks for.
