@@ -298,6 +298,19 @@ fn hold_and_lower_feeds_act_at_once_on_a_plan_for_the_least_time() {
     }
 }
 
+#[test]
+fn behind_a_change_the_path_is_planned_for_the_least_time_again() {
+    let program = wave();
+    let plain = run(&program, &least_time(&[]));
+    for at in [60, 300, 500] {
+        let config = least_time(&[(at, 1.0)]);
+        let changed = run(&program, &config);
+        check_limits(&changed, &config).expect("within the limits");
+        // What ends with the change is the acceleration, once.
+        assert!(changed.len() * 100 <= plain.len() * 103, "{} of {} at {at}", changed.len(), plain.len());
+    }
+}
+
 /// Turning with a vibrating section and a dwell while the spindle turns.
 const VIBRATING: &str = "G21 G97 S1000 M3\nG0 X6. Z10.\nG4 P100\nG200 F41.667 A0.03\nG1 X10. Z11. F0.05\n\
 G2 X11. Z11.5 R4.\nG201\nG4 P50\nG1 Z12. F0.1\nM30\n";

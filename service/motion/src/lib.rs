@@ -27,8 +27,7 @@ pub use limits::{
 };
 pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
-    Ahead, ChangedCourse, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings,
-    TooFast,
+    Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
 pub use profile::{PhaseTimes, Profile, ProfilePart, StretchProfile};
 pub use smoothing::{Carried, CornerSpeed, Joining, PathSmoother, Smoothed};

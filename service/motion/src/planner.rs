@@ -5,7 +5,7 @@
 //! path is assumed to rest at the window's end, which is always safe, and about the first half of the window is
 //! released. All planning happens when something is pushed, so the result does not depend on when it is taken out.
 //!
-//! Planning has two steps. First neighbouring stretches are gathered into runs ([`runs`]) that share one set of limits,
+//! Planning in runs has two steps. First neighbouring stretches are gathered into runs ([`runs`]) that share one set of limits,
 //! so that acceleration carries on from one short block into the next. Then a backward and a forward pass over the
 //! ends of the runs, where there is no acceleration, give the speeds there, and each run one [`Profile`].
 //!
@@ -24,10 +24,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::junction::{Junction, JunctionRules};
 use crate::speed::AxisLimits;
-use crate::tolerance::{FIRST_PLAN, FIRST_RELEASE_S, LARGEST_RESERVE, RELEASE_S};
+use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE};
 use crate::{Machine, Stretch};
 
-pub use change::ChangedCourse;
+use refine::{Released, Row};
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
 use runs::{Node, Plan, Stop};
 
@@ -92,9 +92,22 @@ pub struct Planner<B> {
     finished: bool,
     /// Whether a restart has turned out to be impossible.
     too_fast: bool,
-    ready: VecDeque<Planned<B>>,
+    ready: VecDeque<Released<B>>,
+    /// What of it is settled, where it is planned for the least time.
+    row: Row,
+    /// Where a restart is free to choose the speed at the chain's start.
+    #[serde(skip)]
+    free_entry: Option<FreeEntry>,
     #[serde(skip)]
     scratch: Plan,
+}
+
+/// A speed at the start of a chain that is chosen when it is first planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FreeEntry {
+    /// Lowest, mm/s.
+    least: f64,
+    chosen: Option<f64>,
 }
 
 impl<B> Planner<B> {
@@ -112,6 +125,8 @@ impl<B> Planner<B> {
             finished: false,
             too_fast: false,
             ready: VecDeque::new(),
+            row: Row::default(),
+            free_entry: None,
             scratch: Plan::default(),
             settings,
         }
@@ -165,7 +180,7 @@ impl<B> Planner<B> {
         self.release_chain();
         match &mut self.held {
             Some(held) => held.push_back(PathItem::Barrier(barrier)),
-            None => self.ready.push_back(Planned::Barrier(barrier)),
+            None => self.ready.push_back(Released::barrier(barrier)),
         }
     }
 
@@ -177,7 +192,9 @@ impl<B> Planner<B> {
 
     /// Takes the next planned item; `None` until more is pushed or the path is finished.
     pub fn pop(&mut self) -> Option<Planned<B>> {
-        self.ready.pop_front()
+        self.settle_first();
+        self.row.settled = self.row.settled.saturating_sub(1);
+        self.ready.pop_front().map(|released| released.planned)
     }
 
     /// What was pushed and is not planned, in order.
@@ -191,7 +208,8 @@ impl<B> Planner<B> {
 
     /// Takes back everything that was pushed and not popped, in order.
     pub fn withdraw(&mut self) -> Vec<PathItem<B>> {
-        let ready = self.ready.drain(..).map(PathItem::from);
+        self.row = Row::default();
+        let ready = self.ready.drain(..).map(|released| PathItem::from(released.planned));
         let chain = self.chain.drain(..).map(|waiting| PathItem::Motion(waiting.request));
         ready.chain(chain).chain(self.held.take().into_iter().flatten()).collect()
     }
@@ -227,6 +245,21 @@ impl<B> Planner<B> {
         }
         self.next_plan = self.settings.window.max(self.chain.len() + 1);
         if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
+    }
+
+    /// [`Planner::restart`] from the highest of these speeds, lowest and highest, from which the commands ahead can be kept, or
+    /// else from the lowest; the speed.
+    fn restart_within(
+        &mut self,
+        [least, most]: [f64; 2],
+        feed_override: f64,
+        path: Vec<PathItem<B>>,
+    ) -> Result<f64, TooFast> {
+        let moves = most > 0.0;
+        self.free_entry = moves.then_some(FreeEntry { least, chosen: None });
+        let restarted = self.restart(most.max(0.0), feed_override, path);
+        let chosen = self.free_entry.take().map_or(Some(0.0), |entry| entry.chosen);
+        restarted.and(chosen.ok_or(TooFast))
     }
 
     /// Whether a restart is in progress, which plans what is known as a whole.
@@ -265,13 +298,7 @@ impl<B> Planner<B> {
         let window = self.settings.window;
         let is_overdue = self.chain.len() >= 2 * window;
         let enough = if is_overdue { window / 2 } else { 1 };
-        let mut wanted = self.chain.len() / 2;
-        if self.settings.limits.is_some() && !is_overdue {
-            // What is planned for the least time costs more: not more at once than is run in a while.
-            let most_s = if self.chain.len() < window { FIRST_RELEASE_S } else { RELEASE_S };
-            wanted = wanted.min(self.scratch.elements_within(most_s)).max(1);
-        }
-        match self.scratch.cut(wanted).filter(|&(count, _)| count >= enough) {
+        match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {
                 self.release(count);
                 self.entry_speed = speed;
@@ -303,6 +330,16 @@ impl<B> Planner<B> {
             }
         }
         plan.gather(&[]);
+        if let Some(FreeEntry { least, chosen: chosen @ None }) = &mut self.free_entry {
+            *chosen = plan.entry_within([*least, self.entry_speed]);
+            match *chosen {
+                Some(speed) => self.entry_speed = speed,
+                None => {
+                    self.too_fast = true;
+                    return false;
+                }
+            }
+        }
         if plan.solve(self.entry_speed) {
             return true;
         }
@@ -330,7 +367,8 @@ impl<B> Planner<B> {
                 before.stretches.truncate(within + 1);
                 before.stretches[within].end = stop;
                 let stretches = self.scratch.planned(&before, first, Some(s));
-                self.ready.push_back(Planned::Motion(PlannedMotion::new(before, stretches)));
+                let planned = Planned::Motion(PlannedMotion::new(before, stretches));
+                self.ready.push_back(Released { planned, entry: *entry, last: Some(0.0) });
                 request.start = stop;
                 request.stretches.drain(..within);
                 if stop >= request.stretches[0].end {
@@ -353,17 +391,16 @@ impl<B> Planner<B> {
 
     /// Releases the first `count` elements of the planned chain.
     fn release(&mut self, count: usize) {
-        // A change of the feed has to act at once, with thousands of blocks ahead: their least time would take seconds to find.
-        if let Some(limits) = self.settings.limits.as_ref().filter(|_| !self.is_restarting()) {
-            let nodes: usize = self.chain.range(..count).map(|waiting| waiting.request.stretches.len()).sum();
-            self.scratch.refine(&self.chain, nodes, limits, Junction::REST.reserve);
-        }
         let mut node = 0;
         for Waiting { mut request, entry } in self.chain.drain(..count) {
             request.entry_reserve = entry.reserve;
             let stretches = self.scratch.planned(&request, node, None);
             node += stretches.len();
-            self.ready.push_back(Planned::Motion(PlannedMotion::new(request, stretches)));
+            let planned = Planned::Motion(PlannedMotion::new(request, stretches));
+            self.ready.push_back(Released { planned, entry, last: None });
+        }
+        if let Some(last) = self.ready.back_mut().filter(|_| count > 0) {
+            last.last = Some(self.chain.front().map_or(0.0, |next| next.entry.reserve));
         }
         self.runs_before = self.scratch.run_lengths(node);
         self.next_plan = self.settings.window;

@@ -252,14 +252,14 @@ pub(crate) const SPEED_SIDE: f64 = 1e-7;
 pub(crate) const SMOOTH_RESERVE: f64 = 0.03;
 /// A share this small is within what a plan for the least time leaves unused.
 pub(crate) const NO_RESERVE: f64 = 4e-4;
-/// Time that is released at once where the plan is for the least time, by the plan of runs, s.
-pub(crate) const RELEASE_S: f64 = 6.0;
-/// The same for the first time, so that the first setpoints come soon, s.
-pub(crate) const FIRST_RELEASE_S: f64 = 0.3;
-/// Longest run that is planned anew for the least time, s: in a longer one the feed is steady.
+/// Longest change of speed that is planned anew for the least time, s: in a longer one the feed is nearly steady.
 pub(crate) const MOST_RUN_S: f64 = 4.0;
 /// Time of a window that is planned for the least time at once, by the plan of runs, s.
 pub(crate) const WINDOW_S: f64 = 1.5;
+/// The same of the first window, so that the first setpoints come soon; each of the next ones is at most twice as long, s.
+pub(crate) const FIRST_WINDOW_S: f64 = 0.3;
+/// Relative difference within which a speed is the commanded one.
+pub(crate) const AT_COMMAND: f64 = 1e-9;
 /// Part of a window's time, from and to, in which the next one takes over.
 pub(crate) const HANDOVER: [f64; 2] = [0.55, 0.75];
 /// A window that takes no more than this times as long as at its commanded speeds gains nothing.
@@ -269,6 +269,11 @@ pub(crate) const WORTHWHILE: f64 = 1.0005;
 pub(crate) const RESERVED_S: f64 = 0.012;
 /// Shares of the limits at which the path brakes when a lower feed is commanded, tried in order.
 pub(crate) const BRAKING_SHARES: [f64; 3] = [0.7, 0.4, 0.2];
+/// Share of the limits with which a change of the feed has to be carried out at the latest: the course is planned anew as far as a
+/// stop takes with it.
+pub(crate) const REACHING_SHARE: f64 = 0.4;
+/// Time of the course that is planned anew at a change of the feed at the least, s.
+pub(crate) const CHANGE_S: f64 = 0.05;
 /// Factor between the speed of such a braking and the highest that is planned instead of it: a plan needs room.
 pub(crate) const CEILING_MARGIN: f64 = 1.02;
 /// Factor between the length of such a braking to rest and the one that is planned.

@@ -1,23 +1,12 @@
-//! A change of the feed override while a course is run: the rest of the course is planned anew from the present speed and
-//! acceleration, to its end or to rest.
+//! A change of the feed override while a course is run: as much of it as a stop takes is planned anew from the present speed and
+//! acceleration, up to a speed without acceleration from which all that is known behind it can be planned in runs, or to rest.
 
 use super::refine::PartsGuess;
-use super::{MotionRequest, PlannedMotion, Planner};
-use crate::profile::change_length;
-use crate::speed::{Course, End, Guess, Path, Span};
-use crate::tolerance::{BRAKING_SHARES, CEILING_MARGIN, REST_MARGIN};
+use super::{MotionRequest, PathItem, PlannedMotion, Planner};
+use crate::profile::{change_length, reachable_speed};
+use crate::speed::{AxisLimits, Course, End, Guess, Path, Span};
+use crate::tolerance::{BRAKING_SHARES, CEILING_MARGIN, CHANGE_S, REACHING_SHARE, REST_MARGIN, SAME_POINT_MM};
 use crate::{PathLimits, PlannedStretch, Profile, StretchProfile};
-
-/// What a change of the feed override makes of the rest of a course.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ChangedCourse {
-    /// What is run: the first motion goes on with the present element.
-    pub motions: Vec<PlannedMotion>,
-    /// What is left of the path that was given, where it comes to rest before the end.
-    pub left: Vec<MotionRequest>,
-    /// Speed behind the motions, mm/s; the acceleration is zero there.
-    pub end_speed: f64,
-}
 
 /// A speed that falls as fast as a share of the limits lets it.
 struct Braking {
@@ -79,109 +68,247 @@ impl Guess for Braking {
     }
 }
 
-impl<B> Planner<B> {
-    /// Plans the rest of a course anew at another feed override: `rest` are motions on courses up to the place where its plan
-    /// ends, the first one from the present place on. `None` where there is no such plan; the course then has to go on.
-    pub fn change_course(&mut self, rest: &[PlannedMotion], feed_override: f64) -> Option<ChangedCourse> {
-        let limits = self.settings.limits.as_ref()?;
-        let mut guess = PartsGuess::default();
-        let mut spans: Vec<Span<'_>> = Vec::new();
-        let mut reserves = [0.0; 3];
-        for motion in rest {
+/// The part of a course that a change of the feed override plans anew.
+struct Rest<'a> {
+    motions: &'a [PlannedMotion],
+    /// Its path, one span for every stretch as far as it is planned anew, at the speeds commanded from now on.
+    spans: Vec<Span<'a>>,
+    /// The motion so far.
+    before: PartsGuess,
+    /// Shares of acceleration and jerk left to junctions at its start, at its end and inside.
+    reserves: [f64; 3],
+    /// Speed and acceleration at its start.
+    speed: f64,
+    acceleration: f64,
+    /// Whether it ends where the course does: a junction may be there.
+    is_whole: bool,
+}
+
+impl<'a> Rest<'a> {
+    /// The first `reach` mm of a course at another feed override; all of it where little would be left.
+    fn new(motions: &'a [PlannedMotion], feed_override: f64, reach: f64) -> Option<Self> {
+        let whole: f64 = motions.iter().flat_map(|motion| &motion.stretches).map(|own| own.profile.length()).sum();
+        let is_whole = whole <= reach * ALMOST_REACHED;
+        let mut rest = Self {
+            motions,
+            spans: Vec::new(),
+            before: PartsGuess::default(),
+            reserves: [0.0; 3],
+            speed: 0.0,
+            acceleration: 0.0,
+            is_whole,
+        };
+        for motion in motions {
             for PlannedStretch { start, stretch, profile } in &motion.stretches {
                 let StretchProfile::Course(course) = profile else { return None };
-                reserves = course.reserves();
-                let command = motion.commanded(stretch, feed_override);
-                spans.push(Span { start: guess.length(), element: &motion.element, from: *start, command });
-                guess.push(profile.clone());
-            }
-        }
-        let (_, speed, acceleration, _) = guess.state(0.0);
-        let moves = speed > 0.0;
-        if !moves {
-            return None;
-        }
-        let joints: Vec<_> = match reserves[2] {
-            reserve if reserve > 0.0 => spans.iter().map(|span| (span.start, reserve)).collect(),
-            _ => Vec::new(),
-        };
-        let path = Path::new(&spans, guess.length(), limits);
-        let path_mm = path.length;
-        let (most_acceleration, most_jerk) = path.least_along();
-        let end = guess.end_speed();
-        let jerk = limits.largest_jerk();
-        let ends = |end_speed: f64| {
-            let exit_reserve = if end_speed > 0.0 { reserves[1] } else { 0.0 };
-            [End::reserving(speed, acceleration, reserves[0], jerk), End::reserving(end_speed, 0.0, exit_reserve, jerk)]
-        };
-        let target = spans.iter().map(|span| span.command).fold(f64::INFINITY, f64::min);
-        for share in BRAKING_SHARES {
-            let limits_along = PathLimits {
-                velocity: f64::INFINITY,
-                acceleration: share * most_acceleration,
-                jerk: share * most_jerk,
-            };
-            let braking = Braking::new(speed, acceleration, target, &limits_along);
-            let stop_mm = REST_MARGIN * braking.length();
-            let (length, end_speed) = if target > 0.0 || stop_mm > path.length {
-                (path.length, end.min(target.max(braking.speed(path.length) / CEILING_MARGIN)))
-            } else {
-                (stop_mm, 0.0)
-            };
-            let ceiling = |s: f64| {
-                let speed = braking.speed(s);
-                // What comes to rest at a place may be as fast as it likes before.
-                let margin = CEILING_MARGIN - 1.0;
-                if length < path.length {
-                    CEILING_MARGIN * braking.peak
-                } else {
-                    speed + margin * (speed - target).max(0.0)
+                let at = rest.before.length();
+                if !is_whole && at >= reach {
+                    break;
                 }
-            };
-            let needs_ceiling = braking.peak > target;
-            let whole = Path::new(&spans, length, limits).with_joints(&joints);
-            let path = if needs_ceiling { whole.with_ceiling(&ceiling) } else { whole };
-            // The plan so far is too fast where the path comes to rest.
-            let before: &dyn Guess = if length < path_mm { &braking } else { &guess };
-            if let Some(course) = self.scratch.speed.plan(&path, ends(end_speed), before) {
-                return Some(changed(rest, &spans, &course));
+                let [entry, exit, inside] = course.reserves();
+                let before = rest.spans.first().map_or(entry, |_| rest.reserves[0]);
+                rest.reserves = [before, exit, inside.max(rest.reserves[2])];
+                let command = motion.commanded(stretch, feed_override);
+                rest.spans.push(Span { start: at, element: &motion.element, from: *start, command });
+                let is_inside = is_whole || at + course.length() <= reach + SAME_POINT_MM;
+                let own =
+                    if is_inside { profile.clone() } else { StretchProfile::Course(course.between(0.0, reach - at)) };
+                rest.before.push(own);
             }
         }
-        None
+        if !is_whole {
+            // Somewhere inside: what joints take there.
+            rest.reserves[1] = rest.reserves[2];
+        }
+        (_, rest.speed, rest.acceleration, _) = rest.before.state(0.0);
+        (rest.speed > 0.0).then_some(rest)
+    }
+
+    fn length(&self) -> f64 {
+        self.before.length()
+    }
+
+    /// Lowest commanded speed, mm/s.
+    fn target(&self) -> f64 {
+        self.spans.iter().map(|span| span.command).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Lowest and highest speed without acceleration at which it can end, as far as a share of the limits `along` the path
+    /// decides.
+    fn end_speeds(&self, along: impl Fn(f64) -> PathLimits) -> [f64; 2] {
+        let least = Braking::new(self.speed, self.acceleration, 0.0, &along(REACHING_SHARE)).speed(self.length());
+        if self.is_whole {
+            // The junction there is known to be passed at that speed only.
+            let end = self.before.end_speed();
+            return [(least / CEILING_MARGIN).min(end), end];
+        }
+        let limits = along(REACHING_SHARE);
+        // A braking in progress ends first.
+        let braked_s = (-self.acceleration).max(0.0) / limits.jerk;
+        let slowest = (self.speed - 0.5 * limits.jerk * braked_s * braked_s).max(0.0);
+        let left_mm = (self.length() - self.speed * braked_s).max(0.0);
+        let last = self.motions.iter().flat_map(|motion| &motion.stretches).nth(self.spans.len() - 1);
+        let fastest = last.map_or(0.0, |last| last.stretch.limits.velocity);
+        let most = reachable_speed(slowest, f64::MAX, left_mm, &limits).min(fastest).min(self.target());
+        [least / CEILING_MARGIN, most.max(least / CEILING_MARGIN)]
+    }
+
+    /// What is left where it is run up to the place `length`, and what follows.
+    fn followed_by<B>(&self, length: f64, path: Vec<PathItem<B>>) -> Vec<PathItem<B>> {
+        let mut left = self.left_from(length);
+        let mut path = path.into_iter().peekable();
+        if let (Some(last), Some(PathItem::Motion(next))) = (left.last_mut(), path.peek())
+            && next.start > 0.0
+            && last.stretches.last().is_some_and(|last| last.end == next.start)
+        {
+            // The rest of the same element.
+            last.stretches.extend(next.stretches.iter().copied());
+            path.next();
+        }
+        left.into_iter().map(PathItem::Motion).chain(path).collect()
+    }
+
+    /// What is left of its path where it is run up to the place `length`.
+    fn left_from(&self, length: f64) -> Vec<MotionRequest> {
+        let mut left = Vec::new();
+        let mut span = self.spans.iter();
+        for motion in self.motions {
+            let mut left_from = None;
+            for (index, planned) in motion.stretches.iter().enumerate() {
+                let from = match span.next() {
+                    Some(own) if own.start + planned.profile.length() <= length + SAME_POINT_MM => continue,
+                    Some(own) if own.start < length - SAME_POINT_MM => planned.start + (length - own.start),
+                    _ => planned.start,
+                };
+                left_from = left_from.or(Some((index, from)));
+            }
+            left.extend(left_from.map(|(index, from)| motion.request_from(index, from)));
+        }
+        left
+    }
+
+    /// The motions on a new course, which may end before them.
+    fn on(&self, course: &Course) -> Vec<PlannedMotion> {
+        let mut motions = Vec::with_capacity(self.motions.len());
+        let mut spans = self.spans.iter();
+        for motion in self.motions {
+            let mut stretches = smallvec::SmallVec::new();
+            for planned in &motion.stretches {
+                let is_reached = |span: &&Span<'_>| span.start < course.length() - SAME_POINT_MM;
+                let Some(span) = spans.next().filter(is_reached) else { break };
+                let whole = span.start + planned.profile.length();
+                let end = whole.min(course.length());
+                let mut stretch = planned.stretch;
+                if whole > course.length() + SAME_POINT_MM {
+                    stretch.end = planned.start + (end - span.start);
+                }
+                let profile = StretchProfile::Course(course.between(span.start, end));
+                stretches.push(PlannedStretch { start: planned.start, stretch, profile });
+            }
+            if !stretches.is_empty() {
+                motions.push(motion.with_stretches(stretches));
+            }
+        }
+        motions
     }
 }
 
-/// The motions on a new course, which may end before them.
-fn changed(rest: &[PlannedMotion], spans: &[Span<'_>], course: &Course) -> ChangedCourse {
-    let mut motions = Vec::with_capacity(rest.len());
-    let mut left = Vec::new();
-    let mut span = 0;
-    for motion in rest {
-        let mut stretches = smallvec::SmallVec::new();
-        let mut left_from = None;
-        for (index, planned) in motion.stretches.iter().enumerate() {
-            let start = spans[span].start;
-            let end = spans.get(span + 1).map_or(course.length(), |next| next.start).min(course.length());
-            span += 1;
-            if start >= course.length() {
-                left_from = left_from.or(Some((index, planned.start)));
-                continue;
-            }
-            let mut stretch = planned.stretch;
-            let is_whole = spans.get(span).map_or(planned.profile.length(), |next| next.start - start) <= end - start;
-            if !is_whole {
-                stretch.end = planned.start + (end - start);
-                left_from = Some((index, stretch.end));
-            }
-            let profile = StretchProfile::Course(course.between(start, end));
-            stretches.push(PlannedStretch { start: planned.start, stretch, profile });
-        }
-        if let Some((index, start)) = left_from {
-            left.push(motion.request_from(index, start));
-        }
-        if !stretches.is_empty() {
-            motions.push(motion.with_stretches(stretches));
-        }
+/// What is left of a course when it is planned anew up to the end is less than this part of that.
+const ALMOST_REACHED: f64 = 1.1;
+
+impl<B> Planner<B> {
+    /// How much of a course has to be known for a change of the feed override at this speed and acceleration, mm; infinite on a
+    /// planner that makes none.
+    #[must_use]
+    pub fn reach_of_change(&self, speed: f64, acceleration: f64) -> f64 {
+        let Some(limits) = &self.settings.limits else { return f64::INFINITY };
+        let [acceleration_limit, jerk] = limits.least();
+        let limits = PathLimits {
+            velocity: f64::INFINITY,
+            acceleration: REACHING_SHARE * acceleration_limit,
+            jerk: REACHING_SHARE * jerk,
+        };
+        let stop_mm = REST_MARGIN * Braking::new(speed, acceleration, 0.0, &limits).length();
+        ALMOST_REACHED * stop_mm.max(CHANGE_S * speed)
     }
-    ChangedCourse { motions, left, end_speed: course.end_velocity() }
+
+    /// Plans a course anew at another feed override: `rest` are motions on it, the first one from the present place on, as far as
+    /// [`Planner::reach_of_change`] or to where its plan ends; `path` is what follows, as it was withdrawn. The motions that
+    /// are run first; what is behind them is planned as by [`Planner::restart`]. `None` where there is no such plan; the course
+    /// then has to go on, and the planner is of no more use.
+    pub fn change_course(
+        &mut self,
+        rest: &[PlannedMotion],
+        feed_override: f64,
+        path: Vec<PathItem<B>>,
+    ) -> Option<Vec<PlannedMotion>> {
+        let limits = self.settings.limits.clone()?;
+        let first = rest.first()?.stretches.first()?;
+        let (_, speed, acceleration, _) = first.profile.state(0.0);
+        let reach = self.reach_of_change(speed, acceleration);
+        let rest = Rest::new(rest, feed_override, reach)?;
+        let (most_acceleration, most_jerk) = Path::new(&rest.spans, rest.length(), &limits).least_along();
+        let along = |share: f64| PathLimits {
+            velocity: f64::INFINITY,
+            acceleration: share * most_acceleration,
+            jerk: share * most_jerk,
+        };
+        let target = rest.target();
+        if target <= 0.0 {
+            for share in BRAKING_SHARES {
+                let braking = Braking::new(rest.speed, rest.acceleration, 0.0, &along(share));
+                let stop_mm = REST_MARGIN * braking.length();
+                if stop_mm > rest.length() {
+                    break;
+                }
+                if let Some(course) = self.changed(&rest, [stop_mm, 0.0], &braking, &limits) {
+                    self.restart(0.0, feed_override, rest.followed_by(course.length(), path)).ok()?;
+                    return Some(rest.on(&course));
+                }
+            }
+        }
+        let path = rest.followed_by(rest.length(), path);
+        let end_speed = self.restart_within(rest.end_speeds(along), feed_override, path).ok()?;
+        let course = BRAKING_SHARES.into_iter().find_map(|share| {
+            let braking = Braking::new(rest.speed, rest.acceleration, target, &along(share));
+            self.changed(&rest, [rest.length(), end_speed], &braking, &limits)
+        });
+        course.map(|course| rest.on(&course))
+    }
+
+    /// A course from the present state to a speed at a place. It may be as fast as a braking, whatever is commanded.
+    fn changed(
+        &mut self,
+        rest: &Rest<'_>,
+        [length, end_speed]: [f64; 2],
+        braking: &Braking,
+        limits: &AxisLimits,
+    ) -> Option<Course> {
+        let target = rest.target();
+        let comes_to_rest = end_speed <= 0.0 && target <= 0.0;
+        let ceiling = |s: f64| {
+            let speed = braking.speed(s);
+            // What comes to rest at a place may be as fast as it likes before.
+            if comes_to_rest {
+                CEILING_MARGIN * braking.peak
+            } else {
+                speed + (CEILING_MARGIN - 1.0) * (speed - target).max(0.0)
+            }
+        };
+        let joints: Vec<_> = match rest.reserves[2] {
+            reserve if reserve > 0.0 => rest.spans.iter().map(|span| (span.start, reserve)).collect(),
+            _ => Vec::new(),
+        };
+        let whole = Path::new(&rest.spans, length, limits).with_joints(&joints);
+        let path = if braking.peak > target { whole.with_ceiling(&ceiling) } else { whole };
+        let jerk = limits.largest_jerk();
+        let exit_reserve = if end_speed > 0.0 { rest.reserves[1] } else { 0.0 };
+        let ends = [
+            End::reserving(rest.speed, rest.acceleration, rest.reserves[0], jerk),
+            End::reserving(end_speed, 0.0, exit_reserve, jerk),
+        ];
+        // The plan so far is too fast where the path comes to rest.
+        let guess: &dyn Guess = if comes_to_rest { braking } else { &rest.before };
+        self.scratch.speed.plan(&path, ends, guess)
+    }
 }

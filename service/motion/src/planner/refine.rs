@@ -1,22 +1,44 @@
-//! The second step of a planning: rows of runs are planned anew for the least time.
+//! The second step of a planning: what was released in runs is planned anew for the least time when it is about to be taken.
 //!
-//! A row is made of whole runs with smooth joints between them; at its ends, which keep their places and speeds, the plan of runs
-//! has no acceleration. It is planned in windows. Each ends where a run does, as that does; the next one takes over well before,
-//! from the speed and acceleration there, so that no acceleration has to end where windows meet. A window that is not found, or
-//! takes longer than what is known, is left as it is known: from the window before up to its end, by the runs beyond. So a plan is
-//! never slower than the one of its runs. Where a junction at an end takes a share of acceleration and jerk, the row leaves it free
-//! there, and only there.
+//! Where the plan of runs has no acceleration, at the ends of runs and where it is steady, its motion is divided into sections.
+//! Sections at their commanded speed stay as they are. The others form rows, with smooth joints between them; at its ends, which keep
+//! their places and speeds, a row has no acceleration. It is planned in windows, each of which ends where a section does, as that
+//! does; the next one takes over well before, from the speed and acceleration there, so that no acceleration has to end where
+//! windows meet. A window that is not found, or takes longer than what is known, is left as it is known: from the window before up
+//! to its end, by the runs beyond. So a plan is never slower than the one of its runs. Where a junction at an end takes a share of
+//! acceleration and jerk, the row leaves it free there, and only there.
+//!
+//! A window is planned when the first element on it is taken, from what was released together with it. So it does not matter when
+//! that is, and a change of the feed override withdraws little that has cost time.
 
 use std::collections::VecDeque;
-use std::ops::Range;
 
-use super::Waiting;
-use super::runs::{Node, Plan, Run};
-use crate::speed::{AxisLimits, Course, End, Guess, Path, Span, Window};
+use serde::{Deserialize, Serialize};
+
+use super::{Planned, PlannedMotion, Planner};
+use crate::junction::Junction;
+use crate::speed::{AxisLimits, Course, End, Guess, Path, Span, SpeedPlanner, Window};
 use crate::tolerance::{
-    AT_REST, HANDOVER, KEPT_KNOTS, MOST_RUN_S, NO_RESERVE, RESERVED_S, SMOOTH_RESERVE, WINDOW_S, WORTHWHILE,
+    AT_COMMAND, AT_REST, FIRST_WINDOW_S, HANDOVER, KEPT_KNOTS, MOST_RUN_S, NO_RESERVE, RESERVED_S, SMOOTH_RESERVE,
+    WINDOW_S, WORTHWHILE,
 };
-use crate::{Curve, PlannedStretch, ProfilePart, StretchProfile};
+use crate::{Curve, ProfilePart, StretchProfile};
+
+/// An item that was released.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Released<B> {
+    pub(super) planned: Planned<B>,
+    /// How its element is entered.
+    pub(super) entry: Junction,
+    /// Where a release ends with it, the share that the junction behind it takes.
+    pub(super) last: Option<f64>,
+}
+
+impl<B> Released<B> {
+    pub(super) fn barrier(barrier: B) -> Self {
+        Self { planned: Planned::Barrier(barrier), entry: Junction::REST, last: Some(0.0) }
+    }
+}
 
 /// A plan that there is, by time.
 #[derive(Clone, Debug, Default)]
@@ -71,259 +93,358 @@ fn at_any_speed((place, reserve): (f64, f64)) -> (f64, f64) {
     (place, 2.5 * reserve)
 }
 
-/// Where a node's motion is found in the courses.
+/// A stretch that is released and not settled.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct InCourse {
-    course: usize,
-    /// Place of the node's start on the course, mm.
-    offset: f64,
+struct Node {
+    item: usize,
+    length: f64,
+    /// Arc length of its element where it starts, mm.
+    start: f64,
+    /// Commanded speed, mm/s.
+    command: f64,
+    /// Share of acceleration and jerk that the junction at its start takes.
+    reserve: f64,
+    /// Whether a row goes on over the junction at its start.
+    is_smooth: bool,
+    /// Whether it has the limits of the axes to itself.
+    is_free: bool,
+    part: ProfilePart,
 }
 
-/// A row of nodes that is planned window by window: what is settled of it, and what the last window found beyond.
-#[derive(Default)]
-struct Row {
-    /// Courses one behind the other, from node `first` on.
-    settled: Vec<Course>,
+/// Nodes up to the next place without acceleration.
+#[derive(Clone, Copy, Debug)]
+struct Section {
+    /// The first of its nodes.
     first: usize,
-    /// The node in which the present window starts, and how far from its start, mm.
-    at: usize,
-    inside: f64,
-    /// What the last window has found from there on, up to the node `next`.
-    found: Option<Course>,
-    next: usize,
+    duration_s: f64,
+    /// Whether it can be planned anew, and may gain by it.
+    is_open: bool,
 }
 
-impl Plan {
-    /// Plans rows of the first `count` nodes anew. `next_reserve` is what the junction behind them takes.
-    pub(super) fn refine(&mut self, chain: &VecDeque<Waiting>, count: usize, limits: &AxisLimits, next_reserve: f64) {
-        self.courses.clear();
-        let mut from = 0;
-        while from < count {
-            let to = self.row_from(chain, from, count);
-            if to > from {
-                self.refine_row(chain, from..to, limits, next_reserve);
-                from = to;
-            } else {
-                from = self.run_end(from, count);
+/// Stretches from the first that is not settled on.
+struct Ahead<'a, B> {
+    ready: &'a VecDeque<Released<B>>,
+    feed_override: f64,
+    item: usize,
+    stretch: usize,
+    nodes: Vec<Node>,
+    /// What the junction behind the release takes, where the nodes reach to its end.
+    end: Option<f64>,
+}
+
+impl<B> Ahead<'_, B> {
+    /// Adds the next stretch; whether the path has no acceleration at its end. `None` behind the last of the release.
+    fn add_node(&mut self) -> Option<bool> {
+        if self.end.is_some() {
+            return None;
+        }
+        let released = self.ready.get(self.item)?;
+        let Planned::Motion(motion) = &released.planned else { return None };
+        let planned = motion.stretches.get(self.stretch)?;
+        let StretchProfile::Phases(part) = planned.profile else { return None };
+        let entry = if self.stretch == 0 { released.entry } else { Junction::NONE };
+        let command = motion.commanded(&planned.stretch, self.feed_override);
+        // While it is too fast, it has to brake as it does.
+        let is_commanded = part.state(0.0).1 <= command * (1.0 + AT_COMMAND);
+        self.nodes.push(Node {
+            item: self.item,
+            length: part.length(),
+            start: planned.start,
+            command,
+            reserve: entry.reserve,
+            is_smooth: entry.reserve <= SMOOTH_RESERVE && entry.acceleration > 0.0,
+            is_free: motion.has_full_limits && motion.follows_override() && is_commanded,
+            part,
+        });
+        self.stretch += 1;
+        if self.stretch == motion.stretches.len() {
+            self.end = released.last;
+            (self.item, self.stretch) = (self.item + 1, 0);
+        }
+        Some(part.ends_steadily())
+    }
+
+    /// Adds the next section.
+    fn add_section(&mut self) -> Option<Section> {
+        let first = self.nodes.len();
+        let mut ends_steadily = self.add_node()?;
+        while !ends_steadily {
+            match self.add_node() {
+                Some(ends) => ends_steadily = ends,
+                None => break,
             }
         }
+        let own = &self.nodes[first..];
+        let duration_s = own.iter().map(|node| node.part.duration()).sum();
+        let at_command =
+            own.iter().all(|node| node.part.is_steady() && node.part.state(0.0).1 >= node.command * (1.0 - AT_COMMAND));
+        let is_open = ends_steadily
+            && !at_command
+            && own.iter().all(|node| node.is_free)
+            && own[1..].iter().all(|node| node.is_smooth)
+            && duration_s <= MOST_RUN_S;
+        Some(Section { first, duration_s, is_open })
     }
+}
 
-    /// The node behind the run of a node, at most `count`.
-    fn run_end(&self, node: usize, count: usize) -> usize {
-        let Run { first, count: nodes, .. } = self.runs[self.nodes[node].run];
-        (first + nodes).min(count)
-    }
+/// How far what was released is settled: at most in the middle of a row, between two windows of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Row {
+    /// Items that are settled.
+    pub(super) settled: usize,
+    /// Stretches of the next one that are.
+    done: usize,
+    /// What is settled of the next stretch.
+    head: Option<Course>,
+    /// What the last window has found from there on, and how many stretches it leads over, with that one.
+    found: Option<Course>,
+    known: usize,
+    /// Joints that lie so little behind that they matter, and the shares they take; places from there, mm.
+    passed: Vec<(f64, f64)>,
+    /// Time of the last window, s.
+    window_s: f64,
+}
 
-    /// The node behind the longest row from node `from` on, which starts a run; `from` where that run has to stay.
-    fn row_from(&mut self, chain: &VecDeque<Waiting>, from: usize, count: usize) -> usize {
-        let mut to = from;
-        while to < count {
-            let run = self.nodes[to].run;
-            let Run { first, count: nodes, .. } = self.runs[run];
-            let end = (first + nodes).min(count);
-            let profile = self.profile(run);
-            let own = &self.nodes[first..end];
-            let is_smooth = |node: &Node| node.entry.reserve <= SMOOTH_RESERVE && node.entry.acceleration > 0.0;
-            let is_free = own.iter().all(|node| {
-                let request = &chain[node.element].request;
-                request.has_full_limits && request.follows_override
-            });
-            // Inside a run a release ends where the speed is constant.
-            let [cruise_from, cruise_to] = profile.cruise();
-            let ends_inside = end < first + nodes;
-            let is_divided = ends_inside && !(cruise_from..=cruise_to).contains(&self.nodes[end].offset);
-            let stays = !is_free
-                || is_divided
-                || self.stop.is_some_and(|stop| stop.node < first + nodes)
-                || !own[1..].iter().all(is_smooth)
-                || profile.duration() > MOST_RUN_S;
-            let is_joined = to == from || is_smooth(&own[0]);
-            if stays || !is_joined {
-                break;
-            }
-            to = end;
-        }
-        to
-    }
+/// What is to be planned at once.
+struct Task<'a, B> {
+    ahead: &'a Ahead<'a, B>,
+    /// Nodes of it, and the joints over them.
+    count: usize,
+    joints: &'a [(f64, f64)],
+    /// What the junction at its end takes.
+    exit_reserve: f64,
+    is_last: bool,
+}
 
-    /// Plans a row of runs in windows, each from the state that the one before has a while before its end.
-    fn refine_row(&mut self, chain: &VecDeque<Waiting>, nodes: Range<usize>, limits: &AxisLimits, next_reserve: f64) {
-        let mut row = Row { first: nodes.start, at: nodes.start, next: nodes.start, ..Row::default() };
-        let mut window_s = WINDOW_S;
-        while row.next < nodes.end {
-            let end = self.window_end(&row, nodes.end, window_s);
-            if let Some(course) = self.plan_window(chain, &row, end..nodes.end, limits, next_reserve) {
-                window_s = WINDOW_S;
-                let is_last = end == nodes.end;
-                row.next = end;
-                row.found = None;
-                if is_last {
-                    row.settled.push(course);
-                } else {
-                    let kept = course.calmest_place(HANDOVER);
-                    self.advance(&mut row, kept);
-                    row.found = Some(course.between(kept, course.length()));
-                    row.settled.push(course.between(0.0, kept));
-                }
-            } else if let Some(found) = row.found.take() {
-                // What was found before goes on to its end.
-                row.settled.push(found);
-                (row.at, row.inside) = (row.next, 0.0);
-            } else {
-                let single = self.run_end(row.next, nodes.end);
-                if end > single {
-                    window_s = 0.0;
-                    continue;
-                }
-                // The run stays as it is.
-                self.settle(&mut row);
-                row = Row { first: single, at: single, next: single, ..Row::default() };
-                window_s = WINDOW_S;
-            }
-        }
-        row.settled.extend(row.found.take());
-        self.settle(&mut row);
-    }
+/// What came of it.
+enum Outcome {
+    Faster(Course),
+    /// It is as fast as commanded, or as can be.
+    NothingToGain,
+    NotFound,
+}
 
-    /// The next window starts so far behind the present one.
-    fn advance(&self, row: &mut Row, length: f64) {
-        row.inside += length;
-        while row.at + 1 < row.next && row.inside >= self.nodes[row.at].length {
-            row.inside -= self.nodes[row.at].length;
-            row.at += 1;
-        }
-    }
-
-    /// Makes what is settled of a row the motion of its nodes.
-    fn settle(&mut self, row: &mut Row) {
-        if row.settled.is_empty() {
-            return;
-        }
-        let index = self.courses.len();
-        self.courses.push(Course::joined(&row.settled));
-        row.settled.clear();
-        let mut offset = 0.0;
-        for node in &mut self.nodes[row.first..row.next] {
-            node.in_course = Some(InCourse { course: index, offset });
-            offset += node.length;
-        }
-    }
-
-    /// The node behind the window: what was found before, and runs that take about `window_s`, at least one.
-    fn window_end(&mut self, row: &Row, to: usize, window_s: f64) -> usize {
-        let mut time_s = 0.0;
-        let mut end = row.next;
-        while end < to && (end == row.next || time_s < window_s) {
-            time_s += self.profile(self.nodes[end].run).duration();
-            end = self.run_end(end, to);
-        }
-        end
-    }
-
-    /// The course of the window up to node `end`, the last one of the row where that is the `last` node; `None` where there is
-    /// none that is faster than what is known.
-    fn plan_window(
+impl Row {
+    /// Settles some more of what is ready, of which nothing is settled.
+    pub(super) fn settle<B>(
         &mut self,
-        chain: &VecDeque<Waiting>,
-        row: &Row,
-        Range { start: end, end: last }: Range<usize>,
+        ready: &mut VecDeque<Released<B>>,
+        feed_override: f64,
         limits: &AxisLimits,
-        next_reserve: f64,
-    ) -> Option<Course> {
-        let is_last = end == last;
-        let mut guess = PartsGuess::default();
-        if let Some(found) = &row.found {
-            guess.push(StretchProfile::Course(found.clone()));
+        speed: &mut SpeedPlanner,
+    ) {
+        let Some(Released { planned: Planned::Motion(_), .. }) = ready.front() else {
+            self.settled = ready.len().min(1);
+            return;
+        };
+        let mut ahead =
+            Ahead { ready: &*ready, feed_override, item: 0, stretch: self.done, nodes: Vec::new(), end: None };
+        let mut single = 0;
+        if self.found.is_some() {
+            while ahead.nodes.len() < self.known && ahead.add_node().is_some() {}
+        } else {
+            let section = ahead.add_section();
+            single = ahead.nodes.len();
+            if !section.is_some_and(|section| section.is_open) {
+                return self.leave(ready, single.max(1));
+            }
         }
-        let mut node = row.next;
-        while node < end {
-            let run = self.nodes[node].run;
-            let profile = self.profile(run);
-            let next = self.run_end(node, end);
-            let Run { first, count, .. } = self.runs[run];
-            let to = if first + count > next { self.nodes[next].offset } else { profile.length() };
-            guess.push(StretchProfile::Phases(ProfilePart::new(profile, 0.0, to)));
-            node = next;
+        let window_s = (2.0 * self.window_s).clamp(FIRST_WINDOW_S, WINDOW_S);
+        let (count, exit_reserve, is_last) = extend(&mut ahead, window_s);
+        let joints = self.joints(&ahead.nodes[..count]);
+        let outcome = self.plan(&Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last }, limits, speed);
+        match outcome {
+            Outcome::Faster(course) => {
+                self.window_s = window_s;
+                self.keep(ready, &course, count, (!is_last).then_some(joints));
+            }
+            _ if self.found.is_some() => {
+                // What was found before goes on to its end.
+                if let Some(found) = self.found.take() {
+                    let known = self.known;
+                    self.put(ready, &found, Some(known));
+                }
+            }
+            Outcome::NotFound if count > single => {
+                let exit_reserve = ahead.nodes[single].reserve;
+                let joints = self.joints(&ahead.nodes[..single]);
+                let task = Task { ahead: &ahead, count: single, joints: &joints, exit_reserve, is_last: true };
+                match self.plan(&task, limits, speed) {
+                    Outcome::Faster(course) => self.put(ready, &course, Some(single)),
+                    _ => self.leave(ready, single),
+                }
+            }
+            Outcome::NothingToGain => self.leave(ready, count),
+            Outcome::NotFound => self.leave(ready, single),
+        }
+    }
+
+    /// Settles what a window over `count` stretches has found: all of the last one, of others, which have joints, up to where the
+    /// next one takes over.
+    fn keep<B>(
+        &mut self,
+        ready: &mut VecDeque<Released<B>>,
+        course: &Course,
+        count: usize,
+        joints: Option<Vec<(f64, f64)>>,
+    ) {
+        self.found = None;
+        let Some(joints) = joints else { return self.put(ready, course, Some(count)) };
+        let kept = course.calmest_place(HANDOVER);
+        let found = course.between(kept, course.length());
+        let reach = RESERVED_S * found.state(0.0).1;
+        self.passed = joints.into_iter().map(|(place, reserve)| (place - kept, reserve)).collect();
+        // A step a little before a window is averaged over into it.
+        self.passed.retain(|&(place, _)| place <= 0.0 && place > -reach);
+        self.found = Some(found);
+        self.known = count;
+        self.put(ready, &course.between(0.0, kept), None);
+    }
+
+    /// Makes a course the motion of what it leads over; all of it where it ends behind that many stretches.
+    fn put<B>(&mut self, ready: &mut VecDeque<Released<B>>, course: &Course, count: Option<usize>) {
+        let whole = match self.head.take() {
+            Some(head) => Course::joined(&[head, course.clone()]),
+            None => course.clone(),
+        };
+        let (mut offset, mut settled) = (0.0, 0);
+        while let Some(Planned::Motion(motion)) = ready.get_mut(self.settled).map(|released| &mut released.planned) {
+            let Some(planned) = motion.stretches.get_mut(self.done) else { break };
+            let mut end = offset + planned.profile.length();
+            match count {
+                Some(count) if settled == count => break,
+                Some(count) if settled + 1 == count => end = whole.length(),
+                None if end > whole.length() => break,
+                _ => {}
+            }
+            planned.profile = StretchProfile::Course(whole.between(offset, end));
+            offset = end;
+            settled += 1;
+            self.done += 1;
+            if self.done == motion.stretches.len() {
+                (self.settled, self.done) = (self.settled + 1, 0);
+            }
+        }
+        self.known = self.known.saturating_sub(settled);
+        if count.is_some() {
+            (self.found, self.known) = (None, 0);
+            self.passed.clear();
+        } else if offset < whole.length() {
+            self.head = Some(whole.between(offset, whole.length()));
+        }
+    }
+
+    /// Leaves the motion of the next stretches as it is.
+    fn leave<B>(&mut self, ready: &VecDeque<Released<B>>, count: usize) {
+        for _ in 0..count {
+            let Some(Planned::Motion(motion)) = ready.get(self.settled).map(|released| &released.planned) else {
+                return;
+            };
+            self.done += 1;
+            if self.done >= motion.stretches.len() {
+                (self.settled, self.done) = (self.settled + 1, 0);
+            }
+        }
+    }
+
+    /// How much of the first node lies before the window, mm.
+    fn inside(&self) -> f64 {
+        self.head.as_ref().map_or(0.0, Course::length)
+    }
+
+    /// A course that is faster than what is known.
+    fn plan<B>(&self, task: &Task<'_, B>, limits: &AxisLimits, speed: &mut SpeedPlanner) -> Outcome {
+        let nodes = &task.ahead.nodes[..task.count];
+        let mut guess = PartsGuess::default();
+        let mut known = 0;
+        if let Some(found) = &self.found {
+            guess.push(StretchProfile::Course(found.clone()));
+            known = self.known;
+        }
+        for node in &nodes[known..] {
+            guess.push(StretchProfile::Phases(node.part));
         }
         let (start_speed, start_acceleration) =
-            row.found.as_ref().map_or((guess.at(0.0).1, 0.0), |found| (found.state(0.0).1, found.state(0.0).2));
-        let (spans, length) = self.spans(chain, row, end);
-        let joints = self.joints(row, end, start_speed);
-        let exit_reserve = self.nodes.get(end).map_or(next_reserve, |node| node.entry.reserve);
-        let entry_reserve = if row.found.is_some() { 0.0 } else { self.nodes[row.next].entry.reserve };
-        let is_one_run = row.found.is_none() && self.run_end(row.next, end) == end;
-        // The seven phases of a straight move are the least time already.
+            self.found.as_ref().map_or((guess.at(0.0).1, 0.0), |found| (found.state(0.0).1, found.state(0.0).2));
+        let mut place = -self.inside();
+        let mut spans = Vec::with_capacity(nodes.len());
+        for node in nodes {
+            let start = place.max(0.0);
+            let Planned::Motion(PlannedMotion { element, .. }) = &task.ahead.ready[node.item].planned else {
+                return Outcome::NotFound;
+            };
+            spans.push(Span { start, element, from: node.start + (start - place), command: node.command });
+            place += node.length;
+        }
+        let length = place;
+        let entry_reserve = if self.found.is_some() { 0.0 } else { nodes[0].reserve };
+        let is_one_run =
+            self.found.is_none() && nodes.windows(2).all(|pair| pair[0].part.whole() == pair[1].part.whole());
+        // The phases of a straight move are the least time already.
         let is_straight = || spans.iter().all(|span| matches!(span.element.curve, Curve::Line));
-        let is_least = is_one_run && [entry_reserve, exit_reserve] == [0.0; 2] && is_straight();
+        let is_least = is_one_run && [entry_reserve, task.exit_reserve] == [0.0; 2] && is_straight();
         let ends = spans.iter().skip(1).map(|span| span.start).chain([length]);
         let shortest_s: f64 = spans.iter().zip(ends).map(|(span, end)| (end - span.start) / span.command).sum();
         if is_least || guess.duration_s <= shortest_s * WORTHWHILE {
-            return None;
+            return Outcome::NothingToGain;
         }
         let at_rest = |speed: f64| if speed > AT_REST { speed } else { 0.0 };
-        let end_speed = at_rest(guess.at(guess.duration_s).1);
-        let path = Path::new(&spans, length, limits).with_joints(&joints);
+        let path = Path::new(&spans, length, limits).with_joints(task.joints);
         let jerk = limits.largest_jerk();
         let ends = [
             End::reserving(at_rest(start_speed), start_acceleration, entry_reserve, jerk),
-            End::reserving(end_speed, 0.0, exit_reserve, jerk),
+            End::reserving(at_rest(guess.end_speed()), 0.0, task.exit_reserve, jerk),
         ];
-        let knots = row.found.as_ref().map_or_else(Vec::new, |found| found.knots(KEPT_KNOTS));
-        let window = Window { knots: &knots, goes_on: !is_last };
-        let course = self.speed.plan_window(&path, ends, &guess, window);
-        course.filter(|course| course.duration() < guess.duration_s)
+        let knots = self.found.as_ref().map_or_else(Vec::new, |found| found.knots(KEPT_KNOTS));
+        let window = Window { knots: &knots, goes_on: !task.is_last };
+        match speed.plan_window(&path, ends, &guess, window) {
+            Some(course) if course.duration() < guess.duration_s => Outcome::Faster(course),
+            _ => Outcome::NotFound,
+        }
     }
 
-    /// The path of the window up to node `end`, and its length, mm.
-    fn spans<'a>(&self, chain: &'a VecDeque<Waiting>, row: &Row, end: usize) -> (Vec<Span<'a>>, f64) {
-        let mut place = -row.inside;
-        let mut spans = Vec::with_capacity(end - row.at);
-        for node in &self.nodes[row.at..end] {
-            let start = place.max(0.0);
-            let element = &chain[node.element].request.element;
-            spans.push(Span { start, element, from: node.start + (start - place), command: node.commanded });
-            place += node.length;
-        }
-        (spans, place)
-    }
-
-    /// Places of the joints of the window up to node `end` that take a share of acceleration and jerk, and those shares.
-    fn joints(&self, row: &Row, end: usize, start_speed: f64) -> Vec<(f64, f64)> {
-        let mut joints = Vec::new();
-        let mut add = |place: f64, node: &Node| {
-            if node.entry.reserve > NO_RESERVE {
-                joints.push(at_any_speed((place, node.entry.reserve)));
+    /// Places of the joints of a window over these nodes that take a share of acceleration and jerk, and those shares.
+    fn joints(&self, nodes: &[Node]) -> Vec<(f64, f64)> {
+        let mut place = -self.inside();
+        let mut joints = self.passed.clone();
+        for (index, node) in nodes.iter().enumerate() {
+            // What is at the start of a row is left to its end; what is behind the start of a window is known.
+            if index > 0 && node.reserve > NO_RESERVE {
+                joints.push(at_any_speed((place, node.reserve)));
             }
-        };
-        if row.found.is_some() {
-            // A step a little before the window is averaged over into it.
-            let (mut place, mut index) = (-row.inside, row.at);
-            while place > -RESERVED_S * start_speed && index > row.first {
-                add(place, &self.nodes[index]);
-                index -= 1;
-                place -= self.nodes[index].length;
-            }
-        }
-        let mut place = -row.inside;
-        for (node, next) in self.nodes[row.at..end].iter().zip(&self.nodes[row.at + 1..end]) {
             place += node.length;
-            add(place, next);
         }
         joints
     }
+}
 
-    /// Motion along a node that a course has been found for.
-    pub(super) fn course_of(&self, node: usize) -> Option<StretchProfile> {
-        let InCourse { course, offset } = self.nodes[node].in_course?;
-        let whole = &self.courses[course];
-        let next = self.nodes.get(node + 1).and_then(|next| next.in_course).filter(|next| next.course == course);
-        let end = next.map_or(whole.length(), |next| next.offset);
-        Some(StretchProfile::Course(whole.between(offset, end)))
+/// Adds sections that go on from what is ahead, of about this time; how many nodes there are then, what the junction behind them
+/// takes, and whether the row ends there.
+fn extend<B>(ahead: &mut Ahead<'_, B>, window_s: f64) -> (usize, f64, bool) {
+    let mut time_s: f64 = 0.0;
+    loop {
+        let count = ahead.nodes.len();
+        if let Some(reserve) = ahead.end {
+            return (count, reserve, true);
+        }
+        let Some(section) = ahead.add_section() else { return (count, 0.0, true) };
+        let Node { reserve, is_smooth, .. } = ahead.nodes[section.first];
+        if !section.is_open || !is_smooth {
+            return (count, reserve, true);
+        }
+        if time_s >= window_s {
+            return (count, reserve, false);
+        }
+        time_s += section.duration_s;
     }
 }
 
-/// A stretch by the phases of its run.
-pub(super) fn by_phases(start: f64, stretch: &crate::Stretch, part: ProfilePart) -> PlannedStretch {
-    PlannedStretch { start, stretch: *stretch, profile: StretchProfile::Phases(part) }
+impl<B> Planner<B> {
+    /// Has the first of what is ready settled.
+    pub(super) fn settle_first(&mut self) {
+        let Some(limits) = &self.settings.limits else { return };
+        while self.row.settled == 0 && !self.ready.is_empty() {
+            self.row.settle(&mut self.ready, self.feed_override, limits, &mut self.scratch.speed);
+        }
+    }
 }

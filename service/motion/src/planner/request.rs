@@ -80,7 +80,7 @@ pub struct PlannedMotion {
     rest_at_end: bool,
     passes_corners: bool,
     follows_override: bool,
-    has_full_limits: bool,
+    pub(super) has_full_limits: bool,
 }
 
 impl PlannedMotion {

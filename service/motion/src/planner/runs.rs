@@ -4,12 +4,11 @@
 //! over the ends of blocks, and where two runs meet there is none. Gathering costs time where limits differ, dividing
 //! costs time because acceleration has to end; a stretch joins the run before it while the first is the smaller loss.
 
-use super::refine::{InCourse, by_phases};
 use crate::junction::Junction;
 use crate::profile::{change_length, highest_entry, reachable_exit, reachable_speed};
-use crate::speed::{Course, SpeedPlanner};
+use crate::speed::SpeedPlanner;
 use crate::tolerance::{SAME_COMMAND, SOLVER_SLACK};
-use crate::{MotionRequest, PathLimits, PlannedStretch, Profile, ProfilePart, Stretch};
+use crate::{MotionRequest, PathLimits, PlannedStretch, Profile, ProfilePart, Stretch, StretchProfile};
 use smallvec::SmallVec;
 
 /// One stretch of the chain.
@@ -30,12 +29,6 @@ pub(super) struct Node {
     /// Path position in its run, mm.
     pub(super) offset: f64,
     pub(super) run: usize,
-    /// Arc length of its element where it starts, mm.
-    pub(super) start: f64,
-    /// Commanded velocity, mm/s.
-    pub(super) commanded: f64,
-    /// The course that it is a part of, where it was planned for the least time.
-    pub(super) in_course: Option<InCourse>,
 }
 
 impl Node {
@@ -65,9 +58,6 @@ impl Node {
             entry,
             offset: 0.0,
             run: 0,
-            start,
-            commanded: request.commanded(stretch, feed_override),
-            in_course: None,
         }
     }
 }
@@ -204,13 +194,19 @@ pub(super) struct Stop {
 }
 
 /// A plan of a chain; kept between plannings so that they allocate nothing.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Plan {
     pub(super) nodes: Vec<Node>,
     pub(super) runs: Vec<Run>,
     pub(super) stop: Option<Stop>,
-    pub(super) courses: Vec<Course>,
     pub(super) speed: SpeedPlanner,
+}
+
+impl Clone for Plan {
+    /// It is no state.
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 impl PartialEq for Plan {
@@ -287,6 +283,18 @@ impl Plan {
         true
     }
 
+    /// The highest of these speeds, lowest and highest, from which the path can be run as commanded, or else the lowest where it can
+    /// be run from that.
+    pub(super) fn entry_within(&mut self, [least, most]: [f64; 2]) -> Option<f64> {
+        self.backward(|run| run.limits.velocity);
+        let highest = self.runs.first()?.entry;
+        if highest >= least {
+            return Some(highest.min(most));
+        }
+        self.backward(|run| run.hard_velocity);
+        (self.runs[0].entry >= least).then_some(least)
+    }
+
     /// Highest speeds at the starts of the runs from which the path can rest at its end, at no more than `velocity` in
     /// every run.
     fn backward(&mut self, velocity: impl Fn(&Run) -> f64) {
@@ -341,11 +349,6 @@ impl Plan {
         let mut planned = SmallVec::with_capacity(request.stretches.len());
         for (index, stretch) in request.stretches.iter().enumerate() {
             let node = first + index;
-            if let Some(profile) = self.course_of(node) {
-                planned.push(PlannedStretch { start, stretch: *stretch, profile });
-                start = stretch.end;
-                continue;
-            }
             let Node { run, offset, .. } = self.nodes[node];
             let Run { first: run_first, count, .. } = self.runs[run];
             let profile = self.profile(run);
@@ -354,25 +357,11 @@ impl Plan {
             if let Some(stop) = stop.filter(|_| index + 1 == request.stretches.len()) {
                 end = (offset + stop).min(profile.length());
             }
-            planned.push(by_phases(start, stretch, ProfilePart::new(profile, offset, end)));
+            let profile = StretchProfile::Phases(ProfilePart::new(profile, offset, end));
+            planned.push(PlannedStretch { start, stretch: *stretch, profile });
             start = stretch.end;
         }
         planned
-    }
-
-    /// Number of elements that are run in this time, by the ends of runs; at least those of the first.
-    pub(super) fn elements_within(&mut self, time_s: f64) -> usize {
-        let mut total_s = 0.0;
-        let mut elements = 0;
-        for run in 0..self.runs.len() {
-            total_s += self.profile(run).duration();
-            if total_s > time_s && elements > 0 {
-                break;
-            }
-            let Run { first, count, .. } = self.runs[run];
-            elements = self.nodes.get(first + count).map_or(self.nodes[first].element + 1, |next| next.element);
-        }
-        elements
     }
 
     /// Numbers of nodes of the runs from this node on.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Profile;
+use crate::tolerance::SOLVER_SLACK;
 
 /// A part of a profile: from one of its path positions to another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +52,26 @@ impl ProfilePart {
     #[must_use]
     pub const fn range(&self) -> [f64; 2] {
         [self.start.0, self.end.0]
+    }
+
+    /// Whether it has no acceleration at its end.
+    pub(crate) fn ends_steadily(&self) -> bool {
+        let [from, to] = self.steady_range();
+        let end = self.end.0;
+        end >= self.profile.length * (1.0 - SOLVER_SLACK) || (from..=to).contains(&end)
+    }
+
+    /// Whether its speed is constant.
+    pub(crate) fn is_steady(&self) -> bool {
+        let [from, to] = self.steady_range();
+        from <= self.start.0 && self.end.0 <= to
+    }
+
+    /// Where the whole profile has a constant speed, with some rounding.
+    fn steady_range(&self) -> [f64; 2] {
+        let [from, to] = self.profile.cruise();
+        let rounding = SOLVER_SLACK * self.profile.length;
+        [from - rounding, to + rounding]
     }
 
     /// Time on the whole profile at its start, s.

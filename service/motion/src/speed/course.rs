@@ -230,7 +230,8 @@ impl Course {
             reserves[1] = end;
         }
         let end_speed = parts.last().map_or(0.0, |last| last.end_speed);
-        Self { ends_plan: true, ..Self::new(segments, length, duration_s, end_speed, reserves) }
+        let ends_plan = parts.last().is_some_and(|last| last.ends_plan);
+        Self { ends_plan, ..Self::new(segments, length, duration_s, end_speed, reserves) }
     }
 
     /// Of the places where segments start, within these shares of the time, the one with the least acceleration.

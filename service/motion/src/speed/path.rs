@@ -25,6 +25,11 @@ impl AxisLimits {
         Self { limits }
     }
 
+    /// Smallest acceleration and jerk of an axis, mm/s² and mm/s³.
+    pub(crate) fn least(&self) -> [f64; 2] {
+        [1, 2].map(|order: usize| self.limits[order].into_iter().fold(f64::INFINITY, f64::min))
+    }
+
     /// Largest jerk of an axis, mm/s³.
     pub(crate) fn largest_jerk(&self) -> f64 {
         self.limits[2].into_iter().filter(|jerk| jerk.is_finite()).fold(0.0, f64::max)

@@ -4,9 +4,7 @@
 //! jerk allows; from there on everything ahead is planned anew. While the path brakes, it goes on braking first. The
 //! path itself is the same all the time.
 
-use feedwave_motion::{
-    Ahead, ChangedCourse, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, StretchProfile,
-};
+use feedwave_motion::{Ahead, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, StretchProfile};
 
 use super::{Activity, ActivityKind, After, Barrier, Interpolator, State};
 
@@ -14,22 +12,6 @@ use super::{Activity, ActivityKind, After, Barrier, Interpolator, State};
 const SAME_PLACE_MM: f64 = 1e-9;
 /// When a change is tried again that the course in progress has no room for, s.
 const TRY_AGAIN_S: f64 = 0.01;
-
-/// What a change leads to.
-struct Changed {
-    /// Motions that are planned anew already: the rest of a course.
-    motions: Vec<PlannedMotion>,
-    /// The path behind them.
-    path: Vec<PathItem<Barrier>>,
-    /// Speed at its start, mm/s, without acceleration.
-    speed: f64,
-}
-
-impl Changed {
-    fn at_rest(path: Vec<PathItem<Barrier>>) -> Self {
-        Self { motions: Vec::new(), path, speed: 0.0 }
-    }
-}
 
 /// Whether this stretch of the present motion is on a course.
 fn is_on_course(state: &State, index: usize) -> bool {
@@ -66,16 +48,15 @@ impl Interpolator {
             ActivityKind::Stretch(index) if is_on_course(&self.state, index) => {
                 self.change_course(planner, activity, index, ratio)
             }
-            ActivityKind::Stretch(index) => self.break_off(planner, activity, index),
+            ActivityKind::Stretch(index) => self.break_off(planner, activity, index, ratio),
             // Nothing is in progress: the current item has not been begun.
             ActivityKind::Hold { .. } if self.state.after == After::Continue => {
-                Some(Changed::at_rest(self.withdraw(planner, current)))
+                self.restart_at_rest(planner, current, ratio)
             }
             // A pass that has begun is cut to its end.
-            _ => Some(Changed::at_rest(self.withdraw(planner, current + 1))),
+            _ => self.restart_at_rest(planner, current + 1, ratio),
         };
-        let changed = changed.filter(|changed| planner.restart(changed.speed, ratio, changed.path.clone()).is_ok());
-        let Some(Changed { motions, .. }) = changed else {
+        let Some(motions) = changed else {
             (self.state, *planner) = before;
             let soon = self.state.next + (TRY_AGAIN_S / self.settings.period_s).ceil() as u64;
             let is_course = matches!(activity.kind, ActivityKind::Stretch(index) if is_on_course(&self.state, index));
@@ -163,8 +144,25 @@ impl Interpolator {
         motion.is_some_and(|motion| self.state.resume.unwrap_or(0) < motion.stretches.len())
     }
 
-    /// Ends the acceleration of the stretch in progress; the path from there on, and the speed there.
-    fn break_off(&mut self, planner: &mut Planner<Barrier>, activity: Activity, index: usize) -> Option<Changed> {
+    /// Has everything from an item of the track on planned anew, from rest.
+    fn restart_at_rest(
+        &mut self,
+        planner: &mut Planner<Barrier>,
+        from: usize,
+        ratio: f64,
+    ) -> Option<Vec<PlannedMotion>> {
+        let path = self.withdraw(planner, from);
+        planner.restart(0.0, ratio, path).ok().map(|()| Vec::new())
+    }
+
+    /// Ends the acceleration of the stretch in progress and has the path from there on planned anew.
+    fn break_off(
+        &mut self,
+        planner: &mut Planner<Barrier>,
+        activity: Activity,
+        index: usize,
+        ratio: f64,
+    ) -> Option<Vec<PlannedMotion>> {
         let (clock, period_s) = (self.state.clock, self.settings.period_s);
         let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
         let track = &mut self.state.track;
@@ -206,39 +204,45 @@ impl Interpolator {
         self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
         let mut path: Vec<_> = rest_of_element.map(PathItem::Motion).into_iter().collect();
         path.extend(self.withdraw(planner, item + 1));
-        Some(Changed { motions: Vec::new(), path, speed: part.whole().end_velocity() })
+        planner.restart(part.whole().end_velocity(), ratio, path).ok().map(|()| Vec::new())
     }
 
-    /// Has the rest of the course in progress planned anew from the present speed and acceleration.
+    /// Has the course in progress planned anew from the present speed and acceleration, and the path behind it; the motions on the
+    /// course.
     fn change_course(
         &mut self,
         planner: &mut Planner<Barrier>,
         activity: Activity,
         index: usize,
         ratio: f64,
-    ) -> Option<Changed> {
+    ) -> Option<Vec<PlannedMotion>> {
         let (clock, period_s) = (self.state.clock, self.settings.period_s);
         let now_s = (self.state.next - clock.period) as f64 * period_s - clock.lead_s;
         let track = &mut self.state.track;
         let current = track.current_index();
         let mut item = current;
         let (first, mut behind) = track.motion(current)?.rest_of_course(index, now_s)?;
+        let (_, speed, acceleration, _) = first.stretches.first()?.profile.state(0.0);
+        let reach_mm = planner.reach_of_change(speed, acceleration);
+        let length_mm = |motion: &PlannedMotion| motion.stretches.iter().map(|own| own.profile.length()).sum::<f64>();
+        let mut known_mm = length_mm(&first);
         let mut rest = vec![first];
-        // The plan may go on over several elements.
-        while behind.is_none() {
+        // It may go on over several elements.
+        while behind.is_none() && known_mm < reach_mm {
             item += 1;
             if track.motion(item).is_none() {
                 track.push(planner.pop()?);
             }
             let (motion, next) = track.motion(item)?.rest_of_course(0, 0.0)?;
+            known_mm += length_mm(&motion);
             rest.push(motion);
             behind = next;
         }
         let motion = track.motion(item)?;
-        let next = behind?;
-        let planned = motion.stretches.get(next);
-        let rest_of_element = planned.map(|planned| motion.request_from(next, planned.start));
-        let ChangedCourse { motions, left, end_speed } = planner.change_course(&rest, ratio)?;
+        let rest_of_element = behind.and_then(|next| {
+            let planned = motion.stretches.get(next)?;
+            Some(PathItem::Motion(motion.request_from(next, planned.start)))
+        });
 
         let motion = track.motion_mut(current)?;
         motion.stretches.truncate(index + 1);
@@ -250,11 +254,10 @@ impl Interpolator {
         let duration_s = planned.profile.duration();
         let end = clock.advanced(duration_s, period_s);
         self.state.activity = Some(Activity { end, last: end.period, duration_s, ..activity });
-        let mut path: Vec<_> = left.into_iter().chain(rest_of_element).map(PathItem::Motion).collect();
-        let beyond: Vec<_> = self.state.track.withdraw(current + 1).skip(item - current).map(PathItem::from).collect();
-        path.extend(beyond);
+        let mut path: Vec<_> = rest_of_element.into_iter().collect();
+        path.extend(self.state.track.withdraw(current + 1).skip(item - current).map(PathItem::from));
         path.extend(planner.withdraw());
-        Some(Changed { motions, path, speed: end_speed })
+        planner.change_course(&rest, ratio, path)
     }
 
     /// Takes back everything from an item of the track on.
