@@ -11,42 +11,91 @@ from types import SimpleNamespace
 import grpc
 import pytest
 
+import feedwave
 from feedwave.v1 import jobs_pb2_grpc, machines_pb2_grpc, setpoints_pb2_grpc
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+FIXTURES = ROOT / "tests" / "fixtures"
+
+
+class Service:
+    """A running service on free ports with an empty database."""
+
+    def __init__(self, home: pathlib.Path) -> None:
+        self.home = home
+        self.ports = {"grpc": "127.0.0.1:0", "http": "127.0.0.1:0"}
+        self.start()
+
+    def start(self) -> None:
+        """Starts it, on the ports that it had before."""
+        ready = self.home / "ready.json"
+        ready.unlink(missing_ok=True)
+        environment = {
+            "PATH": os.environ["PATH"],
+            "FEEDWAVE_GRPC__LISTEN": self.ports["grpc"],
+            "FEEDWAVE_HTTP__LISTEN": self.ports["http"],
+            "FEEDWAVE_STORE__URI": f"sqlite://{self.home}/feedwave.db",
+        }
+        with open(self.home / "log.txt", "ab") as log:
+            self.process = subprocess.Popen(
+                [os.environ["FEEDWAVE_BINARY"], "serve", "--ready-file", str(ready)],
+                env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            )
+        for _ in range(6000):
+            if ready.exists() or self.process.poll() is not None:
+                break
+            time.sleep(0.01)
+        assert ready.exists(), self.log()
+        self.ports = json.loads(ready.read_text())
+
+    def log(self) -> str:
+        return (self.home / "log.txt").read_text()
+
+    def kill(self) -> None:
+        """Kills it (`kill -9`)."""
+        self.process.kill()
+        self.process.wait()
+
+    def end(self) -> None:
+        """Ends it; it must end well."""
+        self.process.send_signal(signal.SIGTERM)
+        assert self.process.wait(timeout=60) == 0, self.log()
+
+    def connect(self, **options) -> feedwave.Client:
+        """A client of it."""
+        return feedwave.connect(self.ports["grpc"], **options)
 
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory):
-    """A running service on free ports with an empty database; it must end well."""
-    home: pathlib.Path = tmp_path_factory.mktemp("feedwave")
-    ready = home / "ready.json"
-    environment = {
-        "PATH": os.environ["PATH"],
-        "FEEDWAVE_GRPC__LISTEN": "127.0.0.1:0",
-        "FEEDWAVE_HTTP__LISTEN": "127.0.0.1:0",
-        "FEEDWAVE_STORE__URI": f"sqlite://{home}/feedwave.db",
-    }
-    with open(home / "log.txt", "wb") as log:
-        process = subprocess.Popen(
-            [os.environ["FEEDWAVE_BINARY"], "serve", "--ready-file", str(ready)],
-            env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-        )
+    """A service for all tests; it must end well."""
+    service = Service(tmp_path_factory.mktemp("feedwave"))
     try:
-        for _ in range(6000):
-            if ready.exists() or process.poll() is not None:
-                break
-            time.sleep(0.01)
-        assert ready.exists(), (home / "log.txt").read_text()
-        yield json.loads(ready.read_text())
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=60) == 0, (home / "log.txt").read_text()
+        yield service
+        service.end()
     finally:
-        process.kill()
+        service.process.kill()
+
+
+@pytest.fixture
+def own_server(tmp_path):
+    """A service for one test, which may kill it."""
+    service = Service(tmp_path)
+    yield service
+    service.process.kill()
+
+
+@pytest.fixture(scope="session")
+def client(server):
+    """The package's client."""
+    with server.connect() as client:
+        yield client
 
 
 @pytest.fixture(scope="session")
 def channel(server):
     """A channel as Python programs make it."""
-    with grpc.insecure_channel(server["grpc"]) as channel:
+    with grpc.insecure_channel(server.ports["grpc"]) as channel:
         yield channel
 
 

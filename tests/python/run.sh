@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
-# Tests the service with a Python client whose stubs are generated from the contract here and now.
+# Builds the Python package, checks its types, installs it into a fresh environment, and tests it, the contract and the scripts of its
+# README against the built service.
 #
 #   tests/python/run.sh [BINARY]     default: the release build
 #
-# Packages and stubs go into the target directory; nothing is installed outside it.
+# Packages go into the target directory; nothing is installed or generated outside it.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-root=$here/../..
+root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
 scratch=$target/ci/python
+package=$root/clients/python
 
 binary=${1:-}
 if [[ -z $binary ]]; then
@@ -16,16 +18,33 @@ if [[ -z $binary ]]; then
     binary=$target/release/feedwave
 fi
 
+mkdir -p "$scratch"
+export PYTHONDONTWRITEBYTECODE=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+# The versions of the tests, in the fresh environment as well.
+export PIP_CONSTRAINT=$here/requirements.txt
 if ! cmp --silent "$here/requirements.txt" "$scratch/venv/requirements.txt"; then
     python3 -m venv --clear "$scratch/venv"
-    "$scratch/venv/bin/pip" install --quiet --disable-pip-version-check -r "$here/requirements.txt"
+    "$scratch/venv/bin/pip" install --quiet -r "$here/requirements.txt"
     cp "$here/requirements.txt" "$scratch/venv/requirements.txt"
 fi
 
-rm -rf "$scratch/stubs"
-mkdir -p "$scratch/stubs"
-(cd "$root/proto" && "$scratch/venv/bin/python" -m grpc_tools.protoc -I . \
-    --python_out="$scratch/stubs" --grpc_python_out="$scratch/stubs" feedwave/v1/*.proto)
+# From the source distribution, so that it is known to have everything; it generates the modules of the contract.
+rm -rf "$scratch/dist"
+(cd "$package" && "$scratch/venv/bin/python" -m hatchling build -t sdist -d "$scratch/dist")
+"$scratch/venv/bin/pip" wheel --quiet --no-deps --no-build-isolation -w "$scratch/dist" "$scratch"/dist/feedwave-*.tar.gz
+wheel=("$scratch"/dist/feedwave-*.whl)
+"$scratch/venv/bin/pip" install --quiet --no-deps --force-reinstall "${wheel[0]}"
 
-FEEDWAVE_BINARY=$(realpath "$binary") PYTHONPATH=$scratch/stubs PYTHONDONTWRITEBYTECODE=1 \
+# The package as it is installed, and the scripts that a reader would write.
+rm -rf "$scratch/scripts" "$scratch/mypy"
+mkdir -p "$scratch/scripts"
+(cd "$scratch/scripts" && "$scratch/venv/bin/python" "$here/scripts.py" "$package/README.md" .)
+(cd "$scratch/scripts" && "$scratch/venv/bin/mypy" --config-file "$package/pyproject.toml" --cache-dir "$scratch/mypy" -p feedwave)
+(cd "$scratch/scripts" && "$scratch/venv/bin/mypy" --config-file "$package/pyproject.toml" --cache-dir "$scratch/mypy" ./*.py)
+
+# Nothing but the package and what it needs.
+python3 -m venv --clear "$scratch/fresh"
+"$scratch/fresh/bin/pip" install --quiet "${wheel[0]}"
+
+FEEDWAVE_BINARY=$(realpath "$binary") FEEDWAVE_FRESH_PYTHON=$scratch/fresh/bin/python MPLCONFIGDIR=$scratch/matplotlib \
     "$scratch/venv/bin/python" -m pytest -p no:cacheprovider -q "$here"

@@ -1,0 +1,79 @@
+"""Where the service is, how the connection to it is encrypted, and who asks."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+from dataclasses import dataclass
+
+import grpc
+from typing_extensions import TypeAlias
+
+from .errors import SourceError
+
+Pem: TypeAlias = "str | os.PathLike[str] | bytes"
+"""Certificates or a key: the path of a PEM file, or its bytes."""
+
+DEFAULT_ADDRESS = "127.0.0.1:50051"
+
+# Largest message that is accepted, as by the commands: a long report is one message.
+_MAX_MESSAGE_BYTES = 256 << 20
+# How often the other side is asked for a sign of life, and how long it may take, ms.
+_KEEPALIVE_MS, _KEEPALIVE_TIMEOUT_MS = 20_000, 20_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """A connection to make."""
+
+    address: str
+    credentials: grpc.ChannelCredentials | None
+    metadata: tuple[tuple[str, str], ...]
+    options: tuple[tuple[str, str | int], ...]
+
+
+def target(
+    address: str | None, token: str | None, ca: Pem | None, cert: Pem | None, key: Pem | None, domain: str | None
+) -> Target:
+    """What is meant by the arguments of `connect`; what is not given comes from the environment, as for the commands."""
+    given = address or os.environ.get("FEEDWAVE_SERVER") or DEFAULT_ADDRESS
+    scheme, separator, rest = given.partition("://")
+    if separator and scheme not in ("http", "https"):
+        raise SourceError(f"{given}: the address is HOST:PORT, http://HOST:PORT or https://HOST:PORT")
+    place = (rest if separator else given).rstrip("/")
+    authorities, chain, private = _pem(ca, "FEEDWAVE_CA"), _pem(cert, "FEEDWAVE_CERT"), _pem(key, "FEEDWAVE_KEY")
+    if (chain is None) != (private is None):
+        raise SourceError("a client certificate needs its key, and a key its certificate")
+    encrypted = scheme == "https" if separator else authorities is not None or chain is not None
+    if not encrypted and any(one is not None for one in (ca, cert, key)):
+        raise SourceError(f"{given}: certificates are for https://, and http:// is not encrypted")
+    credentials = grpc.ssl_channel_credentials(authorities, private, chain) if encrypted else None
+    options: list[tuple[str, str | int]] = [
+        ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
+        ("grpc.keepalive_time_ms", _KEEPALIVE_MS),
+        ("grpc.keepalive_timeout_ms", _KEEPALIVE_TIMEOUT_MS),
+        ("grpc.http2.max_pings_without_data", 0),
+        # Attempts are counted here, with the pauses that the service asks for.
+        ("grpc.enable_retries", 0),
+        # After a break the next connection is tried at once, and later not less often than we ask.
+        ("grpc.initial_reconnect_backoff_ms", 100),
+        ("grpc.max_reconnect_backoff_ms", 1_000),
+    ]
+    name = domain or os.environ.get("FEEDWAVE_DOMAIN")
+    if name and encrypted:
+        options.append(("grpc.ssl_target_name_override", name))
+    shown = token or _environment_token()
+    return Target(place, credentials, (("authorization", f"Bearer {shown}"),) if shown else (), tuple(options))
+
+
+def _pem(given: Pem | None, variable: str) -> bytes | None:
+    if isinstance(given, bytes):
+        return given
+    path = given or os.environ.get(variable)
+    return pathlib.Path(path).read_bytes() if path else None
+
+
+def _environment_token() -> str | None:
+    file = os.environ.get("FEEDWAVE_TOKEN_FILE")
+    text = pathlib.Path(file).read_text() if file else os.environ.get("FEEDWAVE_TOKEN", "")
+    return text.strip() or None

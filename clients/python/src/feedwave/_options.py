@@ -1,0 +1,154 @@
+"""Keyword arguments that several methods take, described once."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypedDict, TypeVar
+
+from google.protobuf import json_format
+from google.protobuf.message import Message
+from typing_extensions import TypeAlias
+
+from ._names import resource
+from .errors import SourceError
+from .program import Program, ProgramSource
+from .setpoints import Override
+from .v1 import jobs_pb2, machines_pb2, oscillation_pb2
+
+M = TypeVar("M", bound=Message)
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Machine: TypeAlias = "str | machines_pb2.MachineProfile | Mapping[str, Any]"
+"""A machine of the service, `lathe` or `machines/lathe`, or a profile that is not stored."""
+
+
+Said: TypeAlias = "M | Mapping[str, Any]"
+"""A message, or a mapping with its names and units."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a program is planned."""
+
+    interpolation_period_us: int = 0
+    """Time from one setpoint to the next, µs, 50 to 20000; 0 means 1000."""
+    generation_mode: str | None = None
+    """How vibration along the path is generated: `ALONG_PATH`, `TANGENTIAL` or `SERVO_SIDE`; absent: as the machine says."""
+    vibration_envelope: str | None = None
+    """How it begins and ends: `BLENDED` or `PUBLISHED`; absent: as the machine says."""
+    oscillation: oscillation_pb2.OscillationRequest | None = None
+    """What is asked of tool oscillations; absent: nothing."""
+    offsets: machines_pb2.Offsets | None = None
+    """Offsets (mm, degrees) in place of the machine's; absent: as the machine says."""
+
+
+class StreamOptions(TypedDict, total=False):
+    """How setpoints are read."""
+
+    start: int
+    """Index of the first setpoint; 0 without it."""
+    start_time_s: float
+    """Time from the program's start, s, in place of an index: the first setpoint at or after it."""
+    count: int
+    """Most setpoints; all without it."""
+    overrides: Iterable[Override | tuple[float, float]]
+    """Changes of the feed override in the order of time; a pair is a time in s and a ratio (1 = programmed)."""
+    columns: Iterable[str]
+    """Kinds of columns, as in `AXIS_POSITION` or `FEED`; all without it."""
+    frame: str
+    """Coordinates of the axes: `MACHINE` (without it) or `WORK`."""
+    encoding: str
+    """`PACKED_DOUBLE` (without it): every value to the last bit; `FIXED_POINT_DELTA`: a fraction of the bytes, rounded."""
+    interpolation_period_us: int
+    """Another period than the job's, µs, 50 to 20000."""
+    generation_mode: str
+    """Another generation mode than the job's."""
+    servo_output: str
+    """In servo-side mode: `CONDITIONS` (without it), or `EXPANDED` to what the drive generates."""
+    batch: int
+    """Most setpoints of a batch, 1 to 131072; the service chooses without it."""
+
+
+class RunOptions(TypedDict, total=False):
+    """How a live run is made."""
+
+    ahead_s: float
+    """Time of the setpoints that may come before those before them were taken, s; 0.1 without it. 0: nothing is handed out."""
+    frame: str
+    """Coordinates of the axes: `MACHINE` (without it) or `WORK`."""
+    interpolation_period_us: int
+    """Another period than the job's, µs, 50 to 20000."""
+    generation_mode: str
+    """Another generation mode than the job's."""
+    columns: Iterable[str]
+    """Kinds of columns, as in `AXIS_POSITION`; all without it."""
+    sensor_time_ns: int
+    """Time of the sensors' clock now, ns, so that telemetry that waited is known to be stale."""
+
+
+def tools_of(tools: Iterable[str]) -> list[str]:
+    """Names of tools."""
+    return [resource("tools", tool) for tool in tools]
+
+
+def files_of(files: Mapping[str, ProgramSource] | Iterable[ProgramSource]) -> list[Program]:
+    """Further program files, each with the name that calls find it by.
+
+    Raises:
+        SourceError: for one without a name.
+    """
+    if isinstance(files, Mapping):
+        found = [Program.of(source) for source in files.values()]
+        for name, program in zip(files, found):
+            program.name = name
+    else:
+        found = [Program.of(source) for source in files]
+    if any(not program.name for program in found):
+        raise SourceError("a further program file needs the name that calls find it by: give files as {name: source}")
+    return found
+
+
+def inline_files(files: list[Program]) -> list[jobs_pb2.ProgramFile]:
+    """The same as messages."""
+    return [jobs_pb2.ProgramFile(name=file.name, inline_program=file.read()) for file in files]
+
+
+def message_of(kind: type[M], given: M | Mapping[str, Any]) -> M:
+    """A message, or what a mapping with the names and units of the contract says: `{"sample_rate_hz": 1000.0, ...}`.
+
+    Raises:
+        SourceError: for a mapping that is no such message, with the field.
+    """
+    if not isinstance(given, Mapping):
+        return given
+    try:
+        return json_format.ParseDict(dict(given), kind())
+    except json_format.ParseError as error:
+        raise SourceError(f"{kind.DESCRIPTOR.name}: {error}") from error
+
+
+def load_profile(path: str | os.PathLike[str]) -> machines_pb2.MachineProfile:
+    """The machine profile of a TOML or JSON file, with the names and units of the contract.
+
+    The axes and the spindle must be in it: only the commands fill them in from the generic machine.
+
+    Raises:
+        SourceError: for a file that is no profile, with the place and the reason.
+    """
+    place = pathlib.Path(path)
+    try:
+        data = json.loads(place.read_text()) if place.suffix == ".json" else tomllib.loads(place.read_text())
+        # What `machine get` writes has the profile in it.
+        profile: Mapping[str, Any] = data.get("profile", data)
+        return message_of(machines_pb2.MachineProfile, profile)
+    except ValueError as error:
+        raise SourceError(f"{place}: {error}") from error

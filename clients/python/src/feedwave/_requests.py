@@ -1,0 +1,301 @@
+"""Flows of the methods of a client that are no live run."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+from typing_extensions import Unpack
+
+from ._flow import Call, Emit, Flow, Open, Read, Retries, Stream, Work, call, cancelling, retried
+from ._names import resource, value_name, value_of
+from ._options import (
+    Machine,
+    Settings,
+    StreamOptions,
+    inline_files,
+    message_of,
+)
+from .errors import ContractError, NotFound, ServiceError, SourceError
+from .program import Program
+from .report import Report
+from .setpoints import Decoder, Setpoints, overrides_of
+from .v1 import jobs_pb2, machines_pb2, programs_pb2, setpoints_pb2
+
+# Programs up to this size travel with the request, larger ones are uploaded. Well below what services permit.
+INLINE_BYTES = 512 * 1024
+# Programs up to this size are read back to show findings of a job under their lines.
+SHOWN_BYTES = 16 << 20
+
+_UNDER_WAY = (jobs_pb2.JOB_STATE_PENDING, jobs_pb2.JOB_STATE_VALIDATING)
+
+
+def _machine(machine: str) -> str:
+    return resource("machines", machine)
+
+
+def validate(
+    retries: Retries, program: Program, machine: Machine, tools: list[str], files: list[Program], settings: Settings, overrides: Any
+) -> Flow[Report]:
+    """Validates a program without storing anything."""
+    request = jobs_pb2.ValidateProgramRequest(
+        inline_program=program.read(),
+        tools=tools,
+        programs=inline_files(files),
+        overrides=overrides_of(overrides),
+        interpolation_period_us=settings.interpolation_period_us,
+        generation_mode=value_of(machines_pb2.GenerationMode, settings.generation_mode),
+        vibration_envelope=value_of(machines_pb2.VibrationEnvelope, settings.vibration_envelope),
+        oscillation=settings.oscillation,
+        offsets=settings.offsets,
+    )
+    if isinstance(machine, str):
+        request.machine = _machine(machine)
+    else:
+        request.profile.CopyFrom(message_of(machines_pb2.MachineProfile, machine))
+    response = yield from call(retries, "Jobs/ValidateProgram", request, jobs_pb2.ValidateProgramResponse)
+    return Report(response.report, program, files)
+
+
+def submit(
+    retries: Retries,
+    program: Program,
+    machine: str,
+    tools: list[str],
+    files: list[Program],
+    settings: Settings,
+    display_name: str | None,
+    request_id: str | None,
+) -> Flow[jobs_pb2.Job]:
+    """Stores a job; what is large is uploaded before."""
+    request = jobs_pb2.CreateJobRequest(
+        # With an id of its own a request can be sent again without making another job.
+        request_id=request_id or str(uuid.uuid4()),
+        machine=_machine(machine),
+        display_name=program.name if display_name is None else display_name,
+        tools=tools,
+        interpolation_period_us=settings.interpolation_period_us,
+        generation_mode=value_of(machines_pb2.GenerationMode, settings.generation_mode),
+        vibration_envelope=value_of(machines_pb2.VibrationEnvelope, settings.vibration_envelope),
+        oscillation=settings.oscillation,
+        offsets=settings.offsets,
+    )
+    left = INLINE_BYTES
+    if program.size <= left:
+        request.inline_program = program.read()
+        left -= program.size
+    else:
+        request.program = yield from upload(retries, program)
+    for file in files:
+        if file.size <= left:
+            left -= file.size
+            request.programs.add(name=file.name, inline_program=file.read())
+        else:
+            stored = yield from upload(retries, file)
+            request.programs.add(name=file.name, program=stored)
+    response = yield from call(retries, "Jobs/CreateJob", request, jobs_pb2.CreateJobResponse)
+    return response.job
+
+
+def upload(retries: Retries, program: Program) -> Flow[str]:
+    """Uploads a program, from where a broken upload ended; its name, `programs/{sha256}`."""
+    digest = yield Work(program.sha256)
+    size = program.size
+    name = f"programs/{digest}"
+
+    def attempt() -> Flow[str]:
+        known = yield Call("Jobs/GetUpload", jobs_pb2.GetUploadRequest(program=name), jobs_pb2.GetUploadResponse.FromString)
+        if known.complete:
+            return name
+        header = jobs_pb2.UploadHeader(
+            sha256=digest, program_bytes=size, offset=known.received_bytes, file_name=program.name
+        )
+        response = yield Call("Jobs/UploadProgram", _upload_messages(program, header), jobs_pb2.UploadProgramResponse.FromString)
+        if not response.program:
+            raise SourceError(f"{program.name}: the file changed while it was uploaded")
+        return str(response.program)
+
+    return (yield from retried(retries, attempt))
+
+
+def _upload_messages(program: Program, header: jobs_pb2.UploadHeader) -> Iterator[jobs_pb2.UploadProgramRequest]:
+    yield jobs_pb2.UploadProgramRequest(header=header)
+    offset = header.offset
+    for piece in program.pieces(offset):
+        yield jobs_pb2.UploadProgramRequest(chunk=jobs_pb2.UploadChunk(offset=offset, data=piece))
+        offset += len(piece)
+
+
+def get_job(retries: Retries, name: str) -> Flow[jobs_pb2.Job]:
+    """Reads a job."""
+    request = jobs_pb2.GetJobRequest(name=resource("jobs", name))
+    response = yield from call(retries, "Jobs/GetJob", request, jobs_pb2.GetJobResponse)
+    return response.job
+
+
+def list_jobs(retries: Retries, states: list[str], machine: str | None) -> Flow[None]:
+    """Emits jobs, newest first."""
+    request = jobs_pb2.ListJobsRequest(
+        page_size=500,
+        states=[value_of(jobs_pb2.JobState, state) for state in states],
+        machine=_machine(machine) if machine else "",
+    )
+    while True:
+        page = yield from call(retries, "Jobs/ListJobs", request, jobs_pb2.ListJobsResponse)
+        for job in page.jobs:
+            yield Emit(job)
+        if not page.next_page_token:
+            return
+        request.page_token = page.next_page_token
+
+
+def wait(retries: Retries, job: str, timeout_s: float | None) -> Flow[jobs_pb2.Job]:
+    """Waits until validation has ended; the job after it."""
+    request = jobs_pb2.WatchJobsRequest(after=0, job=resource("jobs", job))
+
+    def watch() -> Flow[bool]:
+        stream: Stream = yield Open("Jobs/WatchJobs", request, jobs_pb2.WatchJobsResponse.FromString, timeout_s)
+        began = False
+        with cancelling(stream):
+            try:
+                while message := (yield Read(stream)):
+                    began, request.after = True, message.event.sequence
+                    if message.event.state not in _UNDER_WAY:
+                        return True
+            except ServiceError as error:
+                # What brought something counts as a success of its own: the attempts begin anew.
+                if not (began and error.is_passing):
+                    raise
+        return False
+
+    while not (yield from retried(retries, watch)):
+        pass
+    return (yield from get_job(retries, job))
+
+
+def report(retries: Retries, job: str) -> Flow[Report]:
+    """The report of a job, with its program where that is of a size to be shown."""
+    name = resource("jobs", job)
+    response = yield from call(retries, "Jobs/GetReport", jobs_pb2.GetReportRequest(job=name), jobs_pb2.GetReportResponse)
+    found = response.report
+    if not found.findings:
+        return Report(found)
+    stored = yield from get_job(retries, name)
+    program = yield from _stored_program(retries, stored.program, stored.program_bytes, stored.display_name)
+    files: list[Program] = []
+    wanted = {finding.file for finding in found.findings} - {""}
+    for file in stored.settings.programs:
+        if file.name in wanted:
+            further = yield from _stored_program(retries, file.program, 0, file.name)
+            files += [further] if further else []
+    return Report(found, program, files)
+
+
+def _stored_program(retries: Retries, name: str, size: int, shown_name: str) -> Flow[Program | None]:
+    if size > SHOWN_BYTES:
+        return None
+    request = programs_pb2.ReadProgramRequest(name=name, length=SHOWN_BYTES)
+
+    def read() -> Flow[bytes]:
+        stream: Stream = yield Open("Programs/ReadProgram", request, programs_pb2.ReadProgramResponse.FromString)
+        data = bytearray()
+        with cancelling(stream):
+            while piece := (yield Read(stream)):
+                data += piece.data
+        return bytes(data)
+
+    try:
+        text = yield from retried(retries, read)
+    except NotFound:
+        return None
+    return Program(text, shown_name)
+
+
+def stream_setpoints(retries: Retries, job: str, **options: Unpack[StreamOptions]) -> Flow[None]:
+    """Emits the layout of a stream, then its setpoints in batches, without gaps however often the connection breaks."""
+    request = _stream_request(job, options)
+    place = _Place(left=options.get("count"))
+    if place.left is not None and place.left < 0:
+        raise SourceError(f"count is {place.left}")
+    while not (yield from retried(retries, lambda: _read_setpoints(request, place))):
+        request.start_index = place.next_index
+    return None
+
+
+class _Place:
+    """How far a stream has come."""
+
+    def __init__(self, left: int | None) -> None:
+        self.left = left
+        self.began = False
+        self.next_index = 0
+
+
+def _read_setpoints(request: setpoints_pb2.StreamSetpointsRequest, place: _Place) -> Flow[bool]:
+    """One connection; whether the stream came to its end."""
+    stream: Stream = yield Open("Setpoints/StreamSetpoints", request, setpoints_pb2.StreamSetpointsResponse.FromString)
+    brought = False
+    with cancelling(stream):
+        try:
+            first = yield Read(stream)
+            if first is None or first.WhichOneof("message") != "header":
+                raise ContractError("a stream of setpoints did not begin with its header")
+            decoder = Decoder(first.header)
+            if not place.began:
+                place.began, place.next_index = True, first.header.first_index
+                yield Emit((decoder.layout, first.header.first_index))
+            while place.left is None or place.left > 0:
+                message = yield Read(stream)
+                if message is None:
+                    return True
+                block = decoder.block(message.chunk)
+                if block.first_index != place.next_index:
+                    raise ContractError("setpoints are missing between two chunks")
+                if place.left is not None:
+                    block = block.rows(0, place.left)
+                    place.left -= block.count
+                place.next_index, brought = block.end_index, True
+                yield Emit(block)
+        except ServiceError as error:
+            if not (brought and error.is_passing):
+                raise
+            return False
+    return True
+
+
+def _stream_request(job: str, options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
+    request = setpoints_pb2.StreamSetpointsRequest(
+        job=resource("jobs", job),
+        encoding=value_of(setpoints_pb2.Encoding, options.get("encoding")),
+        frame=value_of(setpoints_pb2.Frame, options.get("frame")),
+        chunk_size=options.get("batch", 0),
+        interpolation_period_us=options.get("interpolation_period_us", 0),
+        generation_mode=value_of(machines_pb2.GenerationMode, options.get("generation_mode")),
+        servo_output=value_of(setpoints_pb2.ServoOutput, options.get("servo_output")),
+        columns=column_kinds(options.get("columns", ())),
+        overrides=overrides_of(options.get("overrides", ())),
+    )
+    if "start" in options and "start_time_s" in options:
+        raise SourceError("a stream starts either at a setpoint or at a time")
+    if "start_time_s" in options:
+        request.start_time_s = options["start_time_s"]
+    else:
+        request.start_index = options.get("start", 0)
+    return request
+
+
+def column_kinds(names: Any) -> list[Any]:
+    """Kinds of columns by their names."""
+    return [value_of(setpoints_pb2.ColumnKind, name) for name in names]
+
+
+def joined(batches: list[Any]) -> Setpoints:
+    """All that `stream_setpoints` emits as one block."""
+    layout, first_index = batches[0]
+    return Setpoints.joined(layout, batches[1:], first_index)
+
+
+def state_name(job: jobs_pb2.Job) -> str:
+    """The state of a job, as in `READY`."""
+    return value_name(jobs_pb2.JobState, job.state)

@@ -1,0 +1,309 @@
+"""The client in an event loop."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from types import TracebackType
+from typing import Any, TypeVar
+
+import grpc
+import grpc.aio
+from google.protobuf.message import Message
+from typing_extensions import Self, Unpack
+
+from .. import _requests, _services
+from .._connection import Pem, Target, target
+from .._flow import Flow, Retries, call
+from .._job import JobInfo, name_of
+from .._live import LiveRun
+from .._names import resource
+from .._options import Machine, RunOptions, Said, Settings, StreamOptions, files_of, tools_of
+from ..events import Decision
+from ..program import Program, ProgramSource
+from ..report import Report
+from ..setpoints import Override, Setpoints
+from ..v1 import (
+    jobs_pb2,
+    lobes_pb2,
+    machines_pb2,
+    monitoring_pb2,
+    runs_pb2,
+    setpoints_pb2,
+    stability_pb2,
+    telemetry_pb2,
+    threads_pb2,
+    tools_pb2,
+)
+from .run import Run
+from .transport import Transport
+
+T = TypeVar("T")
+M = TypeVar("M", bound=Message)
+
+
+class Client:
+    """A service of feedwave. Made by `feedwave.aio.connect`; an asynchronous context manager that closes the connection.
+
+    The twin of `feedwave.Client`, whose methods say more. What cannot be reached for a moment is tried again with growing random pauses, or after the
+    time that the service names; every other error is a `feedwave.ServiceError`.
+    """
+
+    def __init__(self, target: Target, retries: Retries, timeout_s: float) -> None:
+        """A client of `target`; use `feedwave.aio.connect`."""
+        options = list(target.options)
+        if target.credentials is None:
+            channel = grpc.aio.insecure_channel(target.address, options)
+        else:
+            channel = grpc.aio.secure_channel(target.address, target.credentials, options)
+        self._retries = retries
+        self._transport = Transport(channel, target.metadata, timeout_s)
+
+    async def close(self) -> None:
+        """Closes the connection; calls that are under way end."""
+        await self._transport.channel.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        await self.close()
+
+    async def _do(self, make: Callable[..., Flow[T]], *arguments: Any, **options: Any) -> T:
+        return await self._transport.run(make(self._retries, *arguments, **options))
+
+    def _each(self, make: Callable[..., Flow[None]], *arguments: Any, **options: Any) -> AsyncIterator[Any]:
+        return self._transport.iterate(make(self._retries, *arguments, **options))
+
+    async def call(self, method: str, request: Message, response: type[M]) -> M:
+        """Any method of the contract with one request and one response, as in
+        `call("Machines/GetMachine", GetMachineRequest(name="machines/lathe"), GetMachineResponse)`, with retries and errors as everywhere."""
+        return await self._transport.run(call(self._retries, method, request, response))
+
+    async def validate(
+        self,
+        program: ProgramSource,
+        *,
+        machine: Machine,
+        tools: Iterable[str] = (),
+        files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
+        settings: Settings = Settings(),
+        overrides: Iterable[Override | tuple[float, float]] = (),
+    ) -> Report:
+        """Validates a program without storing anything.
+
+        Args:
+            program: a path, or a text of more than one line.
+            machine: a machine of the service, `lathe` or `machines/lathe`, or a profile (`load_profile`).
+            tools: names of the tools that the program may use; any without them.
+            files: further program files, in which calls look for subprograms; with their names, or as paths.
+            settings: how it is planned.
+            overrides: changes of the feed override; a pair is a time in s and a ratio (1 = programmed).
+
+        Returns:
+            What was found. A program full of errors is a report, too: `report.ok` says whether it can be run.
+        """
+        further = files_of(files)
+        return await self._do(_requests.validate, Program.of(program), machine, tools_of(tools), further, settings, overrides)
+
+    async def submit(
+        self,
+        program: ProgramSource,
+        *,
+        machine: str,
+        tools: Iterable[str] = (),
+        files: Mapping[str, ProgramSource] | Iterable[ProgramSource] = (),
+        settings: Settings = Settings(),
+        display_name: str | None = None,
+        request_id: str | None = None,
+    ) -> Job:
+        """Makes a job of a program and returns at once; `job.wait()` waits for its validation.
+
+        Programs of any size: large ones are uploaded in pieces, and go on where a broken upload ended.
+
+        Args:
+            program, machine, tools, files, settings: as in `validate`.
+            display_name: name for people; the file's without it.
+            request_id: submitting again with the same one returns the first job; a new one without it.
+        """
+        options = (Program.of(program), machine, tools_of(tools), files_of(files), settings, display_name, request_id)
+        return Job(self, await self._do(_requests.submit, *options))
+
+    async def job(self, name: str) -> Job:
+        """The job of this name, `jobs/…`."""
+        return Job(self, await self._do(_requests.get_job, name))
+
+    def jobs(self, *states: str, machine: str | None = None) -> AsyncIterator[Job]:
+        """Jobs, newest first: of these states (`READY`), or all; of this machine, or of any."""
+        return (Job(self, job) async for job in self._each(_requests.list_jobs, list(states), machine))
+
+    async def setpoints(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> Setpoints:
+        """The setpoints of a job as columns of NumPy, such as `X_mm`, `feed_mm_per_min` and `time_s`.
+
+        Args:
+            job: a job that is READY.
+            options: which setpoints, columns, overrides: `feedwave.StreamOptions`.
+        """
+        return _requests.joined([item async for item in self._each(_requests.stream_setpoints, name_of(job), **options)])
+
+    def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
+        """The same in batches, in bounded memory however long the program is: only what is asked for is read. A connection that breaks is
+        taken up where it was."""
+        items = self._each(_requests.stream_setpoints, name_of(job), **options)
+        return (item async for item in items if isinstance(item, Setpoints))
+
+    def run(self, job: str | JobInfo, **options: Unpack[RunOptions]) -> Run:
+        """Begins a live run of a job that is READY and has monitoring: a context manager, and an iterator over its events.
+
+        Args:
+            job: the job.
+            options: how it is made: `feedwave.RunOptions`.
+        """
+        return Run(self._transport, LiveRun(self._retries, name_of(job), None, 0, 0, options))
+
+    def take_up(self, run: str, *, start: int = 0, decided: int = 0, **options: Unpack[RunOptions]) -> Run:
+        """Takes up a run that another process has left open.
+
+        Args:
+            run: the run, `runs/…`.
+            start: setpoints that the machine has taken.
+            decided: decisions that are known already; later ones come as events.
+            options: as in `run`; what the run was made with stays.
+        """
+        return Run(self._transport, LiveRun(self._retries, None, resource("runs", run), start, decided, options))
+
+    async def set_monitoring(self, job: str | JobInfo, config: Said[monitoring_pb2.MonitoringConfig]) -> monitoring_pb2.MonitoringConfig:
+        """Sets how the telemetry of a job is judged; the answer has every default filled in."""
+        return await self._do(_services.set_monitoring, name_of(job), config)
+
+    async def monitoring(self, job: str | JobInfo) -> monitoring_pb2.MonitoringConfig:
+        """How the telemetry of a job is judged."""
+        return await self._do(_services.get_monitoring, name_of(job))
+
+    def decisions(self, of: str | JobInfo | None = None, *, after: int = 0) -> AsyncIterator[Decision]:
+        """Decisions of a run or of a job's runs, or all, in their order; those after a place in the log of all runs."""
+        return self._each(_services.list_decisions, name_of(of) if of else None, after)
+
+    def watch_decisions(self, of: str | JobInfo | None = None, *, after: int | None = None) -> AsyncIterator[Decision]:
+        """Decisions as they are made, each once; with `after`, those after a place in the log first."""
+        return self._each(_services.watch_decisions, name_of(of) if of else None, after)
+
+    async def run_info(self, run: str) -> telemetry_pb2.Run:
+        """What is known of a run."""
+        return await self._do(_services.get_run, run)
+
+    async def acknowledge(self, run: str, *, by: str, note: str = "", decision_number: int | None = None) -> telemetry_pb2.RunCondition:
+        """Acknowledges what holds the feed of a run: the newest condition, or that of a decision.
+
+        Args:
+            run: the run, `runs/…`.
+            by: who acknowledges, 1 to 200 characters.
+            note: anything to be remembered with it.
+            decision_number: the decision that raised it.
+        """
+        return await self._do(_services.acknowledge, run, by, note, decision_number)
+
+    async def replay(self, run: str) -> runs_pb2.ReplayRunResponse:
+        """Proves that a run follows from its log, bit for bit."""
+        return await self._do(_services.replay, run)
+
+    def machines(self) -> AsyncIterator[machines_pb2.Machine]:
+        """The machines of the service, by their names."""
+        return self._each(_services.list_machines)
+
+    def tools(self) -> AsyncIterator[tools_pb2.Tool]:
+        """The tools of the service, by their names."""
+        return self._each(_services.list_tools)
+
+    async def lobes(
+        self, model: Said[stability_pb2.StabilityModel], search: Said[stability_pb2.PocketSearch], *, chart_speeds: int | None = None
+    ) -> lobes_pb2.StabilityLobes:
+        """At which spindle speeds (rev/min) a tool cuts how deep (mm) without chatter."""
+        return await self._do(_services.lobes, model, search, chart_speeds)
+
+    async def plan_thread(self, request: Said[threads_pb2.PlanThreadRequest], *, machine: Machine = "lathe") -> threads_pb2.PlanThreadResponse:
+        """The passes of a thread whose chip breaks, as data and as a program."""
+        return await self._do(_services.plan_thread, machine, request)
+
+
+class Job(JobInfo):
+    """A job: a program on a machine, validated, ready to be streamed. As it last was; `refresh` and `wait` ask again."""
+
+    def __init__(self, client: Client, proto: jobs_pb2.Job) -> None:
+        """A job of this client."""
+        super().__init__(proto)
+        self.client = client
+
+    async def refresh(self) -> Self:
+        """Reads it again."""
+        self.proto = await self.client._do(_requests.get_job, self.name)
+        return self
+
+    async def wait(self, timeout_s: float | None = None) -> Self:
+        """Waits until validation has ended, in whatever state.
+
+        Raises:
+            DeadlineExceeded: after this time, s; it is a TimeoutError.
+        """
+        self.proto = await self.client._do(_requests.wait, self.name, timeout_s)
+        return self
+
+    async def report(self) -> Report:
+        """What validation found."""
+        return await self.client._do(_requests.report, self.name)
+
+    async def plan_summary(self) -> setpoints_pb2.PlanSummary:
+        """Figures of its plan, and how close each axis comes to its limits."""
+        return await self.client._do(_services.plan_summary, self.name)
+
+    async def setpoints(self, **options: Unpack[StreamOptions]) -> Setpoints:
+        """Its setpoints; see `Client.setpoints`."""
+        return await self.client.setpoints(self, **options)
+
+    def batches(self, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
+        """Its setpoints in batches; see `Client.batches`."""
+        return self.client.batches(self, **options)
+
+    def run(self, **options: Unpack[RunOptions]) -> Run:
+        """Begins a live run of it; see `Client.run`."""
+        return self.client.run(self, **options)
+
+    async def set_monitoring(self, config: Said[monitoring_pb2.MonitoringConfig]) -> monitoring_pb2.MonitoringConfig:
+        """Sets how its telemetry is judged; the answer has every default filled in."""
+        return await self.client.set_monitoring(self, config)
+
+    async def cancel(self) -> Self:
+        """Cancels it: validation and open streams end, and no new stream starts."""
+        self.proto = await self.client._do(_services.cancel_job, self.name)
+        return self
+
+    async def delete(self) -> None:
+        """Deletes it with its report."""
+        await self.client._do(_services.delete_job, self.name)
+
+
+def connect(
+    address: str | None = None,
+    *,
+    token: str | None = None,
+    ca: Pem | None = None,
+    cert: Pem | None = None,
+    key: Pem | None = None,
+    domain: str | None = None,
+    retries: Retries = Retries(),
+    timeout_s: float = 60.0,
+) -> Client:
+    """A client of the service at an address. The connection is made with the first call.
+
+    Args:
+        address: `HOST:PORT`, `http://HOST:PORT`, or `https://HOST:PORT` for TLS; of `FEEDWAVE_SERVER` without it, or 127.0.0.1:50051.
+        token: shown with every call; of `FEEDWAVE_TOKEN_FILE` or `FEEDWAVE_TOKEN` without it.
+        ca: certificates that the service must be signed by, PEM; with it the connection is encrypted.
+        cert, key: certificate of the client and its key, PEM.
+        domain: name that the service's certificate must have, where it differs from the address.
+        retries: how often it is tried again what did not come through.
+        timeout_s: time for one attempt of a call with one answer, s.
+
+    Raises:
+        SourceError: for arguments that contradict each other.
+    """
+    return Client(target(address, token, ca, cert, key, domain), retries, timeout_s)

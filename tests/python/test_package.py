@@ -1,0 +1,314 @@
+"""The package against the built service: validation, jobs, setpoints, errors; and without it: how findings are shown."""
+
+import asyncio
+import inspect
+import math
+
+import grpc
+import numpy as np
+import pytest
+
+import feedwave
+import feedwave.aio
+import feedwave.plot
+from conftest import FIXTURES
+from feedwave.setpoints import Decoder
+from feedwave.v1 import feed_override_pb2, machines_pb2, report_pb2, setpoints_pb2
+
+TRAP, CURED, BAD = (FIXTURES / name for name in ("spec-trap.nc", "spec-trap-cured.nc", "bad.nc"))
+SLOT = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X20 F1200\nG0 X30\nM30\n"
+
+
+@pytest.fixture(scope="module")
+def slot(client):
+    return client.submit(SLOT, machine="mill", display_name="slot").wait(60)
+
+
+def test_findings_print_under_their_source_lines(client):
+    report = client.validate(BAD, machine="lathe")
+    assert not report.ok and report.errors and report.findings[0].severity is feedwave.Severity.ERROR
+    shown = """\
+error[PRG-ARC-RADIUS-TOO-SMALL]: radius 0.5 mm cannot span the 22.522211 mm from start to end: it takes at least 11.261106 mm
+  --> bad.nc:11:16
+   |
+11 | G2 X14.0 Z23.5 R0.5
+   |                ^^^^
+  = cure: use R11.2612 or more: write `R11.2612`
+"""
+    assert shown in str(report)
+    assert str(report).endswith(f"bad.nc: rejected: {len(report.errors)} errors, 1 warning")
+    page = report._repr_html_()
+    assert "error[PRG-ARC-RADIUS-TOO-SMALL]" in page and page.count("^^^^") and "<script" not in page
+    radius = next(finding for finding in report.findings if finding.code == "PRG-ARC-RADIUS-TOO-SMALL")
+    assert radius.value("radius") == 0.5 and radius.cures[0].value.unit == "mm"
+
+
+def test_a_fixed_program_is_valid(client):
+    report = client.validate(TRAP, machine="machines/lathe")
+    assert [finding.code for finding in report.warnings] == ["VIB-CHIP-UNBROKEN"]
+    fixed = report.fixed()
+    assert fixed.text == TRAP.read_text().replace("G200 F50 ", "G200 F41.667 ")
+    assert report.fixed("PRG-FEED-MISSING").text == TRAP.read_text()
+    again = client.validate(fixed, machine="lathe")
+    assert not again.findings and again.sections[0].chip.broken
+
+
+def test_a_profile_and_settings_go_with_a_validation(client):
+    machine = client.call("Machines/GetMachine", machines_pb2.GetMachineRequest(name="machines/lathe"), machines_pb2.GetMachineResponse)
+    profile = machine.machine.profile
+    settings = feedwave.Settings(interpolation_period_us=2000, generation_mode="tangential")
+    report = client.validate(CURED, machine=profile, settings=settings)
+    assert report.summary.interpolation_period_us == 2000
+    assert report.sections[0].generation_mode == machines_pb2.GENERATION_MODE_TANGENTIAL
+    with pytest.raises(feedwave.SourceError, match="ALONG_PATH"):
+        client.validate(CURED, machine="lathe", settings=feedwave.Settings(generation_mode="sideways"))
+    with pytest.raises(feedwave.SourceError, match="kinnd"):
+        client.validate(CURED, machine={"machine": {"kinnd": "MACHINE_KIND_MILL"}})
+
+
+def test_further_files_are_called(client):
+    main = "G21 G90 G94 G17 S3000 M3\nM98 P1000\nM30\n"
+    called = {"O1000.nc": "O1000\nG1 X10 F1200\nG1 X20 Y..\nM99\n"}
+    report = client.validate(main, machine="mill", files=called)
+    assert [finding.place.file for finding in report.errors] == ["O1000.nc"]
+    assert "--> O1000.nc:3:8" in str(report) and "3 | G1 X20 Y.." in str(report)
+    job = client.submit(main, machine="mill", files=called).wait()
+    assert job.state == "REJECTED" and "3 | G1 X20 Y.." in str(job.report())
+    with pytest.raises(feedwave.SourceError, match="name"):
+        client.validate(main, machine="mill", files=["M99\n\n"])
+
+
+def test_setpoints_are_columns_with_units(client, slot):
+    assert slot.state == "READY" and slot.is_ready and slot.summary.setpoint_count > 0
+    setpoints = slot.setpoints()
+    assert setpoints.count == setpoints.layout.setpoint_count == slot.summary.setpoint_count
+    assert setpoints.units["X_mm"] == "mm" and setpoints.units["feed_mm_per_min"] == "mm/min"
+    assert (setpoints["X_mm"][-1], setpoints["Y_mm"][-1]) == (30.0, 0.0)
+    assert setpoints["X_mm"].dtype == np.float64 and setpoints["X_mm"].flags.writeable
+    assert set(setpoints.line) == {0, 2, 3, 4}
+    assert setpoints["time_s"][1] == 0.001 and list(setpoints) == [*setpoints.keys()]
+    part = slot.setpoints(start=100, count=50, frame="work", columns=["axis_position"])
+    assert list(part) == ["index", "time_s", "X_mm", "Y_mm", "Z_mm", "source_line"]
+    assert part.first_index == 100 and np.array_equal(part["X_mm"], setpoints["X_mm"][100:150])
+    assert slot.setpoints(start_time_s=0.1, count=1).first_index == 100
+    assert slot.setpoints(count=0).count == 0
+    with pytest.raises(KeyError, match="X_mm"):
+        setpoints["x"]
+
+
+def test_batches_are_the_whole_and_no_larger_than_asked_for(slot):
+    whole = slot.setpoints()
+    batches = list(slot.batches(batch=100))
+    assert max(batch.count for batch in batches) <= 100 < whole.count
+    assert np.array_equal(np.concatenate([batch["X_mm"] for batch in batches]), whole["X_mm"])
+    # Who stops asking ends the stream.
+    iterator = slot.batches(batch=100)
+    assert next(iterator).first_index == 0
+    iterator.close()
+
+
+def test_deltas_decode_within_their_resolution(slot):
+    whole, rounded = slot.setpoints(), slot.setpoints(encoding="fixed_point_delta", batch=100)
+    for name in whole.layout.names:
+        assert np.abs(whole[name] - rounded[name]).max() <= 0.5e-6 + 1e-12 * np.abs(whole[name]).max(), name
+
+
+def test_overrides_are_part_of_the_plan(client, slot):
+    programmed = slot.summary.duration_s
+    by_time = slot.setpoints(overrides=[(0.2, 0.5)])
+    by_index = slot.setpoints(overrides=[feedwave.Override(0.5, setpoint_index=200)])
+    assert np.array_equal(by_time["X_mm"], by_index["X_mm"])
+    assert by_time.time_s[-1] > programmed and by_time["X_mm"][-1] == 30.0
+    report = client.validate(SLOT, machine="mill", overrides=[(0.2, 0.5)])
+    assert report.summary.setpoint_count == by_time.count
+    with pytest.raises(feedwave.SourceError):
+        slot.setpoints(overrides=[feedwave.Override(0.5)])
+
+
+def test_data_frames_have_the_columns_of_setpoint_files(slot):
+    setpoints = slot.setpoints()
+    pandas, polars, arrow = setpoints.to_pandas(), setpoints.to_polars(), setpoints.to_arrow()
+    assert list(pandas.columns) == list(setpoints)[1:] and pandas.index.name == "index"
+    assert polars.columns == arrow.column_names == list(setpoints)
+    assert pandas["X_mm"].iloc[-1] == polars["X_mm"][-1] == arrow["X_mm"][-1].as_py() == 30.0
+    assert arrow.schema.field("feed_mm_per_min").metadata == {b"unit": b"mm/min"}
+    assert arrow.schema.metadata[b"unit:X_mm"] == b"mm"
+
+
+def test_a_chunk_that_is_not_made_as_its_header_says_is_refused():
+    header = setpoints_pb2.StreamHeader(period_us=1000.0, columns=[{"name": "X_mm", "unit": "mm"}])
+    decoder = Decoder(header)
+    lines = [{"line": 2, "count": 2}]
+    block = decoder.block(setpoints_pb2.SetpointChunk(first_index=7, count=2, line_runs=lines, columns=[{"values": [-0.0, math.inf]}]))
+    assert block["X_mm"].tobytes() == np.array([-0.0, math.inf]).tobytes() and block.index.tolist() == [7, 8]
+    for columns, runs in [([], lines), ([{"values": [1.0]}], lines), ([{"values": [1.0, 2.0]}], [])]:
+        with pytest.raises(feedwave.ContractError):
+            decoder.block(setpoints_pb2.SetpointChunk(count=2, line_runs=runs, columns=columns))
+
+
+def test_extreme_deltas_are_infinite():
+    header = setpoints_pb2.StreamHeader(encoding=setpoints_pb2.ENCODING_FIXED_POINT_DELTA, columns=[{"name": "low_mm", "resolution": 1e-6}])
+    # Differences modulo 2^64: -inf, +inf, and back to 0.1.
+    deltas = [-(2**63), -1, 100_001 - 2**63]
+    chunk = setpoints_pb2.SetpointChunk(count=3, line_runs=[{"line": 1, "count": 3}], columns=[{"deltas": deltas}])
+    assert Decoder(header).block(chunk)["low_mm"].tolist() == [-math.inf, math.inf, 0.1]
+
+
+def test_large_programs_are_uploaded_and_read_back(client, tmp_path):
+    path = tmp_path / "large.nc"
+    path.write_text(SLOT.replace("G1 X20 F1200\n", "G1 X20 F1200\n" + "G1 X10\nG1 X20\n" * 60_000))
+    job = client.submit(path, machine="mill")
+    assert job.proto.program_bytes == path.stat().st_size > 512 * 1024
+    again = client.submit(path, machine="mill", request_id="large-1")
+    assert client.submit(path, machine="mill", request_id="large-1").name == again.name != job.name
+    for one in (job, again):
+        assert one.cancel().state == "CANCELLED"
+        one.delete()
+    with pytest.raises(feedwave.NotFound) as caught:
+        job.refresh()
+    assert caught.value.details.resource == job.name
+
+
+def test_jobs_are_listed_newest_first(client, slot):
+    names = [job.name for job in client.jobs("READY", machine="mill")]
+    assert slot.name in names and client.job(slot.name).display_name == "slot"
+    newer = client.submit(SLOT, machine="mill").wait()
+    names = [job.name for job in client.jobs("ready")]
+    assert names.index(newer.name) < names.index(slot.name)
+    newer.delete()
+
+
+def test_errors_carry_code_reason_and_violations(client):
+    with pytest.raises(feedwave.InvalidArgument) as caught:
+        client.submit(SLOT, machine="Mill", settings=feedwave.Settings(interpolation_period_us=7))
+    error = caught.value
+    assert error.code is grpc.StatusCode.INVALID_ARGUMENT and (error.reason, error.details.domain) == ("INVALID_FIELDS", "feedwave")
+    assert {violation.field for violation in error.violations} == {"machine", "interpolation_period_us"}
+    assert not error.is_passing and error.method == "Jobs/CreateJob"
+    with pytest.raises(feedwave.ServiceError) as caught:
+        client.job("00000000-0000-0000-0000-000000000000")
+    assert isinstance(caught.value, feedwave.NotFound)
+
+
+def test_arguments_that_contradict_each_other_are_refused(tmp_path):
+    for address, options in [("ftp://x", {}), ("http://x", {"ca": b"pem"}), ("x:1", {"cert": b"pem"})]:
+        with pytest.raises(feedwave.SourceError):
+            feedwave.connect(address, **options)
+    with pytest.raises(feedwave.SourceError, match="no file"):
+        feedwave.Program.of("G1 X10")
+    profile = tmp_path / "mill.toml"
+    profile.write_text('[machine]\nkind = "MACHINE_KIND_MILL"\n')
+    assert feedwave.load_profile(profile).machine.kind == machines_pb2.MACHINE_KIND_MILL
+    profile.write_text('[machine]\nkid = "MACHINE_KIND_MILL"\n')
+    with pytest.raises(feedwave.SourceError, match="mill.toml"):
+        feedwave.load_profile(profile)
+
+
+def test_pictures_are_drawn(client, slot, tmp_path):
+    trap, cured = (client.validate(path, machine="lathe") for path in (TRAP, CURED))
+    setpoints = slot.setpoints()
+    thread = client.validate(FIXTURES / "thread-a.nc", machine="lathe").proto.threads[0]
+    mode = {"frequency_hz": 900.0, "damping_ratio": 0.03, "stiffness_n_per_mm": 9000.0}
+    dynamics = {"modes_x": [mode], "modes_y": [mode], "tangential_n_per_mm2": 700.0, "radial_ratio": 0.3}
+    model = {"dynamics": dynamics, "milling": {"entry_deg": 0.0, "exit_deg": 90.0, "edge_count": 4}}
+    lobes = client.lobes(model, {"lowest_rev_per_min": 3000.0, "highest_rev_per_min": 16000.0})
+    pictures = {
+        "path": feedwave.plot.path(setpoints),
+        "feed": feedwave.plot.feed(setpoints),
+        "chip": feedwave.plot.chip(trap.sections[0], cured.sections[0]),
+        "thread": feedwave.plot.thread(thread),
+        "lobes": feedwave.plot.lobes(lobes),
+    }
+    for name, picture in pictures.items():
+        assert picture._repr_png_().startswith(b"\x89PNG")
+        picture.save(tmp_path / f"{name}.svg")
+    # The thickness that is drawn is the one that the service reports.
+    for report in (trap, cured):
+        section = report.sections[0]
+        thickness = feedwave.plot.chip_thickness_mm(section.chip, section.amplitude_mm, np.linspace(0, 50, 200_001))
+        assert abs(thickness.max() - section.chip.largest_thickness_mm) < 1e-6
+        assert abs(np.mean(thickness <= 0) - section.chip.air_share) < 1e-3
+    with pytest.raises(feedwave.SourceError):
+        feedwave.plot.chip()
+
+
+def finding(line, column, length, **more):
+    return report_pb2.Finding(code="X-Y", severity=report_pb2.SEVERITY_WARNING, line=line, column=column, length=length, message="m", **more)
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "length", "shown"),
+    [
+        (b"G1 X1", 4, 2, ["1 | G1 X1", "  |    ^^"]),
+        # A point between bytes, also behind the last one.
+        (b"G1 X1", 6, 0, ["1 | G1 X1", "  |      ^"]),
+        (b"\tG1 X1", 5, 2, ["1 |     G1 X1", "  |        ^^"]),
+        # Columns count bytes, carets stand under characters.
+        ("(Größe) X1".encode(), 11, 2, ["1 | (Größe) X1", "  |         ^^"]),
+        (b"(\xff\x07) X1", 6, 2, ["1 | (\ufffd.) X1", "  |      ^^"]),
+        # A place that the line does not have.
+        (b"G1", 90, 5, ["1 | G1", "  |   ^"]),
+    ],
+)
+def test_carets_stand_under_the_span(line, column, length, shown):
+    report = feedwave.Report(report_pb2.ValidationReport(findings=[finding(1, column, length)]), feedwave.Program(line + b"\n"))
+    assert "\n".join(shown) in str(report)
+
+
+def test_what_was_met_again_and_other_places_are_told():
+    related = {"message": "called here", "line": 2, "column": 1, "length": 3, "is_call": True}
+    occurrence = {"name": "pass", "number": 3}
+    proto = finding(9, 1, 1, occurrences=4, first=occurrence, related=[related])
+    text = str(feedwave.Report(report_pb2.ValidationReport(findings=[proto]), feedwave.Program("A\nM98\n")))
+    assert "m (4 times, first in pass 3)" in text and "note: called here\n --> program:2:1\n  |\n2 | M98\n  | ^^^" in text
+    # Without the program there is a place, and no line.
+    assert " --> program:9:1\n" in str(feedwave.Report(report_pb2.ValidationReport(findings=[proto])))
+
+
+def test_replacements_do_not_disturb_each_other():
+    def cure(line, column, length, replacement):
+        return finding(line, column, length, suggestions=[{"message": "write", "replacement": replacement}])
+
+    found = [cure(1, 1, 2, "G01"), cure(1, 4, 2, ""), cure(1, 5, 1, "lost"), cure(2, 3, 0, " F1"), cure(9, 1, 1, "beyond")]
+    report = feedwave.Report(report_pb2.ValidationReport(findings=found), feedwave.Program("G1 X1 Y2\r\nG1\n"))
+    assert report.fixed().text == "G01  Y2\r\nG1 F1\n"
+
+
+def test_overrides_are_written_as_the_contract_has_them():
+    change = feedwave.Override(0.5, time_s=1.5).message()
+    assert change == feed_override_pb2.FeedOverrideChange(time_s=1.5, ratio=0.5)
+
+
+def test_both_clients_have_the_same_methods():
+    for one, other in [(feedwave.Client, feedwave.aio.Client), (feedwave.Job, feedwave.aio.Job), (feedwave.Run, feedwave.aio.Run)]:
+        def methods(kind):
+            members = inspect.getmembers(kind, lambda member: inspect.isfunction(member) or isinstance(member, property))
+            return {name: member for name, member in members if not name.startswith("_")}
+
+        found, twins = methods(one), methods(other)
+        assert found.keys() == twins.keys()
+        for name, member in found.items():
+            assert inspect.getdoc(member) == inspect.getdoc(twins[name]), name
+            if inspect.isfunction(member):
+                parameters = [str(parameter) for parameter in inspect.signature(member).parameters.values()]
+                assert parameters == [str(parameter) for parameter in inspect.signature(twins[name]).parameters.values()], name
+    assert str(inspect.signature(feedwave.connect)).split("->")[0] == str(inspect.signature(feedwave.aio.connect)).split("->")[0]
+
+
+def test_asyncio_does_the_same(server, slot):
+    async def scene():
+        async with feedwave.aio.connect(server.ports["grpc"]) as client:
+            report = await client.validate(TRAP, machine="lathe")
+            job = await client.job(slot.name)
+            setpoints = await job.setpoints()
+            batches = [batch.count async for batch in job.batches(batch=100)]
+            names = [job.name async for job in client.jobs()]
+            with pytest.raises(feedwave.InvalidArgument) as caught:
+                await client.submit(SLOT, machine="Mill")
+            waited = await (await client.submit(SLOT, machine="mill")).wait(60)
+            return report, setpoints, batches, names, caught.value, waited
+
+    report, setpoints, batches, names, error, waited = asyncio.run(scene())
+    assert [finding.code for finding in report.findings] == ["VIB-CHIP-UNBROKEN"]
+    assert np.array_equal(setpoints["X_mm"], slot.setpoints()["X_mm"]) and sum(batches) == setpoints.count
+    assert slot.name in names and error.violations and waited.is_ready

@@ -1,0 +1,277 @@
+"""Live runs and broken connections: the service is killed (`kill -9`), and the caller hears everything once."""
+
+import asyncio
+import itertools
+import threading
+
+import grpc
+import numpy as np
+import pytest
+
+import feedwave
+import feedwave.aio
+from feedwave import _flow, errors
+
+SLOT = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X60 F1200\nG0 X70\nM30\n"
+TENTH = {"duration_s": 0.1}
+MONITORING = {
+    "sample_rate_hz": 1000.0,
+    "grouping": {"samples_per_point": 10},
+    "baseline": TENTH,
+    "window": TENTH,
+    "settling_s": 0.0,
+    "tool": {"quantity": "SENSOR_QUANTITY_DISPLACEMENT", "max": 10.0},
+    "tool_check": {"max_run_out": 0.5},
+    # The telemetry of these tests goes on where it stood, however long the service was away.
+    "quality": {"min_valid_samples": 50, "stuck_samples": 20, "silence_s": 3000.0, "stale_s": 3000.0},
+    "rules": {"feed": {"lower": 0.003, "upper": 0.01}},
+}
+
+
+class Sensor:
+    """A displacement sensor on a tool that bends with the feed in line 3."""
+
+    def __init__(self):
+        self.noise = np.random.default_rng(1)
+        self.clock_ns = 1_000_000_000
+
+    def samples(self, bent_mm):
+        time_ns = self.clock_ns + 1_000_000 * np.arange(1, len(bent_mm) + 1)
+        self.clock_ns = int(time_ns[-1])
+        x, y = self.noise.normal(1.0, 1e-6, (2, len(bent_mm)))
+        return {"time_ns": time_ns, "tool": (x + bent_mm, y), "contact": bent_mm > 0}
+
+    def idle(self):
+        return self.samples(np.zeros(150))
+
+    def along(self, setpoints):
+        return self.samples(np.where(setpoints.line == 3, 0.02 * setpoints["feed_mm_per_min"] / 1200, 0.0))
+
+
+class Heard:
+    """Everything that a run told."""
+
+    def __init__(self):
+        self.blocks, self.decisions, self.changes, self.end = [], [], [], None
+
+    def take(self, event):
+        if isinstance(event, feedwave.Setpoints):
+            assert event.first_index == self.taken, "setpoints come once and without gaps"
+            self.blocks.append(event)
+        elif isinstance(event, feedwave.Decision):
+            assert event.number == len(self.decisions), "decisions come once and in order"
+            self.decisions.append(event)
+        elif isinstance(event, feedwave.FeedChange):
+            self.changes.append(event)
+        elif isinstance(event, feedwave.Ended):
+            assert self.end is None
+            self.end = event
+        else:
+            assert isinstance(event, (feedwave.Acknowledged, feedwave.Refused)), event
+
+    @property
+    def taken(self):
+        return self.blocks[-1].end_index if self.blocks else 0
+
+    def is_proved_by(self, client, job, run):
+        """What was heard is what the log has, and what the plan is under the changes of the feed."""
+        assert self.end.state == "FINISHED" and self.end.setpoint_count == self.taken
+        assert [one.proto for one in client.decisions(run)] == [one.proto for one in self.decisions]
+        overrides = [feedwave.Override(change.ratio, setpoint_index=change.setpoint_index) for change in self.changes]
+        plan = client.setpoints(job, overrides=overrides)
+        for name in plan.layout.names:
+            assert np.array_equal(plan[name], np.concatenate([block[name] for block in self.blocks])), name
+        replayed = client.replay(run)
+        assert replayed.identical and self.end.digest in ("", replayed.digest)
+
+
+def monitored(client, program=SLOT):
+    job = client.submit(program, machine="mill").wait(60)
+    job.set_monitoring(MONITORING)
+    return job
+
+
+def test_a_run_survives_kills_and_everything_is_heard_once(own_server):
+    sensor, heard, kills = Sensor(), Heard(), 0
+    with own_server.connect() as client:
+        job = monitored(client)
+        with job.run(ahead_s=0.0) as run:
+            assert run.state == "BASELINE" and run.period_us == 1000.0
+            run.send(**sensor.idle())
+            run.flush()
+            run.ahead_s = 0.2
+            for count, event in enumerate(run):
+                heard.take(event)
+                if isinstance(event, feedwave.Setpoints):
+                    run.send(**sensor.along(event))
+                if count in (5, 20, 21, 60, 130):
+                    own_server.kill()
+                    own_server.start()
+                    kills += 1
+        assert kills == 5 and len(heard.decisions) > 10 and len(heard.changes) > 3
+        assert any(change.cause == "DECISION" for change in heard.changes)
+        heard.is_proved_by(client, job, run.name)
+    own_server.end()
+
+
+def test_asyncio_runs_survive_kills(own_server):
+    sensor, heard = Sensor(), Heard()
+
+    async def scene(job):
+        async with feedwave.aio.connect(own_server.ports["grpc"]) as client, client.run(job, ahead_s=0.0) as run:
+            await run.send(**sensor.idle())
+            await run.flush()
+            run.ahead_s = 0.2
+            count = 0
+            async for event in run:
+                heard.take(event)
+                if isinstance(event, feedwave.Setpoints):
+                    await run.send(**sensor.along(event))
+                count += 1
+                if count in (10, 40):
+                    own_server.kill()
+                    own_server.start()
+            assert count > 40
+            return run.name
+
+    with own_server.connect() as client:
+        job = monitored(client)
+        heard.is_proved_by(client, job, asyncio.run(scene(job.name)))
+    own_server.end()
+
+
+def test_telemetry_may_come_from_another_thread(client):
+    job, sensor, heard = monitored(client), Sensor(), Heard()
+    with job.run(ahead_s=0.0) as run:
+        def pour():
+            for _ in range(30):
+                run.send(**sensor.idle())
+            run.flush()
+            run.ahead_s = 0.1
+
+        sender = threading.Thread(target=pour)
+        sender.start()
+        for event in run:
+            heard.take(event)
+        sender.join()
+    heard.is_proved_by(client, job, run.name)
+
+
+def test_the_operator_holds_resumes_and_aborts(client):
+    job = monitored(client)
+    with job.run() as run:
+        events = iter(run)
+        causes = []
+        commands = {200: run.hold, 600: run.resume, 900: run.abort}
+        for event in events:
+            if isinstance(event, feedwave.FeedChange):
+                causes.append(event.cause)
+                assert run.held == (event.cause != "RESUME" and "RESUME" not in causes)
+            for index in [index for index in commands if run.taken >= index]:
+                commands.pop(index)()
+        assert causes == ["HOLD", "RESUME", "ABORT"]
+        assert run.ended is not None and run.ended.state == "ABORTED"
+        assert next(events, None) is None
+    assert client.run_info(run.name).state != 0
+
+
+def test_a_run_is_taken_up_by_another_process(server, client):
+    job, heard = monitored(client), Heard()
+    run = job.run()
+    for event in run:
+        heard.take(event)
+        if heard.taken >= 500:
+            break
+    # Only the latest client of a run can write to it; the one before is told.
+    with server.connect() as other, other.take_up(run.name, start=heard.taken, decided=len(heard.decisions)) as again:
+        with pytest.raises(feedwave.Aborted) as caught:
+            for _ in run:
+                pass
+        assert caught.value.details.metadata["run"] == run.name
+        for event in again:
+            heard.take(event)
+    heard.is_proved_by(client, job, run.name)
+
+
+def test_a_stream_goes_on_where_it_broke(own_server):
+    # Larger than what is on its way at any time.
+    program = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG4 X300.\nG1 X20 F1200\nM30\n"
+    with own_server.connect() as client:
+        job = client.submit(program, machine="mill").wait(60)
+        whole = job.setpoints()
+        batches = []
+        for place, batch in enumerate(job.batches()):
+            batches.append(batch)
+            if place in (3, 8):
+                own_server.kill()
+                own_server.start()
+        assert np.array_equal(np.concatenate([batch["X_mm"] for batch in batches]), whole["X_mm"])
+        assert batches[-1].end_index == whole.count
+    own_server.end()
+
+
+def test_calls_wait_for_the_service_and_give_up(own_server):
+    with own_server.connect() as client, own_server.connect(retries=feedwave.Retries(give_up_after_s=0.0)) as hasty:
+        assert list(client.jobs()) == []
+        own_server.kill()
+        with pytest.raises(feedwave.Unavailable) as caught:
+            list(hasty.jobs())
+        assert caught.value.code is grpc.StatusCode.UNAVAILABLE and isinstance(caught.value, ConnectionError)
+        starting = threading.Thread(target=own_server.start)
+        starting.start()
+        assert list(client.jobs()) == []
+        starting.join()
+    own_server.end()
+
+
+def attempts(retries, *outcomes):
+    """Pauses between attempts that end like this, and what comes out."""
+    pauses, left = [], iter(outcomes)
+
+    def attempt():
+        outcome = next(left)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+        yield
+
+    flow = _flow.retried(retries, attempt)
+    operation = None
+    try:
+        while True:
+            operation = next(flow)
+            assert isinstance(operation, _flow.Sleep)
+            pauses.append(operation.seconds)
+    except StopIteration as end:
+        return pauses, end.value
+
+
+def test_pauses_are_random_and_never_shorter_than_told():
+    retries = feedwave.Retries(give_up_after_s=1e9, first_pause_s=0.1, longest_pause_s=0.4)
+    lost = errors.Unavailable("gone")
+    pauses, result = attempts(retries, *itertools.repeat(lost, 40), "here")
+    assert result == "here" and len(pauses) == 40 and len(set(pauses)) > 20
+    assert all(0.0 <= pause <= 0.4 for pause in pauses) and pauses[0] <= 0.1
+    told = errors.ResourceExhausted("busy", details=errors.Details(domain="feedwave", retry_after_s=3.0))
+    pauses, _ = attempts(retries, told, told, "here")
+    assert all(3.0 <= pause <= 3.4 for pause in pauses)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.ResourceExhausted("too large", details=errors.Details(domain="feedwave")),
+        errors.InvalidArgument("wrong", details=errors.Details(domain="feedwave")),
+        errors.Internal("a fault", details=errors.Details(domain="feedwave")),
+        errors.Unknown("Exception iterating requests!"),
+        errors.Aborted("taken up elsewhere"),
+    ],
+)
+def test_what_does_not_pass_is_not_tried_again(error):
+    with pytest.raises(type(error)):
+        attempts(feedwave.Retries(), error, "here")
+
+
+def test_attempts_end_in_time():
+    with pytest.raises(feedwave.Unavailable):
+        attempts(feedwave.Retries(give_up_after_s=0.0), errors.Unavailable("gone"), "here")
