@@ -21,8 +21,9 @@ FIXTURES = ROOT / "tests" / "fixtures"
 class Service:
     """A running service on free ports with an empty database."""
 
-    def __init__(self, home: pathlib.Path) -> None:
-        self.home = home
+    def __init__(self, home: pathlib.Path, **settings: str) -> None:
+        """Starts it with these settings besides: `TLS__CERT` is the variable FEEDWAVE_TLS__CERT."""
+        self.home, self.settings = home, settings
         self.ports = {"grpc": "127.0.0.1:0", "http": "127.0.0.1:0"}
         self.start()
 
@@ -35,6 +36,7 @@ class Service:
             "FEEDWAVE_GRPC__LISTEN": self.ports["grpc"],
             "FEEDWAVE_HTTP__LISTEN": self.ports["http"],
             "FEEDWAVE_STORE__URI": f"sqlite://{self.home}/feedwave.db",
+            **{f"FEEDWAVE_{name}": value for name, value in self.settings.items()},
         }
         with open(self.home / "log.txt", "ab") as log:
             self.process = subprocess.Popen(

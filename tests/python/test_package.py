@@ -3,6 +3,8 @@
 import asyncio
 import inspect
 import math
+import os
+import subprocess
 
 import grpc
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 import feedwave
 import feedwave.aio
 import feedwave.plot
-from conftest import FIXTURES
+from conftest import FIXTURES, Service
 from feedwave.setpoints import Decoder
 from feedwave.v1 import feed_override_pb2, machines_pb2, report_pb2, setpoints_pb2
 
@@ -92,6 +94,7 @@ def test_setpoints_are_columns_with_units(client, slot):
     assert part.first_index == 100 and np.array_equal(part["X_mm"], setpoints["X_mm"][100:150])
     assert slot.setpoints(start_time_s=0.1, count=1).first_index == 100
     assert slot.setpoints(count=0).count == 0
+    assert part == slot.setpoints(frame="work", columns=["axis_position"]).rows(100, 150) != part.rows(0, 49)
     with pytest.raises(KeyError, match="X_mm"):
         setpoints["x"]
 
@@ -190,6 +193,38 @@ def test_errors_carry_code_reason_and_violations(client):
     assert isinstance(caught.value, feedwave.NotFound)
 
 
+def test_certificates_and_tokens_open_an_encrypted_service(tmp_path, monkeypatch):
+    tls, clients = FIXTURES / "tls", tmp_path / "clients.toml"
+    command = [os.environ["FEEDWAVE_BINARY"], "token", "dashboard", "--role", "viewer", "--clients", str(clients)]
+    token = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    settings = {"TLS__CERT": tls / "server.pem", "TLS__KEY": tls / "server-key.pem", "TLS__CLIENT_CA": tls / "ca.pem", "AUTH__CLIENTS": clients}
+    service = Service(tmp_path, **{name: str(path) for name, path in settings.items()})
+    own = {"cert": tls / "client.pem", "key": tls / "client-key.pem", "domain": "feedwave.test"}
+    try:
+        with service.connect(ca=tls / "ca.pem", token=token, **own) as client:
+            assert list(client.jobs()) == []
+            with pytest.raises(feedwave.PermissionDenied) as caught:
+                client.validate(SLOT, machine="mill")
+            assert caught.value.reason == "ROLE_NEEDED" and caught.value.details.metadata["role"] == "planner"
+        with service.connect(ca=tls / "ca.pem", **own) as client, pytest.raises(feedwave.Unauthenticated):
+            list(client.jobs())
+        # A service that another authority has signed, and a client without a certificate.
+        hasty = feedwave.Retries(give_up_after_s=0.0)
+        for options in [{"ca": tls / "other-ca.pem", **own}, {"ca": tls / "ca.pem", "domain": "feedwave.test"}]:
+            with service.connect(token=token, retries=hasty, **options) as client, pytest.raises(feedwave.Unavailable):
+                list(client.jobs())
+        # As the commands are told, by the environment.
+        for name, value in [("SERVER", f"https://{service.ports['grpc']}"), ("CA", tls / "ca.pem"), ("CERT", own["cert"]), ("KEY", own["key"])]:
+            monkeypatch.setenv(f"FEEDWAVE_{name}", str(value))
+        monkeypatch.setenv("FEEDWAVE_DOMAIN", "feedwave.test")
+        monkeypatch.setenv("FEEDWAVE_TOKEN", token)
+        with feedwave.connect() as client:
+            assert list(client.jobs()) == []
+        service.end()
+    finally:
+        service.process.kill()
+
+
 def test_arguments_that_contradict_each_other_are_refused(tmp_path):
     for address, options in [("ftp://x", {}), ("http://x", {"ca": b"pem"}), ("x:1", {"cert": b"pem"})]:
         with pytest.raises(feedwave.SourceError):
@@ -253,6 +288,13 @@ def finding(line, column, length, **more):
 def test_carets_stand_under_the_span(line, column, length, shown):
     report = feedwave.Report(report_pb2.ValidationReport(findings=[finding(1, column, length)]), feedwave.Program(line + b"\n"))
     assert "\n".join(shown) in str(report)
+
+
+def test_lines_end_as_the_service_reads_them(tmp_path):
+    program = feedwave.Program("A\rB\r\nC\nD")
+    assert program.lines({1, 2, 3, 4, 5}) == {1: b"A", 2: b"B", 3: b"C", 4: b"D"}
+    program.save(tmp_path / "p.nc")
+    assert feedwave.Program.file(tmp_path / "p.nc").lines({2, 4}) == {2: b"B", 4: b"D"}
 
 
 def test_what_was_met_again_and_other_places_are_told():

@@ -193,6 +193,20 @@ def test_a_run_is_taken_up_by_another_process(server, client):
     heard.is_proved_by(client, job, run.name)
 
 
+def test_the_end_of_a_run_is_heard_of_late(client):
+    job, heard, late = monitored(client), Heard(), Heard()
+    with job.run() as run:
+        for event in run:
+            heard.take(event)
+    # As after a connection that broke between the last receipt and its answer.
+    with client.take_up(run.name, start=heard.taken) as again:
+        late.blocks = heard.blocks
+        for event in again:
+            late.take(event)
+    assert (late.end.state, late.end.setpoint_count) == (heard.end.state, heard.end.setpoint_count)
+    assert [one.proto for one in late.decisions] == [one.proto for one in heard.decisions]
+
+
 def test_a_stream_goes_on_where_it_broke(own_server):
     # Larger than what is on its way at any time.
     program = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG4 X300.\nG1 X20 F1200\nM30\n"

@@ -115,7 +115,7 @@ def method_of(operation: Operation) -> str:
 class Retries:
     """How often a call is tried again that did not come through: with growing, random pauses, or after the time that the service names."""
 
-    give_up_after_s: float = 30.0
+    give_up_after_s: float = 10.0
     """Time after which no further attempt is made, s."""
     first_pause_s: float = 0.1
     """Longest first pause, s; it doubles from attempt to attempt."""

@@ -6,6 +6,7 @@ decisions by their number; decisions that were made meanwhile are read from the 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 from collections import deque
@@ -28,6 +29,8 @@ from .v1 import machines_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
 MAX_WAITING = 1_000
 # Time of the setpoints that may come ahead of those that were taken, s.
 AHEAD_S = 0.1
+# Time for which it is tried to take a run up again, s.
+RECONNECT_FOR_S = 60.0
 
 Samples = npt.ArrayLike
 
@@ -38,6 +41,7 @@ class LiveRun:
     def __init__(self, retries: Retries, job: str | None, run: str | None, start: int, decided: int, options: RunOptions) -> None:
         """A run to begin (`job`) or to take up (`run`), of which `start` setpoints and `decided` decisions are known already."""
         self._retries = retries
+        self._reconnects = dataclasses.replace(retries, give_up_after_s=options.get("reconnect_for_s", RECONNECT_FOR_S))
         self._job, self.name = job, run or ""
         self._options = options
         self._ahead_s = options.get("ahead_s", AHEAD_S)
@@ -95,10 +99,10 @@ class LiveRun:
         kind = value_of(runs_pb2.RunCommandKind, name)
         with self._guard:
             if kind == runs_pb2.RUN_COMMAND_KIND_RESUME:
-                # Withdraws a hold that has not arrived.
-                if self._stopping == runs_pb2.RUN_COMMAND_KIND_HOLD:
+                withdrawn = self._stopping == runs_pb2.RUN_COMMAND_KIND_HOLD
+                if withdrawn:
                     self._stopping = None
-                self._resuming = True
+                self._resuming = self.held or self.feed_held or withdrawn
             elif self._stopping != runs_pb2.RUN_COMMAND_KIND_ABORT:
                 self._stopping = kind
             self._say(_command(kind))
@@ -139,7 +143,7 @@ class LiveRun:
         """Acts on the next message of the service; connects where there is no connection."""
         if self._stream is None:
             try:
-                yield from retried(self._retries, self._connect)
+                yield from retried(self._retries if self._decoder is None else self._reconnects, self._connect)
             except FailedPrecondition as error:
                 if not self.name or not (yield from self._has_ended()):
                     raise error

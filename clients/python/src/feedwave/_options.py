@@ -91,6 +91,8 @@ class RunOptions(TypedDict, total=False):
     """Another generation mode than the job's."""
     columns: Iterable[str]
     """Kinds of columns, as in `AXIS_POSITION`; all without it."""
+    reconnect_for_s: float
+    """Time for which it is tried to take the run up again after a break, s; 60 without it."""
     sensor_time_ns: int
     """Time of the sensors' clock now, ns, so that telemetry that waited is known to be stale."""
 

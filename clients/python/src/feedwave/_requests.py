@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 from collections.abc import Iterator
 from typing import Any
@@ -153,9 +154,11 @@ def list_jobs(retries: Retries, states: list[str], machine: str | None) -> Flow[
 def wait(retries: Retries, job: str, timeout_s: float | None) -> Flow[jobs_pb2.Job]:
     """Waits until validation has ended; the job after it."""
     request = jobs_pb2.WatchJobsRequest(after=0, job=resource("jobs", job))
+    deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
 
     def watch() -> Flow[bool]:
-        stream: Stream = yield Open("Jobs/WatchJobs", request, jobs_pb2.WatchJobsResponse.FromString, timeout_s)
+        left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        stream: Stream = yield Open("Jobs/WatchJobs", request, jobs_pb2.WatchJobsResponse.FromString, left_s)
         began = False
         with cancelling(stream):
             try:

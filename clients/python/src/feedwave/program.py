@@ -91,10 +91,11 @@ class Program:
         found: dict[int, bytes] = {}
         if wanted:
             last = max(wanted)
-            with self._open() as data:
-                for number, line in enumerate(data, 1):
+            # Bytes as characters, for the sake of line ends: a carriage return alone is one, too.
+            with self._open() as data, io.TextIOWrapper(data, encoding="latin-1", newline=None) as text:
+                for number, line in enumerate(text, 1):
                     if number in wanted:
-                        found[number] = line.rstrip(b"\r\n")
+                        found[number] = line.rstrip("\n").encode("latin-1")
                     if number >= last:
                         break
         return found

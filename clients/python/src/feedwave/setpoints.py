@@ -143,6 +143,13 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
     def __len__(self) -> int:
         return len(self._columns) + 3
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all of it is the same, bit for bit."""
+        if not isinstance(other, Setpoints):
+            return NotImplemented
+        same_place = (self.layout, self.first_index, self.count) == (other.layout, other.first_index, other.count)
+        return same_place and all(self[name].tobytes() == other[name].tobytes() for name in self)
+
     def __repr__(self) -> str:
         return f"<Setpoints {self.first_index} to {self.end_index - 1}: {', '.join(self)}>" if self.count else "<no setpoints>"
 

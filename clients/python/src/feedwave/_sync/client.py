@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -70,7 +71,7 @@ class Client:
     def _do(self, make: Callable[..., Flow[T]], *arguments: Any, **options: Any) -> T:
         return self._transport.run(make(self._retries, *arguments, **options))
 
-    def _each(self, make: Callable[..., Flow[None]], *arguments: Any, **options: Any) -> Iterator[Any]:
+    def _each(self, make: Callable[..., Flow[None]], *arguments: Any, **options: Any) -> Generator[Any, None, None]:
         return self._transport.iterate(make(self._retries, *arguments, **options))
 
     def call(self, method: str, request: Message, response: type[M]) -> M:
@@ -147,8 +148,9 @@ class Client:
     def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> Iterator[Setpoints]:
         """The same in batches, in bounded memory however long the program is: only what is asked for is read. A connection that breaks is
         taken up where it was."""
-        items = self._each(_requests.stream_setpoints, name_of(job), **options)
-        return (item for item in items if isinstance(item, Setpoints))
+        # Who stops asking ends the stream.
+        with closing(self._each(_requests.stream_setpoints, name_of(job), **options)) as items:
+            yield from (item for item in items if isinstance(item, Setpoints))
 
     def run(self, job: str | JobInfo, **options: Unpack[RunOptions]) -> Run:
         """Begins a live run of a job that is READY and has monitoring: a context manager, and an iterator over its events.

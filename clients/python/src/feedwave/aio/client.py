@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterable, Mapping
+from contextlib import aclosing
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -71,7 +72,7 @@ class Client:
     async def _do(self, make: Callable[..., Flow[T]], *arguments: Any, **options: Any) -> T:
         return await self._transport.run(make(self._retries, *arguments, **options))
 
-    def _each(self, make: Callable[..., Flow[None]], *arguments: Any, **options: Any) -> AsyncIterator[Any]:
+    def _each(self, make: Callable[..., Flow[None]], *arguments: Any, **options: Any) -> AsyncGenerator[Any, None]:
         return self._transport.iterate(make(self._retries, *arguments, **options))
 
     async def call(self, method: str, request: Message, response: type[M]) -> M:
@@ -145,11 +146,14 @@ class Client:
         """
         return _requests.joined([item async for item in self._each(_requests.stream_setpoints, name_of(job), **options)])
 
-    def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
+    async def batches(self, job: str | JobInfo, **options: Unpack[StreamOptions]) -> AsyncIterator[Setpoints]:
         """The same in batches, in bounded memory however long the program is: only what is asked for is read. A connection that breaks is
         taken up where it was."""
-        items = self._each(_requests.stream_setpoints, name_of(job), **options)
-        return (item async for item in items if isinstance(item, Setpoints))
+        # Who stops asking ends the stream.
+        async with aclosing(self._each(_requests.stream_setpoints, name_of(job), **options)) as items:
+            async for item in items:
+                if isinstance(item, Setpoints):
+                    yield item
 
     def run(self, job: str | JobInfo, **options: Unpack[RunOptions]) -> Run:
         """Begins a live run of a job that is READY and has monitoring: a context manager, and an iterator over its events.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
 from typing import Any, TypeVar
 
 import grpc
@@ -51,7 +51,7 @@ class Transport:
             pass
         return result[0]
 
-    async def iterate(self, flow: Flow[T], result: list[T] | None = None) -> AsyncIterator[Any]:
+    async def iterate(self, flow: Flow[T], result: list[T] | None = None) -> AsyncGenerator[Any, None]:
         """What a flow emits; its result goes into a list."""
         try:
             operation = next(flow)
