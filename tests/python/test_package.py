@@ -68,6 +68,19 @@ def test_a_profile_and_settings_go_with_a_validation(client):
         client.validate(CURED, machine={"machine": {"kinnd": "MACHINE_KIND_MILL"}})
 
 
+def test_machines_and_tools_are_stored_and_replaced(client):
+    profile = client.profile("mill")
+    assert client.put_machine("mill-7", profile).profile == profile
+    profile.language.block_delete = True
+    assert client.put_machine("machines/mill-7", profile).profile.language.block_delete
+    assert client.profile("mill-7") == profile and "machines/mill-7" in [machine.name for machine in client.machines()]
+    for diameter_mm in (10.0, 12.0):
+        tool = client.put_tool({"name": "end-mill-7", "number": 7, "diameter_mm": diameter_mm, "length_mm": 80.0})
+        assert (tool.name, tool.diameter_mm) == ("tools/end-mill-7", diameter_mm)
+    assert [tool.length_mm for tool in client.tools() if tool.number == 7] == [80.0]
+    assert client.validate(SLOT, machine=profile, tools=["end-mill-7"]).ok
+
+
 def test_further_files_are_called(client):
     main = "G21 G90 G94 G17 S3000 M3\nM98 P1000\nM30\n"
     called = {"O1000.nc": "O1000\nG1 X10 F1200\nG1 X20 Y..\nM99\n"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ._flow import Emit, Flow, Open, Read, Retries, Stream, call, cancelling, retried
 from ._names import resource
 from ._options import Machine, Said, message_of
-from .errors import NotFound, ServiceError
+from .errors import AlreadyExists, NotFound, ServiceError
 from .events import Decision
 from .v1 import (
     jobs_pb2,
@@ -151,6 +151,43 @@ def list_tools(retries: Retries) -> Flow[None]:
         if not page.next_page_token:
             return
         request.page_token = page.next_page_token
+
+
+def profile(retries: Retries, machine: str) -> Flow[machines_pb2.MachineProfile]:
+    """Reads the profile of a machine."""
+    request = machines_pb2.GetMachineRequest(name=resource("machines", machine))
+    response = yield from call(retries, "Machines/GetMachine", request, machines_pb2.GetMachineResponse)
+    return response.machine.profile
+
+
+def put_machine(retries: Retries, name: str, given: Said[machines_pb2.MachineProfile]) -> Flow[machines_pb2.Machine]:
+    """Adds a machine, or replaces the profile of one."""
+    machine = machines_pb2.Machine(
+        name=resource("machines", name), profile=message_of(machines_pb2.MachineProfile, given)
+    )
+    create = machines_pb2.CreateMachineRequest(machine_id=machine.name.partition("/")[2], machine=machine)
+    try:
+        created = yield from call(retries, "Machines/CreateMachine", create, machines_pb2.CreateMachineResponse)
+    except AlreadyExists:
+        update = machines_pb2.UpdateMachineRequest(machine=machine, update_mask={"paths": ["profile"]})
+        updated = yield from call(retries, "Machines/UpdateMachine", update, machines_pb2.UpdateMachineResponse)
+        return updated.machine
+    return created.machine
+
+
+def put_tool(retries: Retries, given: Said[tools_pb2.Tool]) -> Flow[tools_pb2.Tool]:
+    """Adds a tool, or replaces one."""
+    tool = tools_pb2.Tool()
+    tool.CopyFrom(message_of(tools_pb2.Tool, given))
+    tool.name = resource("tools", tool.name)
+    create = tools_pb2.CreateToolRequest(tool_id=tool.name.partition("/")[2], tool=tool)
+    try:
+        created = yield from call(retries, "Tools/CreateTool", create, tools_pb2.CreateToolResponse)
+    except AlreadyExists:
+        update = tools_pb2.UpdateToolRequest(tool=tool, update_mask={"paths": ["*"]})
+        updated = yield from call(retries, "Tools/UpdateTool", update, tools_pb2.UpdateToolResponse)
+        return updated.tool
+    return created.tool
 
 
 def lobes(

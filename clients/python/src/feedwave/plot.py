@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import SourceError
+from .events import Decision
 from .setpoints import Floats, Setpoints
 from .v1 import lobes_pb2, report_pb2, thread_report_pb2
 
@@ -40,7 +42,7 @@ class Picture:
 
     def _repr_png_(self) -> bytes:
         data = io.BytesIO()
-        self.figure.savefig(data, format="png", dpi=110)
+        self.figure.savefig(data, format="png", dpi=80)
         return data.getvalue()
 
 
@@ -118,9 +120,11 @@ def _legible(values: Floats) -> tuple[float, float]:
     """What is shown of values: all, unless a few (rapid moves) would hide the others."""
     if not len(values):
         return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
-    most_low, most_high = (float(value) for value in np.percentile(values, [0.5, 99.5]))
-    return (most_low, most_high) if high - low > 5.0 * (most_high - most_low) > 0.0 else (low, high)
+    size = np.abs(values)
+    most = float(np.percentile(size, 90))
+    if size.max() > 5.0 * most > 0.0:
+        values = values[size <= 2.0 * most]
+    return float(values.min()), float(values.max())
 
 
 def _show(axes: Axes, values: Floats) -> None:
@@ -200,6 +204,25 @@ def thread(section: thread_report_pb2.ThreadSectionReport | thread_report_pb2.Th
         grooves[cut.start] = np.maximum(before, depth)
     axes.invert_yaxis()
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small")
+    return Picture(figure)
+
+
+def decisions(made: Iterable[Decision]) -> Picture:
+    """The deviation (in the unit of the monitoring, mm for displacements) that each window of a run showed, with the limits of its feed rule, and the feed override that followed."""
+    judged = [decision for decision in made if decision.deviation is not None]
+    figure = _figure(9, 5)
+    time_s = [decision.time_s for decision in judged]
+    axes = _panel(figure, (2, 1, 1), "", "", "deviation")
+    axes.plot(time_s, [decision.deviation or 0.0 for decision in judged], color=COMMAND, marker=".", linewidth=0.8)
+    for decision in judged[:1]:
+        rule = decision.proto.inputs.rules.feed
+        for limit, name in ((rule.lower, "lower limit"), (rule.upper, "upper limit")):
+            axes.axhline(limit, color=BAD, linestyle="--", linewidth=1.0, label=f"{name} {limit:g}")
+        axes.legend(loc="upper right", fontsize="small")
+    axes.set_ylim(bottom=0.0)
+    axes = _panel(figure, (2, 1, 2), "", "time of the sensors, s", "feed override, %")
+    axes.step(time_s, [100 * decision.feed for decision in judged], where="post", color=VIBRATION)
+    axes.set_ylim(bottom=0.0)
     return Picture(figure)
 
 

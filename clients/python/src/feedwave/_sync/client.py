@@ -211,6 +211,18 @@ class Client:
         """The machines of the service, by their names."""
         return self._each(_services.list_machines)
 
+    def profile(self, machine: str) -> machines_pb2.MachineProfile:
+        """The profile of a machine of the service: to be changed, and validated with."""
+        return self._do(_services.profile, machine)
+
+    def put_machine(self, name: str, profile: Said[machines_pb2.MachineProfile]) -> machines_pb2.Machine:
+        """Adds a machine to the service, or replaces the profile of one. Jobs keep the profile that they were made with."""
+        return self._do(_services.put_machine, name, profile)
+
+    def put_tool(self, tool: Said[tools_pb2.Tool]) -> tools_pb2.Tool:
+        """Adds a tool to the service, or replaces the one of its name. Jobs keep the tools that they were made with."""
+        return self._do(_services.put_tool, tool)
+
     def tools(self) -> Iterator[tools_pb2.Tool]:
         """The tools of the service, by their names."""
         return self._each(_services.list_tools)
