@@ -252,3 +252,47 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_report_names_the_drilling_cycle_of_a_section() {
+    let mut config = PipelineConfig::new(MachineProfile::mill());
+    config.profile.language.drilling.peck_clearance_mm = Some(1.0);
+    // Two holes of three strokes, then a bore that is fed out again, and a cut without a cycle.
+    let program = "M3 S1000
+G0 X0 Y0 Z10
+G200 F41.667 A0.03
+G98 G83 X10 Y5 Z-12 R2 Q5 F40
+X20
+G85 X30 Z-4
+G80
+G1 X40 Y40
+G0 Z20
+G1 Z8
+G81 Z3 R8
+G80
+G201
+M30
+";
+    let report = validate(program, &config);
+    assert!(report.is_accepted(), "{:#?}", report.findings);
+    let sections: Vec<_> = report
+        .sections
+        .iter()
+        .map(|section| {
+            let cycle = section.drilling_cycle.map(|cycle| (cycle.code(), cycle.line));
+            (section.first_line, section.last_line, cycle, (section.length_mm * 1e6).round() / 1e6)
+        })
+        .collect();
+    let (peck, bore, drill) = (Some(("G83", 4)), Some(("G85", 6)), Some(("G81", 11)));
+    let strokes = |line| [5.0, 6.0, 5.0].map(|length_mm| (line, line, peck, length_mm));
+    let travel_mm = ((10.0_f64 * 10.0 + 35.0 * 35.0).sqrt() * 1e6).round() / 1e6;
+    let others = [(6, 6, bore, 12.0), (8, 8, None, travel_mm), (10, 11, drill, 17.0)];
+    let expected: Vec<_> = strokes(4).into_iter().chain(strokes(5)).chain(others).collect();
+    assert_eq!(sections, expected);
+    // It does vibrate there, and nowhere on the way out of a hole at rapid.
+    let setpoints = run(program, &config);
+    let vibrates = |line: u32| {
+        (0..setpoints.len()).any(|index| setpoints.line[index] == line && setpoints.vibration[index].abs() > 0.02)
+    };
+    assert!([4, 5, 6, 8, 10, 11].into_iter().all(vibrates) && ![2, 9].into_iter().any(vibrates));
+}

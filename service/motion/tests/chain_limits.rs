@@ -81,6 +81,7 @@ fn elements(pieces: &[Piece]) -> Vec<Element> {
             tool: 0,
             spline: None,
             path_control: PathControl::default(),
+            cycle: None,
         };
         elements.extend(Element::from_move(&mv, SourceSpan::default()));
         at = end;

@@ -18,6 +18,7 @@ fn moved(start: Position, end: Position, arc: Option<ArcGeometry>) -> Move {
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     }
 }
 

@@ -30,6 +30,7 @@ fn mv(start: Position, end: Position) -> Move {
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     }
 }
 

@@ -131,6 +131,7 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Option<E
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default())
 }

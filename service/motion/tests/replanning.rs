@@ -25,6 +25,7 @@ fn requests(pieces: &[(f64, f64, f64, u32)]) -> Vec<MotionRequest> {
             tool: 0,
             spline: None,
             path_control: PathControl::default(),
+            cycle: None,
         };
         mv.start[0] = at;
         mv.end[0] = at + length_mm;

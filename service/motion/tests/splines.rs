@@ -32,6 +32,7 @@ fn element(geometry: &SplineGeometry, rise: f64) -> Option<Element> {
         feed: Feed::PerMinute(1_000.0),
         spindle: Spindle::STOPPED,
         tool: 0,
+        cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default())
 }

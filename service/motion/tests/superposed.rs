@@ -19,6 +19,7 @@ fn element(start: Position, end: Position, arc: Option<ArcGeometry>) -> Element 
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

@@ -57,5 +57,5 @@ pub use settings::{
     MAX_PATH_TOLERANCE_MM, PathControlMode, PeckReturn, ThreadEWord, TurningSettings, XWord,
 };
 pub use source::{Place, SourcePages};
-pub use state::InterpreterState;
+pub use state::{DrillingCycle, InterpreterState};
 pub use tool_table::ToolOffset;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CompensationCommand, GuidedMove, MachineCommand, Plane, Position, SourceSpan, TiltedPlane};
+use crate::{CompensationCommand, DrillingCycle, GuidedMove, MachineCommand, Plane, Position, SourceSpan, TiltedPlane};
 
 /// One step of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,6 +89,8 @@ pub struct Move {
     pub spindle: Spindle,
     /// Tool number while this block runs, 0 before the first `T`.
     pub tool: u32,
+    /// The drilling, boring or tapping cycle that the move is one of.
+    pub cycle: Option<DrillingCycle>,
 }
 
 /// A threading pass (`G32`, `G33`, and every pass of a threading cycle): the lead axis follows the spindle angle.

@@ -5,6 +5,7 @@ mod turning;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::drilling::DrillingCycle;
 pub(crate) use self::drilling::{Cycle, Drilling};
 pub(crate) use self::turning::{Pockets, SingleCycle, TurningCycle, TurningModes};
 

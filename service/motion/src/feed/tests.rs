@@ -21,6 +21,7 @@ fn element(kind: MoveKind, start: [f64; 3], end: [f64; 3], arc: Option<ArcGeomet
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     };
     Element::from_move(&mv, SourceSpan::default()).expect("it moves")
 }

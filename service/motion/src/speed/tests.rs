@@ -35,6 +35,7 @@ fn mv(from: [f64; 2], to: [f64; 2], arc: Option<ArcGeometry>) -> Element {
         tool: 0,
         spline: None,
         path_control: PathControl::default(),
+        cycle: None,
     };
     mv.start[..2].copy_from_slice(&from);
     mv.end[..2].copy_from_slice(&to);

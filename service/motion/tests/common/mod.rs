@@ -199,6 +199,7 @@ impl Program {
                 feed: Feed::PerMinute(FEED_MM_PER_MIN),
                 spindle: Spindle::STOPPED,
                 tool: 0,
+                cycle: None,
             };
             elements
                 .extend(Element::from_move(&mv, SourceSpan { line, column: 1, length: 1, ..SourceSpan::default() }));

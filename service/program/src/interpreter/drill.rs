@@ -12,13 +12,14 @@ mod words;
 
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
-use super::tool_control::GuidedPath;
+use super::tool_control::{GuidedPath, ROTARY_LETTERS};
 use crate::code;
 use crate::coordinates::direction;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
 use crate::state::{Cycle, Motion, ToolMode};
 use crate::{
-    Axis, AxisSet, DialectName, DrillingStyle, Feed, Finding, MoveKind, PathControl, Position, SpindleDirection,
+    Axis, AxisSet, DialectName, DrillingStyle, Feed, Finding, MoveKind, OperationKind, PathControl, Position,
+    SpindleDirection,
 };
 
 /// The words of a cycle beside axes.
@@ -118,11 +119,13 @@ impl Execution<'_> {
     /// The code of a cycle.
     pub(super) fn enter_cycle(&mut self, cycle: Cycle) {
         let keeps_words = !self.is_linuxcnc();
+        let line = self.block.span().line;
         let drilling = &mut self.state.drilling;
         if drilling.cycle != Some(cycle) && !keeps_words {
             (drilling.r_level, drilling.bottom, drilling.q) = (None, None, None);
         }
         drilling.cycle = Some(cycle);
+        drilling.line = line;
         self.state.spline_exit = None;
     }
 
@@ -163,6 +166,10 @@ impl Execution<'_> {
             self.used |= WORDS;
             self.state.position = self.target(axes, Frame::Work);
             return self.compensation_refused(self.block.span(), "a drilling cycle", on.line);
+        }
+        if self.state.tool_control.mode == ToolMode::Plane && self.refuse_rotary_words(axes & ROTARY_LETTERS) {
+            self.used |= WORDS | axes;
+            return;
         }
         let Some((cycle, axis)) = self.cycle_here(cycle) else { return };
         if self.state.coords.transform.is_some() && self.is_cycle_transformed(cycle, axis) {
@@ -292,11 +299,15 @@ impl Execution<'_> {
         self.check_cycle_axes(axes, axis);
         let start = self.state.position;
         let polar = self.polar_steps(axes & !along);
+        let (held_before, mark) = (self.state.tool_control.held, self.findings.mark());
         let at = self.target(axes & !along, Frame::Work);
         if self.state.tool_control.held.meets(AxisSet::LINEAR) {
             self.used |= along | WORDS;
             self.state.position = at;
-            return self.held_start(self.block.span());
+            if !self.findings.has_errors_since(mark) {
+                self.held_start(self.block.span());
+            }
+            return;
         }
         let hole = self.hole(cycle, axis, axes & along, &start, at);
         let Some((mut hole, repeats)) = hole else {
@@ -314,6 +325,21 @@ impl Execution<'_> {
                 self.refuse_polar_steps();
                 None
             });
+        }
+        if matches!(hole.drive, Drive::Spindle { .. }) && !self.state.tool_control.is_plain() {
+            self.state.position = at;
+            return match self.state.tool_control.mode {
+                ToolMode::Off => self.held_start(self.block.span()),
+                _ => self.not_permitted(self.block.span(), "a rigid tap"),
+            };
+        }
+        if held_before != self.state.tool_control.held {
+            // Where the tool comes from only the machine knows: even a place with the same numbers may be another one.
+            let modal = std::mem::replace(&mut self.state.path_control, PathControl::ExactPath);
+            let mut over = at;
+            over[hole.axis] = start[hole.axis];
+            self.drill_guided(MoveKind::Rapid, over, Feed::PerMinute(0.0));
+            self.state.path_control = modal;
         }
         self.emit_holes(&hole);
     }
@@ -409,12 +435,33 @@ impl Execution<'_> {
 
     /// A straight move of a cycle.
     fn drill_to(&mut self, kind: MoveKind, end: Position, feed: Feed) {
+        if end == self.state.position {
+            return;
+        }
         if self.state.tool_control.is_plain() {
             self.emit_move(kind, end, None, feed);
-        } else if end != self.state.position {
-            self.emit_guided(self.guide(None), kind, end, feed, GuidedPath::Straight);
+            self.name_cycle();
+            self.state.position = end;
+        } else {
+            self.drill_guided(kind, end, feed);
         }
+    }
+
+    /// A straight move of a cycle whose start only the machine may know.
+    fn drill_guided(&mut self, kind: MoveKind, end: Position, feed: Feed) {
+        self.emit_guided(self.guide(None), kind, end, feed, GuidedPath::Straight);
+        self.name_cycle();
         self.state.position = end;
+    }
+
+    /// Says in the move emitted last which cycle it belongs to.
+    fn name_cycle(&mut self) {
+        let cycle = self.state.drilling.called();
+        match self.operations.last_mut().map(|operation| &mut operation.kind) {
+            Some(OperationKind::Move(step)) => step.cycle = cycle,
+            Some(OperationKind::Guided(guided)) => guided.step.cycle = cycle,
+            _ => {}
+        }
     }
 
     fn along(&self, hole: &Hole, level: f64) -> Position {

@@ -530,6 +530,7 @@ impl Execution<'_> {
             feed,
             spindle: self.state.spindle(),
             tool: self.state.tool,
+            cycle: None,
         }
     }
 }

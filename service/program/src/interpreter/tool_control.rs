@@ -16,7 +16,7 @@ use crate::{
 /// The letters of a direction vector.
 const VECTOR_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
 /// The letters of rotary axes.
-const ROTARY_LETTERS: u32 = letter_bit(b'A') | letter_bit(b'B') | letter_bit(b'C');
+pub(super) const ROTARY_LETTERS: u32 = letter_bit(b'A') | letter_bit(b'B') | letter_bit(b'C');
 
 /// The path of a guided move, in the coordinates of its end.
 pub(super) enum GuidedPath {
@@ -428,8 +428,8 @@ impl Execution<'_> {
 
     pub(super) fn held_start(&mut self, span: SourceSpan) {
         self.findings.push_with(code::TOOL_CONTROL_HELD, |code| {
-            let message = "an arc, a spline or a thread from a place that the program does not know: the coordinates \
-                           have changed with the tool centre point control or a tilted plane";
+            let message = "an arc, a spline, a thread or a drilling cycle from a place that the program does not know: the \
+                           coordinates have changed with the tool centre point control or a tilted plane";
             Finding::new(code, span, message).suggest("place every axis with G0 or G1 first")
         });
     }

@@ -2,6 +2,22 @@
 
 use serde::{Deserialize, Serialize};
 
+/// A cycle as the program calls it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DrillingCycle {
+    cycle: Cycle,
+    /// Line of the block with its code.
+    pub line: u32,
+}
+
+impl DrillingCycle {
+    /// Its code as written, such as `G83`.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        self.cycle.name()
+    }
+}
+
 /// A drilling, boring or tapping cycle, by its code on a mill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Cycle {
@@ -56,6 +72,8 @@ impl Cycle {
 pub(crate) struct Drilling {
     /// The cycle in force.
     pub(crate) cycle: Option<Cycle>,
+    /// Line of its code.
+    pub(crate) line: u32,
     /// `G99`: cycles return to the R level.
     pub(crate) to_r: bool,
     /// Where the last hole of the mode returned to, as `to_r`.
@@ -78,6 +96,11 @@ pub(crate) struct Drilling {
 }
 
 impl Drilling {
+    /// The cycle in force, as the program calls it.
+    pub(crate) fn called(&self) -> Option<DrillingCycle> {
+        self.cycle.map(|cycle| DrillingCycle { cycle, line: self.line })
+    }
+
     /// The cycle in force, if there is one, ends with its words. LinuxCNC keeps the dwell for later.
     pub(crate) fn leave(&mut self, keeps_dwell: bool) {
         if self.cycle.is_some() {

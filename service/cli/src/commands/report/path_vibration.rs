@@ -18,8 +18,10 @@ pub(super) fn text(report: &ValidationReport, style: Style) -> String {
 
 fn section_text(position: usize, section: &SectionReport, style: Style) -> String {
     let mut rows = Rows::new(style);
+    let cycle = section.drilling_cycle.as_ref();
+    let cycle = cycle.map(|cycle| format!(" of the cycle {} in line {}", cycle.code, cycle.line)).unwrap_or_default();
     rows.heading(&format!(
-        "Vibrating section {position}: lines {} to {}, switched on in line {}",
+        "Vibrating section {position}: lines {} to {}{cycle}, switched on in line {}",
         section.first_line, section.last_line, section.on_line
     ));
     rows.row(

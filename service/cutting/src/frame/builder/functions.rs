@@ -9,7 +9,7 @@ use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{
     Curve, Element, LimitExceeded, LimitPieces, Machine, PathMotion, Planner, limit_pieces, top_command,
 };
-use feedwave_program::{Finding, FindingLog, Function, FunctionCommand, SourceSpan};
+use feedwave_program::{Finding, FindingLog, Function, FunctionCommand, Move, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::Builder;
@@ -153,10 +153,16 @@ impl Builder {
         oscillation.end(findings);
     }
 
-    /// Opens a vibrating section at the first cutting block after the vibration was switched on or interrupted.
-    pub(super) fn open_section(&mut self, config: &PipelineConfig, planner: &mut Planner<Barrier>) {
-        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
-        self.state.functions.vibration.open_section(&config.vibration_inputs(), analysis, planner);
+    /// Opens a vibrating section at the first cutting block after the vibration was switched on or interrupted, or goes on with it.
+    pub(super) fn open_section(&mut self, mv: &Move, config: &PipelineConfig, planner: &mut Planner<Barrier>) {
+        let mut analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
+        let inputs = config.vibration_inputs();
+        self.state.functions.vibration.open_section(&inputs, analysis.as_deref_mut(), planner);
+        if let Some(cycle) = mv.cycle
+            && let Some(open) = analysis.and_then(VibrationAnalysis::open_mut)
+        {
+            open.is_in_cycle(cycle);
+        }
     }
 
     /// Closes the sections of all functions that follow the path: it is interrupted here.

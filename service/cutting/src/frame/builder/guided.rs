@@ -47,7 +47,7 @@ impl Builder {
         let mv = &guided.step;
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting && !motion.elements.is_empty() {
-            self.open_section(config, planner);
+            self.open_section(mv, config, planner);
             self.check_speed(&mv.spindle, mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);

@@ -236,7 +236,7 @@ impl Builder {
 
         let cutting = mv.kind == MoveKind::Cutting;
         if cutting {
-            self.open_section(config, planner);
+            self.open_section(mv, config, planner);
             self.check_speed(&mv.spindle, mv.tool, span, config, findings);
         } else {
             self.close_section(planner, findings);

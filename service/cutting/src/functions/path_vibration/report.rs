@@ -1,5 +1,7 @@
 //! What validation says about one vibrating section.
 
+use feedwave_program::DrillingCycle;
+
 use super::chip::{ChipReport, SurfaceSpeedReport};
 use super::following::FollowingReport;
 use super::{GenerationMode, VibrationCondition, VibrationEnvelope};
@@ -13,6 +15,8 @@ pub struct SectionReport {
     pub first_line: u32,
     /// Line of the last cutting block.
     pub last_line: u32,
+    /// The drilling cycle that it belongs to; the first where several follow each other in it.
+    pub drilling_cycle: Option<DrillingCycle>,
     /// Frequency and amplitude.
     pub condition: VibrationCondition,
     /// How the vibration is generated.

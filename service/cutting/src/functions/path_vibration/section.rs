@@ -3,7 +3,7 @@
 //! Invariant: memory does not grow with the section.
 
 use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineKind, PathLimits, TANGENT_TOLERANCE_RAD};
-use feedwave_program::{Axis, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
+use feedwave_program::{Axis, DrillingCycle, Feed, FindingLog, SourceSpan, Spindle, SpindleSpeed};
 
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, analyse};
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
@@ -31,6 +31,7 @@ pub struct SectionAnalyzer {
     max_rev_per_min: f64,
     following: FollowingModel,
     period_s: f64,
+    drilling_cycle: Option<DrillingCycle>,
     first_line: Option<u32>,
     last_line: u32,
     length_mm: f64,
@@ -90,6 +91,7 @@ impl SectionAnalyzer {
             max_rev_per_min: machine.max_spindle_rev_per_min,
             following: *following,
             period_s,
+            drilling_cycle: None,
             first_line: None,
             last_line: on_span.line,
             length_mm: 0.0,
@@ -120,6 +122,11 @@ impl SectionAnalyzer {
     /// before.
     pub fn is_cut(&mut self, up_to_mm: f64, feed_override: f64) {
         self.chips.is_cut(up_to_mm, feed_override);
+    }
+
+    /// A move of a drilling cycle is in the section.
+    pub fn is_in_cycle(&mut self, cycle: DrillingCycle) {
+        self.drilling_cycle.get_or_insert(cycle);
     }
 
     /// A part of the section starts, at this programmed feed.
@@ -264,6 +271,7 @@ impl SectionAnalyzer {
             on_line: self.on_span.line,
             first_line: self.first_line.unwrap_or(self.on_span.line),
             last_line: self.last_line,
+            drilling_cycle: self.drilling_cycle,
             condition: self.condition,
             generation_mode: self.settings.generation_mode,
             envelope: self.settings.envelope,

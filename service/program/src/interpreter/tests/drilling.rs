@@ -653,3 +653,25 @@ fn moves_go_through_every_point() {
     assert!(controls[..4].iter().all(|control| *control == crate::PathControl::ExactPath));
     assert_eq!(controls[4], modal);
 }
+
+#[test]
+fn moves_say_which_cycle_they_belong_to() {
+    let called = |settings: LanguageSettings, program: &str| -> Vec<(u32, Option<(&'static str, u32)>)> {
+        let (operations, findings) = interpret(program.as_bytes(), settings);
+        assert!(!findings.has_errors(), "{findings:?}");
+        let moves = operations.iter().filter_map(|operation| match &operation.kind {
+            OperationKind::Move(step) => Some((operation.span.line, step.cycle)),
+            _ => None,
+        });
+        let mut called: Vec<_> =
+            moves.map(|(line, cycle)| (line, cycle.map(|cycle| (cycle.code(), cycle.line)))).collect();
+        called.dedup();
+        called
+    };
+    let program = "G0 Z10\nG98 G83 X1 Y1 Z-4 R2 Q3 F100\nX2\nG81\nX3\nG80\nG1 X5\nM30\n";
+    let (peck, drill) = (Some(("G83", 2)), Some(("G81", 4)));
+    assert_eq!(called(stated(), program), [(1, None), (2, peck), (3, peck), (5, drill), (7, None)]);
+    // The code as written, whatever the control means by it.
+    let program = "M3 S500\nG0 X50 Z10\nG87 X20 Z5 R-5 F0.1\nG80\nM30\n";
+    assert_eq!(called(turning(None), program), [(2, None), (3, Some(("G87", 3)))]);
+}

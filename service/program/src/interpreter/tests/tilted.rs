@@ -141,3 +141,50 @@ fn the_length_is_along_z_again_after_the_plane() {
          rapid Z105 -> 0",
     );
 }
+
+#[test]
+fn drilling_cycles_are_drilled_in_the_plane() {
+    // The first hole is a move from wherever the machine is, even to the numbers of the position before the plane.
+    let plane = "G0 X1 Y2 Z9\nG68.2 J30\nG0 Z9\n";
+    let before = "rapid 0 -> X1 Y2 Z9\nguided plane H0 rapid -> X1 Y2 Z9 ~XY\n";
+    check(
+        &mill(),
+        &format!("{plane}G81 X1 Y2 Z-3 R2 F100\nX4"),
+        &format!(
+            "{before}guided plane H0 rapid -> X1 Y2 Z9
+             guided plane H0 rapid -> X1 Y2 Z2
+             guided plane H0 cut -> X1 Y2 Z-3 @100/min
+             guided plane H0 rapid -> X1 Y2 Z9
+             guided plane H0 rapid -> X4 Y2 Z9
+             guided plane H0 rapid -> X4 Y2 Z2
+             guided plane H0 cut -> X4 Y2 Z-3 @100/min
+             guided plane H0 rapid -> X4 Y2 Z9"
+        ),
+    );
+    // The same behind the plane, and plain moves from there on.
+    check(
+        &mill(),
+        &format!("{plane}G69\nG0 Z9\nG81 X1 Y2 Z-3 R2 F100"),
+        &format!(
+            "{before}guided axes H0 rapid -> X1 Y2 Z9 ~XY
+             guided axes H0 rapid -> X1 Y2 Z9
+             rapid X1 Y2 Z9 -> X1 Y2 Z2
+             line X1 Y2 Z2 -> X1 Y2 Z-3 @100/min
+             rapid X1 Y2 Z-3 -> X1 Y2 Z9"
+        ),
+    );
+    let refused =
+        |program: &str, finding: &str| check(&mill(), &format!("{plane}{program}"), &format!("{before}{finding}"));
+    refused("G81 X1 Z-3 R2 F100", "! 4:1+18 PRG-TOOL-CONTROL-HELD");
+    refused("G81 X1 Y2 A5 Z-3 R2 F100", "! 4:11+2 PRG-PLANE-BLOCK");
+    refused("G91 G81 X1 Y2 Z-3 R-2 F100", "! 4:9+2 PRG-TOOL-CONTROL-HELD\n! 4:12+2 PRG-TOOL-CONTROL-HELD");
+    // A rigid tap is no move of a guided tool.
+    refused("G0 X1 Y2\nM29 S500\nG84 X1 Y2 Z-3 R2 F500", "guided plane H0 rapid -> X1 Y2 Z9\n! 6:1+23 PRG-PLANE-BLOCK");
+    check(
+        &mill(),
+        "G68.2 J30\nG53.1\nG69\nG0 X1 Y2 Z9\nM29 S500\nG84 X1 Y2 Z-3 R2 F500",
+        "guided align Preferred H0 rapid -> 0 ~XYZABC
+         guided axes H0 rapid -> X1 Y2 Z9 ~ABC
+         ! 6:1+23 PRG-TOOL-CONTROL-HELD",
+    );
+}

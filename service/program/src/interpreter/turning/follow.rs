@@ -531,6 +531,7 @@ impl Interpreter {
             feed: if step.is_rapid { Feed::PerMinute(0.0) } else { run.request.feed.unwrap_or(Feed::PerMinute(0.0)) },
             spindle: state.spindle(),
             tool: state.tool,
+            cycle: None,
         });
         operations.push(Operation { span, kind });
         self.state.position = end;

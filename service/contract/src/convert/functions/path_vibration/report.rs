@@ -14,6 +14,9 @@ pub(super) fn section_to_proto(section: &SectionReport) -> proto::SectionReport 
         on_line: section.on_line,
         first_line: section.first_line,
         last_line: section.last_line,
+        drilling_cycle: section
+            .drilling_cycle
+            .map(|cycle| proto::DrillingCycle { code: cycle.code().to_owned(), line: cycle.line }),
         frequency_hz: section.condition.frequency_hz,
         amplitude_mm: section.condition.amplitude_mm,
         generation_mode: generation_mode_to_proto(section.generation_mode).into(),
