@@ -107,7 +107,7 @@ impl Execution<'_> {
         self.state.drilling.leave(self.is_linuxcnc());
     }
 
-    fn is_linuxcnc(&self) -> bool {
+    pub(super) fn is_linuxcnc(&self) -> bool {
         self.settings.dialect == DialectName::LinuxCnc
     }
 

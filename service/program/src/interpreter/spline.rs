@@ -150,6 +150,7 @@ impl Execution<'_> {
         let plane = self.state.plane;
         let (first, second) = plane.axes();
         let span = self.block.span();
+        let opens = nurbs.span == span;
         match [first, second].map(|axis| self.axes_of(axes).any(|named| named == axis)) {
             [true, true] => {}
             [false, false] if weight_word.is_none() => return Some(()),
@@ -168,6 +169,12 @@ impl Execution<'_> {
                     finding.suggest(format!("write both {first} and {second}"))
                 });
             }
+        }
+        if self.is_linuxcnc() && weight_word.is_none() && !opens {
+            return self.spline_error(code::NURBS_WEIGHT, span, |mut finding| {
+                finding.message = "LinuxCNC asks for a weight at every control point behind the first block".to_owned();
+                finding.suggest("add P1 for an ordinary control point")
+            });
         }
         if nurbs.broken {
             return Some(());

@@ -254,3 +254,14 @@ fn opening_an_open_nurbs_again_moves_nothing() {
     assert_eq!(step.end[..2], [2.0, 1.0]);
     assert_eq!(step.spline.as_ref().map(|spline| spline.points.len()), Some(3));
 }
+
+#[test]
+fn linuxcnc_asks_for_every_weight() {
+    // Only the block that opens the curve may leave it out.
+    let spline = "spline 0 -> X3 order 3 0,0 1,1 2,-1*2 3,0 @100/min";
+    check(&linuxcnc(), "F100 G5.2 X1 Y1\nX2 Y-1 P2\n(note)\nX3 Y0 P1\nG5.3", spline);
+    let missing = |program: &str, finding: &str| check(&linuxcnc(), &format!("F100\n{program}\nG5.3"), finding);
+    missing("G5.2 X1 Y1\nX2 Y-1\nX3 Y0 P1", "! 3:1+6 PRG-NURBS-WEIGHT");
+    missing("G5.2 X1 Y1\nG5.2 X2 Y-1\nX3 Y0 P1", "! 3:1+11 PRG-NURBS-WEIGHT");
+    missing("G5.2 P1\nX1 Y1\nX2 Y-1 P1", "! 3:1+5 PRG-NURBS-WEIGHT");
+}
