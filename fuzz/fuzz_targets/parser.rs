@@ -11,10 +11,17 @@ use libfuzzer_sys::fuzz_target;
 
 /// Settings from the bits of a byte.
 fn settings(bits: u8) -> LanguageSettings {
-    let base = if bits & 1 == 0 { LanguageSettings::default() } else { LanguageSettings::mill() };
+    let base = match (bits & 1, bits & 128) {
+        (0, 0) => LanguageSettings::default(),
+        (0, _) => LanguageSettings::linuxcnc(),
+        _ => LanguageSettings::mill(),
+    };
     let mut settings = LanguageSettings {
         initial_inch: bits & 2 != 0,
         block_delete: bits & 4 != 0,
+        // A loop that counts to the bounds of a machine takes seconds.
+        max_executed_blocks: 20_000,
+        max_still_blocks: 10_000,
         max_line_bytes: if bits & 8 != 0 { 20 } else { 4_096 },
         ..base
     };
@@ -31,12 +38,16 @@ fn settings(bits: u8) -> LanguageSettings {
     settings
 }
 
+/// How often the interpreter is restored within a program.
+const MAX_RESTORED: u32 = 64;
+
 /// Offers the program in pieces of `piece` bytes.
 fn interpret_in_pieces(program: &[u8], settings: &LanguageSettings, piece: usize) -> (Vec<Operation>, FindingLog) {
     let mut interpreter = Interpreter::new(settings.clone());
     let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
     // Bytes offered from the interpreter's place on.
     let mut offered = piece;
+    let mut restored = 0;
     loop {
         let from = program.len().min(interpreter.place().offset as usize);
         let to = program.len().min(from + offered);
@@ -51,8 +62,10 @@ fn interpret_in_pieces(program: &[u8], settings: &LanguageSettings, piece: usize
                 assert!(!end_of_input);
                 assert!(to - from <= settings.max_line_bytes as usize + 2, "held back without need");
                 offered += piece;
-                // Restoring rebuilds the code tables, too slow to do it at every byte.
-                if to % 8 == 0 {
+                // Restoring rebuilds the code tables, too slow to do it at every byte; while the program is indexed for a jump
+                // it begins that anew, which would never end.
+                if to % 8 == 0 && restored < MAX_RESTORED {
+                    restored += 1;
                     interpreter = Interpreter::restore(settings.clone(), interpreter.state().clone());
                 }
             }

@@ -16,7 +16,7 @@ use super::tool_control::{GuidedPath, ROTARY_LETTERS};
 use crate::code;
 use crate::coordinates::direction;
 use crate::dialect::{Group, Letter, Meaning, letter_bit};
-use crate::state::{Cycle, Motion, ToolMode};
+use crate::state::{Cycle, Motion, ToolControl, ToolMode};
 use crate::{
     Axis, AxisSet, DialectName, DrillingStyle, Feed, Finding, MoveKind, OperationKind, PathControl, Position,
     SpindleDirection,
@@ -326,14 +326,13 @@ impl Execution<'_> {
                 None
             });
         }
-        if matches!(hole.drive, Drive::Spindle { .. }) && !self.state.tool_control.is_plain() {
+        let ToolControl { mode, held, .. } = self.state.tool_control;
+        if matches!(hole.drive, Drive::Spindle { .. }) && mode == ToolMode::Off && !held.is_empty() {
+            // A stroke without a plane says where every axis is, the rotary ones among them.
             self.state.position = at;
-            return match self.state.tool_control.mode {
-                ToolMode::Off => self.held_start(self.block.span()),
-                _ => self.not_permitted(self.block.span(), "a rigid tap"),
-            };
+            return self.held_start(self.block.span());
         }
-        if held_before != self.state.tool_control.held {
+        if held_before != held {
             // Where the tool comes from only the machine knows: even a place with the same numbers may be another one.
             let modal = std::mem::replace(&mut self.state.path_control, PathControl::ExactPath);
             let mut over = at;
