@@ -203,7 +203,10 @@ pub(crate) enum Meaning {
     /// `G69`
     RotationOff,
     /// `G53.1`
-    AlignTool,
+    AlignTool {
+        /// The tool centre point rests on the work (`G53.6`), instead of the linear axes (`G53.1`).
+        about_tip: bool,
+    },
     /// `G40`
     CompensationOff,
     /// `G41`, `G42` by the number of a tool offset, `G41.1`, `G42.1` by words.

@@ -47,11 +47,16 @@ pub enum ToolGuide {
     },
     /// In a tilted plane (`G68.2`): tool centre point; the rotary axes rest.
     Plane,
-    /// `G53.1`: the rotary axes turn the tool axis onto the normal of the plane, at rapid; the linear axes rest.
-    Align(ToolAxisSolution),
+    /// The rotary axes turn the tool axis onto the normal of the plane, at rapid.
+    Align {
+        /// Which solution.
+        solution: ToolAxisSolution,
+        /// `G53.6`: the linear axes keep the tool centre point where it is on the work; `G53.1`: they rest.
+        about_tip: bool,
+    },
 }
 
-/// Which of the two inverse solutions `G53.1` takes.
+/// Which of the two inverse solutions `G53.1` and `G53.6` take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToolAxisSolution {
@@ -84,6 +89,33 @@ impl TiltedPlane {
         let y = [-c1 * s3 - s1 * c2 * c3, -s1 * s3 + c1 * c2 * c3, s2 * c3];
         let z = [s1 * s2, -c1 * s2, c2];
         Self { origin_mm, axes: [x, y, z], line }
+    }
+
+    /// The images of X, Y and Z when they are turned, right-handed, about one of them (0: X, 1: Y, 2: Z) by an angle, degrees.
+    /// Multiples of 90° are exact.
+    #[must_use]
+    pub fn about(axis: usize, angle_deg: f64) -> [[f64; 3]; 3] {
+        let (sine, cosine) = sincos_deg(angle_deg);
+        let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut axes = [[0.0; 3]; 3];
+        axes[axis][axis] = 1.0;
+        (axes[next][next], axes[next][last]) = (cosine, sine);
+        (axes[last][last], axes[last][next]) = (cosine, -sine);
+        axes
+    }
+
+    /// The Euler angles z-x-z that turn the work coordinates into its own, degrees; the third one is 0 where its normal is along
+    /// Z of the work.
+    #[must_use]
+    pub fn euler_angles_deg(&self) -> [f64; 3] {
+        let [x, y, z] = &self.axes;
+        let across = (z[0] * z[0] + z[1] * z[1]).sqrt();
+        let angles_rad = if across > 1e-12 {
+            [libm::atan2(z[0], -z[1]), libm::atan2(across, z[2]), libm::atan2(x[2], y[2])]
+        } else {
+            [libm::atan2(x[1], x[0]), libm::atan2(across, z[2]), 0.0]
+        };
+        angles_rad.map(f64::to_degrees)
     }
 
     /// A direction in its coordinates as one in work coordinates.

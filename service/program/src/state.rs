@@ -102,6 +102,8 @@ pub struct InterpreterState {
     pub(crate) tool_control: ToolControl,
     /// The tilted plane, in its mode.
     pub(crate) plane_tilted: Option<TiltedPlane>,
+    /// A plane that several blocks give, until the last of them.
+    pub(crate) plane_sequence: Option<Box<PlaneSequence>>,
     pub(crate) length: LengthCompensation,
     /// What M codes of the machine leave for the blocks behind them.
     pub(crate) machine: MachineModes,
@@ -214,6 +216,25 @@ pub(crate) enum ToolMode {
     Vectors,
     /// `G68.2`
     Plane,
+}
+
+/// The blocks so far of a plane by three points (`G68.2 P2`) or two vectors (`G68.2 P3`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PlaneSequence {
+    /// 2 or 3.
+    pub(crate) form: u32,
+    /// Line of the first block.
+    pub(crate) line: u32,
+    /// `Q` of the next block.
+    pub(crate) next: u32,
+    /// `X Y Z` of each `Q`, mm.
+    pub(crate) points_mm: [[f64; 3]; 4],
+    /// `I J K` of each `Q`.
+    pub(crate) vectors: [[f64; 3]; 4],
+    /// `R`, degrees.
+    pub(crate) turn_deg: f64,
+    /// There was a `Q0`.
+    pub(crate) has_shift: bool,
 }
 
 impl ToolControl {
@@ -393,6 +414,7 @@ impl InterpreterState {
             nurbs: None,
             tool_control: ToolControl::default(),
             plane_tilted: None,
+            plane_sequence: None,
             length: LengthCompensation::default(),
             machine: MachineModes::default(),
             parameters: Parameters::default(),

@@ -116,7 +116,8 @@ fn guided_motion(guided: &GuidedMove, action: &mut proto::Action) -> ActionKind 
             proto::ActionGuideKind::Vector
         }
         ToolGuide::Plane => proto::ActionGuideKind::Plane,
-        ToolGuide::Align(_) => proto::ActionGuideKind::Align,
+        ToolGuide::Align { about_tip: false, .. } => proto::ActionGuideKind::Align,
+        ToolGuide::Align { about_tip: true, .. } => proto::ActionGuideKind::AlignAboutTip,
     };
     action.guide = Some(proto::ActionGuide {
         kind: guide.into(),

@@ -12,6 +12,7 @@ mod machine;
 mod offsets;
 mod on_path;
 mod oscillation;
+mod planes;
 mod refusals;
 
 use std::collections::BTreeSet;

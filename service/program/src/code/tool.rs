@@ -34,7 +34,7 @@ crate::finding_codes! {
 
     "PRG-TOOL-CONTROL-LENGTH" [TOOL_CONTROL_LENGTH: Error] {
         meaning: "tool centre point control without the number of a tool length",
-        cause: "`G43.4` or `G43.5` has no H: the tool centre point is not known without a length.",
+        cause: "`G43.4` or `G43.5` has no H, or `G53.6` none while no length is in force: the tool centre point is not known without a length.",
         cure: "Add H with the number of the tool, such as H1.",
         example: mill("G43.4"),
     }
@@ -84,17 +84,40 @@ crate::finding_codes! {
         example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG68.2 X0 Y0 Z0 I0 J45 K0"),
     }
 
+    "PRG-PLANE-WORDS" [PLANE_WORDS: Error] {
+        meaning: "words that make no plane",
+        cause: "`G68.2` with a P other than 0 to 4, a wrong order Q, points on one line, vectors without length or not \
+              perpendicular, or blocks of P2 or P3 in a wrong order.",
+        cure: "Correct the words, or write the origin X Y Z and the Euler angles I J K, without P.",
+        example: mill("G68.2 P2 Q1 X0 Y0 Z0\nG68.2 P2 Q2 X10 Y0 Z0\nG68.2 P2 Q3 X20 Y0 Z0"),
+    }
+
+    "PRG-PLANE-DOUBT" [PLANE_DOUBT: Error] {
+        meaning: "a plane whose words controls read differently",
+        cause: "`G68.2 P1` with more than one angle (about fixed or about turned axes), `P2 Q0` with a shift or R, `P3` with R, \
+              or `P4` with an angle I mean different planes on different controls.",
+        cure: "Write the plane that your control makes of them with Euler angles, as the finding states it for each.",
+        example: mill("G68.2 P1 X0 Y0 Z0 I10 J20 K0"),
+    }
+
+    "PRG-PLANE-INCOMPLETE" [PLANE_INCOMPLETE: Error] {
+        meaning: "a plane whose blocks do not follow each other",
+        cause: "Another block comes between those of `G68.2 P2` (three points) or `P3` (two vectors), or one is missing.",
+        cure: "Write the missing block directly behind the one before it.",
+        example: mill("G68.2 P3 Q1 X0 Y0 Z0 I1 J0 K0\nG0 X0"),
+    }
+
     "PRG-PLANE-OFF" [PLANE_OFF: Error] {
         meaning: "the tool axis is to be turned onto a plane, but none is tilted",
-        cause: "`G53.1` comes without `G68.2`, or after `G69`.",
+        cause: "`G53.1` or `G53.6` comes without `G68.2`, or after `G69`.",
         cure: "Tilt the plane first, such as `G68.2 X0 Y0 Z0 I0 J30 K0`.",
         example: mill("G53.1"),
     }
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
-        cause: "A word of a rotary axis, a thread, `G44`, another work offset or a tool change in the plane; \
-              a plane by other than Euler angles; `G53.1` in the block of `G68.2`.",
+        cause: "A word of a rotary axis but in a rapid with X, Y and Z, a thread, `G44`, another work offset or a tool change in the plane; \
+              a length of `G53.6` other than the one in force; `G53.1` in the block of `G68.2`.",
         cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything \
               else.",
         example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG0 B30"),

@@ -67,8 +67,10 @@ impl Execution<'_> {
         let Doubt { span, tenths, reading } = doubt;
         let one_block = self.code(Group::NonModal).map(|(meaning, _)| meaning);
         let axes = self.block.letters & self.table.axis_letters & !self.used;
-        let claimed =
-            matches!(one_block, Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference | Meaning::AlignTool));
+        let claimed = matches!(
+            one_block,
+            Some(Meaning::Dwell | Meaning::SpeedClamp | Meaning::Reference | Meaning::AlignTool { .. })
+        );
         if claimed || axes == 0 {
             if reading.stays {
                 self.state.motion = Motion::Doubtful { tenths, line: span.line };

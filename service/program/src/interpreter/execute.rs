@@ -52,6 +52,9 @@ impl Execution<'_> {
         if self.state.nurbs.is_some() {
             self.check_open_nurbs();
         }
+        if self.state.plane_sequence.is_some() {
+            self.check_plane_sequence();
+        }
         self.labels();
         if self.block.has_codes_besides_motion() {
             return self.run_codes();

@@ -112,7 +112,7 @@ impl Execution<'_> {
                 | Meaning::FurtherReference
                 | Meaning::ReferenceReturn
                 | Meaning::StoreReference { .. }
-                | Meaning::AlignTool
+                | Meaning::AlignTool { .. }
                 | Meaning::LookAhead
                 | Meaning::Smoothness
                 | Meaning::BlockLimit,

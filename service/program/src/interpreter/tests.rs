@@ -111,7 +111,8 @@ fn render_operation(operation: &Operation) -> String {
                 ToolGuide::Axes => "axes".to_owned(),
                 ToolGuide::Angles => "angles".to_owned(),
                 ToolGuide::Plane => "plane".to_owned(),
-                ToolGuide::Align(solution) => format!("align {solution:?}"),
+                ToolGuide::Align { solution, about_tip: false } => format!("align {solution:?}"),
+                ToolGuide::Align { solution, about_tip: true } => format!("align about tip {solution:?}"),
                 ToolGuide::Vector { start, end } => format!("vector {} {}", vector(start), vector(end)),
             };
             let kind = match step.kind {

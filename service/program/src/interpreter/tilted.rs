@@ -1,14 +1,16 @@
-//! Tilted work planes: `G68.2` with an origin and Euler angles, `G53.1` that turns the tool axis onto the plane's normal, `G69`;
-//! and what goes to machine positions from there.
+//! Tilted work planes: `G68.2`, `G53.1` and `G53.6` that turn the tool axis onto the plane's normal, `G69`; and what goes to machine
+//! positions from there.
 
+mod forms;
+
+use self::forms::Form;
 use super::execute::Execution;
-use super::tool_control::GuidedPath;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{ToolControl, ToolMode};
+use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
-    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, TiltedPlane,
-    ToolAxisSolution, ToolGuide,
+    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, ToolAxisSolution,
+    ToolGuide,
 };
 
 /// The words of `G68.2`.
@@ -18,19 +20,21 @@ const PLANE_LETTERS: u32 = letter_bit(b'X')
     | letter_bit(b'I')
     | letter_bit(b'J')
     | letter_bit(b'K')
-    | letter_bit(b'P');
+    | letter_bit(b'P')
+    | letter_bit(b'Q')
+    | letter_bit(b'R');
 
 impl Execution<'_> {
-    /// `G68.2`, `G69` and `G53.1`.
+    /// `G68.2`, `G69`, `G53.1` and `G53.6`.
     pub(super) fn tilted_plane(&mut self) {
         let align = match self.code(Group::NonModal) {
-            Some((Meaning::AlignTool, span)) => Some(span),
+            Some((Meaning::AlignTool { about_tip }, span)) => Some((about_tip, span)),
             _ => None,
         };
         match self.code(Group::Rotation) {
             Some((Meaning::TiltedPlane, span)) => {
-                if let Some(span) = align {
-                    self.used |= PLANE_LETTERS;
+                if let Some((_, span)) = align {
+                    self.used |= PLANE_LETTERS | letter_bit(b'H');
                     return self.plane_error(span, "the tool axis in the block that tilts the plane", |finding| {
                         finding.suggest("write G53.1 in the next block")
                     });
@@ -40,13 +44,17 @@ impl Execution<'_> {
             Some((Meaning::RotationOff, _)) => self.plane_off(),
             _ => {}
         }
-        if let Some(span) = align {
-            self.align_tool(span);
+        if let Some((about_tip, span)) = align {
+            self.align_tool(about_tip, span);
         }
     }
 
     fn plane_on(&mut self, span: SourceSpan) {
-        let plane = self.plane_words(span);
+        let plane = match self.plane_form(span) {
+            Form::Plane(plane) => Some(plane),
+            Form::Part => return,
+            Form::Refused => None,
+        };
         let control = self.state.tool_control;
         match control.mode {
             ToolMode::Off if self.is_transform_on(span, "a tilted plane") => return,
@@ -80,26 +88,20 @@ impl Execution<'_> {
         self.state.plane_tilted = Some(plane);
     }
 
-    /// Origin and angles; `None` after a finding.
-    fn plane_words(&mut self, span: SourceSpan) -> Option<TiltedPlane> {
-        if let Some(word) = self.take(b'P')
-            && word.number.value() != 0.0
-        {
-            self.used |= PLANE_LETTERS;
-            let span = self.block.word_span(&word);
-            self.plane_error(span, "a plane by other than Euler angles", |finding| {
-                finding.suggest("write the origin X Y Z and the Euler angles I J K, without P")
-            });
-            return None;
+    /// Reports a plane of several blocks that this block does not go on with.
+    #[cold]
+    pub(super) fn check_plane_sequence(&mut self) {
+        let goes_on = matches!(self.code(Group::Rotation), Some((Meaning::TiltedPlane, _)));
+        let is_empty = self.block.letters & !letter_bit(b'N') == 0
+            && self.code(Group::Motion).is_none()
+            && !self.block.has_codes_besides_motion();
+        if let Some(sequence) = self.state.plane_sequence.as_deref().copied().filter(|_| !goes_on && !is_empty) {
+            self.plane_incomplete(sequence);
         }
-        let x_mm = self.take(b'X').map_or(0.0, |word| self.radius(&word));
-        let [y_mm, z_mm] = [b'Y', b'Z'].map(|letter| self.take(letter).map_or(0.0, |word| self.scaled(&word, true)));
-        let angles_deg =
-            [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| self.scaled(&word, false)));
-        Some(TiltedPlane::by_euler_angles([x_mm, y_mm, z_mm], angles_deg, span.line))
     }
 
     fn plane_off(&mut self) {
+        self.state.plane_sequence = None;
         if self.state.tool_control.mode != ToolMode::Plane {
             return;
         }
@@ -112,9 +114,11 @@ impl Execution<'_> {
         self.state.spline_exit = None;
     }
 
-    /// `G53.1`: the rotary axes turn, the linear ones rest.
-    fn align_tool(&mut self, span: SourceSpan) {
+    /// `G53.1`: the rotary axes turn, the linear ones rest. `G53.6`: the linear axes follow, so that the tool centre point rests on
+    /// the work; with `H` that of another length than the one in force.
+    fn align_tool(&mut self, about_tip: bool, span: SourceSpan) {
         let word = self.take(b'P');
+        let length = if about_tip { self.take(b'H') } else { None };
         if self.state.tool_control.mode != ToolMode::Plane {
             return self.findings.push_with(code::PLANE_OFF, |code| {
                 Finding::new(code, span, "the tool axis is to be turned onto a plane, but none is tilted")
@@ -130,15 +134,33 @@ impl Execution<'_> {
                     .word_conflict(&word, "P chooses between two solutions: P1, P2, or P0 for the preferred one");
             }
         };
+        let in_force = self.state.length.number;
+        let length_offset = match length {
+            Some(_) => match self.length_offset(length, span) {
+                Some(number) if in_force == 0 || in_force == number => number,
+                Some(_) => {
+                    return self.plane_error(span, "G53.6 with another tool length than the one in force", |finding| {
+                        finding.suggest("leave out H, or switch the length off with G49 before")
+                    });
+                }
+                None => return,
+            },
+            None => in_force,
+        };
+        if about_tip && length_offset == 0 {
+            return self.length_missing(span);
+        }
         let held = &mut self.state.tool_control.held;
-        *held = held.with(AxisSet::LINEAR).with(AxisSet::ROTARY);
-        self.emit_guided(
-            ToolGuide::Align(solution),
-            MoveKind::Rapid,
-            self.state.position,
-            Feed::PerMinute(0.0),
-            GuidedPath::Straight,
-        );
+        // The place of the tip stays known where it is the one that the program leads.
+        if !about_tip || length_offset != in_force {
+            *held = held.with(AxisSet::LINEAR);
+        }
+        *held = held.with(AxisSet::ROTARY);
+        let step = self.new_move(MoveKind::Rapid, self.state.position, Feed::PerMinute(0.0));
+        let mut guided = self.guided_step(ToolGuide::Align { solution, about_tip }, step);
+        guided.held = guided.held.with(AxisSet::LINEAR);
+        guided.length_offset = length_offset;
+        self.emit(self.block.span(), OperationKind::Guided(Box::new(guided)));
     }
 
     /// A rapid or a cut of the axes themselves from within a tilted plane (`G53`, `G28`): to `end` in work coordinates in the
@@ -154,14 +176,19 @@ impl Execution<'_> {
         self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
     }
 
-    /// Reports rotary axes in a tilted plane: whether there are any.
-    pub(super) fn refuse_rotary_words(&mut self, rotary: u32) -> bool {
-        if rotary == 0 {
+    /// Reports rotary axes in a tilted plane whose move is not clear: whether there are any. Where a rapid places X, Y and Z as
+    /// well, all controls come to the same end; otherwise some keep the tool where it is on the work, others the linear axes.
+    pub(super) fn refuse_rotary_words(&mut self, axes: u32, rotary: u32) -> bool {
+        const LINEAR: u32 = letter_bit(b'X') | letter_bit(b'Y') | letter_bit(b'Z');
+        let is_placed = self.state.motion == Motion::Rapid && self.state.absolute && axes & LINEAR == LINEAR;
+        if rotary == 0 || is_placed {
             return false;
         }
         let span = self.block.word_span(self.block.slot(rotary.trailing_zeros() as usize));
         self.plane_error(span, "an angle of a rotary axis in a tilted plane", |finding| {
-            finding.suggest("turn the tool axis onto the plane with G53.1, or position the rotary axes before G68.2")
+            finding
+                .suggest("turn the tool axis onto the plane with G53.1, or position the rotary axes before G68.2")
+                .suggest("or place X, Y and Z in the same rapid, in G90")
         });
         true
     }

@@ -74,19 +74,24 @@ impl Execution<'_> {
     }
 
     /// The number of the tool length; `None` after a finding.
-    fn length_offset(&mut self, word: Option<Word>, span: SourceSpan) -> Option<u32> {
+    pub(super) fn length_offset(&mut self, word: Option<Word>, span: SourceSpan) -> Option<u32> {
         let number = match word {
             Some(word) => Some(self.whole(&word)?),
             None => None,
         };
         let number = number.filter(|&number| number > 0);
         if number.is_none() {
-            self.findings.push_with(code::TOOL_CONTROL_LENGTH, |code| {
-                let message = "the tool centre point is not known without a tool length";
-                Finding::new(code, span, message).suggest("add H with the number of the tool, such as H1")
-            });
+            self.length_missing(span);
         }
         number
+    }
+
+    #[cold]
+    pub(super) fn length_missing(&mut self, span: SourceSpan) {
+        self.findings.push_with(code::TOOL_CONTROL_LENGTH, |code| {
+            let message = "the tool centre point is not known without a tool length";
+            Finding::new(code, span, message).suggest("add H with the number of the tool, such as H1")
+        });
     }
 
     /// `G43.4 P1` and `P0`.
@@ -313,7 +318,7 @@ impl Execution<'_> {
         match frame {
             // Reported before, where the mode does not permit it.
             Frame::Machine => !self.block.unclear && self.is_wrong_machine_motion(axes),
-            Frame::Work => is_plane && self.refuse_rotary_words(axes & ROTARY_LETTERS),
+            Frame::Work => is_plane && self.refuse_rotary_words(axes, axes & ROTARY_LETTERS),
         }
     }
 
@@ -436,7 +441,7 @@ impl Execution<'_> {
 }
 
 /// The unit vector of finite components; nothing for a zero vector.
-fn normalised(components: [f64; 3]) -> Option<[f64; 3]> {
+pub(super) fn normalised(components: [f64; 3]) -> Option<[f64; 3]> {
     let largest = components.iter().fold(0.0_f64, |largest, component| largest.max(component.abs()));
     if largest == 0.0 {
         return None;

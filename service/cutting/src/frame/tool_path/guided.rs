@@ -40,7 +40,7 @@ impl GuidedTip {
     /// Follows a move.
     pub(super) fn follow(&mut self, guided: &GuidedMove, line: u32, sink: &mut impl ToolPathSink) {
         // The tip moves with the rotary axes and how, only the machine knows.
-        if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align(_)) {
+        if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align { .. }) {
             return self.interrupt();
         }
         let cutting = guided.step.kind != MoveKind::Rapid;

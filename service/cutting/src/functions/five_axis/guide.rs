@@ -21,6 +21,8 @@ use self::refusal::{no_axis, refused};
 use super::ahead::{Ahead, Chosen, CutNote};
 use super::code;
 
+/// Angles of a rotary axis in a tilted plane closer than this are the same: only rounding is between them.
+const SAME_ANGLE_DEG: f64 = 1e-9;
 /// Blocks that pass a pole within this angle are examined, degrees.
 const NEAR_POLE_DEG: f64 = 2.0;
 /// Directions closer to the line of the first rotary axis than this are taken along it, rad, as the elements take them.
@@ -198,11 +200,10 @@ impl Guide {
             ToolGuide::Vector { end, .. } => Toward::Vector(end.unwrap_or(tool.point.direction)),
             _ => Toward::Angles(rotary.map(|axis| {
                 let place = axis.index();
-                if guided.guide == ToolGuide::Plane || held(axis) {
-                    tool.point.position[place]
-                } else {
-                    step.end[place] + step.work_offset[place]
-                }
+                let (here, there) = (tool.point.position[place], step.end[place] + step.work_offset[place]);
+                // In a plane the rotary axes rest, unless a word turns them.
+                let rests = guided.guide == ToolGuide::Plane && (there - here).abs() <= SAME_ANGLE_DEG;
+                if rests || held(axis) { here } else { there }
             })),
         };
         FiveAxisBlock {
@@ -253,8 +254,12 @@ impl Guide {
     ) -> Option<Guided> {
         let step = &guided.step;
         let work = |axis: usize| state.position[axis] - step.work_offset[axis];
-        if let ToolGuide::Align(solution) = guided.guide {
-            return self.align(guided, solution, span, state, inputs, findings).map(Guided::Axes);
+        if let ToolGuide::Align { solution, about_tip } = guided.guide {
+            let rotary_rad = self.onto_normal(guided, solution, span, state, inputs, findings)?;
+            return match about_tip {
+                false => Some(Guided::Axes(self.align(guided, rotary_rad, state))),
+                true => self.align_about_tip(guided, rotary_rad, span, state, findings).map(Guided::Elements),
+            };
         }
         if guided.guide == ToolGuide::Axes {
             let start: Position = std::array::from_fn(work);

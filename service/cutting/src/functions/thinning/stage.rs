@@ -181,7 +181,7 @@ impl ThinningStage {
         let end = &guided.step.end;
         let tip_mm = [Axis::X, Axis::Y, Axis::Z].map(|axis| end[axis.index()]);
         let (direction, rotary_rad, interpolation) = match guided.guide {
-            ToolGuide::Axes | ToolGuide::Plane | ToolGuide::Align(_) => return None,
+            ToolGuide::Axes | ToolGuide::Plane | ToolGuide::Align { .. } => return None,
             ToolGuide::Angles if guided.held.meets(AxisSet::ROTARY) => return None,
             ToolGuide::Angles => {
                 let offset = &guided.step.work_offset;

@@ -55,6 +55,115 @@ fn splines_and_rigid_taps_are_in_the_coordinates_of_the_plane() {
     );
 }
 
+/// The plane of a program's last move.
+fn plane_of(words: &str) -> TiltedPlane {
+    let program = format!("{words}\nG0 X0 Y0 Z0\nM30\n");
+    let (operations, findings) = interpret(program.as_bytes(), mill());
+    assert!(findings.findings().is_empty(), "{words}: {findings:?}");
+    let guided = operations.iter().find_map(|operation| match &operation.kind {
+        OperationKind::Guided(guided) => guided.plane,
+        _ => None,
+    });
+    TiltedPlane { line: 0, ..guided.expect("a plane") }
+}
+
+fn same(a: &TiltedPlane, b: &TiltedPlane) {
+    let pairs = a.origin_mm.iter().zip(&b.origin_mm).chain(a.axes.iter().flatten().zip(b.axes.iter().flatten()));
+    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+}
+
+#[test]
+fn planes_by_points_vectors_and_angles() {
+    let euler = |origin_mm, angles_deg| TiltedPlane::by_euler_angles(origin_mm, angles_deg, 0);
+    // Three points: X to the second, positive Y on the side of the third; blocks of comments may be between.
+    let (sine, cosine) = 30f64.to_radians().sin_cos();
+    let points = format!(
+        "G68.2 P2 Q1 X1 Y2 Z3\n(the second)\nN5 G68.2 P2 Q2 X11 Y2 Z3\nG68.2 P2 Q3 X50 Y{:.9} Z{:.9}",
+        2.0 + 20.0 * cosine,
+        3.0 + 20.0 * sine
+    );
+    same(&plane_of(&points), &euler([1.0, 2.0, 3.0], [0.0, 30.0, 0.0]));
+    // Two vectors: X, then the normal.
+    let vectors = format!("G68.2 P3 Q1 X1 Y2 Z3 I2 J0 K0\nG68.2 P3 Q2 I0 J{:.9} K{:.9}", -3.0 * sine, 3.0 * cosine);
+    same(&plane_of(&vectors), &euler([1.0, 2.0, 3.0], [0.0, 30.0, 0.0]));
+    // Roll, pitch and yaw, one at a time, whatever the order.
+    same(&plane_of("G68.2 P1 X4 I30"), &euler([4.0, 0.0, 0.0], [0.0, 30.0, 0.0]));
+    same(&plane_of("G68.2 P1 Q321 J30"), &euler([0.0; 3], [90.0, 30.0, -90.0]));
+    same(&plane_of("G68.2 P1 Q213 K30"), &euler([0.0; 3], [30.0, 0.0, 0.0]));
+    // Projection angles: Y raised by J, then turned by K in the plane.
+    same(&plane_of("G68.2 P4 J30 K40"), &euler([0.0; 3], [0.0, 30.0, 40.0]));
+    // Without a doubt: nothing is shifted, and the first point is the origin.
+    let at_zero = "G68.2 P2 Q0 X0 Y0 Z0 R0\nG68.2 P2 Q1\nG68.2 P2 Q2 X1\nG68.2 P2 Q3 Y1 Z1";
+    same(&plane_of(at_zero), &euler([0.0; 3], [0.0, 45.0, 0.0]));
+}
+
+#[test]
+fn what_controls_read_differently_is_refused_with_every_reading() {
+    let cures = |words: &str| {
+        let program = format!("{words}\nM30\n");
+        let (_, findings) = interpret(program.as_bytes(), mill());
+        let [finding] = findings.findings() else { panic!("{words}: {findings:?}") };
+        assert_eq!(finding.code, "PRG-PLANE-DOUBT", "{words}");
+        let cures = finding.suggestions.iter().map(|it| it.message.split("write ").nth(1).expect("words").to_owned());
+        // Every cure is accepted as it is written.
+        cures.map(|words| plane_of(&words)).collect::<Vec<_>>()
+    };
+    let [fixed, moving] = cures("G68.2 P1 X1 Y2 Z3 I10 J20 K30").try_into().expect("two readings");
+    let turn = |axis, angle| TiltedPlane::about(axis, angle);
+    let times = |a: [[f64; 3]; 3], b: [[f64; 3]; 3]| {
+        b.map(|axis| [0, 1, 2].map(|k| (0..3).map(|along| a[along][k] * axis[along]).sum::<f64>()))
+    };
+    let [x, y, z] = [turn(0, 10.0), turn(1, 20.0), turn(2, 30.0)];
+    let near = |plane: &TiltedPlane, axes: [[f64; 3]; 3]| {
+        let pairs = plane.axes.iter().flatten().zip(axes.iter().flatten());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-7), "{plane:?} {axes:?}");
+    };
+    near(&fixed, times(z, times(y, x)));
+    near(&moving, times(x, times(y, z)));
+    assert_eq!(fixed.origin_mm, [1.0, 2.0, 3.0]);
+    assert_eq!(cures("G68.2 P1 Q231 I10 J20 K30").len(), 4);
+    assert_eq!(cures("G68.2 P4 I10 J20").len(), 2);
+    assert_eq!(cures("G20\nG68.2 P2 Q0 X1\nG68.2 P2 Q1 X5\nG68.2 P2 Q2 X6\nG68.2 P2 Q3 X5 Y1 Z1").len(), 2);
+    assert_eq!(cures("G68.2 P3 Q1 I1 R10\nG68.2 P3 Q2 J-1 K2").len(), 2);
+}
+
+#[test]
+fn planes_that_are_none_are_refused() {
+    let refused = |words: &str, finding: &str| check(&mill(), words, finding);
+    refused("G68.2 P5 I10", "! 1:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P1 Q112 I10", "! 1:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P2 Q1\nG68.2 P2 Q2 X1\nG68.2 P2 Q3 X3", "! 3:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P2 Q1\nG68.2 P2 Q3 X3", "! 2:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P3 Q1 I1\nG68.2 P3 Q2 I1 K9", "! 2:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P3 Q1\nG68.2 P3 Q2 K1", "! 2:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P3 Q1 I1\nG4 P1\nG69", "! 2:1+5 PRG-PLANE-INCOMPLETE");
+    refused("G68.2 P3 Q1 I1\nG68.2 P2 Q2 K1", "! 2:1+14 PRG-PLANE-INCOMPLETE\n! 2:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P3 Q1 I1", "! 2:1+3 PRG-PLANE-INCOMPLETE");
+    refused("G68.2 P4 I90 J90", "! 1:1+5 PRG-PLANE-WORDS");
+    refused("G43.4 H1\nG68.2 P3 Q1 I1\nG68.2 P3 Q2 K1", "! 3:1+5 PRG-TOOL-CONTROL-BLOCK");
+}
+
+#[test]
+fn the_tool_axis_turns_about_the_tip() {
+    check(
+        &mill(),
+        "G68.2 J30\nG53.6 H1\nG43 H1\nG0 X0 Y0 Z9\nG53.6 P2\nG0 X1\nG0 X2 Y2 Z2 A10\nG0 X3",
+        "guided align about tip Preferred H1 rapid -> 0 ~XYZABC
+         guided plane H1 rapid -> Z9 ~ABC
+         guided align about tip Smaller H1 rapid -> Z9 ~XYZABC
+         guided plane H1 rapid -> X1 Z9 ~ABC
+         guided plane H1 rapid -> X2 Y2 Z2 A10 ~BC
+         guided plane H1 rapid -> X3 Y2 Z2 A10 ~BC",
+    );
+    check(&mill(), "G68.2 J30\nG53.6", "! 2:1+5 PRG-TOOL-CONTROL-LENGTH");
+    check(&mill(), "G68.2 J30\nG43 H1\nG53.6 H2", "! 3:1+5 PRG-PLANE-BLOCK");
+    check(&mill(), "G68.2 J30\nG53.6 H1 R5", "! 2:10+2 PRG-WORD-UNUSED");
+    check(&mill(), "G53.6", "! 1:1+5 PRG-PLANE-OFF");
+    check(&mill(), "G68.2 J30 G53.6 H1", "! 1:11+5 PRG-PLANE-BLOCK");
+    // The end is not clear where one of X Y Z is left out, or on a line.
+    check(&mill(), "G68.2 J30\nG0 X1 Y1 A5", "! 2:10+2 PRG-PLANE-BLOCK");
+}
+
 #[test]
 fn planes_are_turned_by_euler_angles() {
     let near = |a: [f64; 3], b: [f64; 3]| {
@@ -115,6 +224,7 @@ fn contradictions_are_refused() {
     refused("G55", "! 3:1+3 PRG-PLANE-BLOCK");
     refused("T2 M6", "! 3:4+2 PRG-PLANE-BLOCK");
     refused("G0 A30", "! 3:4+3 PRG-PLANE-BLOCK");
+    refused("G1 X1 Y2 Z3 A30 F9", "! 3:13+3 PRG-PLANE-BLOCK");
     refused("G53 G2 X2 Y2 R5 F100", "! 3:1+3 PRG-MACHINE-MOTION");
     refused("G0 X1 I2", "! 3:7+2 PRG-WORD-UNUSED");
     refused("G43 H1\nG91 G0 Z1", "! 4:8+2 PRG-TOOL-CONTROL-HELD");
@@ -122,7 +232,6 @@ fn contradictions_are_refused() {
     refused("G54 G69 G69", "! 3:9+3 PRG-GROUP-CONFLICT");
     check(&mill(), "G53.1", "! 1:1+5 PRG-PLANE-OFF");
     check(&mill(), "G69\nG69", "");
-    check(&mill(), "G68.2 P1 I10 J20", "! 1:7+2 PRG-PLANE-BLOCK");
     check(&mill(), "G68.2 A1", "! 1:7+2 PRG-PLANE-BLOCK");
     check(&mill(), "G43.4 H1\nG68.2 J30", "! 2:1+5 PRG-TOOL-CONTROL-BLOCK");
     check(&mill(), "G44 H1\nG68.2 J30", "! 2:1+5 PRG-PLANE-BLOCK");

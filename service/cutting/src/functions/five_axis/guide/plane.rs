@@ -4,7 +4,10 @@
 //! point control, in work coordinates that move with the table, and the length is along the tool axis whatever machine it is.
 
 use feedwave_motion::kinematics::vector::{Vec3, angle};
-use feedwave_motion::kinematics::{BranchPreference, FiveAxisRefusal, InverseSolution, KinematicsError, ToolPose};
+use feedwave_motion::kinematics::{
+    BranchPreference, FiveAxisBlock, FiveAxisMotion, FiveAxisRefusal, InverseSolution, KinematicsError, ToolPose,
+    Toward,
+};
 use feedwave_program::{
     Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, TiltedPlane, ToolAxisSolution,
 };
@@ -36,8 +39,8 @@ fn out_of_range(reason: &KinematicsError, solution: ToolAxisSolution, span: Sour
 }
 
 impl Guide {
-    /// `G53.1`: the move of the rotary axes that turns the tool axis onto the normal of the plane; nothing after a finding.
-    pub(super) fn align(
+    /// The values of the rotary axes that turn the tool axis onto the normal of the plane, rad; nothing after a finding.
+    pub(super) fn onto_normal(
         &self,
         guided: &GuidedMove,
         solution: ToolAxisSolution,
@@ -45,7 +48,7 @@ impl Guide {
         state: &mut GuideState,
         inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
-    ) -> Option<Move> {
+    ) -> Option<[f64; 2]> {
         let plane = guided.plane.as_ref()?;
         self.place_tool(guided, span, state, inputs, findings)?;
         let tool = state.tool.as_ref()?;
@@ -72,23 +75,59 @@ impl Guide {
                 (Err(refusal), Err(_), _, _) => Err(refusal),
             }
         });
-        let rotary_rad = match chosen {
-            Ok(rotary_rad) => rotary_rad,
+        match chosen {
+            Ok(rotary_rad) => Some(rotary_rad),
             Err(reason) => {
                 findings.push(match reason {
                     KinematicsError::OutOfRange { .. } => out_of_range(&reason, solution, span),
                     _ => refused(&FiveAxisRefusal::Pose { share: 1.0, reason }, span, None),
                 });
-                return None;
+                None
             }
-        };
+        }
+    }
+
+    /// `G53.1`: the move of the rotary axes.
+    pub(super) fn align(&self, guided: &GuidedMove, rotary_rad: [f64; 2], state: &GuideState) -> Move {
         let offset = &guided.step.work_offset;
         let start: Position = std::array::from_fn(|axis| state.position[axis] - offset[axis]);
         let mut end = start;
         for (axis, value_rad) in self.kinematics.letters().1.into_iter().zip(rotary_rad) {
             end[axis.index()] = value_rad.to_degrees() - offset[axis.index()];
         }
-        Some(Move { start, end, ..guided.step.clone() })
+        Move { start, end, ..guided.step.clone() }
+    }
+
+    /// `G53.6`: the elements in which the linear axes follow the rotary ones, so that the tool centre point rests on the work; nothing
+    /// after a finding.
+    pub(super) fn align_about_tip(
+        &self,
+        guided: &GuidedMove,
+        rotary_rad: [f64; 2],
+        span: SourceSpan,
+        state: &mut GuideState,
+        findings: &mut FindingLog,
+    ) -> Option<FiveAxisMotion> {
+        let tool = state.tool.as_mut()?;
+        let block = FiveAxisBlock {
+            end_mm: tool.point.tip_mm,
+            curve: None,
+            toward: Toward::Angles(rotary_rad.map(f64::to_degrees)),
+            pole_tolerance_rad: 0.0,
+            source: span,
+            rapid: true,
+        };
+        match self.kinematics.elements(&tool.setup, &tool.point, &block) {
+            Ok(motion) => {
+                tool.point = motion.end;
+                (state.position, state.cutting, state.cut) = (motion.end.position, false, None);
+                Some(motion)
+            }
+            Err(refusal) => {
+                self.refuse(&refusal, guided, &block, state, findings);
+                None
+            }
+        }
     }
 
     /// Names the first cut in a plane with a tool axis that is not its normal; controls permit it.
