@@ -25,6 +25,7 @@ mod jacobian;
 mod path;
 mod range;
 mod tip;
+mod tool_frame;
 pub mod vector;
 
 pub use branch::{CutFailure, CutSearch, CutStart};
@@ -35,3 +36,4 @@ pub use inverse::{DirectionSolution, InverseSolution};
 pub use jacobian::Jacobian;
 pub use path::{FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal, Toward};
 pub use tip::{TipArc, TipCircle, TipCurve, TipPath, TipSpline};
+pub use tool_frame::ToolFrame;

@@ -12,6 +12,7 @@ mod machine;
 mod offsets;
 mod on_path;
 mod oscillation;
+mod oscillation_kinds;
 mod planes;
 mod refusals;
 

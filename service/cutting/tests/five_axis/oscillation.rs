@@ -13,9 +13,9 @@ use super::machine::{LENGTH_MM, config};
 use super::{distance, poses};
 
 /// Two periods of 1 mm.
-const RAMP_MM: f64 = 2.0;
+pub const RAMP_MM: f64 = 2.0;
 
-fn condition() -> OscillationCondition {
+pub fn condition() -> OscillationCondition {
     let direction = |amplitude_mm, waveform| DirectionOscillation { amplitude_mm, waveform, phase_deg: 0.0 };
     OscillationCondition {
         period: OscillationPeriod::PerRevolution(1),
@@ -29,7 +29,7 @@ fn condition() -> OscillationCondition {
     }
 }
 
-fn geometry() -> ToolGeometry {
+pub fn geometry() -> ToolGeometry {
     ToolGeometry::even(4, 60.0, 1.5, 5.0)
 }
 
@@ -136,16 +136,7 @@ fn the_limits_of_every_axis_hold_with_the_oscillation() {
 }
 
 #[test]
-fn where_a_head_turns_the_tool_it_is_refused() {
-    let mut config = oscillating();
-    // C X Y Z A: a head-table machine.
-    let chain = &mut config.profile.kinematics.as_mut().expect("five axes").chain;
-    let head = chain.remove(1);
-    chain.push(head);
-    assert_eq!(config.profile.problems(), []);
-    let report = validate(PROGRAM, &config);
-    let codes: Vec<_> = report.findings.iter().map(|finding| finding.code.to_string()).collect();
-    assert!(!report.is_accepted() && codes.contains(&"OSC-FIVE-AXIS".to_owned()), "{codes:?}");
+fn a_tip_that_rests_has_no_feed_direction() {
     let still = PROGRAM.replace("X40 Y5 A-26 C12", "A-26 C12");
     let report = validate(&still, &oscillating());
     assert!(report.findings.iter().any(|finding| finding.code == "OSC-ROTARY"), "{:?}", report.findings);

@@ -180,17 +180,6 @@ impl FiveAxisSegment {
 }
 
 impl Kinematics {
-    /// The rotary axes, where both of them turn the work and none the tool, which is along Z over X, Y and Z: there
-    /// the linear axes move the tool in its own directions, however the work is turned.
-    #[must_use]
-    pub fn under_fixed_spindle(&self) -> Option<RotaryDirections> {
-        let is_along = |v: Vec3, k: usize| (0..3).all(|component| v[component] == f64::from(u8::from(component == k)));
-        let turns_work = self.linear.iter().all(|linear| self.rotary.iter().all(|rotary| rotary < linear));
-        let linear = self.linear.iter().map(|&linear| &self.joints[linear]);
-        let is_plain = linear.clone().all(|joint| is_along(joint.direction, joint.axis.index()));
-        (turns_work && is_plain && is_along(self.tool_direction, 2)).then(|| self.rotary_directions())
-    }
-
     /// The rotary axes alone.
     #[must_use]
     pub fn rotary_directions(&self) -> RotaryDirections {

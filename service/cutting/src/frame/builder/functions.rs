@@ -3,11 +3,9 @@
 //!
 //! This is the place, with [`Functions`] and [`FunctionAnalysis`], to which a function is added.
 
-use std::sync::Arc;
-
 use feedwave_motion::kinematics::FiveAxisMotion;
 use feedwave_motion::{
-    Curve, Element, LimitExceeded, LimitPieces, Machine, PathMotion, Planner, limit_pieces, top_command,
+    Curve, Element, LimitExceeded, LimitPieces, Machine, PathLimits, PathMotion, Planner, limit_pieces, top_command,
 };
 use feedwave_program::{Finding, FindingLog, Function, FunctionCommand, Move, SourceSpan};
 use serde::{Deserialize, Serialize};
@@ -22,7 +20,7 @@ use crate::functions::path_vibration::{
     GenerationMode, Vibration, VibrationAnalysis, VibrationDemand, VibrationInputs,
 };
 use crate::functions::thread::{ThreadAnalysis, ThreadInputs, Threads};
-use crate::functions::tool_oscillation::{Oscillation, OscillationAnalysis, OscillationInputs};
+use crate::functions::tool_oscillation::{LeftOver, Oscillation, OscillationAnalysis, OscillationInputs};
 use crate::shared::checks::is_rotary_only;
 use crate::shared::cut::Cut;
 
@@ -74,8 +72,8 @@ impl PipelineConfig {
 
 /// What the functions ask of the axes on an element.
 pub(super) struct Superposed {
-    /// The machine with what superposed offsets leave of its limits.
-    left: Option<Arc<Machine>>,
+    /// What superposed offsets leave of the limits.
+    left: Option<LeftOver>,
     vibration: Option<VibrationDemand>,
     /// Highest speed that is commanded, mm/s.
     top_speed: f64,
@@ -84,17 +82,23 @@ pub(super) struct Superposed {
 impl Superposed {
     /// The machine with the limits that are left.
     pub(super) fn machine<'a>(&'a self, machine: &'a Machine) -> &'a Machine {
-        self.left.as_deref().unwrap_or(machine)
+        self.left.as_ref().map_or(machine, |left| &left.machine)
     }
 
     /// The limits of the element, in pieces.
     pub(super) fn limit_pieces(&self, element: &Element, machine: &Machine) -> Result<LimitPieces, LimitExceeded> {
         let machine = self.machine(machine);
-        match &self.vibration {
+        let mut pieces = match &self.vibration {
             Some(demand) => demand.limit_pieces(element, machine, self.top_speed),
             // Twice the commanded speed is the most that a feed override asks for.
             None => limit_pieces(element, machine, PathMotion::ZERO, 2.0 * self.top_speed),
+        }?;
+        if let Some(path) = self.left.as_ref().and_then(|left| left.path) {
+            for piece in &mut pieces {
+                piece.limits = PathLimits::tightest([piece.limits, path].iter());
+            }
         }
+        Ok(pieces)
     }
 
     /// Whether nothing takes a part of the limits of the axes.
@@ -229,7 +233,8 @@ impl Builder {
     ) -> Superposed {
         let machine = &config.profile.machine;
         let left = if element.rapid { None } else { self.oscillate(element, cut, config, planner, findings) };
-        let top_speed = top_command(element, cut.feed, &cut.spindle, left.as_deref().unwrap_or(machine));
+        let top_machine = left.as_ref().map_or(machine, |left| &left.machine);
+        let top_speed = top_command(element, cut.feed, &cut.spindle, top_machine);
         let vibration = if element.rapid { None } else { self.vibrate(element, top_speed, config, planner) };
         Superposed { left, vibration, top_speed }
     }
@@ -242,7 +247,7 @@ impl Builder {
         config: &PipelineConfig,
         planner: &mut Planner<Barrier>,
         findings: &mut FindingLog,
-    ) -> Option<Arc<Machine>> {
+    ) -> Option<LeftOver> {
         let inputs = OscillationInputs {
             conditions: &config.profile.tool_oscillation,
             floor: &config.profile.oscillation_floor,
@@ -250,7 +255,7 @@ impl Builder {
             machine: &config.profile.machine,
             tools: &config.tools,
             tool: self.state.tool,
-            rotary: self.guide.as_ref().and_then(Guide::under_fixed_spindle),
+            frame: self.guide.as_ref().map(Guide::tool_frame),
             vibrates: self.state.functions.vibration.is_on(),
         };
         let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.oscillation);

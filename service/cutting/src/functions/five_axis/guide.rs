@@ -9,7 +9,7 @@ use std::sync::Arc;
 use feedwave_motion::kinematics::vector::{angle, unit};
 use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
-    Kinematics, KinematicsError, RotaryDirections, Setup, TipCurve, Toward,
+    Kinematics, KinematicsError, Setup, TipCurve, ToolFrame, Toward,
 };
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingLog, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide,
@@ -118,9 +118,9 @@ impl Guide {
         Self { kinematics }
     }
 
-    /// The rotary axes, where the tool may oscillate while they turn the work.
-    pub(crate) fn under_fixed_spindle(&self) -> Option<RotaryDirections> {
-        self.kinematics.under_fixed_spindle()
+    /// The frame of the tool, in which it oscillates.
+    pub(crate) fn tool_frame(&self) -> ToolFrame {
+        self.kinematics.tool_frame()
     }
 
     /// How corners between guided cuts are rounded.

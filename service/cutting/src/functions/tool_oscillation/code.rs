@@ -226,11 +226,11 @@ feedwave_program::finding_codes! {
     }
 
     "OSC-FIVE-AXIS" [OSC_FIVE_AXIS: Error] {
-        meaning: "the tool oscillates under tool centre point control on a machine that turns the tool",
-        cause: "The oscillation is along and across a spindle that stays along Z; one of the rotary axes of this \
-              machine turns the tool.",
-        cure: "Switch the oscillation off before, or use a machine whose rotary axes both turn the work.",
-        example: words("`G202` under `G43.4` on a mill with a swivelling head"),
+        meaning: "the tool oscillates while a head holds it tilted, without tool centre point control",
+        cause: "Without tool centre point control the oscillation is along and across Z, and the tool axis is not along \
+              Z here.",
+        cure: "Switch tool centre point control on, or tilt the plane with `G68.2` and `G53.1`.",
+        example: words("`G202` behind `G0 B30` on a mill with a swivelling head"),
     }
 
     "OSC-WITH-VIBRATION" [OSC_WITH_VIBRATION: Error] {

@@ -1,23 +1,26 @@
 //! Judging oscillating cuts: what can be said about an element alone, and about a whole pass where tool, feed or spindle
 //! speed are new.
 
-use feedwave_motion::kinematics::RotaryDirections;
+use feedwave_motion::kinematics::ToolFrame;
 use feedwave_motion::{Curve, Element, top_command};
 use feedwave_program::{Axis, Finding, Position, SourceSpan, SpindleDirection, SpindleSpeed};
 
 use super::code;
-use super::limits::{LeftLimits, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
+use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use super::state::ActiveOscillation;
+use super::superposition::rotary_rad;
 use super::{
     ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationInputs, OscillationJob, OscillationReport, OscillationRequest, OscillationRun, OscillationSectionReport,
-    RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge, known_names, ramp_mm, seen_by_tool,
-    synchronise,
+    OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest, OscillationRun,
+    OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge,
+    known_names, ramp_mm, seen_by_tool, synchronise,
 };
 use crate::shared::cut::Cut;
 
 /// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
 const LEAST_IN_PLANE: f64 = 0.1;
+/// Components of unit vectors that differ by more are other directions.
+const TILTED: f64 = 1e-6;
 /// Stretches of an element in which the turning of the feed direction is examined.
 const TURNING_PLACES: usize = 16;
 /// What it is taken larger between them: along a corner's quintics it changes by a tenth from one place to the next.
@@ -41,6 +44,7 @@ struct Judgement {
     condition: OscillationCondition,
     leading_edge: u32,
     cut: OscillationCut,
+    limits: OscillationLimits,
     span: SourceSpan,
     report: Option<OscillationReport>,
     findings: Vec<Finding>,
@@ -59,6 +63,7 @@ impl Judgements {
             known.tool == tool
                 && known.leading_edge == job.leading_edge
                 && known.cut == job.cut
+                && known.limits == job.limits
                 && known.condition == *job.condition
         });
         if let Some(known) = like {
@@ -97,6 +102,7 @@ impl Judgements {
                 condition: job.condition.clone(),
                 leading_edge: job.leading_edge,
                 cut: job.cut,
+                limits: job.limits,
                 span: job.span,
                 report: report.clone(),
                 findings,
@@ -119,9 +125,13 @@ impl ActiveOscillation {
         let rev_per_min = steady_rev_per_min(element, cut, inputs, found)?;
         let spindle_rev_per_min = rev_per_min.min(inputs.machine.max_spindle_rev_per_min);
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
-        if !can_turn(element, feed_mm_per_s, spindle_rev_per_min, inputs.rotary.as_ref(), found) {
+        if !can_turn(element, feed_mm_per_s, spindle_rev_per_min, inputs.frame.as_ref(), found) {
             return None;
         }
+        let shares = match (&element.curve, &inputs.frame) {
+            (Curve::FiveAxis(five_axis), Some(frame)) => Some(AxisShares::of(frame, element, five_axis)?),
+            _ => None,
+        };
         let clockwise = cut.spindle.direction == SpindleDirection::Clockwise;
         let feed_mm_per_min = feed_mm_per_s * 60.0;
         let signed = if clockwise { spindle_rev_per_min } else { -spindle_rev_per_min };
@@ -130,9 +140,11 @@ impl ActiveOscillation {
             let is_within = if self.has_tables { feed == feed_mm_per_min } else { feed >= feed_mm_per_min };
             old_tool == inputs.tool && is_within && speed == signed
         }) {
+            self.leave_limits(shares, inputs, found);
             return None;
         }
         self.judged = Some((inputs.tool, feed_mm_per_min, signed));
+        (self.left, self.guided_left) = (None, None);
         let cutting = OscillationCut {
             feed_mm_per_min,
             spindle_rev_per_min,
@@ -140,13 +152,62 @@ impl ActiveOscillation {
             depth_mm: 0.0,
             engagement_deg: [-90.0, 90.0],
         };
-        self.judge(element.source.line, cutting, inputs, judgements, found)
+        let limits = shares.map_or_else(|| machine_limits(inputs.machine), |shares| shares.limits(inputs.machine));
+        let mut report = self.judge(element.source.line, cutting, limits, inputs, judgements, found);
+        let has_left = self.leave_limits(shares, inputs, found);
+        if let Some(report) = report.as_mut().filter(|_| !has_left) {
+            // What was judged is reported all the same.
+            report.report.feasible = false;
+        }
+        report
+    }
+
+    /// Settles what the oscillation leaves of the axes' limits, of a guided tool with these shares of its axes; `false` after a
+    /// finding.
+    fn leave_limits(
+        &mut self,
+        shares: Option<AxisShares>,
+        inputs: &OscillationInputs<'_>,
+        found: &mut Vec<Finding>,
+    ) -> bool {
+        let (Some(run), Some((_, feed_mm_per_min, signed))) = (&self.run, self.judged) else { return true };
+        let cut = OscillationCut {
+            feed_mm_per_min,
+            spindle_rev_per_min: signed.abs(),
+            clockwise: signed > 0.0,
+            depth_mm: 0.0,
+            engagement_deg: [-90.0, 90.0],
+        };
+        let mut said = |shortage: Shortage, fits: &dyn Fn(&OscillationRun) -> bool| {
+            let fits = |share: f64| fits(&run.with_amplitudes(share));
+            found.push(shortage.finding(self.on_span, run, fits));
+            false
+        };
+        match shares {
+            None if self.left.is_some() => true,
+            None => match LeftLimits::of(inputs.machine, run, &cut) {
+                Ok(left) => {
+                    self.left = Some(left);
+                    true
+                }
+                Err(shortage) => said(shortage, &|run| LeftLimits::of(inputs.machine, run, &cut).is_ok()),
+            },
+            Some(shares) if self.guided_left.as_ref().is_some_and(|left| left.are_of(&shares)) => true,
+            Some(shares) => match GuidedLimits::of(inputs.machine, run, &cut, shares) {
+                Ok(left) => {
+                    self.guided_left = Some(left);
+                    true
+                }
+                Err(shortage) => said(shortage, &|run| GuidedLimits::of(inputs.machine, run, &cut, shares).is_ok()),
+            },
+        }
     }
 
     fn judge(
         &mut self,
         line: u32,
         mut cut: OscillationCut,
+        limits: OscillationLimits,
         inputs: &OscillationInputs<'_>,
         judgements: Option<&mut Judgements>,
         found: &mut Vec<Finding>,
@@ -161,7 +222,6 @@ impl ActiveOscillation {
         cut.depth_mm = self.depth_mm.unwrap_or(deepest_mm);
         cut.engagement_deg = condition.engagement.azimuths_deg(tool.radius_mm, cut.clockwise);
         let (leading_edge, roles) = self.roles(&condition.leading_edge, tool, inputs.request);
-        let limits = machine_limits(inputs.machine);
         let job = OscillationJob { tool, condition: &condition, leading_edge, cut, limits, floor: None, span };
         // While streaming the program has been judged before.
         let mut ignored = Vec::new();
@@ -174,8 +234,8 @@ impl ActiveOscillation {
             None => (None, &mut *found),
         };
         let oscillation = synchronise(&job, said)?;
-        let run = run(oscillation, &condition, &cut);
-        let mut report = report.map(|report| OscillationSectionReport {
+        self.run = Some(Box::new(run(oscillation, &condition, &cut)));
+        report.map(|report| OscillationSectionReport {
             on_line: self.on_span.line,
             line,
             tool: tool_number,
@@ -183,24 +243,7 @@ impl ActiveOscillation {
             roles,
             cut,
             report,
-        });
-        match LeftLimits::of(inputs.machine, &run, &cut) {
-            Ok(left) => (self.left, self.run) = (Some(left), Some(Box::new(run))),
-            Err(shortage) => {
-                let fits = |share: f64| {
-                    let mut oscillation = run.oscillation.clone();
-                    let plane = core::iter::once(&mut oscillation.feed).chain(&mut oscillation.cross);
-                    plane.chain([&mut oscillation.axial]).for_each(|motion| motion.amplitude_mm *= share);
-                    LeftLimits::of(inputs.machine, &self::run(oscillation, &condition, &cut), &cut).is_ok()
-                };
-                found.push(shortage.finding(span, &run, fits));
-                // What was judged is reported all the same.
-                if let Some(report) = &mut report {
-                    report.report.feasible = false;
-                }
-            }
-        }
-        report
+        })
     }
 
     /// The condition at a feed and a spindle speed, with the program's amplitudes.
@@ -291,7 +334,7 @@ fn steady_rev_per_min(
     inputs: &OscillationInputs<'_>,
     found: &mut Vec<Finding>,
 ) -> Option<f64> {
-    let rotary = inputs.rotary.as_ref();
+    let frame = inputs.frame.as_ref();
     let span = element.source;
     let mut refuse = |code, message: &str, cure: &str| found.push(Finding::new(code, span, message).suggest(cure));
     let turns_axes = Axis::ALL.into_iter().any(|axis| axis.is_rotary() && element.moves(axis));
@@ -299,10 +342,14 @@ fn steady_rev_per_min(
         Curve::FiveAxis(five_axis) => Some(five_axis),
         _ => None,
     };
-    if guided.is_some() && rotary.is_none() {
-        let message = "the tool oscillates under tool centre point control only where both rotary axes turn the work \
-                       under a spindle along Z: here one of them turns the tool";
-        refuse(code::OSC_FIVE_AXIS, message, "switch the oscillation off before");
+    if guided.is_none() && frame.is_some_and(|frame| is_tilted(frame, element)) {
+        let message =
+            "the tool oscillates along and across Z here, but its axis is tilted, without tool centre point control";
+        refuse(
+            code::OSC_FIVE_AXIS,
+            message,
+            "switch tool centre point control on, or tilt the plane with G68.2 and G53.1",
+        );
         return None;
     }
     if guided.map_or(turns_axes, |five_axis| five_axis.tip().length_mm() == 0.0) {
@@ -328,7 +375,7 @@ fn steady_rev_per_min(
         return None;
     }
     let in_plane = |s: f64| {
-        let heading = heading(rotary, element, s);
+        let heading = heading(frame, element, s);
         libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
     };
     let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
@@ -345,11 +392,11 @@ fn can_turn(
     element: &Element,
     feed_mm_per_s: f64,
     spindle_rev_per_min: f64,
-    rotary: Option<&RotaryDirections>,
+    frame: Option<&ToolFrame>,
     found: &mut Vec<Finding>,
 ) -> bool {
     let curvature = match element.curve {
-        Curve::FiveAxis(_) => turning_per_mm(rotary, element),
+        Curve::FiveAxis(_) => turning_per_mm(frame, element),
         _ => element.curvature(),
     };
     let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
@@ -390,29 +437,54 @@ fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: 
     );
 }
 
+/// Whether the linear axes do not move along X, Y and Z of the tool where an element that is not guided starts.
+fn is_tilted(frame: &ToolFrame, element: &Element) -> bool {
+    if frame.is_constant() {
+        return false;
+    }
+    let at_rad =
+        frame.rotary_axes().map(|axis| (element.start[axis.index()] + element.work_offset[axis.index()]).to_radians());
+    let axes = frame.linear_axes();
+    (0..3).any(|direction| {
+        let mut own = [0.0; 3];
+        own[direction] = 1.0;
+        let Ok(moved) = frame.linear_mm(at_rad, own) else { return true };
+        axes.iter().zip(moved).any(|(axis, moved_mm)| {
+            let expected = f64::from(u8::from(axis.index() == direction));
+            (moved_mm - expected).abs() > TILTED
+        })
+    })
+}
+
 /// The direction of the path, under tool centre point control as the tool sees it.
-pub(crate) fn heading(rotary: Option<&RotaryDirections>, element: &Element, s: f64) -> Position {
-    let (Curve::FiveAxis(five_axis), Some(rotary)) = (&element.curve, rotary) else { return element.tangent(s) };
+pub(crate) fn heading(frame: Option<&ToolFrame>, element: &Element, s: f64) -> Position {
+    let (Curve::FiveAxis(five_axis), Some(frame)) = (&element.curve, frame) else { return element.tangent(s) };
     let mut heading = Position::default();
-    heading[..3].copy_from_slice(&seen_by_tool(rotary, element, five_axis, s));
+    heading[..3].copy_from_slice(&seen_by_tool(frame, element, five_axis, s));
     heading
 }
 
-/// How fast the feed direction turns in the work plane along an element, rad by mm: between places, with a margin for what lies
-/// between them.
-fn turning_per_mm(rotary: Option<&RotaryDirections>, element: &Element) -> f64 {
-    let azimuth = |place: usize| {
-        let heading = heading(rotary, element, element.length * place as f64 / TURNING_PLACES as f64);
-        libm::atan2(heading[1], heading[0])
-    };
+/// How fast the feed direction turns across the tool along an element, or the tool with its own directions where an axis turns it,
+/// rad by mm: between places, with a margin for what lies between them.
+fn turning_per_mm(frame: Option<&ToolFrame>, element: &Element) -> f64 {
     let step_mm = element.length / TURNING_PLACES as f64;
-    let mut before = azimuth(0);
+    let at = |place: usize| {
+        let s = step_mm * place as f64;
+        let heading = heading(frame, element, s);
+        let turned_rad = match (&element.curve, frame) {
+            (Curve::FiveAxis(five_axis), Some(frame)) if !frame.is_constant() => rotary_rad(element, five_axis, s),
+            _ => [0.0; 2],
+        };
+        (libm::atan2(heading[1], heading[0]), turned_rad)
+    };
+    let mut before = at(0);
     let mut largest = 0.0_f64;
     for place in 1..=TURNING_PLACES {
-        let next = azimuth(place);
-        let turned = next - before;
+        let next = at(place);
+        let turned = next.0 - before.0;
         let turned = turned - core::f64::consts::TAU * (turned / core::f64::consts::TAU).round();
-        largest = largest.max(turned.abs() / step_mm);
+        let carried = (next.1[0] - before.1[0]).abs() + (next.1[1] - before.1[1]).abs();
+        largest = largest.max(turned.abs().max(carried) / step_mm);
         before = next;
     }
     TURNING_MARGIN * largest
@@ -426,6 +498,6 @@ fn run(oscillation: ToolOscillation, condition: &OscillationCondition, cut: &Osc
         ramp_mm: ramp_mm(condition.ramp_periods, feed_per_period_mm, amplitude_mm, condition.may_overrun),
         oscillation,
         clockwise: cut.clockwise,
-        rotary: None,
+        frame: None,
     }
 }

@@ -34,6 +34,7 @@ pub use engagement::{Engagement, WorkSide};
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
 pub use floor_area::{FloorSettings, MAX_FLOOR_REVOLUTIONS};
 use judgement::Judgements;
+pub(crate) use limits::LeftOver;
 pub use motion::{DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, ramp_mm};
 pub use problems::condition_problems;
 pub use removal::{EdgePass, EdgeReport, OscillationCut, RemovedLayer, plane_section};

@@ -1,9 +1,7 @@
 //! Parts of the path on which a rotary tool oscillates: the words, the section's start and end, what is left of the axes'
 //! limits, and the report.
 
-use std::sync::Arc;
-
-use feedwave_motion::kinematics::RotaryDirections;
+use feedwave_motion::kinematics::ToolFrame;
 use feedwave_motion::{Curve, Element, Machine, Planner, TANGENT_TOLERANCE_RAD, top_command};
 use feedwave_program::{
     AXIS_COUNT, Axis, Finding, FindingCode, FindingLog, FunctionCommand, Position, Severity, SourceSpan,
@@ -12,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::judgement::heading;
-use super::limits::LeftLimits;
+use super::limits::{GuidedLimits, LeftLimits, LeftOver};
 use super::{
     FloorSettings, Judgements, NamedCondition, OscillationBarrier, OscillationRequest, OscillationRun,
     OscillationSectionReport,
@@ -36,8 +34,8 @@ pub(crate) struct OscillationInputs<'a> {
     pub(crate) tools: &'a [Tool],
     /// Number of the tool in the spindle.
     pub(crate) tool: u32,
-    /// The rotary axes of a machine on which the tool may oscillate while they turn the work.
-    pub(crate) rotary: Option<RotaryDirections>,
+    /// The frame of the tool on a machine with kinematics.
+    pub(crate) frame: Option<ToolFrame>,
     /// Whether another function vibrates along the path.
     pub(crate) vibrates: bool,
 }
@@ -78,6 +76,8 @@ pub(super) struct ActiveOscillation {
     /// What the generator gets, and what the axes have left.
     pub(super) run: Option<Box<OscillationRun>>,
     pub(super) left: Option<LeftLimits>,
+    /// What they have left on the present element of a guided tool.
+    pub(super) guided_left: Option<GuidedLimits>,
     open: Option<OpenSection>,
 }
 
@@ -145,6 +145,7 @@ impl ActiveOscillation {
             has_tables: false,
             run: None,
             left: None,
+            guided_left: None,
             open: None,
         }
     }
@@ -153,22 +154,27 @@ impl ActiveOscillation {
     fn enter<B: From<OscillationBarrier>>(
         &mut self,
         element: &Element,
-        rotary: Option<RotaryDirections>,
+        frame: Option<ToolFrame>,
         planner: &mut Planner<B>,
-    ) -> Option<Arc<Machine>> {
-        let (run, left) = (self.run.as_ref()?, self.left.as_ref()?);
+    ) -> Option<LeftOver> {
+        let run = self.run.as_ref()?;
+        let left = match element.curve {
+            Curve::FiveAxis(_) => self.guided_left.as_ref()?.left_over(),
+            Curve::Line => LeftOver::of_machine(&self.left.as_ref()?.straight),
+            Curve::Arc(_) | Curve::Spline(_) => LeftOver::of_machine(&self.left.as_ref()?.curved),
+        };
         if self.open.is_none() {
-            let run = Box::new(OscillationRun { rotary, ..(**run).clone() });
+            let run = Box::new(OscillationRun { frame, ..(**run).clone() });
             planner.push_barrier(OscillationBarrier::Start(run).into());
         }
         self.open = Some(OpenSection {
             line: self.open.map_or(element.source.line, |open| open.line),
             length_mm: self.open.map_or(0.0, |open| open.length_mm) + element.length,
-            direction: heading(rotary.as_ref(), element, element.length),
+            direction: heading(frame.as_ref(), element, element.length),
             ramp_mm: run.ramp_mm,
             judged: self.judged,
         });
-        Some(Arc::clone(if element.curve == Curve::Line { &left.straight } else { &left.curved }))
+        Some(left)
     }
 }
 
@@ -239,9 +245,9 @@ impl Oscillation {
         analysis: Option<&mut OscillationAnalysis>,
         planner: &mut Planner<B>,
         findings: &mut FindingLog,
-    ) -> Option<Arc<Machine>> {
+    ) -> Option<LeftOver> {
         let open = self.switch.on()?.open;
-        if open.is_some_and(|open| open.turns_sharply(element, inputs.rotary.as_ref())) {
+        if open.is_some_and(|open| open.turns_sharply(element, inputs.frame.as_ref())) {
             // The offsets turn with the path: they have to be 0 where it turns at once.
             self.close_section(planner, findings);
         }
@@ -254,7 +260,7 @@ impl Oscillation {
             // Another oscillation from here on.
             self.close_section(planner, findings);
         }
-        let left = self.switch.on_mut()?.enter(element, inputs.rotary, planner)?;
+        let left = self.switch.on_mut()?.enter(element, inputs.frame, planner)?;
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
         self.cutting_time_s += element.length / feed_mm_per_s;
         Some(left)
@@ -263,8 +269,8 @@ impl Oscillation {
 
 impl OpenSection {
     /// Whether the path turns at once where an element goes on.
-    fn turns_sharply(&self, element: &Element, rotary: Option<&RotaryDirections>) -> bool {
-        let (before, after) = (self.direction, heading(rotary, element, 0.0));
+    fn turns_sharply(&self, element: &Element, frame: Option<&ToolFrame>) -> bool {
+        let (before, after) = (self.direction, heading(frame, element, 0.0));
         let linear = (0..AXIS_COUNT).filter(|&index| !Axis::ALL[index].is_rotary());
         let square: f64 = linear.map(|index| (after[index] - before[index]) * (after[index] - before[index])).sum();
         square.sqrt() > TANGENT_TOLERANCE_RAD

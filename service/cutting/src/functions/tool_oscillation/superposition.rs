@@ -7,7 +7,7 @@
 use core::f64::consts::TAU;
 
 use feedwave_motion::kinematics::vector::Vec3;
-use feedwave_motion::kinematics::{RotaryDirections, ToolPose};
+use feedwave_motion::kinematics::{ToolFrame, ToolPose};
 use feedwave_motion::{Arc, Curve, Element, FiveAxis, sincos_turns};
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ use crate::shared::track::PathBarrier;
 /// A barrier of a part of the path on which the tool oscillates.
 pub(crate) type OscillationBarrier = SuperpositionBarrier<OscillationRun>;
 
-/// What the generator needs to know of a part of the path on which the tool oscillates. The tool axis is Z.
+/// What the generator needs to know of a part of the path on which the tool oscillates. Where the tool is not guided, its axis is Z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct OscillationRun {
     pub(crate) oscillation: ToolOscillation,
@@ -30,21 +30,22 @@ pub(crate) struct OscillationRun {
     pub(crate) clockwise: bool,
     /// Length of path over which the oscillation is blended in and out, mm.
     pub(crate) ramp_mm: f64,
-    /// The rotary axes of a machine on which the tool may oscillate while they turn the work.
-    pub(crate) rotary: Option<RotaryDirections>,
+    /// The frame of the tool on a machine with kinematics.
+    pub(crate) frame: Option<ToolFrame>,
 }
 
-/// Path direction of a guided tool as the tool sees it, at an arc length of an element.
-pub(crate) fn seen_by_tool(rotary: &RotaryDirections, element: &Element, five_axis: &FiveAxis, s: f64) -> Vec3 {
+/// Path direction of a guided tool as the tool sees it, across and along it, at an arc length of an element.
+pub(crate) fn seen_by_tool(frame: &ToolFrame, element: &Element, five_axis: &FiveAxis, s: f64) -> Vec3 {
     let mut tangent = [0.0; 3];
     for (axis, value) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(&mut tangent) {
         element.fill_work_tangent(axis, &[s], core::slice::from_mut(value));
     }
     let tangent = five_axis.setup().to_chain(&ToolPose { tip_mm: [0.0; 3], direction: tangent }).direction;
-    rotary.as_seen_by_tool(rotary_rad(element, five_axis, s), tangent)
+    frame.seen(rotary_rad(element, five_axis, s), tangent)
 }
 
-fn rotary_rad(element: &Element, five_axis: &FiveAxis, s: f64) -> [f64; 2] {
+/// The rotary axes at an arc length of an element, rad.
+pub(crate) fn rotary_rad(element: &Element, five_axis: &FiveAxis, s: f64) -> [f64; 2] {
     let [.., first, second] = *five_axis.axes();
     [first, second].map(|axis| {
         let mut angle_deg = [0.0];
@@ -82,6 +83,14 @@ impl OscillationScratch {
 }
 
 impl OscillationRun {
+    /// The same with all amplitudes multiplied by a share.
+    pub(crate) fn with_amplitudes(&self, share: f64) -> Self {
+        let mut run = self.clone();
+        let plane = core::iter::once(&mut run.oscillation.feed).chain(&mut run.oscillation.cross);
+        plane.chain([&mut run.oscillation.axial]).for_each(|motion| motion.amplitude_mm *= share);
+        run
+    }
+
     /// Adds the oscillation to the rows from `start` on.
     pub(crate) fn superpose<B: PathBarrier>(
         &self,
@@ -93,8 +102,8 @@ impl OscillationRun {
         let count = at.s.len();
         let (before_mm, length_mm) = at.track.section_place(at.item);
         self.fill_share(before_mm, length_mm, at.s, &mut scratch.share[..count]);
-        if let (Curve::FiveAxis(five_axis), Some(rotary)) = (&at.element.curve, &self.rotary) {
-            self.superpose_guided(at, five_axis, rotary, scratch, block, start);
+        if let (Curve::FiveAxis(five_axis), Some(frame)) = (&at.element.curve, &self.frame) {
+            self.superpose_guided(at, five_axis, frame, scratch, block, start);
         } else {
             self.superpose_in_plane(at, scratch, block, start);
         }
@@ -149,13 +158,13 @@ impl OscillationRun {
         }
     }
 
-    /// For a tool whose work the rotary axes turn: the feed direction is that which the tool sees, and the offsets are along
-    /// its own directions, which are those of the linear axes.
+    /// For a guided tool: the feed direction is that which the tool sees, and the offsets are along its own directions, which the
+    /// linear axes carry out, whatever the rotary ones turn.
     fn superpose_guided<B>(
         &self,
         at: &Samples<'_, B>,
         five_axis: &FiveAxis,
-        rotary: &RotaryDirections,
+        frame: &ToolFrame,
         scratch: &mut OscillationScratch,
         block: &mut SetpointBlock,
         start: usize,
@@ -166,7 +175,7 @@ impl OscillationRun {
         let (turns, offset, share) = (&mut turns[..count], &mut offset[..count], &mut share[..count]);
         let rotation = if self.clockwise { 1.0 } else { -1.0 };
         for (k, &s) in s.iter().enumerate() {
-            let seen = seen_by_tool(rotary, element, five_axis, s);
+            let seen = seen_by_tool(frame, element, five_axis, s);
             [along_x[k], along_y[k]] = unit(seen[0], seen[1]);
             let feed_turns = -rotation * libm::atan2(along_y[k], along_x[k]) / TAU;
             let spindle_turns = rotation * block.spindle_angle_deg[start + k] / 360.0;
@@ -186,21 +195,21 @@ impl OscillationRun {
         }
         self.fill_offset(&self.oscillation.axial, turns, share, offset);
         z[..count].copy_from_slice(offset);
-        if columns.iter().any(ColumnMap::is_of_work) {
-            // On the work the offsets are turned back with it.
-            for (k, &s) in s.iter().enumerate() {
-                let direction = rotary.as_carried_by_tool(rotary_rad(element, five_axis, s), [x[k], y[k], z[k]]);
-                let pose = ToolPose { tip_mm: [0.0; 3], direction };
-                [x[k], y[k], z[k]] = five_axis.setup().to_work(&pose).direction;
-            }
-        }
-        for (map, column) in columns.iter().zip(&mut block.axes) {
-            let offsets = match map.axis {
-                Axis::X => &*x,
-                Axis::Y => &*y,
-                Axis::Z => &*z,
-                _ => continue,
+        let is_of_work = columns.iter().any(ColumnMap::is_of_work);
+        for (k, &s) in s.iter().enumerate() {
+            let (own, rotary_rad) = ([x[k], y[k], z[k]], rotary_rad(element, five_axis, s));
+            [x[k], y[k], z[k]] = if is_of_work {
+                let pose = ToolPose { tip_mm: [0.0; 3], direction: frame.carried(rotary_rad, own) };
+                five_axis.setup().to_work(&pose).direction
+            } else {
+                // The builder refuses poses in which the linear axes do not span space.
+                frame.linear_mm(rotary_rad, own).unwrap_or_default()
             };
+        }
+        let moved = if is_of_work { [Axis::X, Axis::Y, Axis::Z] } else { frame.linear_axes() };
+        for (map, column) in columns.iter().zip(&mut block.axes) {
+            let Some(place) = moved.iter().position(|&axis| axis == map.axis) else { continue };
+            let offsets = [&*x, &*y, &*z][place];
             for (value, offset) in column[start..start + count].iter_mut().zip(offsets) {
                 *value += map.sign * offset;
             }
