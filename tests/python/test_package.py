@@ -105,6 +105,7 @@ def test_setpoints_are_columns_with_units(client, slot):
     part = slot.setpoints(start=100, count=50, frame="work", columns=["axis_position"])
     assert list(part) == ["index", "time_s", "X_mm", "Y_mm", "Z_mm", "source_line"]
     assert part.first_index == 100 and np.array_equal(part["X_mm"], setpoints["X_mm"][100:150])
+    assert [use.axis for use in slot.plan_summary().limit_use] == ["X", "Y", "Z"]
     assert slot.setpoints(start_time_s=0.1, count=1).first_index == 100
     assert slot.setpoints(count=0).count == 0
     assert part == slot.setpoints(frame="work", columns=["axis_position"]).rows(100, 150) != part.rows(0, 49)

@@ -11,6 +11,7 @@ import pytest
 import feedwave
 import feedwave.aio
 from feedwave import _flow, errors
+from feedwave.v1 import telemetry_pb2
 
 SLOT = "G21 G90 G94 G17 S3000 M3\nG0 X10 Y0 Z0\nG1 X60 F1200\nG0 X70\nM30\n"
 TENTH = {"duration_s": 0.1}
@@ -172,7 +173,51 @@ def test_the_operator_holds_resumes_and_aborts(client):
         assert causes == ["HOLD", "RESUME", "ABORT"]
         assert run.ended is not None and run.ended.state == "ABORTED"
         assert next(events, None) is None
-    assert client.run_info(run.name).state != 0
+    assert client.run_info(run.name).state == telemetry_pb2.RUN_STATE_ABORTED
+
+
+def test_a_held_feed_is_acknowledged_and_resumed(client):
+    job, sensor = client.submit(SLOT, machine="mill").wait(60), Sensor()
+    escalating = {"feed": {"lower": 0.003, "upper": 0.01, "step": 0.5}, "feed_bounds": {"lower": 0.5, "upper": 1.5}, "escalation": {"windows": 2}}
+    job.set_monitoring({**MONITORING, "rules": escalating})
+    told = []
+    with job.run(ahead_s=0.0) as run:
+        run.send(**sensor.idle())
+        run.flush()
+        run.ahead_s = 0.1
+        for event in run:
+            if isinstance(event, feedwave.Setpoints):
+                # Bent too far however slow it is.
+                run.send(**sensor.samples(np.where(event.line == 3, 0.02, 0.0)))
+                continue
+            if not isinstance(event, feedwave.Acknowledged):
+                told.append(event)
+            if isinstance(event, feedwave.FeedChange) and event.cause == "ESCALATION":
+                assert run.feed_held and event.ratio == 0.0
+                run.resume()
+            elif isinstance(event, feedwave.Refused):
+                assert (event.command, event.reason) == ("RESUME", "CONDITION_NOT_ACKNOWLEDGED") and run.feed_held
+                condition = client.acknowledge(run.name, by="who minds the machine", note="tool looked at")
+                assert condition.acknowledged_by == "who minds the machine"
+                run.resume()
+            elif isinstance(event, feedwave.FeedChange) and event.cause == "RESUME":
+                assert not run.feed_held and event.ratio == 0.5
+                run.abort()
+    actions = [event.action for event in told if isinstance(event, feedwave.Decision)]
+    assert "HOLD_FEED" in actions and told[-1].state == "ABORTED"
+    info = client.run_info(run.name)
+    assert info.open_conditions == 0 and len(info.conditions) == 1
+    # The same decisions are watched from the log, each once.
+    watched = list(itertools.islice(client.watch_decisions(run.name, after=0), len(actions)))
+    assert [decision.number for decision in watched] == list(range(len(actions)))
+
+
+def test_closing_a_run_ends_who_waits_for_it(client):
+    run = monitored(client).run(ahead_s=0.0)
+    threading.Thread(target=run.close).start()
+    with pytest.raises(feedwave.Cancelled):
+        next(run)
+    assert client.run_info(run.name).state == telemetry_pb2.RUN_STATE_OPEN
 
 
 def test_a_run_is_taken_up_by_another_process(server, client):
@@ -221,6 +266,30 @@ def test_a_stream_goes_on_where_it_broke(own_server):
                 own_server.start()
         assert np.array_equal(np.concatenate([batch["X_mm"] for batch in batches]), whole["X_mm"])
         assert batches[-1].end_index == whole.count
+    own_server.end()
+
+
+def test_an_upload_goes_on_where_it_broke(own_server):
+    class Watched(feedwave.Program):
+        """A program during whose upload the service is killed once."""
+
+        offsets = []
+
+        def pieces(self, offset=0):
+            self.offsets.append(offset)
+            for count, piece in enumerate(super().pieces(offset)):
+                # The first time it is read for its name.
+                if len(self.offsets) == 2 and count == 8:
+                    own_server.kill()
+                    own_server.start()
+                yield piece
+
+    program = Watched("G21 G90 G94 G17 S3000 M3\n" + "G1 X10 F1200\nG1 X20\n" * 200_000 + "M30\n", "long.nc")
+    with own_server.connect() as client:
+        job = client.submit(program, machine="mill")
+        assert job.proto.program_bytes == program.size and job.proto.program == f"programs/{program.sha256()}"
+        assert len(program.offsets) >= 3
+        job.cancel()
     own_server.end()
 
 

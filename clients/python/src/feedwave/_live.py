@@ -20,7 +20,7 @@ from ._flow import Flow, Open, Read, Retries, Stream, call, retried
 from ._names import resource, value_name, value_of
 from ._options import RunOptions
 from ._requests import column_kinds
-from .errors import ContractError, FailedPrecondition, ServiceError, SourceError
+from .errors import Cancelled, ContractError, FailedPrecondition, ServiceError, SourceError
 from .events import Acknowledged, Decision, Ended, Event, FeedChange, Refused
 from .setpoints import Decoder, Layout, Setpoints
 from .v1 import machines_pb2, runs_pb2, setpoints_pb2, telemetry_pb2
@@ -59,6 +59,7 @@ class LiveRun:
         self.held, self.feed_held = False, False
         self.feed, self.spindle = 1.0, 1.0
         self.ended: Ended | None = None
+        self._closed = False
         self._events: deque[Event] = deque()
         # A command that stops, until it is known to act; and whether a resume is under way.
         self._stopping: runs_pb2.RunCommandKind | None = None
@@ -140,7 +141,13 @@ class LiveRun:
     # What the connection needs.
 
     def step(self) -> Flow[None]:
-        """Acts on the next message of the service; connects where there is no connection."""
+        """Acts on the next message of the service; connects where there is no connection.
+
+        Raises:
+            Cancelled: once it was closed, by another thread perhaps.
+        """
+        if self._closed:
+            raise Cancelled("the run was closed on this side", "Runs/Run")
         if self._stream is None:
             try:
                 yield from retried(self._retries if self._decoder is None else self._reconnects, self._connect)
@@ -152,7 +159,7 @@ class LiveRun:
             message = yield Read(self._stream)
         except ServiceError as error:
             self.broken()
-            if not error.is_passing:
+            if not error.is_passing or self._closed:
                 raise
         except BaseException:
             self.broken()
@@ -164,8 +171,13 @@ class LiveRun:
             else:
                 self._hear(message)
 
+    def close(self) -> None:
+        """Ends the connection for good; the run stays open."""
+        self._closed = True
+        self.broken()
+
     def broken(self) -> None:
-        """Ends the connection; the run stays open."""
+        """Ends the connection."""
         with self._guard:
             if self._stream is not None:
                 self._stream.cancel()
@@ -188,6 +200,8 @@ class LiveRun:
             raise
         with self._guard:
             self._stream = stream
+            if self._closed:
+                stream.cancel()
             for batch in self._waiting:
                 self._say(runs_pb2.RunRequest(batch=batch))
             if self._stopping is not None:
@@ -457,5 +471,5 @@ class RunInfo:
         self._live.command("ABORT")
 
     def close(self) -> None:
-        """Ends the connection. A run that has not ended stays open, to be taken up."""
-        self._live.broken()
+        """Ends the connection, from any thread. A run that has not ended stays open, to be taken up; who iterates gets `Cancelled`."""
+        self._live.close()
