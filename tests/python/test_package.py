@@ -336,7 +336,7 @@ def test_overrides_are_written_as_the_contract_has_them():
 
 
 def test_both_clients_have_the_same_methods():
-    for one, other in [(feedwave.Client, feedwave.aio.Client), (feedwave.Job, feedwave.aio.Job), (feedwave.Run, feedwave.aio.Run)]:
+    for one, other in [(feedwave.Client, feedwave.aio.Client), (feedwave.Job, feedwave.aio.Job), (feedwave.Run, feedwave.aio.Run), (feedwave.Telemetry, feedwave.aio.Telemetry)]:
         def methods(kind):
             members = inspect.getmembers(kind, lambda member: inspect.isfunction(member) or isinstance(member, property))
             return {name: member for name, member in members if not name.startswith("_")}

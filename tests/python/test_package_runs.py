@@ -141,6 +141,54 @@ def test_asyncio_runs_survive_kills(own_server):
     own_server.end()
 
 
+def test_telemetry_alone_survives_kills(own_server):
+    sensor, heard = Sensor(), Heard()
+    with own_server.connect() as client:
+        job = monitored(client)
+        with client.ingest(job) as telemetry:
+            telemetry.send(**sensor.idle(), events=[{"tool": 3}, {"rebaseline": True}])
+            telemetry.flush()
+            assert telemetry.state == "WAITING_FOR_CONTACT"
+            for count in range(40):
+                telemetry.send(**sensor.samples(np.full(50, 0.02)))
+                for event in telemetry.heard():
+                    heard.take(event)
+                if count in (10, 25):
+                    own_server.kill()
+                    own_server.start()
+                    telemetry.flush()
+            assert telemetry.feed < 1.0
+            telemetry.finish()
+            for event in telemetry:
+                heard.take(event)
+        assert heard.end.state == "FINISHED" and len(heard.decisions) > 15
+        assert [one.proto for one in client.decisions(telemetry.name)] == [one.proto for one in heard.decisions]
+        assert {one.proto.tool for one in heard.decisions} == {3} and client.replay(telemetry.name).identical
+    own_server.end()
+
+
+def test_telemetry_alone_is_taken_up(server, client):
+    job, sensor = monitored(client), Sensor()
+
+    async def scene(run):
+        async with feedwave.aio.connect(server.ports["grpc"]) as other, other.take_up_ingest(run, decided=1) as telemetry:
+            for _ in range(10):
+                await telemetry.send(**sensor.samples(np.full(50, 0.02)))
+            telemetry.finish()
+            return [event async for event in telemetry]
+
+    with client.ingest(job) as telemetry:
+        telemetry.send(**sensor.idle())
+        telemetry.flush()
+        assert [event.number for event in telemetry.heard() if isinstance(event, feedwave.Decision)] == [0]
+    events = asyncio.run(scene(telemetry.name))
+    numbers = [event.number for event in events if isinstance(event, feedwave.Decision)]
+    assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) >= 3
+    assert isinstance(events[-1], feedwave.Ended) and events[-1].state == "FINISHED"
+    with pytest.raises(feedwave.SourceError, match="shape"):
+        telemetry.send(np.arange(3), tool=(np.zeros(3), np.zeros(2)))
+
+
 def test_telemetry_may_come_from_another_thread(client):
     job, sensor, heard = monitored(client), Sensor(), Heard()
     with job.run(ahead_s=0.0) as run:

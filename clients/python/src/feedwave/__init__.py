@@ -11,7 +11,7 @@
 from ._flow import Retries
 from ._options import RunOptions, Settings, StreamOptions, load_profile
 from ._sync.client import Client, Job, connect
-from ._sync.run import Run
+from ._sync.run import Run, Telemetry
 from .errors import (
     Aborted,
     AlreadyExists,
@@ -82,6 +82,7 @@ __all__ = [
     "Severity",
     "SourceError",
     "StreamOptions",
+    "Telemetry",
     "Unauthenticated",
     "Unavailable",
     "Unimplemented",

@@ -8,26 +8,24 @@ from types import TracebackType
 
 from typing_extensions import Self
 
-from .._live import LiveRun, RunInfo, Samples, batch_of
+from .._ingest import Ingest
+from .._live import LiveRun, RunInfo
+from .._options import Said
+from .._telemetry import Link, Samples, TelemetryInfo, batch_of
 from ..events import Event
 from ..v1 import telemetry_pb2
 from .transport import Transport
 
 
-class Run(RunInfo):
-    """A live run: a context manager, and an iterator over its events up to the last one, `Ended`.
+class _Connected(TelemetryInfo):
+    """What live runs and telemetry alone have in common."""
 
-    Credits, receipts and reconnects happen inside: whoever asks for the next event has taken the setpoints of the one before. Telemetry may
-    be sent from another thread. Leaving the block before the end leaves the run open, to be taken up.
-    """
-
-    def __init__(self, transport: Transport, live: LiveRun) -> None:
-        """A run over this connection; use `Client.run`."""
-        super().__init__(live)
+    def __init__(self, transport: Transport, link: Link) -> None:
+        super().__init__(link)
         self._transport = transport
         # One thread reads at a time.
         self._reading = threading.Lock()
-        transport.run(live.step())
+        transport.run(link.step())
 
     def send(
         self,
@@ -39,7 +37,7 @@ class Run(RunInfo):
         spindle_angle_deg: Samples | None = None,
         spindle_rev_per_min: Samples | None = None,
         contact: Samples | None = None,
-        events: Iterable[telemetry_pb2.MachineEvent] = (),
+        events: Iterable[Said[telemetry_pb2.MachineEvent]] = (),
     ) -> None:
         """Sends consecutive samples; they are kept, and sent again after a break, until they are durable.
 
@@ -50,16 +48,16 @@ class Run(RunInfo):
             spindle_angle_deg: spindle angle, degrees.
             spindle_rev_per_min: measured spindle speed, rev/min.
             contact: whether tool and work touch; one value stands for all samples.
-            events: what happened on the machine ahead of these samples.
+            events: what happened on the machine ahead of these samples, as in `{"programmed_rev_per_min": 3000.0}`.
         """
         batch = batch_of(time_ns, tool, work, commanded, spindle_angle_deg, spindle_rev_per_min, contact, events)
-        while not self._live.send(batch):
-            waiting = self._live.waits
-            self._step_while(lambda: self._live.waits >= waiting)
+        while not self._link.send(batch):
+            waiting = self._link.waits
+            self._step_while(lambda: self._link.waits >= waiting)
 
     def flush(self) -> None:
         """Waits until all telemetry is durable. What comes meanwhile is kept for the iteration."""
-        self._step_while(lambda: self._live.waits > 0)
+        self._step_while(lambda: self._link.waits > 0)
 
     def __enter__(self) -> Self:
         return self
@@ -72,17 +70,46 @@ class Run(RunInfo):
 
     def __next__(self) -> Event:
         while True:
-            event = self._live.next_event()
+            event = self._link.next_event()
             if event is not None:
                 return event
-            if self._live.ended is not None:
+            if self._link.ended is not None:
                 raise StopIteration
-            self._step_while(lambda: not self._live.has_events)
+            self._step_while(lambda: not self._link.has_events)
 
     def _step_while(self, is_needed: Callable[[], bool]) -> None:
         """Acts on messages of the service as long as that is needed, in turns with other threads."""
-        while is_needed() and self._live.ended is None:
+        while is_needed() and self._link.ended is None:
             with self._reading:
                 # Another thread may have read what was waited for.
-                if is_needed() and self._live.ended is None:
-                    self._transport.run(self._live.step())
+                if is_needed() and self._link.ended is None:
+                    self._transport.run(self._link.step())
+
+
+class Run(_Connected, RunInfo):
+    """A live run: a context manager, and an iterator over its events up to the last one, `Ended`.
+
+    Credits, receipts and reconnects happen inside: whoever asks for the next event has taken the setpoints of the one before. Telemetry may
+    be sent from another thread. Leaving the block before the end leaves the run open, to be taken up.
+    """
+
+    def __init__(self, transport: Transport, live: LiveRun) -> None:
+        """A run over this connection; use `Client.run`."""
+        self._live = live
+        super().__init__(transport, live)
+
+
+class Telemetry(_Connected):
+    """Telemetry of a machine that has its setpoints from elsewhere: a context manager, and an iterator over what is decided.
+
+    Reconnects happen inside, and every decision is heard once. `finish` ends the run; leaving the block before leaves it open, to be taken up.
+    """
+
+    def __init__(self, transport: Transport, link: Ingest) -> None:
+        """Telemetry over this connection; use `Client.ingest`."""
+        self._ingest = link
+        super().__init__(transport, link)
+
+    def finish(self) -> None:
+        """Says that no telemetry follows: the run ends once all of it is durable. Iterate to its end, `Ended`."""
+        self._ingest.finish()

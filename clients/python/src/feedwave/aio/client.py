@@ -16,9 +16,11 @@ from .. import _requests, _services
 from .._connection import Pem, Target, target
 from .._flow import Flow, Retries, call
 from .._job import JobInfo, name_of
+from .._ingest import Ingest
 from .._live import LiveRun
 from .._names import resource
 from .._options import Machine, RunOptions, Said, Settings, StreamOptions, files_of, tools_of
+from .._telemetry import RECONNECT_FOR_S
 from ..events import Decision
 from ..program import Program, ProgramSource
 from ..report import Report
@@ -35,7 +37,7 @@ from ..v1 import (
     threads_pb2,
     tools_pb2,
 )
-from .run import Run
+from .run import Run, Telemetry
 from .transport import Transport
 
 T = TypeVar("T")
@@ -174,6 +176,26 @@ class Client:
             options: as in `run`; what the run was made with stays.
         """
         return Run(self._transport, LiveRun(self._retries, None, resource("runs", run), start, decided, options))
+
+    def ingest(self, job: str | JobInfo, *, sensor_time_ns: int | None = None, reconnect_for_s: float = RECONNECT_FOR_S) -> Telemetry:
+        """Begins to judge telemetry of a job that has monitoring, on a machine that has its setpoints from elsewhere.
+
+        Args:
+            job: the job.
+            sensor_time_ns: time of the sensors' clock now, ns, so that telemetry that waited is known to be stale.
+            reconnect_for_s: time for which it is tried to take the run up again after a break, s.
+        """
+        return Telemetry(self._transport, Ingest(self._retries, name_of(job), None, 0, reconnect_for_s, sensor_time_ns))
+
+    def take_up_ingest(self, run: str, *, decided: int = 0, reconnect_for_s: float = RECONNECT_FOR_S) -> Telemetry:
+        """Takes up telemetry that another process has left open.
+
+        Args:
+            run: the run, `runs/…`.
+            decided: decisions that are known already; later ones come as events.
+            reconnect_for_s: as in `ingest`.
+        """
+        return Telemetry(self._transport, Ingest(self._retries, None, resource("runs", run), decided, reconnect_for_s, None))
 
     async def set_monitoring(self, job: str | JobInfo, config: Said[monitoring_pb2.MonitoringConfig]) -> monitoring_pb2.MonitoringConfig:
         """Sets how the telemetry of a job is judged; the answer has every default filled in."""
