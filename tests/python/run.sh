@@ -46,5 +46,6 @@ mkdir -p "$scratch/scripts"
 python3 -m venv --clear "$scratch/fresh"
 "$scratch/fresh/bin/pip" install --quiet "${wheel[0]}"
 
+# A test that hangs ends the run, and says where it hung.
 FEEDWAVE_BINARY=$(realpath "$binary") FEEDWAVE_FRESH_PYTHON=$scratch/fresh/bin/python MPLCONFIGDIR=$scratch/matplotlib \
-    "$scratch/venv/bin/python" -m pytest -p no:cacheprovider -q "$here"
+    timeout --foreground 600 "$scratch/venv/bin/python" -m pytest -p no:cacheprovider -o faulthandler_timeout=300 -q "$here"

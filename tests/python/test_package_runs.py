@@ -193,9 +193,10 @@ def test_telemetry_may_come_from_another_thread(client):
     job, sensor, heard = monitored(client), Sensor(), Heard()
     with job.run(ahead_s=0.0) as run:
         def pour():
+            # What it waits for comes to the other thread, which waits for setpoints meanwhile.
             for _ in range(30):
                 run.send(**sensor.idle())
-            run.flush()
+                run.flush()
             run.ahead_s = 0.1
 
         sender = threading.Thread(target=pour)
@@ -204,6 +205,26 @@ def test_telemetry_may_come_from_another_thread(client):
             heard.take(event)
         sender.join()
     heard.is_proved_by(client, job, run.name)
+
+
+def test_telemetry_may_come_from_another_task(server, client):
+    job, sensor, heard = monitored(client), Sensor(), Heard()
+
+    async def scene():
+        async with feedwave.aio.connect(server.ports["grpc"]) as other, other.run(job.name, ahead_s=0.0) as run:
+            async def pour():
+                for _ in range(30):
+                    await run.send(**sensor.idle())
+                    await run.flush()
+                run.ahead_s = 0.1
+
+            pouring = asyncio.create_task(pour())
+            async for event in run:
+                heard.take(event)
+            await pouring
+            return run.name
+
+    heard.is_proved_by(client, job, asyncio.run(scene()))
 
 
 def test_the_operator_holds_resumes_and_aborts(client):

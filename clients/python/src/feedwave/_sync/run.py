@@ -23,8 +23,8 @@ class _Connected(TelemetryInfo):
     def __init__(self, transport: Transport, link: Link) -> None:
         super().__init__(link)
         self._transport = transport
-        # One thread reads at a time.
-        self._reading = threading.Lock()
+        # Whether a thread reads, and where the others wait.
+        self._is_read, self._turn = False, threading.Condition()
         transport.run(link.step())
 
     def send(
@@ -78,12 +78,20 @@ class _Connected(TelemetryInfo):
             self._step_while(lambda: not self._link.has_events)
 
     def _step_while(self, is_needed: Callable[[], bool]) -> None:
-        """Acts on messages of the service as long as that is needed, in turns with other threads."""
-        while is_needed() and self._link.ended is None:
-            with self._reading:
-                # Another thread may have read what was waited for.
-                if is_needed() and self._link.ended is None:
-                    self._transport.run(self._link.step())
+        """Acts on messages of the service as long as that is needed, and lets one thread read for all."""
+        while True:
+            with self._turn:
+                # What this thread waits for may come to the one that reads.
+                self._turn.wait_for(lambda: not (self._is_read and is_needed() and self._link.ended is None))
+                if not is_needed() or self._link.ended is not None:
+                    return
+                self._is_read = True
+            try:
+                self._transport.run(self._link.step())
+            finally:
+                with self._turn:
+                    self._is_read = False
+                    self._turn.notify_all()
 
 
 class Run(_Connected, RunInfo):

@@ -23,8 +23,8 @@ class _Connected(TelemetryInfo):
     def __init__(self, transport: Transport, link: Link) -> None:
         super().__init__(link)
         self._transport = transport
-        # One task reads at a time.
-        self._reading = asyncio.Lock()
+        # Done when the task that reads has read.
+        self._reading: asyncio.Future[None] | None = None
 
     async def send(
         self,
@@ -78,12 +78,18 @@ class _Connected(TelemetryInfo):
             await self._step_while(lambda: not self._link.has_events)
 
     async def _step_while(self, is_needed: Callable[[], bool]) -> None:
-        """Acts on messages of the service as long as that is needed, in turns with other tasks."""
+        """Acts on messages of the service as long as that is needed, and lets one task read for all."""
         while is_needed() and self._link.ended is None:
-            async with self._reading:
-                # Another task may have read what was waited for.
-                if is_needed() and self._link.ended is None:
-                    await self._transport.run(self._link.step())
+            if self._reading is not None:
+                # What this task waits for may come to the one that reads.
+                await asyncio.wait([self._reading])
+                continue
+            self._reading = asyncio.get_running_loop().create_future()
+            try:
+                await self._transport.run(self._link.step())
+            finally:
+                done, self._reading = self._reading, None
+                done.set_result(None)
 
 
 class Run(_Connected, RunInfo):
