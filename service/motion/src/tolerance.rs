@@ -231,7 +231,7 @@ pub(crate) const SPEED_LIMIT_SHARE: f64 = 0.995;
 pub(crate) const SPEED_CHECKED_SHARE: f64 = 0.9985;
 /// Shortest and longest interval between knots of the speed, s. The time grows by a percent where an interval is not much
 /// shorter than the acceleration takes to change; every interval costs a microsecond or two.
-pub(crate) const SPEED_INTERVALS: [f64; 2] = [5e-4, 2e-3];
+pub(crate) const SPEED_INTERVALS: [f64; 2] = [1e-3, 2e-3];
 /// Longest ramp of constant jerk from rest, in intervals.
 pub(crate) const SPEED_RAMP_INTERVALS: f64 = 2.0;
 /// Largest share of a window that a ramp from rest takes.
@@ -244,6 +244,8 @@ pub(crate) const SPEED_GAP: f64 = 1e-3;
 pub(crate) const SPEED_START_SLACK: f64 = 0.3;
 /// How often limits are lowered where they are exceeded between the knots.
 pub(crate) const SPEED_TIGHTENINGS: usize = 6;
+/// Intervals to either side of an exceeded limit that are solved again.
+pub(crate) const SPEED_AROUND: usize = 48;
 /// Derivatives at the end of an interval are taken this share of it inside: those of the element that it belongs to.
 pub(crate) const SPEED_SIDE: f64 = 1e-7;
 

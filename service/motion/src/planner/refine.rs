@@ -396,7 +396,7 @@ impl Row {
             End::reserving(at_rest(guess.end_speed()), 0.0, task.exit_reserve, jerk),
         ];
         let knots = self.found.as_ref().map_or_else(Vec::new, |found| found.knots(KEPT_KNOTS));
-        let window = Window { knots: &knots, goes_on: !task.is_last };
+        let window = Window { knots: &knots, is_possible: true, goes_on: !task.is_last };
         match speed.plan_window(&path, ends, &guess, window) {
             Some(course) if course.duration() < guess.duration_s => Outcome::Faster(course),
             _ => Outcome::NotFound,

@@ -21,16 +21,16 @@ impl Banded {
         self.diagonal[row] += value;
     }
 
-    /// Adds weight·a·aᵀ in the rows from `first` on.
+    /// Adds a symmetric block of three rows from `first` on, by its upper triangle.
     #[inline]
-    pub(super) fn add_square(&mut self, first: usize, a: &[f64; 3], weight: f64) {
-        let weighted = a.map(|value| weight * value);
-        self.diagonal[first] += weighted[0] * a[0];
-        self.diagonal[first + 1] += weighted[1] * a[1];
-        self.diagonal[first + 2] += weighted[2] * a[2];
-        self.below[0][first + 1] += weighted[0] * a[1];
-        self.below[0][first + 2] += weighted[1] * a[2];
-        self.below[1][first + 2] += weighted[0] * a[2];
+    pub(super) fn add(&mut self, first: usize, block: &[f64; 6]) {
+        let [a, ab, ac, b, bc, c] = *block;
+        self.diagonal[first] += a;
+        self.diagonal[first + 1] += b;
+        self.diagonal[first + 2] += c;
+        self.below[0][first + 1] += ab;
+        self.below[0][first + 2] += bc;
+        self.below[1][first + 2] += ac;
     }
 
     /// Takes a variable out: its row and column become those of the unit matrix.
@@ -110,7 +110,10 @@ mod tests {
         }
         for first in 0..size - 2 {
             let a = [1.0, -2.0 + 0.3 * first as f64, 0.7];
-            matrix.add_square(first, &a, 0.5);
+            matrix.add(
+                first,
+                &[a[0] * a[0], a[0] * a[1], a[0] * a[2], a[1] * a[1], a[1] * a[2], a[2] * a[2]].map(|it| 0.5 * it),
+            );
             for i in 0..3 {
                 for j in 0..3 {
                     dense[first + i][first + j] += 0.5 * a[i] * a[j];

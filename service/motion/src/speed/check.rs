@@ -1,5 +1,7 @@
 //! Whether a speed keeps every limit between the knots as well, and which one it is at.
 
+use std::ops::Range;
+
 use super::Ramp;
 use super::course::Governor;
 use super::path::{Derivatives, Path};
@@ -31,13 +33,19 @@ fn state(knots: &Knots, c: &[f64], index: usize, x: f64) -> [f64; 3] {
     basis(knots, index, x).map(|row| row[0] * c[index] + row[1] * c[index + 1] + row[2] * c[index + 2])
 }
 
-/// The largest share of a limit in every interval, and its place from 0 to 1; whether all are within what
+/// The largest share of a limit in each of these intervals, and its place from 0 to 1; whether all are within what
 /// junctions leave of their limits.
-pub(super) fn worst(path: &Path<'_>, knots: &Knots, c: &[f64], left: &[f64], worst: &mut Vec<(f64, f64)>) -> bool {
-    worst.clear();
+pub(super) fn worst(
+    path: &Path<'_>,
+    knots: &Knots,
+    c: &[f64],
+    (left, worst): (&[f64], &mut [(f64, f64)]),
+    range: Range<usize>,
+) -> bool {
     let mut derivatives = vec![[0.0; 3]; path.axes.len()];
     let mut keeps = true;
-    for (index, left) in left.iter().enumerate() {
+    for index in range {
+        let left = left[index];
         let (from, h) = (knots.0[index], knots.0[index + 1] - knots.0[index]);
         let mut largest = (0.0_f64, 0.5);
         for place in 0..=PLACES {
@@ -64,7 +72,7 @@ pub(super) fn worst(path: &Path<'_>, knots: &Knots, c: &[f64], left: &[f64], wor
             largest = (f64::INFINITY, 0.5);
         }
         keeps &= largest.0 <= SPEED_CHECKED_SHARE;
-        worst.push(largest);
+        worst[index] = largest;
     }
     keeps
 }

@@ -8,6 +8,8 @@
 //!
 //! From rest b grows with s^(4/3), which is no spline: the path leaves rest, and comes to it, in a short ramp of constant jerk.
 
+use std::ops::Range;
+
 mod banded;
 mod check;
 mod course;
@@ -22,11 +24,11 @@ pub use course::{Course, Governor};
 pub(crate) use path::{AxisLimits, Path, Span};
 
 use crate::tolerance::{
-    RESERVED_S, SPEED_CHECKED_SHARE, SPEED_GRADE, SPEED_INTERVALS, SPEED_LIMIT_SHARE, SPEED_RAMP_INTERVALS,
-    SPEED_RAMP_SHARE, SPEED_SIDE, SPEED_STEPS, SPEED_TIGHTENINGS,
+    RESERVED_S, SPEED_AROUND, SPEED_CHECKED_SHARE, SPEED_GRADE, SPEED_INTERVALS, SPEED_LIMIT_SHARE,
+    SPEED_RAMP_INTERVALS, SPEED_RAMP_SHARE, SPEED_SIDE, SPEED_STEPS, SPEED_TIGHTENINGS,
 };
 use problem::{Knots, Problem};
-use solver::{GAPS, Solver};
+use solver::{GAPS, Solver, Start};
 
 /// One end of a window.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +55,8 @@ impl End {
 pub(crate) struct Window<'a> {
     /// Knots that the window before has at the start of this one, behind its start, and speeds there: what it found can go on.
     pub(crate) knots: &'a [(f64, f64)],
+    /// Whether the guess keeps all limits: to be much slower than that somewhere leads astray.
+    pub(crate) is_possible: bool,
     /// Whether another window takes over from it; it then leaves a little more of the limits towards its end, so that there is
     /// room for what the next one finds.
     pub(crate) goes_on: bool,
@@ -83,8 +87,11 @@ pub(crate) struct SpeedPlanner {
     problem: Problem,
     solver: Solver,
     c: Vec<f64>,
+    /// Coefficients to go back to.
+    before: Vec<f64>,
     /// By interval: part of the limits that may be used, and the place between its ends at which they are held.
     shares: Vec<f64>,
+    lowered: Vec<f64>,
     middles: Vec<f64>,
     /// By interval: part of the limits that junctions leave.
     left: Vec<f64>,
@@ -231,10 +238,23 @@ impl SpeedPlanner {
                 *share *= 1.0 - SPEED_GRADE * index as f64 / intervals as f64;
             }
         }
+        let floor = if window.is_possible { LEAST_OF_GUESS } else { 0.0 };
+        let floors = &mut self.problem.floors;
+        floors.clear();
+        floors.push(0.0);
+        floors.extend(squares.windows(2).map(|pair| floor * pair[0].min(pair[1])));
+        floors.push(0.0);
         self.c.clear();
         self.c.push(0.0);
         self.c.extend(squares.windows(2).map(|pair| (scale * 0.5 * (pair[0] + pair[1])).max(f64::MIN_POSITIVE)));
         self.c.push(0.0);
+        // Out of a dip that is too narrow to brake for it the steps would hardly find.
+        for index in 2..=intervals {
+            self.c[index] = self.c[index].max(MOST_FALL * self.c[index - 1]);
+        }
+        for index in (1..intervals).rev() {
+            self.c[index] = self.c[index].max(MOST_FALL * self.c[index + 1]);
+        }
         let given = |k: usize| {
             let End { speed, acceleration, .. } = ends[k];
             let (b, slope) = ramps[k].state();
@@ -246,44 +266,96 @@ impl SpeedPlanner {
             let [first, second] = knots.coefficients(knot, b, slope);
             (self.c[knot], self.c[knot + 1]) = (first, second);
         }
-        let mut knots = knots;
-        for round in 0..=SPEED_TIGHTENINGS {
-            self.problem.build(path, knots, &self.shares, &self.middles);
-            let is_solved = self.solver.solve(&self.problem, &mut self.c, SPEED_STEPS, gap);
-            knots = core::mem::take(&mut self.problem.knots);
-            if !is_solved {
-                return None;
-            }
-            // A first plan gives knots only.
-            if gap > GAPS[1] || check::worst(path, &knots, &self.c, &self.left, &mut self.worst) {
-                return self.course(path, knots, ramps, ends);
-            }
-            if round < SPEED_TIGHTENINGS {
-                self.tighten();
-            }
+        self.problem.build(path, knots, &self.shares, &self.middles);
+        if !self.solver.solve(&self.problem, &mut self.c, 0..intervals, (SPEED_STEPS, gap), Start::FAR) {
+            return None;
         }
-        None
+        // A first plan gives knots only.
+        let keeps = gap > GAPS[1] || self.keep_limits(path);
+        keeps.then(|| self.course(path, ramps, ends)).flatten()
     }
 
-    /// Lowers the limits where they are exceeded, and holds them there.
-    fn tighten(&mut self) {
-        let before = self.shares.clone();
+    /// Lowers limits where they are exceeded, and solves again around these places, until all are kept.
+    fn keep_limits(&mut self, path: &Path<'_>) -> bool {
+        let intervals = self.problem.knots.intervals();
+        self.worst.clear();
+        self.worst.resize(intervals, (0.0, 0.5));
+        let all = || core::iter::once(0..intervals).collect::<Vec<_>>();
+        let mut changed = all();
+        for round in 0..=SPEED_TIGHTENINGS {
+            let mut keeps = true;
+            for range in &changed {
+                let found = (&self.left[..], &mut self.worst[..]);
+                keeps &= check::worst(path, &self.problem.knots, &self.c, found, range.clone());
+            }
+            if keeps {
+                return true;
+            }
+            if round == SPEED_TIGHTENINGS {
+                break;
+            }
+            changed = self.tighten(path);
+            self.before.clone_from(&self.c);
+            let is_solved = changed.iter().all(|range| {
+                self.solver.solve(&self.problem, &mut self.c, range.clone(), (SPEED_STEPS, GAPS[1]), Start::NEAR)
+            });
+            if !is_solved {
+                let is_all = changed.len() == 1 && changed[0].len() == intervals;
+                // With its ends as they are, a part of it has no way: the path is at its limits there.
+                changed = all();
+                self.c.clone_from(&self.before);
+                let options = (SPEED_STEPS, GAPS[1]);
+                if is_all || !self.solver.solve(&self.problem, &mut self.c, 0..intervals, options, Start::FAR) {
+                    return false;
+                }
+            }
+        }
+        false
+    }
+
+    /// Lowers the limits where they are exceeded, and holds them there; the intervals to be solved again.
+    fn tighten(&mut self, path: &Path<'_>) -> Vec<Range<usize>> {
+        let intervals = self.worst.len();
+        let mut changed: Vec<Range<usize>> = Vec::new();
+        self.lowered.clone_from(&self.shares);
         for (index, &(ratio, place)) in self.worst.iter().enumerate() {
             if ratio > SPEED_CHECKED_SHARE {
                 if (SPEED_SIDE..=1.0 - SPEED_SIDE).contains(&place) {
                     self.middles[index] = place;
                 }
-                let share = before[index] * TIGHTENING / ratio;
-                let near = index.saturating_sub(1)..(index + 2).min(before.len());
-                for own in &mut self.shares[near] {
+                let share = self.shares[index] * TIGHTENING / ratio;
+                for own in &mut self.lowered[index.saturating_sub(1)..(index + 2).min(intervals)] {
                     *own = own.min(share);
+                }
+                let around = index.saturating_sub(SPEED_AROUND)..(index + 1 + SPEED_AROUND).min(intervals);
+                match changed.last_mut().filter(|last| last.end + LEAST_INTERVALS >= around.start) {
+                    Some(last) => last.end = around.end,
+                    None => changed.push(around),
                 }
             }
         }
+        core::mem::swap(&mut self.shares, &mut self.lowered);
+        for range in &mut changed {
+            // Near an end, up to it.
+            if range.start < LEAST_INTERVALS {
+                range.start = 0;
+            }
+            if range.end + LEAST_INTERVALS > intervals {
+                range.end = intervals;
+            }
+            for index in range.clone() {
+                if self.shares[index] != self.lowered[index] || self.worst[index].0 > SPEED_CHECKED_SHARE {
+                    self.problem.set_interval(path, index, self.shares[index], self.middles[index]);
+                }
+            }
+        }
+        let some: usize = changed.iter().map(Range::len).sum();
+        if some as f64 > MOST_AGAIN * intervals as f64 { core::iter::once(0..intervals).collect() } else { changed }
     }
 
     /// The course of the present coefficients.
-    fn course(&self, path: &Path<'_>, knots: Knots, ramps: [Ramp; 2], ends: [End; 2]) -> Option<Course> {
+    fn course(&self, path: &Path<'_>, ramps: [Ramp; 2], ends: [End; 2]) -> Option<Course> {
+        let knots = &self.problem.knots;
         let intervals = knots.intervals();
         let mut segments = Vec::with_capacity(intervals + 2);
         let (mut s, mut time_s) = (0.0, 0.0);
@@ -301,7 +373,7 @@ impl SpeedPlanner {
             segments.push(ramp(0.0, 0.0, 0.0, 0.0, rise.jerk));
             (s, time_s) = (rise.length, rise.time_s);
         }
-        let mut governors = check::Governors::new(path, &knots, &self.c);
+        let mut governors = check::Governors::new(path, knots, &self.c);
         for index in 0..intervals {
             let length = knots.0[index + 1] - knots.0[index];
             let ((b, slope), (next, next_slope)) = (knots.state(index, &self.c), knots.state(index + 1, &self.c));
@@ -309,10 +381,12 @@ impl SpeedPlanner {
             if !moves {
                 return None;
             }
+            // The given speed to the last bit.
+            let is_start = index == 0 && ends[0].speed > 0.0;
             let segment = Segment {
                 start_s: time_s,
                 s,
-                speed: b.sqrt(),
+                speed: if is_start { ends[0].speed } else { b.sqrt() },
                 acceleration: 0.5 * slope,
                 jerk: 0.0,
                 rate: 0.5 * (next_slope - slope) / length,
@@ -364,6 +438,12 @@ const RAMP_TRIES: u32 = 16;
 const LARGEST_SERIES: f64 = 0.25;
 /// Most times that an interval is halved.
 const MOST_PARTS: u32 = 12;
+/// Part of the squared speed of a possible plan that a faster one does not fall below.
+const LEAST_OF_GUESS: f64 = 0.3;
+/// Part of a coefficient that the next one is at the least, to start with.
+const MOST_FALL: f64 = 0.5;
+/// Part of a window above which it is solved again as a whole.
+const MOST_AGAIN: f64 = 0.7;
 /// How much further a limit is lowered than it was exceeded.
 const TIGHTENING: f64 = 0.98;
 

@@ -74,8 +74,10 @@ pub(super) type Row = [f64; 3];
 pub(super) struct Problem {
     pub(super) knots: Knots,
     pub(super) axes: usize,
-    /// Largest coefficients.
-    pub(super) caps: Vec<f64>,
+    /// 1/largest coefficient, 0 where it has none.
+    pub(super) per_caps: Vec<f64>,
+    /// Smallest coefficients: less than what is known to be possible.
+    pub(super) floors: Vec<f64>,
     /// Weights of the time: the sum of weight/√c is about ∫ds/√b.
     pub(super) weights: Vec<f64>,
     /// By knot but the last, and axis.
@@ -108,67 +110,52 @@ impl Problem {
         let axes = path.axes.len();
         self.knots = knots;
         self.axes = axes;
-        self.accelerations.clear();
-        self.jerks.clear();
-        self.squares.clear();
+        self.accelerations.resize(intervals * axes, [0.0; 3]);
+        self.jerks.resize(intervals * PLACES * axes, [0.0; 3]);
+        self.squares.resize(intervals * PLACES, [0.0; 3]);
         self.derivatives.resize(axes, [0.0; 3]);
+        self.per_caps.clear();
+        self.per_caps.resize(intervals + 2, 0.0);
         self.weights.clear();
-        self.caps.clear();
-        self.caps.resize(intervals + 2, f64::INFINITY);
         for index in 0..intervals + 2 {
             let (before, after) = (self.knots.at(index as isize - 2), self.knots.at(index as isize + 1));
             self.weights.push((after - before) / 3.0);
         }
         for index in 0..intervals {
-            self.add_interval(path, index, shares[index] * SPEED_LIMIT_SHARE, middles[index]);
+            self.set_interval(path, index, shares[index], middles[index]);
         }
     }
 
-    fn add_interval(&mut self, path: &Path<'_>, index: usize, share: f64, middle: f64) {
+    /// The rows of one interval.
+    pub(super) fn set_interval(&mut self, path: &Path<'_>, index: usize, share: f64, middle: f64) {
+        let share = share * SPEED_LIMIT_SHARE;
         let [from, to] = [self.knots.0[index], self.knots.0[index + 1]];
         let h = to - from;
         let command = path.command(from, to);
-        let command = command * command;
+        let mut per_speed = 1.0 / command;
         for place in 0..PLACES {
             // Where elements meet, derivatives of the side of this interval.
             let x = h * [SPEED_SIDE, middle, 1.0 - SPEED_SIDE][place];
             path.derivatives(from + x, &mut self.derivatives);
             let x = h * [0.0, middle, 1.0][place];
             let [square, slope, second] = basis(&self.knots, index, x);
-            self.squares.push(square);
-            let mut fastest = f64::INFINITY;
-            for (axis, [first, bend, twist]) in path.axes.iter().zip(&self.derivatives) {
+            let at = index * PLACES + place;
+            self.squares[at] = square;
+            for (number, (axis, [first, bend, twist])) in path.axes.iter().zip(&self.derivatives).enumerate() {
                 let per_jerk = 1.0 / (axis.jerk * share);
-                self.jerks.push(core::array::from_fn(|k| {
+                self.jerks[at * self.axes + number] = core::array::from_fn(|k| {
                     (twist * square[k] + 1.5 * bend * slope[k] + 0.5 * first * second[k]) * per_jerk
-                }));
+                });
                 if place == 0 {
                     let per_acceleration = 1.0 / (axis.acceleration * share);
-                    self.accelerations
-                        .push(core::array::from_fn(|k| (bend * square[k] + 0.5 * first * slope[k]) * per_acceleration));
+                    self.accelerations[index * self.axes + number] =
+                        core::array::from_fn(|k| (bend * square[k] + 0.5 * first * slope[k]) * per_acceleration);
                 }
-                if *first != 0.0 {
-                    fastest = fastest.min(SPEED_LIMIT_SHARE * axis.velocity / first.abs());
-                }
-            }
-            let fastest = fastest * fastest;
-            for cap in &mut self.caps[index..index + 3] {
-                *cap = cap.min(fastest).min(command);
+                per_speed = per_speed.max(first.abs() / (SPEED_LIMIT_SHARE * axis.velocity));
             }
         }
-    }
-
-    /// Time along the window, s.
-    pub(super) fn time_s(&self, c: &[f64]) -> f64 {
-        let mut total_s = 0.0;
-        let mut before = 0.0;
-        for index in 0..=self.knots.intervals() {
-            let speed = self.knots.state(index, c).0.max(0.0).sqrt();
-            if index > 0 {
-                total_s += 2.0 * (self.knots.0[index] - self.knots.0[index - 1]) / (before + speed);
-            }
-            before = speed;
+        for per_cap in &mut self.per_caps[index..index + 3] {
+            *per_cap = per_cap.max(per_speed * per_speed);
         }
-        total_s
     }
 }

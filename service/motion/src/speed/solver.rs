@@ -6,32 +6,59 @@
 //! predictor and a corrector (Mehrotra); the number of them is bounded, and the result is whatever it is when they are over:
 //! whether it keeps the limits is judged by [`super::check`].
 
+use std::ops::Range;
+
 use super::banded::Banded;
 use super::problem::{PLACES, Problem, Row};
 use crate::tolerance::{SPEED_GAP, SPEED_START_SLACK};
 
-/// A one-sided row g(c) ≤ 0 with its slack and its price.
+/// The two one-sided rows of a limit |value| ≤ bound: g(c) = ±value − bound ≤ 0, each with its slack and its price.
 #[derive(Clone, Copy, Default)]
-struct Side {
-    /// Derivative of g by three coefficients.
-    a: Row,
-    g: f64,
-    slack: f64,
+struct Pair {
+    /// g + slack.
+    residual: [f64; 2],
+    slack: [f64; 2],
     /// 1/slack.
-    per_slack: f64,
-    price: f64,
-    /// Change of the slack along the present direction, and what the predictor's products miss, then the change of the price.
-    change: f64,
-    correction: f64,
+    per_slack: [f64; 2],
+    price: [f64; 2],
+    /// Change of the slack along the present direction.
+    change: [f64; 2],
+    /// What the predictor's products miss, then the change of the price.
+    correction: [f64; 2],
 }
 
 /// What the method needs between its steps; kept so that windows allocate nothing.
 #[derive(Clone, Default)]
 pub(super) struct Solver {
-    sides: Vec<Side>,
+    /// By interval: those of the jerk by place and axis, those of the acceleration by axis, and the bounds of a coefficient.
+    pairs: Vec<Pair>,
+    /// −dφ/db by interval and place.
+    falls: Vec<f64>,
     matrix: Banded,
     gradient: Vec<f64>,
     direction: Vec<f64>,
+    /// Sums of the rows, by 1/slack and by the corrections.
+    pulls: [Vec<f64>; 2],
+    /// Rows of the acceleration, without those that only have what is given.
+    accelerations: Vec<Row>,
+    /// Bounds of a coefficient c as |factor·c − offset| ≤ 1, without those of given ones.
+    bounds: Vec<[f64; 2]>,
+}
+
+/// Where the method starts.
+#[derive(Clone, Copy)]
+pub(super) struct Start {
+    /// Duality gap, as a share of the time.
+    gap: f64,
+    /// Least slack of a limit, as a share of it.
+    slack: f64,
+}
+
+impl Start {
+    /// From coefficients that are some way from the best ones.
+    pub(super) const FAR: Self = Self { gap: 1.0, slack: SPEED_START_SLACK };
+    /// From the best ones of nearly the same problem.
+    pub(super) const NEAR: Self = Self { gap: 0.3, slack: 0.1 };
 }
 
 /// Smallest ratio of the next target to the present complementarity, and of that to the last one.
@@ -45,144 +72,325 @@ const SHORT_STEP: f64 = 0.2;
 const OFF_CENTER: f64 = 1e3;
 /// 1/(largest relative decrease of a coefficient in a step).
 const DECREASE: f64 = 1.4;
+/// Growth of the complementarity at which the steps have failed, and what may be left of it when they are over, as a multiple of the
+/// last target.
+const MOST_GROWTH: f64 = 1e3;
+const MOST_LEFT: f64 = 50.0;
 /// Largest residual of the rows, as a share of their scale, that counts as none.
 const NO_RESIDUAL: f64 = 1e-9;
 /// Largest residual that a result may have when the steps are over: less than what plans leave unused of the limits.
 const SMALL_RESIDUAL: f64 = 1e-3;
 
+/// The rows of some intervals of a problem.
+struct Part<'a> {
+    axes: usize,
+    weights: &'a [f64],
+    jerks: &'a [Row],
+    squares: &'a [Row],
+}
+
+/// Steps of slacks and prices.
+type Steps = [f64; 2];
+
+#[inline]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn dot(a: &Row, c: &[f64]) -> f64 {
+    a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
+}
+
+/// Sums over the rows of an interval: Σ w·a·aᵀ by its upper triangle, and Σ w·r·a.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    squares: [f64; 6],
+    force: Row,
+}
+
+impl Sums {
+    /// Adds weight·(a·bᵀ + b·aᵀ)/2.
+    #[inline]
+    fn add(&mut self, a: &Row, b: &Row, weight: f64) {
+        let half = 0.5 * weight;
+        let entry = |i: usize, k: usize| half * (a[i] * b[k] + a[k] * b[i]);
+        let own = [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
+        for (sum, own) in self.squares.iter_mut().zip(own) {
+            *sum += own;
+        }
+    }
+
+    /// Adds weight·a·aᵀ.
+    #[inline]
+    fn add_square(&mut self, a: &Row, weight: f64) {
+        let [x, y, z] = a.map(|value| weight * value);
+        let own = [x * a[0], x * a[1], x * a[2], y * a[1], y * a[2], z * a[2]];
+        for (sum, own) in self.squares.iter_mut().zip(own) {
+            *sum += own;
+        }
+    }
+
+    #[inline]
+    fn add_force(&mut self, a: &Row, force: f64) {
+        for (sum, a) in self.force.iter_mut().zip(a) {
+            *sum += force * a;
+        }
+    }
+}
+
+/// What a pass over all rows needs to renew them.
+#[derive(Clone, Copy)]
+enum Renewal {
+    /// First slacks and prices: the complementarity, and the least slack as a share of the limit.
+    Start(f64, f64),
+    /// After a step.
+    Step(Steps),
+}
+
+/// What such a pass finds.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    /// Largest residual, as a share of the row's scale.
+    residual: f64,
+    /// Sum of the products of slack and price.
+    products: f64,
+}
+
+impl Pair {
+    /// Renews a pair of rows ±value ≤ bound, and bounds its prices to keep products near their mean; its weights, and those times
+    /// the residuals.
+    #[inline]
+    #[allow(clippy::needless_range_loop, reason = "two rows, side by side")]
+    fn renew(
+        &mut self,
+        value: f64,
+        bound: f64,
+        per_scale: f64,
+        renewal: Renewal,
+        prices: [f64; 2],
+        found: &mut Found,
+    ) -> [[f64; 2]; 2] {
+        let g = [value - bound, -value - bound];
+        let (mut weights, mut pulls) = ([0.0; 2], [0.0; 2]);
+        match renewal {
+            Renewal::Start(complementarity, least) => {
+                for k in 0..2 {
+                    self.slack[k] = larger(-g[k], least / per_scale);
+                    self.price[k] = complementarity / self.slack[k];
+                }
+            }
+            Renewal::Step([step, price_step]) => {
+                for k in 0..2 {
+                    self.slack[k] = larger(self.slack[k] + step * self.change[k], -g[k]);
+                    self.price[k] += price_step * self.correction[k];
+                }
+            }
+        }
+        for k in 0..2 {
+            self.per_slack[k] = 1.0 / self.slack[k];
+            self.residual[k] = g[k] + self.slack[k];
+            found.products += self.slack[k] * self.price[k];
+            let [least, most] = prices.map(|product| product * self.per_slack[k]);
+            let price = larger(self.price[k], least);
+            self.price[k] = if price < most { price } else { most };
+            weights[k] = self.price[k] * self.per_slack[k];
+            pulls[k] = weights[k] * self.residual[k];
+        }
+        found.residual = larger(found.residual, larger(self.residual[0], self.residual[1]) * per_scale);
+        [weights, pulls]
+    }
+
+    /// How far the predictor gets where the rows change by `changes`.
+    #[inline]
+    fn predict(&mut self, changes: [f64; 2], most: &mut [[f64; 2]; 2], sums: &mut [[f64; 2]; 4]) -> [[f64; 2]; 2] {
+        let mut corrections = [0.0; 2];
+        for k in 0..2 {
+            let grows = -self.residual[k] - changes[k];
+            let shrinks = -grows * self.per_slack[k];
+            most[0][k] = larger(most[0][k], shrinks);
+            most[1][k] = larger(most[1][k], 1.0 - shrinks);
+            let price = self.price[k] * (shrinks - 1.0);
+            self.correction[k] = grows * price;
+            sums[0][k] += self.slack[k] * self.price[k];
+            sums[1][k] += grows * self.price[k];
+            sums[2][k] += self.slack[k] * price;
+            sums[3][k] += self.correction[k];
+            corrections[k] = self.correction[k] * self.per_slack[k];
+        }
+        [self.per_slack, corrections]
+    }
+
+    /// The changes of slacks and prices where the rows change by `changes`.
+    #[inline]
+    fn correct(
+        &mut self,
+        changes: [f64; 2],
+        [target, part]: [f64; 2],
+        most: &mut [[f64; 2]; 2],
+        sums: &mut [[f64; 2]; 3],
+    ) {
+        for k in 0..2 {
+            let grows = -self.residual[k] - changes[k];
+            let shrinks = -grows * self.per_slack[k];
+            most[0][k] = larger(most[0][k], shrinks);
+            let price = (target - part * self.correction[k]) * self.per_slack[k] - self.price[k] * (1.0 - shrinks);
+            most[1][k] = larger(most[1][k], -price / self.price[k]);
+            sums[0][k] += grows * self.price[k];
+            sums[1][k] += self.slack[k] * price;
+            sums[2][k] += grows * price;
+            self.change[k] = grows;
+            self.correction[k] = price;
+        }
+    }
+}
+
+/// The largest of 1 and what both rows of every pair ask for.
+fn largest(most: [[f64; 2]; 2]) -> [f64; 2] {
+    most.map(|[a, b]| larger(a, b))
+}
+
 impl Solver {
-    /// Improves the coefficients, of which the two at either end are given, in at most `steps` steps, down to a duality gap of
-    /// `gap` times the time; whether they keep the rows.
-    pub(super) fn solve(&mut self, problem: &Problem, c: &mut [f64], steps: usize, gap: f64) -> bool {
-        let intervals = problem.knots.intervals();
-        let rows = problem.axes * (2 * PLACES + 2) + 1;
-        self.sides.clear();
-        self.sides.resize(rows * intervals, Side::default());
-        let per_row = 1.0 / self.sides.len() as f64;
-        let time_s = problem.time_s(c);
+    /// Improves the coefficients that act on these intervals, of which the two at either end are given, in at most `steps` steps,
+    /// down to a duality gap of `gap` times the time; whether they keep the rows.
+    pub(super) fn solve(
+        &mut self,
+        problem: &Problem,
+        c: &mut [f64],
+        range: Range<usize>,
+        (steps, gap): (usize, f64),
+        start: Start,
+    ) -> bool {
+        let intervals = range.len();
+        let axes = problem.axes;
+        self.accelerations.clear();
+        self.accelerations.extend_from_slice(&problem.accelerations[range.start * axes..range.end * axes]);
+        self.accelerations[..axes].fill([0.0; 3]);
+        self.bounds.clear();
+        let bounds = problem.per_caps[range.clone()].iter().zip(&problem.floors[range.clone()]);
+        self.bounds.extend(bounds.map(|(&per_cap, &floor)| {
+            let share = floor * per_cap;
+            [2.0 * per_cap / (1.0 - share), if per_cap > 0.0 { (1.0 + share) / (1.0 - share) } else { 0.0 }]
+        }));
+        self.bounds[..2].fill([0.0; 2]);
+        let problem = &Part {
+            axes,
+            weights: &problem.weights[range.start..range.end + 2],
+            jerks: &problem.jerks[range.start * axes * PLACES..range.end * axes * PLACES],
+            squares: &problem.squares[range.start * PLACES..range.end * PLACES],
+        };
+        let c = &mut c[range.start..range.end + 2];
+        let pairs = axes * (PLACES + 1) + 1;
+        self.pairs.clear();
+        self.pairs.resize(pairs * intervals, Pair::default());
+        self.falls.resize(PLACES * intervals, 0.0);
+        let per_row = 0.5 / self.pairs.len() as f64;
+        let time_s: f64 = problem.weights.iter().zip(&*c).map(|(weight, c)| weight / c.sqrt()).sum();
         let last_target = gap * time_s * per_row;
+        let mut complementarity = start.gap * time_s * per_row;
+        let mut renewal = Renewal::Start(complementarity, start.slack);
         let mut last_step = 1.0;
         for step in 0..steps {
-            let (residual, products) = self.evaluate(problem, c, rows, (step == 0).then_some(time_s * per_row));
-            let complementarity = products * per_row;
+            let Found { residual, products } = self.renew(problem, c, renewal, complementarity);
+            complementarity = products * per_row;
             if step > 0 && complementarity < last_target && residual < NO_RESIDUAL {
                 return true;
             }
-            if !complementarity.is_finite() {
+            // Where the rows cannot all be kept, steps become nothing and prices grow without end.
+            let can_go_on = complementarity <= MOST_GROWTH * start.gap * time_s * per_row;
+            if !can_go_on {
                 return false;
             }
-            self.assemble(problem, c, rows, complementarity);
+            self.matrix.factor();
             // Predictor: straight at the optimum.
             self.direction.clear();
             self.direction.extend_from_slice(&self.gradient);
             self.matrix.solve(&mut self.direction);
-            let mut target = self.predict(rows, complementarity, per_row).max(LAST_CENTERING * last_target);
+            let mut target = self.predict(problem, complementarity, per_row).max(LAST_CENTERING * last_target);
+            let mut part = 1.0;
             if last_step < SHORT_STEP {
                 // Back to the middle first.
                 target = complementarity;
-                self.sides.iter_mut().for_each(|side| side.correction = 0.0);
+                part = 0.0;
             }
             // Corrector: with what the predictor's step would miss the products by.
-            self.direction.copy_from_slice(&self.gradient);
-            for (index, sides) in self.sides.chunks_exact(rows).enumerate() {
-                let direction = &mut self.direction[index..index + 3];
-                for side in sides {
-                    let pull = (target - side.correction) * side.per_slack;
-                    for (direction, a) in direction.iter_mut().zip(side.a) {
-                        *direction -= a * pull;
-                    }
-                }
-            }
+            let [plain, corrections] = &self.pulls;
+            self.direction.clear();
+            let pulled = self.gradient.iter().zip(plain).zip(corrections);
+            self.direction
+                .extend(pulled.map(|((gradient, plain), correction)| gradient - (target * plain - part * correction)));
             for fixed in fixed(intervals) {
                 self.direction[fixed] = 0.0;
             }
             self.matrix.solve(&mut self.direction);
-            last_step = self.advance(c, rows, target);
+            let (steps, change) = self.advance(problem, c, target, part);
+            complementarity = (products + change) * per_row;
+            last_step = steps[0].min(steps[1]);
+            renewal = Renewal::Step(steps);
         }
-        let (residual, _) = self.evaluate(problem, c, rows, None);
-        residual < SMALL_RESIDUAL
+        let Found { residual, .. } = self.renew(problem, c, renewal, complementarity);
+        residual < SMALL_RESIDUAL && complementarity < MOST_LEFT * last_target
     }
 
-    /// The rows at the present coefficients; slacks follow where the tangent leaves more, and are made when a complementarity
-    /// is given. The largest residual, as a share of the row's scale, and the sum of the products of slack and price.
-    fn evaluate(&mut self, problem: &Problem, c: &[f64], rows: usize, start: Option<f64>) -> (f64, f64) {
-        let axes = problem.axes;
-        let (mut largest, mut products) = (0.0_f64, 0.0);
-        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
-            let c = &c[index..index + 3];
-            let dot = |row: &Row| row[0] * c[0] + row[1] * c[1] + row[2] * c[2];
-            let mut sides = sides.iter_mut();
-            let mut put = |a: Row, g: f64, per_scale: f64| {
-                let Some(side) = sides.next() else { return };
-                side.a = a;
-                side.g = g;
-                side.slack = match start {
-                    Some(_) => (-g).max(SPEED_START_SLACK / per_scale),
-                    None => side.slack.max(-g),
-                };
-                side.per_slack = 1.0 / side.slack;
-                if let Some(complementarity) = start {
-                    side.price = complementarity * side.per_slack;
-                }
-                products += side.slack * side.price;
-                largest = largest.max((g + side.slack) * per_scale);
-            };
-            for place in 0..PLACES {
-                let at = index * PLACES + place;
-                let square = &problem.squares[at];
-                let b = dot(square);
-                let speed = b.sqrt();
-                let inverse = 1.0 / speed;
-                let fall = 0.5 * inverse / b;
-                for row in &problem.jerks[at * axes..][..axes] {
-                    let value = dot(row);
-                    put(core::array::from_fn(|k| row[k] + fall * square[k]), value - inverse, speed);
-                    put(core::array::from_fn(|k| fall * square[k] - row[k]), -value - inverse, speed);
-                }
-            }
-            for row in &problem.accelerations[index * axes..][..axes] {
-                // What is given cannot be changed.
-                let row = if index == 0 { [0.0; 3] } else { *row };
-                let value = dot(&row);
-                put(row, value - 1.0, 1.0);
-                put(row.map(|value| -value), -value - 1.0, 1.0);
-            }
-            // Every interval has the cap of its first coefficient; two at either end are given.
-            let cap = problem.caps[index];
-            if index < 2 || cap.is_infinite() {
-                put([0.0; 3], -1.0, 1.0);
-            } else {
-                put([1.0 / cap, 0.0, 0.0], c[0] / cap - 1.0, 1.0);
-            }
-        }
-        (largest, products)
-    }
-
-    /// Matrix of Newton's method, factored, and the right side without products.
+    /// The rows at the present coefficients, with their slacks and prices; slacks follow where the tangent leaves more. Then the
+    /// matrix of Newton's method, and the right side without products.
     ///
     /// Products of slack and price are kept near their mean before: far from it steps become short. Prices are free, as nothing but
     /// the products is asked of them.
-    fn assemble(&mut self, problem: &Problem, c: &[f64], rows: usize, complementarity: f64) {
+    fn renew(&mut self, problem: &Part<'_>, c: &[f64], renewal: Renewal, complementarity: f64) -> Found {
+        let axes = problem.axes;
+        let pairs = axes * (PLACES + 1) + 1;
         let prices = [complementarity / OFF_CENTER, complementarity * OFF_CENTER];
+        let mut found = Found::default();
         self.matrix.clear(c.len());
         self.gradient.clear();
-        for (index, (&c, weight)) in c.iter().zip(&problem.weights).enumerate() {
+        for (index, (&c, weight)) in c.iter().zip(problem.weights).enumerate() {
             let force = 0.5 * weight / (c * c.sqrt());
             self.gradient.push(force);
             self.matrix.add_diagonal(index, 1.5 * force / c);
         }
-        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
-            let mut force = [0.0; 3];
-            for side in sides {
-                side.price = side.price.max(prices[0] * side.per_slack).min(prices[1] * side.per_slack);
-                let weight = side.price * side.per_slack;
-                self.matrix.add_square(index, &side.a, weight);
-                let pull = weight * (side.g + side.slack);
-                for (force, a) in force.iter_mut().zip(side.a) {
-                    *force += a * pull;
+        for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
+            let c = &c[index..index + 3];
+            let mut sums = Sums::default();
+            for place in 0..PLACES {
+                let at = index * PLACES + place;
+                let square = &problem.squares[at];
+                let b = dot(square, c);
+                let speed = b.sqrt();
+                let inverse = 1.0 / speed;
+                let fall = 0.5 * inverse / b;
+                self.falls[at] = fall;
+                // Of both rows together, fall·square ± row.
+                let (mut across, mut weight, mut pull) = ([0.0; 3], 0.0, 0.0);
+                let rows = &problem.jerks[at * axes..][..axes];
+                for (row, pair) in rows.iter().zip(&mut own[place * axes..][..axes]) {
+                    let [weights, pulls] = pair.renew(dot(row, c), inverse, speed, renewal, prices, &mut found);
+                    sums.add_square(row, weights[0] + weights[1]);
+                    sums.add_force(row, pulls[0] - pulls[1]);
+                    for (across, row) in across.iter_mut().zip(row) {
+                        *across += (weights[0] - weights[1]) * row;
+                    }
+                    weight += weights[0] + weights[1];
+                    pull += pulls[0] + pulls[1];
                 }
+                sums.add(&across, square, 2.0 * fall);
+                sums.add_square(square, fall * fall * weight);
+                sums.add_force(square, fall * pull);
             }
-            for (gradient, force) in self.gradient[index..index + 3].iter_mut().zip(force) {
+            let rows = &self.accelerations[index * axes..][..axes];
+            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+                let [weights, pulls] = pair.renew(dot(row, c), 1.0, 1.0, renewal, prices, &mut found);
+                sums.add_square(row, weights[0] + weights[1]);
+                sums.add_force(row, pulls[0] - pulls[1]);
+            }
+            // Every interval has the bounds of its first coefficient.
+            let [factor, offset] = self.bounds[index];
+            let value = factor * c[0] - offset;
+            let [weights, pulls] = own[pairs - 1].renew(value, 1.0, 1.0, renewal, prices, &mut found);
+            sums.squares[0] += factor * factor * (weights[0] + weights[1]);
+            sums.force[0] += factor * (pulls[0] - pulls[1]);
+            self.matrix.add(index, &sums.squares);
+            for (gradient, force) in self.gradient[index..index + 3].iter_mut().zip(sums.force) {
                 *gradient -= force;
             }
         }
@@ -190,64 +398,105 @@ impl Solver {
             self.matrix.fix(fixed);
             self.gradient[fixed] = 0.0;
         }
-        self.matrix.factor();
+        found
     }
 
     /// How far the predictor gets, as the next target; and what its products miss.
-    fn predict(&mut self, rows: usize, complementarity: f64, per_row: f64) -> f64 {
-        let (mut most, mut most_price) = (1.0_f64, 1.0_f64);
+    fn predict(&mut self, problem: &Part<'_>, complementarity: f64, per_row: f64) -> f64 {
+        let axes = problem.axes;
+        let pairs = axes * (PLACES + 1) + 1;
+        let mut most = [[1.0_f64; 2]; 2];
         // Sums of the products with none, one and both of the changes.
-        let mut sums = [0.0; 4];
-        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
+        let mut sums = [[0.0; 2]; 4];
+        for pulls in &mut self.pulls {
+            pulls.clear();
+            pulls.resize(self.direction.len(), 0.0);
+        }
+        for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
             let x = &self.direction[index..index + 3];
-            for side in sides {
-                let change = side.a[0] * x[0] + side.a[1] * x[1] + side.a[2] * x[2];
-                let grows = -(side.g + side.slack) - change;
-                let shrinks = -grows * side.per_slack;
-                most = most.max(shrinks);
-                most_price = most_price.max(1.0 - shrinks);
-                let price = side.price * (shrinks - 1.0);
-                side.correction = grows * price;
-                sums[0] += side.slack * side.price;
-                sums[1] += grows * side.price;
-                sums[2] += side.slack * price;
-                sums[3] += side.correction;
+            let mut pulled = [[0.0; 3]; 2];
+            let mut pull = |row: &Row, by: [[f64; 2]; 2]| {
+                for (pulled, by) in pulled.iter_mut().zip(by) {
+                    for (pulled, row) in pulled.iter_mut().zip(row) {
+                        *pulled += (by[0] - by[1]) * row;
+                    }
+                }
+            };
+            for place in 0..PLACES {
+                let at = index * PLACES + place;
+                let square = problem.squares[at].map(|value| self.falls[at] * value);
+                let common = dot(&square, x);
+                let mut by_both = [0.0; 2];
+                let rows = &problem.jerks[at * axes..][..axes];
+                for (row, pair) in rows.iter().zip(&mut own[place * axes..][..axes]) {
+                    let change = dot(row, x);
+                    let by = pair.predict([common + change, common - change], &mut most, &mut sums);
+                    pull(row, by);
+                    by_both = [by_both[0] + (by[0][0] + by[0][1]), by_both[1] + (by[1][0] + by[1][1])];
+                }
+                pull(&square, by_both.map(|by| [by, 0.0]));
+            }
+            let rows = &self.accelerations[index * axes..][..axes];
+            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+                let change = dot(row, x);
+                pull(row, pair.predict([change, -change], &mut most, &mut sums));
+            }
+            let change = self.bounds[index][0] * x[0];
+            let by = own[pairs - 1].predict([change, -change], &mut most, &mut sums);
+            pull(&[self.bounds[index][0], 0.0, 0.0], by);
+            for (pulls, own) in self.pulls.iter_mut().zip(pulled) {
+                for (pulls, own) in pulls[index..index + 3].iter_mut().zip(own) {
+                    *pulls += own;
+                }
             }
         }
-        let (step, price_step) = (1.0 / most, 1.0 / most_price);
+        let [step, price_step] = largest(most).map(|most| 1.0 / most);
+        let sums = sums.map(|[a, b]| a + b);
         let reached = sums[0] + step * sums[1] + price_step * (sums[2] + step * sums[3]);
         let ratio = reached * per_row / complementarity;
         (ratio * ratio * ratio).max(LEAST_CENTERING) * complementarity
     }
 
-    /// Goes along the direction as far as slacks, prices and coefficients stay positive; the step.
-    fn advance(&mut self, c: &mut [f64], rows: usize, target: f64) -> f64 {
-        let (mut most, mut most_price) = (1.0_f64, 1.0_f64);
-        for (index, sides) in self.sides.chunks_exact_mut(rows).enumerate() {
+    /// Goes along the direction as far as slacks, prices and coefficients stay positive; the steps, and the change of the products. Slacks and prices follow when
+    /// they are renewed.
+    fn advance(&mut self, problem: &Part<'_>, c: &mut [f64], target: f64, part: f64) -> (Steps, f64) {
+        let axes = problem.axes;
+        let pairs = axes * (PLACES + 1) + 1;
+        let mut most = [[1.0_f64; 2]; 2];
+        // Sums of the products with one and both of the changes.
+        let mut sums = [[0.0; 2]; 3];
+        let by = [target, part];
+        for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
             let x = &self.direction[index..index + 3];
-            for side in sides {
-                let change = side.a[0] * x[0] + side.a[1] * x[1] + side.a[2] * x[2];
-                let grows = -(side.g + side.slack) - change;
-                let shrinks = -grows * side.per_slack;
-                most = most.max(shrinks);
-                let price = (target - side.correction) * side.per_slack - side.price * (1.0 - shrinks);
-                most_price = most_price.max(-price / side.price);
-                (side.change, side.correction) = (grows, price);
+            for place in 0..PLACES {
+                let at = index * PLACES + place;
+                let common = self.falls[at] * dot(&problem.squares[at], x);
+                let rows = &problem.jerks[at * axes..][..axes];
+                for (row, pair) in rows.iter().zip(&mut own[place * axes..][..axes]) {
+                    let change = dot(row, x);
+                    pair.correct([common + change, common - change], by, &mut most, &mut sums);
+                }
             }
+            let rows = &self.accelerations[index * axes..][..axes];
+            for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {
+                let change = dot(row, x);
+                pair.correct([change, -change], by, &mut most, &mut sums);
+            }
+            let change = self.bounds[index][0] * x[0];
+            own[pairs - 1].correct([change, -change], by, &mut most, &mut sums);
         }
+        let [mut most, most_price] = largest(most);
         for (c, x) in c.iter().zip(&self.direction) {
-            most = most.max(-DECREASE * x / c);
+            most = larger(most, -DECREASE * x / c);
         }
         let part = |most: f64| if most > STEP_SHARE { STEP_SHARE / most } else { 1.0 };
-        let (step, price_step) = (part(most), part(most_price));
+        let steps = [part(most), part(most_price)];
         for (c, x) in c.iter_mut().zip(&self.direction) {
-            *c += step * x;
+            *c += steps[0] * x;
         }
-        for side in &mut self.sides {
-            side.slack += step * side.change;
-            side.price += price_step * side.correction;
-        }
-        step.min(price_step)
+        let [step, price_step] = steps;
+        let sums = sums.map(|[a, b]| a + b);
+        (steps, step * sums[0] + price_step * (sums[1] + step * sums[2]))
     }
 }
 

@@ -164,6 +164,27 @@ pub fn freeform() -> Program {
     path.named("freeform")
 }
 
+/// As many blocks of 0.2 mm along a curve with ripples that stays within 40 mm, written to a tenth of a micrometre: a program as
+/// long as one likes, of changes between curves that a usual feed takes and such that it has to slow down for.
+#[must_use]
+pub fn ripples(blocks: usize) -> Program {
+    let at = |t: f64| {
+        let (once, twice, five) = (sincos(t), sincos(2.0 * t + 0.4), sincos(5.0 * t));
+        let ripple = [sincos(31.0 * t).0, sincos(29.0 * t).1].map(|ripple| 0.4 * ripple);
+        let x = 30.0 * once.1 + 3.0 * five.1 + ripple[0];
+        let y = 20.0 * once.0 + 5.0 * twice.0 + 2.0 * five.0 + ripple[1];
+        [x, y, 2.0 * twice.1 + 0.01 * t]
+    };
+    let mut path = Path::at(at(0.0));
+    let mut t = 0.0;
+    for _ in 0..blocks {
+        let speed = distance(at(t - 1e-4), at(t + 1e-4)) / 2e-4;
+        t += 0.2 / speed;
+        path.line(at(t).map(|value| (value * 1e4).round() / 1e4));
+    }
+    path.named("ripples")
+}
+
 /// A line of 30 mm, a tangent quarter circle of 10 mm radius, and a line of 30 mm.
 #[must_use]
 pub fn line_arc_line() -> Program {
