@@ -64,8 +64,8 @@ class Service:
         assert self.process.wait(timeout=60) == 0, self.log()
 
     def connect(self, **options) -> feedwave.Client:
-        """A client of it."""
-        return feedwave.connect(self.ports["grpc"], **options)
+        """A client of it, with patience: a machine that is busy starts it slowly."""
+        return feedwave.connect(self.ports["grpc"], **{"retries": feedwave.Retries(give_up_after_s=60.0), **options})
 
 
 @pytest.fixture(scope="session")

@@ -194,7 +194,7 @@ def test_telemetry_may_come_from_another_thread(client):
     with job.run(ahead_s=0.0) as run:
         def pour():
             # What it waits for comes to the other thread, which waits for setpoints meanwhile.
-            for _ in range(30):
+            for _ in range(10):
                 run.send(**sensor.idle())
                 run.flush()
             run.ahead_s = 0.1
@@ -213,7 +213,7 @@ def test_telemetry_may_come_from_another_task(server, client):
     async def scene():
         async with feedwave.aio.connect(server.ports["grpc"]) as other, other.run(job.name, ahead_s=0.0) as run:
             async def pour():
-                for _ in range(30):
+                for _ in range(10):
                     await run.send(**sensor.idle())
                     await run.flush()
                 run.ahead_s = 0.1

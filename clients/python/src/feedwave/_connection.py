@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import pathlib
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import grpc
-from typing_extensions import TypeAlias
 
 from .errors import SourceError
 

@@ -7,14 +7,13 @@ once: what is sent, how often it is tried again, how a broken stream goes on.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import tenacity
 from google.protobuf.message import Message
-from typing_extensions import TypeAlias
 
 from .errors import ServiceError
 
@@ -157,6 +156,19 @@ def retried(retries: Retries, attempt: Callable[[], Flow[T]]) -> Flow[T]:
         else:
             state.prepare_for_next_attempt()
             yield Sleep(float(todo))
+
+
+def pages(
+    retries: Retries, method: str, request: Any, response: type[Message], items: Callable[[Any], Iterable[Any]]
+) -> Flow[None]:
+    """Emits the items of a list, page by page."""
+    while True:
+        page: Any = yield from call(retries, method, request, response)
+        for item in items(page):
+            yield Emit(item)
+        if not page.next_page_token:
+            return
+        request.page_token = page.next_page_token
 
 
 def call(retries: Retries, method: str, request: Message, response: type[M]) -> Flow[M]:

@@ -6,7 +6,6 @@ A connection that breaks is taken up at the first setpoint that was not taken; s
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from google.protobuf.message import Message
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import pathlib
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypeAlias, TypedDict, TypeVar
 
 from google.protobuf import json_format
 from google.protobuf.message import Message
-from typing_extensions import TypeAlias
 
 from ._names import resource
 from .errors import SourceError
@@ -109,8 +109,9 @@ def files_of(files: Mapping[str, ProgramSource] | Iterable[ProgramSource]) -> li
         SourceError: for one without a name.
     """
     if isinstance(files, Mapping):
-        found = [Program.of(source) for source in files.values()]
-        for name, program in zip(files, found):
+        # Copies: the name is that of this call.
+        found = [copy.copy(Program.of(source)) for source in files.values()]
+        for name, program in zip(files, found, strict=True):
             program.name = name
     else:
         found = [Program.of(source) for source in files]

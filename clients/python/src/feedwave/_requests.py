@@ -9,7 +9,7 @@ from typing import Any
 
 from typing_extensions import Unpack
 
-from ._flow import Call, Emit, Flow, Open, Read, Retries, Stream, Work, call, cancelling, retried
+from ._flow import Call, Emit, Flow, Open, Read, Retries, Stream, Work, call, cancelling, pages, retried
 from ._names import resource, value_name, value_of
 from ._options import (
     Machine,
@@ -142,13 +142,7 @@ def list_jobs(retries: Retries, states: list[str], machine: str | None) -> Flow[
         states=[value_of(jobs_pb2.JobState, state) for state in states],
         machine=_machine(machine) if machine else "",
     )
-    while True:
-        page = yield from call(retries, "Jobs/ListJobs", request, jobs_pb2.ListJobsResponse)
-        for job in page.jobs:
-            yield Emit(job)
-        if not page.next_page_token:
-            return
-        request.page_token = page.next_page_token
+    return pages(retries, "Jobs/ListJobs", request, jobs_pb2.ListJobsResponse, lambda page: page.jobs)
 
 
 def wait(retries: Retries, job: str, timeout_s: float | None) -> Flow[jobs_pb2.Job]:

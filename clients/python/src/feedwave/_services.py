@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ._flow import Emit, Flow, Open, Read, Retries, Stream, call, cancelling, retried
+from ._flow import Emit, Flow, Open, Read, Retries, Stream, call, cancelling, pages, retried
 from ._names import resource
 from ._options import Machine, Said, message_of
 from .errors import AlreadyExists, NotFound, ServiceError
@@ -77,13 +77,8 @@ def _filters(of: str | None) -> dict[str, str]:
 def list_decisions(retries: Retries, of: str | None, after: int) -> Flow[None]:
     """Emits decisions in the order in which they were made."""
     request = telemetry_pb2.ListDecisionsRequest(after=after, page_size=500, **_filters(of))
-    while True:
-        page = yield from call(retries, "Telemetry/ListDecisions", request, telemetry_pb2.ListDecisionsResponse)
-        for decision in page.decisions:
-            yield Emit(Decision.of(decision))
-        if not page.next_page_token:
-            return
-        request.page_token = page.next_page_token
+    decisions = telemetry_pb2.ListDecisionsResponse
+    return pages(retries, "Telemetry/ListDecisions", request, decisions, lambda page: map(Decision.of, page.decisions))
 
 
 def watch_decisions(retries: Retries, of: str | None, after: int | None) -> Flow[None]:
@@ -132,25 +127,13 @@ def replay(retries: Retries, run: str) -> Flow[runs_pb2.ReplayRunResponse]:
 def list_machines(retries: Retries) -> Flow[None]:
     """Emits the machines in the order of their names."""
     request = machines_pb2.ListMachinesRequest(page_size=500)
-    while True:
-        page = yield from call(retries, "Machines/ListMachines", request, machines_pb2.ListMachinesResponse)
-        for machine in page.machines:
-            yield Emit(machine)
-        if not page.next_page_token:
-            return
-        request.page_token = page.next_page_token
+    return pages(retries, "Machines/ListMachines", request, machines_pb2.ListMachinesResponse, lambda page: page.machines)
 
 
 def list_tools(retries: Retries) -> Flow[None]:
     """Emits the tools in the order of their names."""
     request = tools_pb2.ListToolsRequest(page_size=500)
-    while True:
-        page = yield from call(retries, "Tools/ListTools", request, tools_pb2.ListToolsResponse)
-        for tool in page.tools:
-            yield Emit(tool)
-        if not page.next_page_token:
-            return
-        request.page_token = page.next_page_token
+    return pages(retries, "Tools/ListTools", request, tools_pb2.ListToolsResponse, lambda page: page.tools)
 
 
 def profile(retries: Retries, machine: str) -> Flow[machines_pb2.MachineProfile]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from typing_extensions import TypeAlias
+from typing import TypeAlias
 
 from ._names import value_name
 from .setpoints import Setpoints

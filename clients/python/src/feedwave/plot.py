@@ -208,7 +208,8 @@ def thread(section: thread_report_pb2.ThreadSectionReport | thread_report_pb2.Th
 
 
 def decisions(made: Iterable[Decision]) -> Picture:
-    """The deviation (in the unit of the monitoring, mm for displacements) that each window of a run showed, with the limits of its feed rule, and the feed override that followed."""
+    """The deviation that each window of a run showed (unit of the monitoring: mm for displacements), with the limits of its feed rule, and the
+    feed override that followed."""
     judged = [decision for decision in made if decision.deviation is not None]
     figure = _figure(9, 5)
     time_s = [decision.time_s for decision in judged]

@@ -7,9 +7,7 @@ import io
 import os
 import pathlib
 from collections.abc import Iterator
-from typing import BinaryIO
-
-from typing_extensions import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from .errors import SourceError
 

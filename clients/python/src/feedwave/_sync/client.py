@@ -14,8 +14,8 @@ from typing_extensions import Self, Unpack
 from .. import _requests, _services
 from .._connection import Pem, Target, target
 from .._flow import Flow, Retries, call
-from .._job import JobInfo, name_of
 from .._ingest import Ingest
+from .._job import JobInfo, name_of
 from .._live import LiveRun
 from .._names import resource
 from .._options import Machine, RunOptions, Said, Settings, StreamOptions, files_of, tools_of

@@ -106,7 +106,8 @@ class Run(_Connected, RunInfo):
 
 
 class Telemetry(_Connected):
-    """Telemetry of a machine that has its setpoints from elsewhere: an asynchronous context manager, and an asynchronous iterator over what is decided.
+    """Telemetry of a machine that has its setpoints from elsewhere: an asynchronous context manager, and an asynchronous iterator over what is
+    decided.
 
     Reconnects happen inside, and every decision is heard once. `finish` ends the run; leaving the block before leaves it open, to be taken up.
     """
