@@ -26,7 +26,7 @@ use crate::code;
 use crate::dialect::Group;
 use crate::finding::FindingMark;
 use crate::state::{ModeContext, Phase};
-use crate::{Finding, FindingLog, Operation, OperationKind, Place, SourceSpan};
+use crate::{Finding, FindingLog, InterpreterState, Operation, OperationKind, Place, SourceSpan};
 
 /// Most programs that wait for the one that is read.
 pub(super) const MAX_CALLS: usize = 10;
@@ -80,6 +80,10 @@ pub(crate) struct FlowState {
     still_blocks: u64,
     /// Blocks that moved.
     moves: u64,
+    /// Blocks with codes.
+    codes: u64,
+    /// A round of a loop that changed no variable and moved nothing, but had codes.
+    still_round: Option<Box<StillRound>>,
     /// The last jump to a label: its place, and the state then.
     last_jump: Option<(Place, Signature)>,
     /// A program was called or a jump made: what is behind the end of the program need not be looked at.
@@ -90,8 +94,23 @@ pub(crate) struct FlowState {
     pub(super) contour: Option<Box<ContourRun>>,
 }
 
-/// By what two visits of one place are told apart: changes of variables, and moves.
-type Signature = (u64, u64);
+/// By what two visits of one place are told apart, each a count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Signature {
+    /// Changes of variables.
+    changes: u64,
+    moves: u64,
+    codes: u64,
+}
+
+/// What a round of a loop left behind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct StillRound {
+    /// Where the loop goes back.
+    span: SourceSpan,
+    /// Everything but control flow.
+    state: InterpreterState,
+}
 
 /// A program that waits for one that it called.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -307,11 +326,12 @@ impl Interpreter {
 
     /// By what two visits of one place are told apart.
     fn signature(&self) -> Signature {
-        (self.state.parameters.changes(), self.state.flow.moves)
+        let FlowState { moves, codes, .. } = self.state.flow;
+        Signature { changes: self.state.parameters.changes(), moves, codes }
     }
 
     /// Counts a block that was executed; an error where there were too many.
-    pub(super) fn count_block(&mut self, moves: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
+    fn count_block(&mut self, moves: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
         let flow = &mut self.state.flow;
         flow.blocks += 1;
         if moves {
@@ -346,14 +366,30 @@ impl Interpreter {
 
     /// An error where a backward jump comes to a state that was there before.
     fn is_endless(&mut self, span: SourceSpan, before: Signature, findings: &mut FindingLog) -> bool {
-        if before != self.signature() {
+        let now = self.signature();
+        if (before.changes, before.moves) != (now.changes, now.moves)
+            || before.codes != now.codes && !self.is_as_last_round(span)
+        {
             return false;
         }
         findings.push_with(code::ENDLESS, |code| {
-            let message = "nothing has changed since the last time round: no variable, no position. It never ends";
+            let message =
+                "nothing has changed since the last time round: no variable, no position, no mode. It never ends";
             Finding::new(code, span, message).suggest("change what its condition asks for, or leave the loop by a jump")
         });
         true
+    }
+
+    /// Whether a round whose codes may have changed something has left everything as the round before it did.
+    #[cold]
+    fn is_as_last_round(&mut self, span: SourceSpan) -> bool {
+        let mut flow = std::mem::take(&mut self.state.flow);
+        let same = flow.still_round.as_ref().is_some_and(|last| last.span == span && last.state == self.state);
+        if !same {
+            flow.still_round = Some(Box::new(StillRound { span, state: self.state.clone() }));
+        }
+        self.state.flow = flow;
+        same
     }
 }
 
@@ -505,9 +541,9 @@ impl Interpreter {
             matches!(operation.kind, OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::Guided(_))
         };
         let moves = operations[before.min(operations.len())..].iter().any(is_move);
-        let changes = moves || self.block.has_codes();
+        self.state.flow.codes += u64::from(self.block.has_codes());
         let span = self.block.span();
-        if !self.count_block(changes, span, findings) {
+        if !self.count_block(moves, span, findings) {
             return self.give_up(span, operations, findings);
         }
         if moves {

@@ -242,3 +242,30 @@ fn what_is_found_in_a_called_program_names_the_calls() {
     let related: Vec<_> = arc.related.iter().map(|place| (place.span.line, place.is_call)).collect();
     assert_eq!((arc.span.line, related), (9, vec![(8, false), (5, true), (2, true)]));
 }
+
+#[test]
+fn a_loop_of_codes_that_change_nothing_is_endless_at_once() {
+    let mill = LanguageSettings { max_executed_blocks: 30, ..LanguageSettings::mill() };
+    let linuxcnc = LanguageSettings { max_executed_blocks: 30, ..LanguageSettings::linuxcnc() };
+    for (settings, program, line) in [
+        (&mill, "G0 X1\nWHILE [1 EQ 1] DO1\nG10 L2 P1 X5\nEND1\nM30", 2),
+        (&mill, "DO1\nM8\nG90 G4 P10\nM9\nEND1\nM30", 1),
+        (&mill, "N1 G10 L2 P1 X5\nG92 X0\nGOTO 1\nM30", 3),
+        (&linuxcnc, "o1 while [1]\nG10 L2 P1 X5\no1 endwhile\nM2", 1),
+        (&linuxcnc, "o1 do\nM7\no1 while [1]\nM2", 1),
+    ] {
+        let (_, findings) = ends(&format!("{program}\n"), settings);
+        let findings = findings.into_findings();
+        let found: Vec<_> = findings.iter().map(|it| (it.code.name(), it.span.line)).collect();
+        assert_eq!(found, [("PRG-ENDLESS", line)], "{program}");
+        assert!(findings[0].message.starts_with("nothing has changed"), "{program}: {}", findings[0].message);
+    }
+    // What changes something with every round ends by itself, or at the bound of blocks without motion.
+    let counts = "WHILE [#5221 LT 3] DO1\nG91 G10 L2 P1 X1\nEND1\nG90 G0 X7";
+    assert_eq!(mill_xs(counts), [7.0]);
+    let still = LanguageSettings { max_still_blocks: 1_000, ..LanguageSettings::mill() };
+    let (_, findings) = ends("DO1\nG91 G10 L2 P1 X1\nEND1\nM30\n", &still);
+    let finding = &findings.into_findings()[0];
+    assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 1));
+    assert!(finding.message.contains("without any motion"), "{}", finding.message);
+}
