@@ -146,6 +146,7 @@ impl Block {
     /// Reads a line (without its terminator) into this block, replacing the block before. `mark` is how far `findings` was
     /// filled before.
     #[allow(clippy::too_many_arguments, reason = "each is borrowed from another part of the interpreter")]
+    #[inline(always)]
     pub(crate) fn parse(
         &mut self,
         line: &[u8],
@@ -173,6 +174,9 @@ impl Block {
                     return;
                 }
                 continue;
+            }
+            if tokens.is_at_end() {
+                break;
             }
             let Some(token) = tokens.next() else { break };
             match token.kind {

@@ -41,6 +41,7 @@ use crate::{
     ToolOffset,
 };
 
+use corner::Corner;
 use execute::Execution;
 pub(crate) use flow::FlowState;
 use flow::{Index, Indexer};
@@ -97,6 +98,8 @@ pub struct Interpreter {
     steps: Option<Arc<[turning::Step]>>,
     /// Storage of the present line's words, reused.
     block: Block,
+    /// Corners behind operations of the present block, by the places of these; empty between lines.
+    corners: Vec<(usize, Corner)>,
 }
 
 /// A UTF-8 byte order mark.
@@ -124,6 +127,7 @@ impl Interpreter {
             indexing: None,
             steps: None,
             block: Block::default(),
+            corners: Vec::new(),
         };
         interpreter.resume_pending();
         interpreter
@@ -212,7 +216,8 @@ impl Interpreter {
         if self.state.flow.is_cutting() {
             return self.cut_contour(operations);
         }
-        let (before, contour_mark) = (operations.len(), findings.mark());
+        let before = operations.len();
+        let contour_mark = self.state.flow.contour.is_some().then(|| findings.mark());
         let mark = self.is_nested().then(|| findings.mark());
         let outcome = self.read(input, end_of_input, operations, findings);
         if let Some(mark) = mark
@@ -225,7 +230,7 @@ impl Interpreter {
             self.state.place.offset += length as u64;
             if self.state.flow.waits() {
                 self.settle_behind(operations, findings);
-                self.follow_contour(at, before, contour_mark, operations, findings);
+                self.follow_contour(at, before, contour_mark.as_ref(), operations, findings);
             }
         }
         outcome
@@ -358,7 +363,7 @@ impl Interpreter {
         {
             return self.refuse_file(foreign, line.len(), number, operations, findings);
         }
-        if self.state.flow.contour.is_some() && self.approach_contour(mark, findings) {
+        if self.state.flow.contour.is_some() && self.approach_contour(&mark, findings) {
             return;
         }
         if let Some(span) = self.block.percent {
@@ -386,7 +391,7 @@ impl Interpreter {
             return;
         }
         self.state.readable_seen |= !self.block.unclear;
-        self.execute(mark, operations, findings);
+        self.execute(&mark, operations, findings);
     }
 
     /// Lets the execution of the present block do something.
@@ -408,7 +413,7 @@ impl Interpreter {
             used: 0,
             exact_stop: false,
             machine_rapid: false,
-            corners: Vec::new(),
+            corners: &mut self.corners,
             commas_used: false,
             doubt: None,
         })
@@ -446,13 +451,11 @@ impl Interpreter {
 
     /// Executes the words of the present block; findings from `mark` on are its own.
     #[inline]
-    fn execute(&mut self, mark: FindingMark, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+    fn execute(&mut self, mark: &FindingMark, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         let operations_before = operations.len();
         let unread = self.state.unread | self.block.unread;
-        let (end, corners) = self.with_execution(operations, findings, |execution| {
-            let end = execution.run();
-            (end, core::mem::take(&mut execution.corners))
-        });
+        #[allow(clippy::redundant_closure_for_method_calls, reason = "the path of the method has one lifetime only")]
+        let end = self.with_execution(operations, findings, |execution| execution.run());
         let is_refused = findings.has_errors_since(mark);
         if unread != 0 {
             self.note_unread(mark.kept(), unread, findings);
@@ -466,10 +469,12 @@ impl Interpreter {
             // Without the block, what follows is another contour: it is not judged.
             self.state.compensator = Compensator::default();
         }
-        if self.state.corner.is_some() || !corners.is_empty() {
+        if self.state.corner.is_some() || !self.corners.is_empty() {
             // A block of a number alone is nothing between two moves.
             let between = self.block.has_codes().then(|| self.block.span());
-            corner::join(&mut self.state, &corners, is_refused, between, operations, operations_before, findings);
+            let corners = &self.corners;
+            corner::join(&mut self.state, corners, is_refused, between, operations, operations_before, findings);
+            self.corners.clear();
         }
         if let Some(Operation { span, kind: OperationKind::Move(_) }) =
             operations.get(operations_before..).and_then(<[_]>::last)
@@ -480,7 +485,7 @@ impl Interpreter {
             return self.end(span, operations, findings);
         }
         if self.state.flow.contour.is_some() {
-            self.begin_contour(is_refused);
+            self.begin_contour(is_refused, findings);
         }
         self.after_block(operations_before, operations, findings);
     }
@@ -685,8 +690,11 @@ fn find_line_end(bytes: &[u8]) -> Option<usize> {
         if small != 0 {
             // The lowest bit marks the first of them exactly.
             let first = small.trailing_zeros() as usize / 8;
-            if let Some(place) = bytes[first..].iter().position(is_end) {
-                return Some(index * 8 + first + place);
+            if is_end(&bytes[first]) {
+                return Some(index * 8 + first);
+            }
+            if let Some(place) = bytes[first + 1..].iter().position(is_end) {
+                return Some(index * 8 + first + 1 + place);
             }
         }
     }

@@ -231,11 +231,19 @@ impl<'a> Lexer<'a> {
 }
 
 impl Lexer<'_> {
-    /// The next token where it is a plain word, as most are: the same as [`Iterator::next`], which is left where it was otherwise.
+    /// Whether nothing is left. Blanks may be, before [`Lexer::next_word`] was asked.
+    #[inline]
+    pub(crate) const fn is_at_end(&self) -> bool {
+        self.at >= self.line.len()
+    }
+
+    /// The next token where it is a plain word, as most are: the same as [`Iterator::next`], which goes on behind the blanks
+    /// otherwise.
     #[inline(always)]
     pub(crate) fn next_word(&mut self) -> Option<Token> {
         let (start, class) = self.behind_blanks(self.at);
         if class != Some(Class::Letter) {
+            self.at = start;
             return None;
         }
         let (next, class) = self.behind_blanks(start + 1);

@@ -159,8 +159,8 @@ crate::finding_codes! {
 
     "PRG-NURBS-WEIGHT" [NURBS_WEIGHT: Error] {
         meaning: "a weight of a control point that is not positive or out of range, or is missing in LinuxCNC",
-        cause: "P of a control point is outside 0.000001 to 1000000; LinuxCNC takes no point without P but in the block of \
-                `G5.2`, other controls weigh it as 1.",
+        cause: "P of a control point is outside 0.000001 to 1000000; LinuxCNC takes no point without P, other controls \
+                weigh it as 1.",
         cure: "Use P1 for an ordinary control point.",
         example: mill("G5.2 X5 Y5 P0 F100\nG5.3"),
     }

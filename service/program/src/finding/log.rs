@@ -115,7 +115,7 @@ impl FindingLog {
 
     /// Whether an error was pushed since the mark, be it a further occurrence of one from before.
     #[inline]
-    pub(crate) const fn has_errors_since(&self, mark: FindingMark) -> bool {
+    pub(crate) const fn has_errors_since(&self, mark: &FindingMark) -> bool {
         self.error_occurrences > mark.error_occurrences
     }
 
@@ -366,12 +366,12 @@ mod tests {
         let mark = log.mark();
         for _ in 0..2 {
             (2..6).for_each(|line| log.push(finding(line)));
-            assert_eq!((log.count(Severity::Error), log.dropped(), log.has_errors_since(mark)), (5, 3, true));
+            assert_eq!((log.count(Severity::Error), log.dropped(), log.has_errors_since(&mark)), (5, 3, true));
             log.rewind(mark);
-            assert_eq!((log.count(Severity::Error), log.dropped(), log.has_errors_since(mark)), (1, 0, false));
+            assert_eq!((log.count(Severity::Error), log.dropped(), log.has_errors_since(&mark)), (1, 0, false));
         }
         log.push(finding(1));
-        assert!(log.has_errors_since(mark), "a further occurrence is an error all the same");
+        assert!(log.has_errors_since(&mark), "a further occurrence is an error all the same");
         log.push(finding(2));
         log.withdraw(0, |finding| finding.span.line == 1);
         (1..3).for_each(|line| log.push(finding(line)));

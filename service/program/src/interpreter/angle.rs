@@ -83,7 +83,7 @@ impl Execution<'_> {
             }
         }
         if let Some(feed) = self.cutting_feed(axes) {
-            self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, None, feed));
+            self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, None, feed));
         }
         self.state.position = end;
     }

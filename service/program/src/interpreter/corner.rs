@@ -1,6 +1,6 @@
 //! Chamfers and roundings between two blocks: the first move waits for the second.
 
-mod geometry;
+pub(super) mod geometry;
 
 use serde::{Deserialize, Serialize};
 

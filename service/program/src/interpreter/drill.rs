@@ -304,7 +304,7 @@ impl Execution<'_> {
         if self.state.tool_control.held.meets(AxisSet::LINEAR) {
             self.used |= along | WORDS;
             self.state.position = at;
-            if !self.findings.has_errors_since(mark) {
+            if !self.findings.has_errors_since(&mark) {
                 self.held_start(self.block.span());
             }
             return;
@@ -438,7 +438,7 @@ impl Execution<'_> {
             return;
         }
         if self.state.tool_control.is_plain() {
-            self.emit_move(kind, end, None, feed);
+            self.emit_move(kind, &end, None, feed);
             self.name_cycle();
             self.state.position = end;
         } else {

@@ -38,7 +38,7 @@ pub(super) struct Execution<'a> {
     /// `G53` goes rapidly whatever motion is in force.
     pub(super) machine_rapid: bool,
     /// Corners behind operations, by the places of these.
-    pub(super) corners: Vec<(usize, Corner)>,
+    pub(super) corners: &'a mut Vec<(usize, Corner)>,
     /// The words with a comma have been used.
     pub(super) commas_used: bool,
     /// A code that another control reads as a cycle.

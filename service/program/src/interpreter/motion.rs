@@ -180,16 +180,16 @@ impl Execution<'_> {
         }
         let motion = if self.machine_rapid { Motion::Rapid } else { self.state.motion };
         match motion {
-            Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
+            Motion::Rapid => self.emit_move(MoveKind::Rapid, &end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
                 if end != self.state.position
                     && let Some(feed) = self.cutting_feed(axes)
                 {
                     if may_have_corner {
                         let corner = self.corner_words(axes);
-                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, None, feed));
+                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, None, feed));
                     } else {
-                        self.emit_move(MoveKind::Cutting, end, None, feed);
+                        self.emit_move(MoveKind::Cutting, &end, None, feed);
                     }
                 }
             }
@@ -199,9 +199,9 @@ impl Execution<'_> {
                 {
                     if self.block.has_comma_words() {
                         let corner = self.corner_words(axes);
-                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, Some(arc), feed));
+                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, Some(arc), feed));
                     } else {
-                        self.emit_move(MoveKind::Cutting, end, Some(arc), feed);
+                        self.emit_move(MoveKind::Cutting, &end, Some(arc), feed);
                     }
                 }
             }
@@ -317,15 +317,16 @@ impl Execution<'_> {
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
         if is_plain && self.state.tool_control.held.is_empty() {
-            return self.plain_target(axes);
+            let mut end = self.state.position;
+            self.plain_target(axes, &mut end);
+            return end;
         }
         self.transformed_target(axes, frame)
     }
 
-    /// The same where words are work coordinates, and the program knows where every axis is.
+    /// Places the axes of the words where these are work coordinates, and the program knows where every axis is.
     #[inline]
-    fn plain_target(&mut self, axes: u32) -> Position {
-        let mut end = self.state.position;
+    fn plain_target(&mut self, axes: u32, end: &mut Position) {
         self.used |= axes;
         let mut named = 0u32;
         for place in set_bits(axes) {
@@ -347,7 +348,6 @@ impl Execution<'_> {
             let target = &mut end[axis.index()];
             *target = if increment { *target + value } else { value };
         }
-        end
     }
 
     #[cold]
@@ -494,37 +494,44 @@ impl Execution<'_> {
 
     /// Emits a move to `end`, unless it is no move at all.
     #[inline]
-    pub(super) fn emit_move(&mut self, kind: MoveKind, end: Position, arc: Option<ArcGeometry>, feed: Feed) {
-        if arc.is_none() && end == self.state.position {
+    pub(super) fn emit_move(&mut self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) {
+        if arc.is_none() && *end == self.state.position {
             return;
         }
-        let arc = match &self.state.coords.transform {
-            None => arc,
-            Some(transform) => arc.map(|arc| transform.arc(&arc)),
-        };
-        let step = self.move_with(kind, end, feed, arc);
+        if self.state.coords.transform.is_some() {
+            return self.emit_transformed(kind, end, arc, feed);
+        }
+        let step = Move { arc, ..self.programmed_move(kind, end, feed) };
         self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
+    }
+
+    /// The same in transformed coordinates.
+    #[cold]
+    fn emit_transformed(&mut self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) {
+        let arc = arc.map(|arc| self.state.coords.transform.as_ref().map_or(arc, |transform| transform.arc(&arc)));
+        let step = Move { arc, ..self.new_move(kind, *end, feed) };
+        self.emit(self.block.span(), OperationKind::Move(step));
     }
 
     /// A straight move to `end` under the present modal states.
     #[inline]
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
-        self.move_with(kind, end, feed, None)
+        let step = self.programmed_move(kind, &end, feed);
+        match &self.state.coords.transform {
+            None => step,
+            Some(transform) => Move { start: transform.apply(&step.start), end: transform.apply(&step.end), ..step },
+        }
     }
 
-    /// A move to `end`, along an arc where there is one.
+    /// The same in the coordinates that are programmed.
     #[inline(always)]
-    fn move_with(&self, kind: MoveKind, end: Position, feed: Feed, arc: Option<ArcGeometry>) -> Move {
-        let (start, end) = match &self.state.coords.transform {
-            None => (self.state.position, end),
-            Some(transform) => (transform.apply(&self.state.position), transform.apply(&end)),
-        };
+    fn programmed_move(&self, kind: MoveKind, end: &Position, feed: Feed) -> Move {
         Move {
             kind,
-            start,
-            end,
+            start: self.state.position,
+            end: *end,
             work_offset: self.machine_offset(),
-            arc,
+            arc: None,
             spline: None,
             path_control: self.path_control(),
             feed,

@@ -39,7 +39,7 @@ impl Execution<'_> {
             self.findings.push_with(code::PROBE_UNKNOWN, |code| {
                 Finding::new(code, span, "where the probe finds its contact is not known: the whole travel is the path")
             });
-            self.emit_move(MoveKind::Cutting, end, None, feed);
+            self.emit_move(MoveKind::Cutting, &end, None, feed);
         }
         self.state.probed = Some(end);
         self.state.position = end;

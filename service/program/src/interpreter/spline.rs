@@ -150,7 +150,6 @@ impl Execution<'_> {
         let plane = self.state.plane;
         let (first, second) = plane.axes();
         let span = self.block.span();
-        let opens = nurbs.span == span;
         match [first, second].map(|axis| self.axes_of(axes).any(|named| named == axis)) {
             [true, true] => {}
             [false, false] if weight_word.is_none() => return Some(()),
@@ -170,9 +169,9 @@ impl Execution<'_> {
                 });
             }
         }
-        if self.is_linuxcnc() && weight_word.is_none() && !opens {
+        if self.is_linuxcnc() && weight_word.is_none() {
             return self.spline_error(code::NURBS_WEIGHT, span, |mut finding| {
-                finding.message = "LinuxCNC asks for a weight at every control point behind the first block".to_owned();
+                finding.message = "LinuxCNC asks for a weight at every control point".to_owned();
                 finding.suggest("add P1 for an ordinary control point")
             });
         }

@@ -347,7 +347,7 @@ impl Execution<'_> {
 
     fn rapid_to(&mut self, x: f64, z: f64) {
         let end = self.moved(x, z);
-        self.emit_move(MoveKind::Rapid, end, None, crate::Feed::PerMinute(0.0));
+        self.emit_move(MoveKind::Rapid, &end, None, crate::Feed::PerMinute(0.0));
         self.state.position = end;
     }
 }

@@ -111,7 +111,7 @@ impl Execution<'_> {
 
     fn rapid(&mut self, end: Position) {
         if self.state.tool_control.is_plain() {
-            self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0));
+            self.emit_move(MoveKind::Rapid, &end, None, Feed::PerMinute(0.0));
         } else {
             self.emit_guided(self.guide(None), MoveKind::Rapid, end, Feed::PerMinute(0.0), GuidedPath::Straight);
         }

@@ -7,7 +7,7 @@ const NOTHING: f64 = 1e-9;
 
 /// A part of a path in its plane, mm.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
+pub(in crate::interpreter) struct Segment {
     start: [f64; 2],
     end: [f64; 2],
     /// Centre and sense of an arc.
@@ -18,15 +18,15 @@ pub(super) struct Segment {
 
 /// What is put between two segments.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Joint {
-    pub(super) from: [f64; 2],
-    pub(super) to: [f64; 2],
+pub(in crate::interpreter) struct Joint {
+    pub(in crate::interpreter) from: [f64; 2],
+    pub(in crate::interpreter) to: [f64; 2],
     /// Centre and whether it is clockwise, for an arc.
-    pub(super) arc: Option<([f64; 2], bool)>,
+    pub(in crate::interpreter) arc: Option<([f64; 2], bool)>,
 }
 
 impl Segment {
-    pub(super) fn new(start: [f64; 2], end: [f64; 2], arc: Option<&ArcGeometry>) -> Self {
+    pub(in crate::interpreter) fn new(start: [f64; 2], end: [f64; 2], arc: Option<&ArcGeometry>) -> Self {
         let sweep = arc.map_or(0.0, |arc| arc.sweep_rad);
         Self { start, end, arc: arc.map(|arc| (arc.center, arc.clockwise)), sweep }
     }
@@ -64,7 +64,11 @@ impl Segment {
 }
 
 /// The chamfer whose ends are this far from the corner; nothing between tangent segments.
-pub(super) fn chamfer(first: &Segment, next: &Segment, size: f64) -> Result<Option<Joint>, &'static str> {
+pub(in crate::interpreter) fn chamfer(
+    first: &Segment,
+    next: &Segment,
+    size: f64,
+) -> Result<Option<Joint>, &'static str> {
     if turn(first, next)?.is_none() {
         return Ok(None);
     }
@@ -75,7 +79,11 @@ pub(super) fn chamfer(first: &Segment, next: &Segment, size: f64) -> Result<Opti
 }
 
 /// The arc of this radius that is tangent to both; nothing between tangent segments.
-pub(super) fn rounding(first: &Segment, next: &Segment, radius: f64) -> Result<Option<Joint>, &'static str> {
+pub(in crate::interpreter) fn rounding(
+    first: &Segment,
+    next: &Segment,
+    radius: f64,
+) -> Result<Option<Joint>, &'static str> {
     let Some(left) = turn(first, next)? else { return Ok(None) };
     let corner = first.end;
     let offsets = [offset(first, corner, radius, left)?, offset(next, corner, radius, left)?];
@@ -93,7 +101,7 @@ pub(super) fn rounding(first: &Segment, next: &Segment, radius: f64) -> Result<O
 }
 
 /// Signed angle from one point to the other about a centre, rad: a full turn where they are the same.
-pub(super) fn sweep(from: [f64; 2], to: [f64; 2], center: [f64; 2], clockwise: bool) -> f64 {
+pub(in crate::interpreter) fn sweep(from: [f64; 2], to: [f64; 2], center: [f64; 2], clockwise: bool) -> f64 {
     let (from, to) = (minus(from, center), minus(to, center));
     let angle = libm::atan2(cross(from, to), dot(from, to));
     match clockwise {
@@ -212,7 +220,7 @@ fn touching(segment: &Segment, center: [f64; 2]) -> [f64; 2] {
 }
 
 /// Whether two points are one.
-pub(super) fn is_same(one: [f64; 2], other: [f64; 2]) -> bool {
+pub(in crate::interpreter) fn is_same(one: [f64; 2], other: [f64; 2]) -> bool {
     length(minus(one, other)) <= NOTHING
 }
 

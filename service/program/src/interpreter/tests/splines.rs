@@ -257,11 +257,12 @@ fn opening_an_open_nurbs_again_moves_nothing() {
 
 #[test]
 fn linuxcnc_asks_for_every_weight() {
-    // Only the block that opens the curve may leave it out.
+    // That of the start alone may be left out.
     let spline = "spline 0 -> X3 order 3 0,0 1,1 2,-1*2 3,0 @100/min";
-    check(&linuxcnc(), "F100 G5.2 X1 Y1\nX2 Y-1 P2\n(note)\nX3 Y0 P1\nG5.3", spline);
+    check(&linuxcnc(), "F100 G5.2 X1 Y1 P1\nX2 Y-1 P2\n(note)\nX3 Y0 P1\nG5.3", spline);
     let missing = |program: &str, finding: &str| check(&linuxcnc(), &format!("F100\n{program}\nG5.3"), finding);
-    missing("G5.2 X1 Y1\nX2 Y-1\nX3 Y0 P1", "! 3:1+6 PRG-NURBS-WEIGHT");
-    missing("G5.2 X1 Y1\nG5.2 X2 Y-1\nX3 Y0 P1", "! 3:1+11 PRG-NURBS-WEIGHT");
+    missing("G5.2 X1 Y1\nX2 Y-1 P1\nX3 Y0 P1", "! 2:1+10 PRG-NURBS-WEIGHT");
+    missing("G5.2 X1 Y1 P1\nX2 Y-1\nX3 Y0 P1", "! 3:1+6 PRG-NURBS-WEIGHT");
+    missing("G5.2 X1 Y1 P1\nG5.2 X2 Y-1\nX3 Y0 P1", "! 3:1+11 PRG-NURBS-WEIGHT");
     missing("G5.2 P1\nX1 Y1\nX2 Y-1 P1", "! 3:1+5 PRG-NURBS-WEIGHT");
 }

@@ -1,8 +1,11 @@
 //! How a cycle along a contour goes through the program: its contour is looked for and read, its passes are handed on, and the
 //! program goes on.
 
+mod corners;
+
 use serde::{Deserialize, Serialize};
 
+use super::super::corner::Corner;
 use super::super::flow::{CallKind, CallRequest, CallTarget, Jump, Mark, Pending, Progress};
 use super::super::saved::SavedModes;
 use super::super::{Interpreter, LineOutcome, angle, corner};
@@ -42,6 +45,9 @@ pub(crate) struct ContourRun {
     modes: Option<Box<Modes>>,
     /// What was read of it, the way to it first.
     pieces: Vec<Piece>,
+    /// The corner that the words of the present line ask for, and the one that waits behind the last piece for the next.
+    asked_corner: Option<Corner>,
+    corner: Option<Corner>,
     /// Whether its first block names Z and X.
     named: [bool; 2],
     /// It has more blocks than are read.
@@ -93,6 +99,8 @@ impl ContourRun {
             depth: 0,
             modes: None,
             pieces: Vec::new(),
+            asked_corner: None,
+            corner: None,
             named: [false; 2],
             is_cut: false,
             is_broken,
@@ -123,10 +131,20 @@ const fn place(position: &Position) -> Point {
 impl Interpreter {
     /// Looks for the contour of the cycle whose block was just executed; `is_refused` where it has an error.
     #[cold]
-    pub(in super::super) fn begin_contour(&mut self, is_refused: bool) {
+    pub(in super::super) fn begin_contour(&mut self, is_refused: bool, findings: &mut FindingLog) {
+        let leads = [Group::Subprogram, Group::MacroCall].into_iter().find_map(|group| self.block.code(group));
+        let leads = leads.map(|code| self.block.code_span(code));
         let Some(run) = &mut self.state.flow.contour else { return };
         if run.stage != Stage::Asked {
             return;
+        }
+        if let Some(span) = leads {
+            // Both say where the program goes on.
+            self.state.flow.contour = None;
+            return findings.push_with(code::TURNING_CONTOUR, |code| {
+                let message = "a call, a return or a modal macro in the block of a cycle along a contour";
+                Finding::new(code, span, message).suggest("write it in a block of its own")
+            });
         }
         run.is_broken |= is_refused;
         let span = run.span;
@@ -214,7 +232,8 @@ impl Interpreter {
 
     /// A line that was parsed while a contour is awaited: `true` where it is not the first of it, which is then gone to.
     #[cold]
-    pub(in super::super) fn approach_contour(&mut self, mark: FindingMark, findings: &mut FindingLog) -> bool {
+    pub(in super::super) fn approach_contour(&mut self, mark: &FindingMark, findings: &mut FindingLog) -> bool {
+        self.take_corner_words(findings);
         let Some(run) = &mut self.state.flow.contour else { return false };
         if run.stage != Stage::Approaching || self.block.is_nothing() {
             return false;
@@ -225,7 +244,7 @@ impl Interpreter {
             self.read_contour();
             return false;
         }
-        findings.rewind(mark);
+        findings.rewind(*mark);
         self.read_contour();
         self.wait(span, Jump::To(first));
         true
@@ -258,13 +277,14 @@ impl Interpreter {
         });
     }
 
-    /// Takes the line at `at`, which was executed, as part of the contour; its operations begin at `before`.
+    /// Takes the line at `at`, which was executed, as part of the contour; its operations begin at `before`, its findings at the
+    /// mark, where the contour was there before it.
     #[cold]
     pub(in super::super) fn follow_contour(
         &mut self,
         at: Place,
         before: usize,
-        mark: FindingMark,
+        mark: Option<&FindingMark>,
         operations: &mut Vec<Operation>,
         findings: &mut FindingLog,
     ) {
@@ -276,7 +296,7 @@ impl Interpreter {
         if run.stage != Stage::Reading || !is_within {
             return;
         }
-        run.is_broken |= findings.has_errors_since(mark);
+        run.is_broken |= mark.is_some_and(|mark| findings.has_errors_since(mark));
         let is_first = run.first.place == at;
         let finishes = run.is_finish();
         self.check_contour_block(findings);
@@ -370,6 +390,7 @@ impl Interpreter {
         for operation in &operations[before..] {
             run.take(operation, findings);
         }
+        run.check_asked_corner(findings);
         let mut ends = None;
         for operation in operations.drain(from..) {
             if operation.kind == OperationKind::End {
@@ -395,7 +416,10 @@ impl Interpreter {
             angle::unfinished(&line, findings);
         }
         self.take_contour(false, before, operations, findings);
-        let has_errors = findings.has_errors_since(mark);
+        if let Some(run) = &mut self.state.flow.contour {
+            run.check_last_corner(findings);
+        }
+        let has_errors = findings.has_errors_since(&mark);
         let Some(mut run) = self.state.flow.contour.take() else { return };
         run.is_broken |= has_errors;
         if run.is_cut {
@@ -571,7 +595,7 @@ impl ContourRun {
                 } else if self.pieces.len() >= MAX_PIECES {
                     self.is_cut = true;
                 } else {
-                    self.pieces.push(Piece { curve, span: operation.span, is_rapid: step.kind == MoveKind::Rapid });
+                    self.push(Piece { curve, span: operation.span, is_rapid: step.kind == MoveKind::Rapid }, findings);
                 }
             }
             OperationKind::Thread(_) | OperationKind::Guided(_) => {

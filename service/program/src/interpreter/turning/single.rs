@@ -104,7 +104,7 @@ impl Execution<'_> {
     pub(super) fn turning_move(&mut self, kind: MoveKind, x: f64, z: f64, feed: Feed) {
         let end = self.moved(x, z);
         let feed = if kind == MoveKind::Rapid { Feed::PerMinute(0.0) } else { feed };
-        self.emit_move(kind, end, None, feed);
+        self.emit_move(kind, &end, None, feed);
         self.state.position = end;
     }
 }

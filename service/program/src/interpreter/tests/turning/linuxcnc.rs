@@ -108,3 +108,49 @@ fn the_worked_thread() {
         ]
     );
 }
+
+#[test]
+fn corners_of_the_contour() {
+    let finish = |contour: &str| {
+        cuts(&format!("G18 G7 F100 M3 S100\no100 sub\n{contour}\no100 endsub\nG0 X50 Z2\nG70 Q100")).join("; ")
+    };
+    // A is a tangent arc, C the chord of one; their lengths are radii under G7 as well.
+    assert_eq!(
+        finish("G0 X20\nG1 Z-10 A2\nX30 C1\nZ-30\nX50"),
+        "f 20 -8; a- 24 -10; f 28 -10; f 30 -11; f 30 -30; f 50 -30"
+    );
+    assert_eq!(
+        finish("G0 X20\nG1 Z-10 C1\nX30 A2\nZ-30 C0\nX50"),
+        "f 20 -9; f 22 -10; f 26 -10; a+ 30 -12; f 30 -30; f 50 -30"
+    );
+    assert_eq!(
+        finish("G0 X20\nG1 Z-10 C1\nX30 Z-15\nZ-30\nX50"),
+        "f 20 -9.585786; f 20.585786 -10.292893; f 30 -15; f 30 -30; f 50 -30"
+    );
+    assert_eq!(finish("G0 X20 A1\nG1 Z-10\nX30\nZ-30\nX50"), "a- 20 1; f 20 -10; f 30 -10; f 30 -30; f 50 -30");
+    assert_eq!(
+        cuts("G18 G7 G20\nF10 M3 S100\no100 sub\nG0 X1\nG1 Z-.5 A.1\nX1.5\nZ-1\nX2\no100 endsub\nG0 X2 Z.1\nG70 Q100")
+            .join("; "),
+        "f 25.4 -10.16; a- 30.48 -12.7; f 38.1 -12.7; f 38.1 -25.4; f 50.8 -25.4"
+    );
+    let roughed = "G18 G7 F100 M3 S100\no100 sub\nG0 X20\nG1 Z-10 A2\nX30\nZ-30\nX50\no100 endsub\nG0 X50 Z2\nG71 Q100 I2 R1 D0.5";
+    assert_eq!(
+        cuts(roughed).join("; "),
+        "f 50 -29.5; f 46 -29.5; f 42 -29.5; f 38 -29.5; f 34 -29.5; f 30 -9.5; f 26 -9.5; f 22 -9.118034; \
+         f 21 -8; a- 24 -9.5; f 30 -9.5; a+ 31 -10; f 31 -29.5; f 50 -29.5"
+    );
+    // What the reference refuses, and what it passes over without a word.
+    for contour in [
+        "G0 X20\nG1 Z-10 A2 C1\nX30\nZ-30\nX50",
+        "G0 X20\nG1 Z-10 A50\nX30\nZ-30\nX50",
+        "G0 X20\nG1 Z-10 A0\nX30\nZ-30\nX50",
+        "G0 X20\nG1 Z-10 A-1\nX30\nZ-30\nX50",
+        "G0 X20\nG1 Z-5 A2\nZ-10\nX30\nZ-30\nX50",
+        "G0 X20\nG1 Z-10 A2\nG2 X40 Z-20 I10 K0\nG1 Z-30\nX50",
+        "G0 X20\nG1 Z-10\nX30\nZ-30\nX50 A2",
+        "G0 X20\nG1 Z-10\nA2\nX30\nZ-30\nX50",
+    ] {
+        let program = format!("G18 G7 F100 M3 S100\no100 sub\n{contour}\no100 endsub\nG0 X50 Z2\nG70 Q100");
+        assert_eq!(codes(&g7(), &program), ["PRG-CORNER"], "{contour}");
+    }
+}

@@ -107,3 +107,18 @@ fn linuxcnc_names_what_is_missing() {
     assert_eq!(codes(&linuxcnc(), &format!("{sub}{go}G71 Q100 I2")), ["PRG-TURNING-MONOTONY"]);
     assert_eq!(codes(&linuxcnc(), &format!("{sub}{go}G91 G71 Q100 I2")), ["PRG-TURNING-FORM"]);
 }
+
+#[test]
+fn a_block_leads_to_one_place_only() {
+    // With a return in its block, the contour was looked for behind the end of the program.
+    let sub = "G18 G8 F100 M3 S100\no100 sub\nG0 X10\nG1 Z-5\nX20 Z-10\no100 endsub\n";
+    for code in ["M99", "M98 P1"] {
+        let program = format!("{sub}G0 X28 Z2\nG71 Q100 I2.5 R0.7 {code}\nG0 X30\nM2\n");
+        let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
+        assert!(findings.has_errors(), "{code}");
+        let found = findings.findings().iter().any(|finding| finding.code == "PRG-TURNING-CONTOUR");
+        assert!(found, "{code}: {:?}", findings.findings());
+        let ends = operations.iter().filter(|operation| operation.kind == OperationKind::End).count();
+        assert_eq!(ends, 1, "{code}");
+    }
+}
