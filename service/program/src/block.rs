@@ -344,6 +344,12 @@ impl Block {
         self.groups != 0 || !self.machine.is_empty()
     }
 
+    /// Whether there is a code of this group, and no other.
+    #[inline]
+    pub(crate) const fn has_only(&self, group: Group) -> bool {
+        self.groups == 1 << group as u32 && self.machine.is_empty()
+    }
+
     /// Whether there is any code but one of motion.
     #[inline]
     pub(crate) const fn has_codes_besides_motion(&self) -> bool {

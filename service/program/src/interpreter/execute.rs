@@ -57,7 +57,8 @@ impl Execution<'_> {
         }
         self.labels();
         if self.block.has_codes_besides_motion() {
-            return self.run_codes();
+            let switches = self.block.has_only(Group::Function);
+            return if switches { self.run_function() } else { self.run_codes() };
         }
         // Most blocks: of the steps that codes have, these can do something.
         self.feed();
@@ -74,6 +75,30 @@ impl Execution<'_> {
         }
         self.unused_words();
         None
+    }
+
+    /// A block that switches a machining function, as many do, and has no other code.
+    #[inline(never)]
+    fn run_function(&mut self) -> Option<SourceSpan> {
+        let function = self.function();
+        self.feed();
+        self.tool();
+        self.spindle();
+        self.check_compensated_block();
+        self.switch(function);
+        self.motion();
+        self.check_comma_words();
+        self.unused_words();
+        None
+    }
+
+    /// Emits what switches a machining function.
+    fn switch(&mut self, function: Option<(SourceSpan, FunctionCommand)>) {
+        if let Some((span, command)) = function
+            && !self.is_off_already(&command)
+        {
+            self.emit(span, OperationKind::Function(command));
+        }
     }
 
     /// A block with codes besides motion, in the order of its dialect.
@@ -111,11 +136,7 @@ impl Execution<'_> {
         self.compensation();
         self.length_compensation();
         self.tilted_plane();
-        if let Some((span, command)) = function
-            && !self.is_off_already(&command)
-        {
-            self.emit(span, OperationKind::Function(command));
-        }
+        self.switch(function);
         self.drilling_modes();
         self.coordinates();
         self.motion();
@@ -260,8 +281,9 @@ impl Execution<'_> {
         if function == Function::Thinning && !self.switch_thinning(on, span) {
             return None;
         }
-        let mut words = Vec::new();
-        for &FunctionWordRule { letter, is_length, required } in function_words(function, on) {
+        let rules = function_words(function, on);
+        let mut words = Vec::with_capacity(rules.len());
+        for &FunctionWordRule { letter, is_length, required } in rules {
             if let Some(word) = self.take(letter) {
                 let value = match letter {
                     b'X' => self.radius(&word),
