@@ -162,10 +162,10 @@ impl Block {
         let mut slash_seen = false;
         let mut looked = false;
         let mut tokens = Lexer::new(line);
-        let o_words = table.dialect.flow == Flow::OWords;
+        let o_words = || table.dialect.flow == Flow::OWords;
         loop {
             if let Some(token) = tokens.next_word() {
-                if token.letter == b'O' && o_words && self.is_labelled_only() {
+                if token.letter == b'O' && o_words() && self.is_labelled_only() {
                     self.rest = Some(Rest::OWord(token.start));
                     return;
                 }
@@ -191,7 +191,7 @@ impl Block {
                     self.report_defect(line, token, findings);
                 }
                 TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
-                    if token.letter == b'O' && o_words && self.is_labelled_only() =>
+                    if token.letter == b'O' && o_words() && self.is_labelled_only() =>
                 {
                     self.rest = Some(Rest::OWord(token.start));
                     return;

@@ -213,11 +213,12 @@ impl Interpreter {
         if self.indexing.is_some() {
             return self.read_for_index(input, end_of_input, operations, findings);
         }
-        if self.state.flow.is_cutting() {
-            return self.cut_contour(operations);
-        }
+        let contour_mark = match &self.state.flow.contour {
+            None => None,
+            Some(run) if run.is_cutting() => return self.cut_contour(operations),
+            Some(_) => Some(findings.mark()),
+        };
         let before = operations.len();
-        let contour_mark = self.state.flow.contour.is_some().then(|| findings.mark());
         let mark = self.is_nested().then(|| findings.mark());
         let outcome = self.read(input, end_of_input, operations, findings);
         if let Some(mark) = mark
@@ -338,7 +339,7 @@ impl Interpreter {
     #[inline]
     fn line(&mut self, mut line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         // Nothing can be in front of the first line, so that later ones need one comparison only.
-        if !self.state.content_seen && self.state.lines == 0 {
+        if self.state.lines == 0 && !self.state.content_seen {
             line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
         }
         self.state.lines = self.state.lines.saturating_add(1);

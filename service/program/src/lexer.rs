@@ -313,8 +313,19 @@ impl Iterator for Lexer<'_> {
     }
 }
 
-/// Upper case, with `:` read as the program number's `O`.
+/// Bytes in upper case, with `:` read as the program number's `O`.
+const UPPER: [u8; 256] = {
+    let mut upper = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        upper[byte] = (byte as u8).to_ascii_uppercase();
+        byte += 1;
+    }
+    upper[b':' as usize] = b'O';
+    upper
+};
+
 #[inline]
 const fn upper(letter: u8) -> u8 {
-    if letter == b':' { b'O' } else { letter.to_ascii_uppercase() }
+    UPPER[letter as usize]
 }

@@ -296,7 +296,7 @@ impl Interpreter {
     /// Begins to read a program for its index.
     pub(super) fn begin_index(&mut self, program: u32) {
         let flow = self.table.dialect.flow;
-        self.indexing = Some(Box::new(Indexer::new(program, flow, self.settings.block_delete)));
+        self.indexing = Some(Box::new(Indexer::new(program, flow, &self.settings)));
     }
 
     /// The program of a restored interpreter that has to be indexed before anything else.
@@ -431,10 +431,6 @@ impl Interpreter {
             if indexing.read(input, end_of_input) {
                 return LineOutcome::Elsewhere;
             }
-            if input.len() > self.settings.max_line_bytes as usize + 2 {
-                indexing.skip(input.len());
-                return LineOutcome::Elsewhere;
-            }
             return LineOutcome::NeedMore;
         }
         if !end_of_input {
@@ -520,7 +516,7 @@ impl Interpreter {
     /// What follows from a block that was executed: a call, a return, or the macro that follows every block that moves.
     #[inline]
     pub(super) fn after_block(&mut self, before: usize, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
-        if self.block.has_codes_besides_motion() && self.block.code(Group::Subprogram).is_some() {
+        if self.block.code(Group::Subprogram).is_some() {
             self.state.flow.has_jumped = true;
             if !self.subprogram(findings) {
                 let span = self.block.span();
@@ -562,12 +558,6 @@ impl FlowState {
     /// Whether a jump waits whose target has to be looked for.
     pub(super) const fn waits_for_target(&self) -> bool {
         self.pending.is_some()
-    }
-
-    /// Whether the passes of a turning cycle are handed on.
-    #[inline]
-    pub(super) fn is_cutting(&self) -> bool {
-        self.contour.as_ref().is_some_and(|run| run.is_cutting())
     }
 
     /// Something moved without a block.

@@ -3,6 +3,7 @@
 
 use super::line::{self, Statement};
 use super::{Found, Mark};
+use crate::LanguageSettings;
 use crate::dialect::Flow;
 
 /// Most labels and statements that are kept of one program, so that its index stays within a few tens of megabytes.
@@ -121,14 +122,19 @@ pub(in crate::interpreter) struct Indexer {
     flow: Flow,
     at: Mark,
     block_delete: bool,
+    /// Bytes of the longest line that is read.
+    longest: usize,
+    /// The line here is longer: nothing of it counts.
+    skipping: bool,
 }
 
 impl Indexer {
-    pub(in crate::interpreter) fn new(program: u32, flow: Flow, block_delete: bool) -> Self {
+    pub(in crate::interpreter) fn new(program: u32, flow: Flow, settings: &LanguageSettings) -> Self {
         let at = Mark::start_of(program);
         let whole = Section { number: None, start: at, end: u64::MAX };
         let index = Index { program, sections: vec![whole], labels: Vec::new(), controls: Vec::new(), is_cut: false };
-        Self { index, flow, at, block_delete }
+        let longest = settings.max_line_bytes as usize;
+        Self { index, flow, at, block_delete: settings.block_delete, longest, skipping: false }
     }
 
     /// Where the next bytes begin that it needs.
@@ -136,33 +142,34 @@ impl Indexer {
         self.at.place
     }
 
-    /// Takes the lines of `input` that are whole, or all of it where nothing follows; `false` where it holds none.
+    /// Takes the lines of `input` that are whole, or all of it where nothing follows, and parts of lines that are too long to be
+    /// read; `false` where it holds none. How a program is cut into inputs makes no difference to its index.
     pub(in crate::interpreter) fn read(&mut self, input: &[u8], end_of_input: bool) -> bool {
         let mut read = 0;
         while read < input.len() {
             let rest = &input[read..];
-            let Some(length) = crate::interpreter::find_line_end(rest) else {
-                if !end_of_input {
-                    break;
-                }
-                self.line(rest, rest.len());
-                return true;
-            };
-            let pair = rest[length] == b'\r' && rest.get(length + 1) == Some(&b'\n');
-            if rest[length] == b'\r' && length + 1 == rest.len() && !end_of_input {
+            let end = crate::interpreter::find_line_end(rest);
+            let length = end.unwrap_or(rest.len());
+            let may_go_on = match end {
+                None => true,
                 // A line feed may follow.
+                Some(length) => rest[length] == b'\r' && length + 1 == rest.len(),
+            };
+            self.skipping |= length > self.longest;
+            if may_go_on && !end_of_input {
+                if self.skipping {
+                    self.at.place.offset += length as u64;
+                    read += length;
+                }
                 break;
             }
-            let whole = length + 1 + usize::from(pair);
-            self.line(&rest[..length], whole);
+            let pair = end.is_some() && rest[length] == b'\r' && rest.get(length + 1) == Some(&b'\n');
+            let whole = length + usize::from(end.is_some()) + usize::from(pair);
+            let is_read = !std::mem::take(&mut self.skipping);
+            self.line(if is_read { &rest[..length] } else { b"" }, whole);
             read += whole;
         }
         read > 0
-    }
-
-    /// Takes part of a line that is too long to be one.
-    pub(in crate::interpreter) fn skip(&mut self, bytes: usize) {
-        self.at.place.offset += bytes as u64;
     }
 
     fn line(&mut self, text: &[u8], whole: usize) {

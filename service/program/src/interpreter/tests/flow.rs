@@ -269,3 +269,28 @@ fn a_loop_of_codes_that_change_nothing_is_endless_at_once() {
     assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 1));
     assert!(finding.message.contains("without any motion"), "{}", finding.message);
 }
+
+#[test]
+fn lines_that_are_too_long_lead_nowhere_however_the_program_is_cut() {
+    // N100 and O6002 stand on lines that are not read.
+    let settings = LanguageSettings { max_line_bytes: 20, ..LanguageSettings::mill() };
+    let program =
+        b"G0 X1\nM98 P6002\nM97 P100\nM30\nO6002 (A PROGRAM OF A LONG NAME)\nX2\nM99\nN100 G91 G01 X10. F800.\nM99\n";
+    let whole = interpret(program, settings.clone());
+    assert!(whole.1.findings().iter().any(|finding| finding.code == "PRG-SUBPROGRAM-MISSING"), "{:?}", whole.1);
+    for piece in [1, 7, 19, 20, 21, 22, 23, 40] {
+        let mut interpreter = Interpreter::new(settings.clone());
+        let (mut operations, mut findings) = (Vec::new(), FindingLog::default());
+        let mut offered = piece;
+        loop {
+            let from = program.len().min(interpreter.place().offset as usize);
+            let to = program.len().min(from + offered);
+            match interpreter.read_line(&program[from..to], to == program.len(), &mut operations, &mut findings) {
+                LineOutcome::NeedMore => offered += piece,
+                LineOutcome::Ended => break,
+                LineOutcome::Consumed(_) | LineOutcome::Elsewhere => offered = piece,
+            }
+        }
+        assert_eq!((operations, findings), whole, "pieces of {piece} bytes");
+    }
+}
