@@ -140,6 +140,9 @@ pub(crate) const USED_SAMPLED_TOLERANCE: f64 = 0.97;
 /// Samples of the deviation in each half of the curve.
 pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 
+/// What a stop in a corner has to gain to be preferred to rounding it, as the ratio of the times: a tool that stops may leave a mark.
+pub(crate) const CORNER_STOP_GAIN: f64 = 1.03;
+
 /// Most tries for the cut between curves.
 pub(crate) const MAX_CORNER_TRIES: usize = 12;
 

@@ -35,6 +35,19 @@ fn short_blocks_run_more_than_twice_as_fast_as_corner_by_corner() {
 }
 
 #[test]
+fn rounding_never_costs_time() {
+    let machine = machine();
+    for program in programs() {
+        let stop = seconds(&program, PathControl::ExactStop, &machine);
+        for tolerance_mm in [0.002, 0.01, 0.05, 0.1, 0.3] {
+            let now = seconds(&program, within(tolerance_mm), &machine);
+            println!("| {} | {tolerance_mm} mm | {now:.3} s | {stop:.3} s |", program.name);
+            assert!(now <= stop * 1.001, "{} within {tolerance_mm} mm: {now} s of {stop} s", program.name);
+        }
+    }
+}
+
+#[test]
 fn tangent_arcs_cost_less_than_stopping() {
     let machine = machine();
     for program in [common::pocket(), common::lines_and_arcs(), common::line_arc_line()] {

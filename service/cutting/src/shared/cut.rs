@@ -1,6 +1,6 @@
 //! What a cutting block asks for besides its path.
 
-use feedwave_motion::{Carried, Element};
+use feedwave_motion::{Carried, Element, Machine, top_command};
 use feedwave_program::{Feed, Move, Spindle};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,10 @@ impl Carried for Cut {
             _ => return None,
         };
         (self.spindle == next.spindle).then_some(Self { feed, ..*self })
+    }
+
+    fn commanded_mm_per_s(&self, element: &Element, machine: &Machine) -> f64 {
+        top_command(element, self.feed, &self.spindle, machine)
     }
 }
 

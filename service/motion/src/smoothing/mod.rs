@@ -12,6 +12,8 @@
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
 //! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
 //!
+//! A corner between blocks that are long enough stays as well where stopping in it takes less time ([`stop`]).
+//!
 //! Smoothing looks ahead over one run of mergeable lines and one window of the curve, and keeps nothing else.
 
 mod corner;
@@ -19,6 +21,7 @@ mod curve;
 mod guided;
 mod joint;
 mod merge;
+mod stop;
 #[cfg(test)]
 mod test_path;
 mod trim;
@@ -32,15 +35,22 @@ use serde::{Deserialize, Serialize};
 pub use self::corner::CornerSpeed;
 use self::curve::Open;
 use self::joint::Joint;
+use self::stop::Corner;
 use self::vector::Vector;
 use crate::kinematics::FiveAxisCorners;
-use crate::tolerance::{CORNER_SHARE, LEAST_CURVE_SHARE, MAX_MERGED_POINTS, MERGING_SHARE};
+use crate::tolerance::{CORNER_SHARE, LEAST_CURVE_SHARE, MAX_MERGED_POINTS, MERGING_SHARE, TANGENT_TOLERANCE_RAD};
 use crate::{Curve, Element, Machine, Spline};
 
 /// What belongs to an element besides its path, such as its feed. Lines are merged where it is equal.
 pub trait Carried: Clone + PartialEq {
     /// What belongs to the curve between this block and the next; `None` where the corner has to stay.
     fn at_corner(&self, next: &Self) -> Option<Self>;
+
+    /// Commanded speed along an element, mm/s; infinite where the machine decides. A corner is left as it is where stopping in it takes
+    /// less time at this speed.
+    fn commanded_mm_per_s(&self, _element: &Element, _machine: &Machine) -> f64 {
+        f64::INFINITY
+    }
 }
 
 /// An element as it is run.
@@ -256,15 +266,20 @@ impl<T: Carried> PathSmoother<T> {
             match goes_on {
                 None => return,
                 Some(true) => self.open_curve(emit),
-                Some(false) => self.round_front(corners, emit),
+                Some(false) => self.round_front(joining, corners, emit),
             }
         }
     }
 
     /// Gives on the first element and the curve at its corner to the next, if it has one.
-    fn round_front(&mut self, corners: Option<FiveAxisCorners<'_>>, emit: &mut impl FnMut(Smoothed<T>)) {
+    fn round_front(
+        &mut self,
+        joining: Joining<'_>,
+        corners: Option<FiveAxisCorners<'_>>,
+        emit: &mut impl FnMut(Smoothed<T>),
+    ) {
         let Some(mut front) = self.pending.pop_front() else { return };
-        let corner = self.pending.front_mut().and_then(|next| front.round_corner(next, corners));
+        let corner = self.pending.front_mut().and_then(|next| front.round_corner(next, joining, corners));
         emit(front.finish());
         if let Some(corner) = corner {
             emit(corner);
@@ -327,7 +342,12 @@ impl<T: Carried> Entry<T> {
     }
 
     /// Cuts this element and the next one back for the curve between them.
-    fn round_corner(&mut self, next: &mut Self, corners: Option<FiveAxisCorners<'_>>) -> Option<Smoothed<T>> {
+    fn round_corner(
+        &mut self,
+        next: &mut Self,
+        joining: Joining<'_>,
+        corners: Option<FiveAxisCorners<'_>>,
+    ) -> Option<Smoothed<T>> {
         let tolerance_mm = self.corner_tolerance_mm()? - self.merged_within_mm.max(next.merged_within_mm);
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
             return None;
@@ -352,6 +372,16 @@ impl<T: Carried> Entry<T> {
         let spline = Spline::from_polynomial_spans(&[rounding.curve(&before, &after)])?;
         let source = after.source;
         let element = Element::from_spline(before.end, after.start, spline, after.work_offset, source, false)?;
+        // Where the path does not rest without the curve, or changes its speed along it, the curve never costs time.
+        let would_rest = matches!(self.joint, Joint::Corner { kink, .. } if kink > TANGENT_TOLERANCE_RAD);
+        if self.joins && next.joins && would_rest && self.corner_speed == CornerSpeed::Steady {
+            let blocks = [(&before, self.full_length_mm), (&after, next.full_length_mm)];
+            let command = carried.commanded_mm_per_s(&element, joining.machine);
+            let corner = Corner { curve: &element, blocks, cut_mm: rounding.cut_mm, command };
+            if !corner.is_rounded(joining.machine) {
+                return None;
+            }
+        }
         self.element = before;
         next.element = after;
         next.start_is_cut = true;

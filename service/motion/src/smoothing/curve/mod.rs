@@ -198,7 +198,7 @@ impl<T: Carried> PathSmoother<T> {
                 match ending.and_then(|ending| self.settle(&path, &open.rest, open.start.point, ending, machine)) {
                     Some(settled) => (settled, Vec::new()),
                     None => {
-                        self.round_front(None, emit);
+                        self.round_front(joining, None, emit);
                         return true;
                     }
                 }
