@@ -223,7 +223,7 @@ proptest! {
 }
 
 /// Blocks that switch tool length, tool centre point control and planes, and moves between them, in any order.
-const WORDS: [&str; 14] = [
+const WORDS: [&str; 21] = [
     "G43 H1",
     "G49",
     "G43.4 H1",
@@ -238,6 +238,13 @@ const WORDS: [&str; 14] = [
     "G91 G28 Z0\nG90",
     "G0 X0 Y0 Z50 A-10 C20",
     "G0 Z55",
+    "G53.6 H1",
+    "G68.2 P2 Q1 X1 Y2 Z3\nG68.2 P2 Q2 X5 Y2 Z3\nG68.2 P2 Q3 X1 Y9 Z5",
+    "G68.2 P3 Q1 X1 I1\nG68.2 P3 Q2 J-1 K4",
+    "G5.1 X9 Y-2 I2 J-3 F3000",
+    "G2 X3 Y4 I4 J1 A-15 F4000",
+    "G0 X1 Y2 Z50 A-12 C5",
+    "G94 M29 S500\nG84 X3 Y1 Z40 R45 F500\nG80",
 ];
 
 /// Where the rotary axes are in the end.

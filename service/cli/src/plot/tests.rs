@@ -388,6 +388,7 @@ mod tool_oscillation {
             leading_edge: 1,
             cut,
             limits: OscillationLimits { plane: limits, axial: limits },
+            max_feed_override: 1.0,
             floor: None,
             span: feedwave_program::SourceSpan {
                 line: 7,

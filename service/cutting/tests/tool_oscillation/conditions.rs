@@ -319,3 +319,56 @@ fn the_hold_that_is_asked_for_makes_a_smooth_floor_whatever_the_number_of_edges(
         }
     }
 }
+
+#[test]
+fn the_range_of_feed_ends_where_the_step_is_as_long_as_the_edge() {
+    let (tool, condition) = (tool(), condition());
+    let (report, _) = judge(&job(&tool, &condition));
+    // 1.5 mm of edge in a period of 0.1 s.
+    assert_eq!(report.expect("possible").feed_range_mm_per_min, [0.0, 900.0]);
+    let with_override = |feed_mm_per_min: f64, max_feed_override: f64| {
+        let job = job(&tool, &condition);
+        let cut = OscillationCut { feed_mm_per_min, ..job.cut };
+        let (report, findings) = judge(&OscillationJob { cut, max_feed_override, ..job });
+        assert_eq!(report.expect("possible").feed_range_mm_per_min, [0.0, 900.0]);
+        findings.into_iter().find(|finding| finding.code == "OSC-OVERRIDE")
+    };
+    assert_eq!(with_override(600.0, 1.5), None);
+    let finding = with_override(800.0, 1.5).expect("1200 mm/min are too many");
+    assert_eq!((value(&finding, "override"), value(&finding, "max_feed")), (1.125, 900.0));
+    let cure = suggested(&finding, "feed");
+    assert_eq!(cure, 600.0);
+    assert_eq!(with_override(cure, 1.5), None);
+    // What does not hold at the programmed feed is another finding.
+    assert_eq!(with_override(1_000.0, 1.5), None);
+}
+
+#[test]
+fn the_range_of_feed_of_a_staged_removal_is_where_nothing_is_left_above_an_edge() {
+    let condition = condition();
+    // Depth and axial travel are higher than the edges.
+    let tool = ToolGeometry::even(4, 60.0, 1.5, 1.03);
+    let job = job(&tool, &condition);
+    let (report, findings) = judge(&job);
+    let report = report.expect("possible");
+    assert!(report.axial_reach_mm > tool.axial_edge_height_mm);
+    let above_mm = |feed_mm_per_min: f64| {
+        let cut = OscillationCut { feed_mm_per_min, ..job.cut };
+        judge(&OscillationJob { cut, ..job }).0.expect("possible").above_edge_mm
+    };
+    let [low, high] = report.feed_range_mm_per_min;
+    if report.above_edge_mm > 1e-6 {
+        assert_eq!([low, high], [0.0; 2], "{findings:?}");
+        return;
+    }
+    for share in 1..20 {
+        let feed = low + (high - low) * f64::from(share) / 20.0;
+        assert!(above_mm(feed) <= 1e-6, "{feed}");
+    }
+    if high < 900.0 - 1e-3 {
+        assert!(above_mm(high + 1e-2) > 1e-6, "{high}");
+    }
+    if low > 0.0 {
+        assert!(above_mm(low - 1e-2) > 1e-6, "{low}");
+    }
+}

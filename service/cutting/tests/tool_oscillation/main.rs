@@ -61,6 +61,7 @@ fn job<'a>(tool: &'a ToolGeometry, condition: &'a OscillationCondition) -> Oscil
         leading_edge: condition.leading_edge.edge,
         cut: cut(),
         limits: limits(),
+        max_feed_override: 1.0,
         floor: None,
         span: SourceSpan { line: 7, column: 1, length: 4, ..SourceSpan::default() },
     }

@@ -81,6 +81,16 @@ fn step_rows(rows: &mut Rows, section: &OscillationSectionReport) {
             number(section.feed_mm_per_period, 4)
         ),
     );
+    if section.max_feed_mm_per_min > 0.0 {
+        rows.row(
+            "feed",
+            format!(
+                "the conditions hold from {} to {} mm/min",
+                number(section.min_feed_mm_per_min, 5),
+                number(section.max_feed_mm_per_min, 5)
+            ),
+        );
+    }
     rows.row(
         "protrusion",
         format!(
@@ -227,6 +237,7 @@ mod tests {
                 ..Default::default()
             }),
             plane_deg: 30.0,
+            max_feed_mm_per_min: 900.0,
             roles: Some(OscillationRoles {
                 first_edge: 2,
                 changes: 3,
@@ -265,6 +276,7 @@ mod tests {
             "Oscillation 1: accuracy, on in line 4, from line 5",
             "M = 1 per revolution, N = 2 edges per period",
             "held for 0.3 of the period, 0.25 needed; 0 degrees after",
+            "the conditions hold from 0 to 900 mm/min",
             "edge 1 leads, edge 2 finishes",
             "740.2 25 %",
             "0.03 to 1 × 1",

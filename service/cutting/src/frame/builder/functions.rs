@@ -61,6 +61,12 @@ impl PipelineConfig {
         }
     }
 
+    /// The largest feed override that the machine or the plan permits, a ratio of at least 1.
+    fn largest_override(&self) -> f64 {
+        let planned = self.overrides.iter().map(|change| change.ratio);
+        planned.fold(self.profile.max_feed_override, f64::max).max(1.0)
+    }
+
     pub(super) fn guide_inputs(&self) -> GuideInputs<'_> {
         GuideInputs {
             tools: &self.tools,
@@ -253,6 +259,7 @@ impl Builder {
             floor: &config.profile.oscillation_floor,
             request: &config.oscillation,
             machine: &config.profile.machine,
+            max_feed_override: config.largest_override(),
             tools: &config.tools,
             tool: self.state.tool,
             frame: self.guide.as_ref().map(Guide::tool_frame),

@@ -112,6 +112,14 @@ feedwave_program::finding_codes! {
         example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F1200\nG203\nM30"),
     }
 
+    "OSC-OVERRIDE" [OSC_OVERRIDE: Warning] {
+        meaning: "a feed override that is permitted, but at which a condition of the oscillation no longer holds",
+        cause: "At the largest override of the machine profile the feed goes further in one period than an edge cuts at its \
+              end, or the stages of the removal leave material above an edge that they do not at the programmed feed.",
+        cure: "Feed at most what the finding names, or permit no higher override than it names.",
+        example: oscillation("T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F800\nG203\nM30"),
+    }
+
     "OSC-PHASE" [OSC_PHASE: Error, OSC_PHASE_OFF: Warning] {
         meaning: "the largest protrusion does not come with the largest retreat along the feed: a warning from one \
               degree on, an error beyond a quarter of a period",

@@ -21,11 +21,11 @@ const MAX_PERIODS_PER_REV: f64 = 1_000.0;
 /// Phase error from which on it is worth a warning, degrees.
 const PHASE_TOLERANCE_DEG: f64 = 1.0;
 /// Tolerance for the rounding of computed limits, which are often met exactly.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 /// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.
 const MAX_LONG_HOLD: f64 = 0.9;
 /// Height that counts as left over above an edge, mm.
-const NOTHING_MM: f64 = 1e-6;
+pub(super) const NOTHING_MM: f64 = 1e-6;
 
 /// Values that are impossible by themselves.
 pub(super) fn input(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) {
@@ -163,6 +163,7 @@ pub(super) fn conditions(job: &OscillationJob<'_>, report: &OscillationReport, f
     edges_and_period(job, report, findings);
     hold(job, report, findings);
     step(job, report, findings);
+    overrides(job, report, findings);
     phase(job, report, findings);
     roles(job, report, findings);
     for load in &report.loads {
@@ -274,6 +275,53 @@ fn step(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec
         speed,
         "rev/min",
     ));
+}
+
+/// A condition that holds at the programmed feed, but not at every override that is permitted.
+fn overrides(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {
+    let [low, high] = report.feed_range_mm_per_min;
+    let (feed, most) = (job.cut.feed_mm_per_min, job.max_feed_override);
+    // What does not hold at the programmed feed is said of it.
+    if !(low..=high * (1.0 + ROUNDING)).contains(&feed) {
+        return;
+    }
+    let finding = |message: String, ratio: f64, rank: f64, subject: &'static str| {
+        Finding::new(code::OSC_OVERRIDE, job.span, message)
+            .ranked(subject, rank)
+            .with_value("override", ratio, "")
+            .with_value("max_override", most, "")
+            .with_value("min_feed", low, "mm/min")
+            .with_value("max_feed", high, "mm/min")
+    };
+    if feed * most > high * (1.0 + ROUNDING) {
+        let ratio = round_down(high / feed, 3);
+        let message = format!(
+            "at an override of {} the feed is {} mm/min, but the conditions hold up to {} mm/min only",
+            decimal(most, 3),
+            decimal(feed * most, 1),
+            decimal(high, 1)
+        );
+        let cure = round_down(high / most, 1);
+        findings.push(
+            finding(message, ratio, feed * most / high, "high")
+                .suggest_value(format!("feed at most {} mm/min", decimal(cure, 1)), None, "feed", cure, "mm/min")
+                .suggest(format!(
+                    "or permit overrides up to {} only, max_feed_override of the machine profile",
+                    decimal(ratio, 3)
+                )),
+        );
+    }
+    if low > 0.0 {
+        let ratio = round_up(low / feed, 3);
+        let message = format!(
+            "below an override of {} the stages leave material above an edge: the feed has to be {} mm/min at least",
+            decimal(ratio, 3),
+            decimal(low, 1)
+        );
+        findings.push(
+            finding(message, ratio, low / feed, "low").suggest("cut less deep, so that the edges need no stages"),
+        );
+    }
 }
 
 fn phase(job: &OscillationJob<'_>, report: &OscillationReport, findings: &mut Vec<Finding>) {

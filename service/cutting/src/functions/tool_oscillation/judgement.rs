@@ -221,8 +221,18 @@ impl ActiveOscillation {
         let deepest_mm = (tool.axial_edge_height_mm - 2.0 * condition.axial.amplitude_mm).max(0.0);
         cut.depth_mm = self.depth_mm.unwrap_or(deepest_mm);
         cut.engagement_deg = condition.engagement.azimuths_deg(tool.radius_mm, cut.clockwise);
+        let max_feed_override = inputs.max_feed_override;
         let (leading_edge, roles) = self.roles(&condition.leading_edge, tool, inputs.request);
-        let job = OscillationJob { tool, condition: &condition, leading_edge, cut, limits, floor: None, span };
+        let job = OscillationJob {
+            tool,
+            condition: &condition,
+            leading_edge,
+            cut,
+            limits,
+            max_feed_override,
+            floor: None,
+            span,
+        };
         // While streaming the program has been judged before.
         let mut ignored = Vec::new();
         let (report, said) = match judgements {

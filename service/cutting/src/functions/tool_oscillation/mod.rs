@@ -8,6 +8,7 @@ pub(crate) mod code;
 mod condition;
 mod curve;
 mod engagement;
+mod feed_range;
 mod findings;
 mod floor;
 mod floor_area;

@@ -3,6 +3,7 @@
 use feedwave_program::{Finding, Severity, SourceSpan};
 
 use super::code;
+use super::feed_range::feed_range;
 use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
@@ -43,6 +44,8 @@ pub struct OscillationJob<'a> {
     pub cut: OscillationCut,
     /// What the machine can do.
     pub limits: OscillationLimits,
+    /// Largest feed override that is permitted, as a ratio of at least 1: the conditions are judged up to it.
+    pub max_feed_override: f64,
     /// The part of the floor to simulate; none to leave it out.
     pub floor: Option<FloorArea>,
     /// Where the oscillation is programmed.
@@ -112,6 +115,9 @@ pub struct OscillationReport {
     pub period_s: f64,
     /// Feed per period, mm.
     pub feed_per_period_mm: f64,
+    /// Range of feed about the programmed one within which the conditions that depend on it hold, mm/min; 0 to 0 where they do not
+    /// hold at the programmed one neither.
+    pub feed_range_mm_per_min: [f64; 2],
     /// Share of the period for which the largest protrusion is held.
     pub hold_share: f64,
     /// Share for which it has to be held so that the protruded edges close a circle.
@@ -241,6 +247,7 @@ fn figures(job: &OscillationJob<'_>, oscillation: &ToolOscillation) -> Oscillati
         edges_per_period: f64::from(tool.edge_count()) / periods,
         period_s,
         feed_per_period_mm,
+        feed_range_mm_per_min: feed_range(job, oscillation, period_s),
         hold_share: oscillation.axial.trough().1,
         required_hold_share: tool.widest_gap_turns() * periods,
         phase_error_deg: oscillation.phase_error_deg(),

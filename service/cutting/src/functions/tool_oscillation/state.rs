@@ -31,6 +31,8 @@ pub(crate) struct OscillationInputs<'a> {
     pub(crate) floor: &'a FloorSettings,
     pub(crate) request: &'a OscillationRequest,
     pub(crate) machine: &'a Machine,
+    /// Largest feed override that is permitted, a ratio.
+    pub(crate) max_feed_override: f64,
     pub(crate) tools: &'a [Tool],
     /// Number of the tool in the spindle.
     pub(crate) tool: u32,

@@ -45,6 +45,8 @@ pub(super) fn section_to_proto(section: &OscillationSectionReport) -> proto::Osc
         feasible: report.feasible,
         roles: Some(roles(&section.roles)),
         plane_deg: report.plane_deg,
+        min_feed_mm_per_min: report.feed_range_mm_per_min[0],
+        max_feed_mm_per_min: report.feed_range_mm_per_min[1],
     }
 }
 
