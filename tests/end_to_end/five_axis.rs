@@ -14,25 +14,25 @@ use tonic::Code;
 use crate::FEEDWAVE;
 use crate::status::assert_error;
 
-type Vec3 = [f64; 3];
+pub(crate) type Vec3 = [f64; 3];
 
 /// Tool length, the line of A, and the origin of G54 in machine coordinates, mm.
-const LENGTH_MM: f64 = 120.0;
+pub(crate) const LENGTH_MM: f64 = 120.0;
 const A_POINT_MM: Vec3 = [0.0, 0.3, -560.0];
-const ORIGIN_MM: Vec3 = [-10.0, -5.0, -500.0];
+pub(crate) const ORIGIN_MM: Vec3 = [-10.0, -5.0, -500.0];
 const TOLERANCE_MM: f64 = 0.01;
 
 fn vector([x, y, z]: Vec3) -> Option<Vector> {
     Some(Vector { x, y, z })
 }
 
-fn chain_axis(axis: AxisLetter, direction: Vec3, point_mm: Vec3, range: Option<AxisRange>) -> ChainAxis {
+pub(crate) fn chain_axis(axis: AxisLetter, direction: Vec3, point_mm: Vec3, range: Option<AxisRange>) -> ChainAxis {
     let (direction, point_mm) = (vector(direction), vector(point_mm));
     ChainAxis { axis: axis.into(), direction, point_mm, range, ..ChainAxis::default() }
 }
 
 /// Makes `machines/trunnion`, an A/C table under a mill's spindle, and `tools/ball` and `tools/unmeasured`.
-async fn set_up(clients: &mut Clients) {
+pub(crate) async fn set_up(clients: &mut Clients) {
     let request = GetMachineRequest { name: "machines/mill".to_owned() };
     let response = clients.machines.get_machine(request).await.expect("the mill").into_inner();
     let mut machine = response.machine.expect("a machine");
@@ -74,7 +74,7 @@ async fn set_up(clients: &mut Clients) {
     }
 }
 
-async fn submit(clients: &mut Clients, machine: &str, tool: &str, program: &str) -> Outcome {
+pub(crate) async fn submit(clients: &mut Clients, machine: &str, tool: &str, program: &str) -> Outcome {
     let request = CreateJobRequest {
         machine: format!("machines/{machine}"),
         tools: vec![format!("tools/{tool}")],
@@ -85,7 +85,7 @@ async fn submit(clients: &mut Clients, machine: &str, tool: &str, program: &str)
     clients.validated(&job.name).await
 }
 
-async fn setpoints(clients: &mut Clients, job: &str, frame: Frame, from: u64) -> Setpoints {
+pub(crate) async fn setpoints(clients: &mut Clients, job: &str, frame: Frame, from: u64) -> Setpoints {
     let start = Some(Start::StartIndex(from));
     let request = StreamSetpointsRequest { job: job.to_owned(), frame: frame.into(), start, ..Default::default() };
     stream(clients, request).await.unwrap_or_else(|status| panic!("{status:?}"))
@@ -96,20 +96,20 @@ fn freeform(directions: Directions) -> String {
     surface.lines().collect()
 }
 
-fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
     std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
-fn dot(a: Vec3, b: Vec3) -> f64 {
+pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn norm(a: Vec3) -> f64 {
+pub(crate) fn norm(a: Vec3) -> f64 {
     dot(a, a).sqrt()
 }
 
 /// Tool centre point and direction in work coordinates of the axes X Y Z A C.
-fn forward([x, y, z, a_deg, c_deg]: [f64; 5]) -> (Vec3, Vec3) {
+pub(crate) fn forward([x, y, z, a_deg, c_deg]: [f64; 5]) -> (Vec3, Vec3) {
     let ((a_sine, a_cosine), (c_sine, c_cosine)) = (a_deg.to_radians().sin_cos(), c_deg.to_radians().sin_cos());
     let turn = |[x, y, z]: Vec3| {
         let (y, z) = (a_cosine * y - a_sine * z, a_sine * y + a_cosine * z);

@@ -13,6 +13,7 @@ mod durability;
 mod escalation;
 mod exclusive;
 mod five_axis;
+mod guided_curves;
 mod hostile;
 mod jobs;
 mod lifecycle;
