@@ -34,8 +34,10 @@ fn blocks() -> impl Strategy<Value = Vec<Block>> {
             .prop_map(|(count, exponent, turn)| Block::Chords(count, 10.0_f64.powf(exponent), turn)),
         3 => (0.2..20.0_f64, 0.05..5.0_f64, sign(), prop_oneof![Just(0.0), -5.0..5.0_f64])
             .prop_map(|(radius, sweep, side, rise)| Block::Arc(radius, side * sweep, rise)),
-        2 => (0.5..10.0_f64, 0.5..10.0_f64, 2.0..30.0_f64, -10.0..10.0_f64)
-            .prop_map(|(first, second, ahead, beside)| Block::Spline(first, second, ahead, beside)),
+        // Handles of less than two thirds of the distance, and an end well ahead: it has no cusp, which would be refused.
+        2 => (0.05..0.65_f64, 0.05..0.65_f64, 2.0..30.0_f64, -0.8..0.8_f64).prop_map(|(first, second, ahead, beside)| {
+            Block::Spline(first * ahead, second * ahead, ahead, beside * ahead)
+        }),
         1 => length().prop_map(Block::Reversal),
         2 => prop_oneof![
             Just("G61"), Just("G61.1"), Just("G64 P0.01"), Just("G64 P0.1 Q0.02"), Just("G64 P0.002 Q0"), Just("G64"),
@@ -113,6 +115,16 @@ fn check(
     overrides: &[(u64, f64)],
     plan_quality: PlanQuality,
 ) -> Result<(), TestCaseError> {
+    check_program(&program(blocks, false), jerk, period_us, overrides, plan_quality)
+}
+
+fn check_program(
+    (text, end): &(String, [f64; 3]),
+    jerk: f64,
+    period_us: u32,
+    overrides: &[(u64, f64)],
+    plan_quality: PlanQuality,
+) -> Result<(), TestCaseError> {
     let mut profile = MachineProfile { plan_quality, ..MachineProfile::mill() };
     for (axis, scale) in profile.machine.axes.iter_mut().zip([1.0, 0.8, 0.6]) {
         axis.max_jerk_per_s3 = jerk * scale;
@@ -120,8 +132,7 @@ fn check(
     }
     let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
     let config = PipelineConfig { interpolation_period_us: period_us, overrides, ..PipelineConfig::new(profile) };
-    let (text, end) = program(blocks, false);
-    let setpoints = run(&text, &config);
+    let setpoints = run(text, &config);
     let h = config.period_s();
     for (column, axis) in config.profile.machine.axes.iter().enumerate() {
         let p = &setpoints.axes[column];
@@ -175,4 +186,63 @@ proptest! {
         overrides.push((index + 50, 1.0));
         check(&blocks, 10.0_f64.powf(jerk_exponent), 1_000, &overrides, quality)?;
     }
+}
+
+/// Feed holds of plans of the least time, near to corners: found by random programs.
+#[test]
+fn a_feed_hold_near_a_corner_keeps_the_limits() {
+    let arcs = "G21 G90 G94 G17\nG0 X0 Y0 Z0\nF3000\nG1 X20.007457 Y6.189032\nF21595.0\nG64 P0.002 Q0\n\
+                G3 X34.052319 Y26.512970 Z0.000000 I-5.907445 J19.097163\nG1 X34.997199 Y26.185552\n\
+                G1 X35.005729 Y26.188002\nG5 X36.927987 Y26.740202 I7.938528 J2.280473 P-0.388870 Q-0.314293\n\
+                G1 X37.695793 Y26.099519\nG2 X28.876543 Y20.780138 Z0.000000 I-3.490665 J-4.183277\n\
+                G2 X56.282033 Y29.891953 Z0.000000 I14.210168 J3.029739\nM30\n";
+    let holds = [(257, 1.516_987_815_459_784_2), (487, 0.0), (488, 0.0), (538, 1.0)];
+    let program = (arcs.to_owned(), [56.282033, 29.891953, 0.0]);
+    check_program(&program, 10.0_f64.powf(4.7), 1_000, &holds, PlanQuality::LeastTime).unwrap();
+    let chords = "G21 G90 G94 G17\n\
+                 G0 X0 Y0 Z0\n\
+                 F3000\n\
+                 G1 X0.017539 Y0.005425\n\
+                 F10794.5\n\
+                 G1 X0.014021 Y0.004337\n\
+                 G5 X-13.402186 Y-4.145782 I-3.498121 J-1.082096 P5.012526 Q4.221992\n\
+                 G2 X-26.471979 Y-8.818056 Z0.000000 I-12.804598 J15.202154\n\
+                 G5 X-48.084275 Y-8.529671 I-7.458024 J0.099517 P1.480975 Q0.602983\n\
+                 G2 X-60.682007 Y24.088290 Z0.000000 I-6.593857 J16.195048\n\
+                 G64 P0.002 Q0\n\
+                 G3 X-52.628888 Y38.730859 Z0.000000 I-4.363406 J11.935597\n\
+                 G1 X-52.639026 Y38.792000\n\
+                 G1 X-52.646076 Y38.853573\n\
+                 G1 X-52.650019 Y38.915423\n\
+                 G1 X-52.650846 Y38.977393\n\
+                 G1 X-52.648555 Y39.039326\n\
+                 G1 X-52.643151 Y39.101065\n\
+                 G1 X-52.634648 Y39.162454\n\
+                 G1 X-52.623067 Y39.223338\n\
+                 G1 X-52.608438 Y39.283562\n\
+                 G1 X-52.590798 Y39.342974\n\
+                 G1 X-52.570192 Y39.401423\n\
+                 G1 X-52.546671 Y39.458762\n\
+                 G1 X-52.520296 Y39.514845\n\
+                 G1 X-52.491133 Y39.569530\n\
+                 G3 X-81.808529 Y45.690033 Z0.641826 I-13.765048 J7.340865\n\
+                 G1 X-82.110670 Y46.643296\n\
+                 G5 X-82.714953 Y48.549822 I-0.151071 J0.476632 P0.324754 Q-0.380177\n\
+                 M30\n";
+    let (mut index, mut holds) = (0, Vec::new());
+    for (step, ratio) in [
+        (44, 1.928_241_225_771_384_3),
+        (139, 0.368_223_318_618_677_74),
+        (22, 1.754_104_093_544_304_2),
+        (277, 0.0),
+        (71, 1.965_886_753_571_697_7),
+        (159, 1.547_410_751_841_530_3),
+        (278, 0.0),
+        (50, 1.0),
+    ] {
+        index += step;
+        holds.push((index, ratio));
+    }
+    let program = (chords.to_owned(), [-82.714953, 48.549822, 0.641826]);
+    check_program(&program, 10.0_f64.powf(5.646801394390512), 1_000, &holds, PlanQuality::LeastTime).unwrap();
 }

@@ -48,8 +48,9 @@ pub(super) fn worst(
         let left = left[index];
         let (from, h) = (knots.0[index], knots.0[index + 1] - knots.0[index]);
         let mut largest = (0.0_f64, 0.5);
-        for place in 0..=PLACES {
-            let share = place as f64 / PLACES as f64;
+        // A small bend may lie between places in equal parts.
+        let bends = path.middles_between(from, from + h).map(|s| (s - from) / h);
+        for share in (0..=PLACES).map(|place| place as f64 / PLACES as f64).chain(bends) {
             path.derivatives(from + h * share.clamp(SPEED_SIDE, 1.0 - SPEED_SIDE), &mut derivatives);
             let state = state(knots, c, index, h * share);
             let moves = state[0] > 0.0;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::tolerance::{SOLVER_STEPS, TIME_PRECISION};
+use crate::tolerance::{SAME_POINT_MM, SOLVER_STEPS, TIME_PRECISION};
 
 /// What a course is limited by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -201,7 +201,8 @@ impl Course {
             s += end.min(to) - segment.s - x;
             time_s += (left_s - entered_s).max(0.0);
         }
-        let ends_plan = self.ends_plan && to >= self.length;
+        // Places of stretches are sums of lengths: the end may be rounded.
+        let ends_plan = self.ends_plan && to >= self.length - SAME_POINT_MM;
         Self { ends_plan, ..Self::new(segments, to - from, time_s, end_speed, self.reserves) }
     }
 

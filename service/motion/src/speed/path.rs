@@ -132,6 +132,14 @@ impl<'a> Path<'a> {
         }
     }
 
+    /// Middles of the spans that lie wholly between two places.
+    pub(super) fn middles_between(&self, from: f64, to: f64) -> impl Iterator<Item = f64> {
+        let first = self.spans.partition_point(|span| span.start <= from);
+        let ends = self.spans[first..].iter().map(|span| span.start).chain([self.length]).skip(1);
+        let wholly = self.spans[first..].iter().zip(ends).take_while(move |&(_, end)| end < to);
+        wholly.map(|(span, end)| 0.5 * (span.start + end))
+    }
+
     /// Lowest commanded speed between two places, mm/s.
     pub(super) fn command(&self, from: f64, to: f64) -> f64 {
         let first = self.span_at(from);
