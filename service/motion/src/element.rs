@@ -16,12 +16,14 @@ mod fit;
 mod five_axis;
 mod polynomial;
 mod spline;
+mod turning;
 
 pub use arc::Arc;
 pub use five_axis::FiveAxis;
 pub(crate) use five_axis::FiveAxisPiece;
 pub(crate) use polynomial::{COEFFICIENTS, Part, shifted};
 pub use spline::Spline;
+pub use turning::Turning;
 
 /// One element of the path, in work coordinates (under five-axis motion in those of the chain of axes), over its arc length
 /// `s` from 0 to `length`.

@@ -19,7 +19,7 @@ mod speed;
 mod tolerance;
 mod wave;
 
-pub use element::{Arc, Curve, Element, FiveAxis, Spline};
+pub use element::{Arc, Curve, Element, FiveAxis, Spline, Turning};
 pub use feed::{Stretch, Stretches, stretches, top_command};
 pub use limits::{
     LimitExceeded, LimitPiece, LimitPieces, PathLimits, PathMotion, Quantity, TravelExceeded, limit_pieces,

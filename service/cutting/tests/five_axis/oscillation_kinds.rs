@@ -206,3 +206,35 @@ fn a_tilted_tool_is_guided_or_refused() {
     let report = validate(cured, &config);
     assert!(report.is_accepted(), "{:#?}", report.findings);
 }
+
+/// Codes of what is found in a program with a guided tool that stands upright.
+fn codes(cut: &str) -> (bool, Vec<String>) {
+    let config = oscillating(kinds().swap_remove(0).1);
+    let program = format!("T1 M6\nM3 S600\nG43.4 H1\nG0 X0 Y0 Z20 A0 C0\nG202 P1 D1\n{cut}\nG203\nG49\nM30\n");
+    let report = validate(&program, &config);
+    (report.is_accepted(), report.findings.iter().map(|finding| finding.code.to_string()).collect())
+}
+
+#[test]
+fn an_arc_that_becomes_parallel_to_a_guided_tool_is_refused() {
+    // Start, middle and end lie far from both vertical tangents.
+    let (accepted, codes) = codes("G18 G2 X0 Z20 I-150 K259.808 F600");
+    assert!(!accepted && codes.contains(&"OSC-PLUNGE".to_owned()), "{codes:?}");
+}
+
+#[test]
+fn a_wave_is_judged_by_its_crests_however_many_there_are() {
+    // A uniform cubic B-spline of 16 waves: its crests bend by 2·A/5² there, at most 0.157/mm may be cut with.
+    let wave = |amplitude_mm: f64| {
+        let points = (1..=64).map(|point| {
+            let side = [0.0, 1.0, 0.0, -1.0][point % 4];
+            format!("X{} Y{} P1", 5 * point, amplitude_mm * side)
+        });
+        let points: Vec<_> = points.collect();
+        codes(&format!("G5.2 {} L4 F600\n{}\nG5.3", points[0], points[1..].join("\n")))
+    };
+    let (accepted, found) = wave(3.0);
+    assert!(!accepted && found.contains(&"OSC-TURNING".to_owned()), "{found:?}");
+    let (_, found) = wave(1.0);
+    assert!(!found.iter().any(|code| code == "OSC-TURNING" || code == "SYNTAX"), "{found:?}");
+}

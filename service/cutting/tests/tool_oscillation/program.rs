@@ -277,6 +277,28 @@ fn contradictions_are_refused_before_anything_moves() {
 }
 
 #[test]
+fn an_arc_that_becomes_parallel_to_the_tool_axis_is_refused_wherever_it_does() {
+    // Five sixths of a circle of 300 mm: start, middle and end lie far from both vertical tangents.
+    let text = |arc: &str| format!("T4 M6\nM3 S600\nG0 X0 Y0 Z0\nG202 P1 D1\n{arc} F600\nG203\nM30\n");
+    for (arc, places_mm) in [
+        ("G18 G2 X0 Z0 I-150 K259.808", [[-450.0, 0.0, 259.808], [150.0, 0.0, 259.808]]),
+        ("G18 G3 X0 Z0 I150 K-259.808", [[-150.0, 0.0, -259.808], [450.0, 0.0, -259.808]]),
+        ("G19 G3 Y0 Z0 J-150 K259.808", [[0.0, -450.0, 259.808], [0.0, 150.0, 259.808]]),
+    ] {
+        let report = refused(&text(arc), "OSC-PLUNGE");
+        let finding = report.findings.iter().find(|finding| finding.code == "OSC-PLUNGE").expect("is refused");
+        let place = ["x", "y", "z"].map(|name| {
+            finding.values.iter().find(|value| value.name == name).unwrap_or_else(|| panic!("{finding:#?}")).value
+        });
+        let is_at = |at: &[f64; 3]| place.iter().zip(at).all(|(place, at)| (place - at).abs() < 1e-3);
+        assert!(places_mm.iter().any(is_at), "{arc}: {place:?}");
+    }
+    // A bow that stays below 84 degrees is none.
+    let report = validate(&text("G18 G3 X50 Z0 I25 K-20"), &config());
+    assert!(report.findings.iter().all(|finding| finding.code != "OSC-PLUNGE"), "{:#?}", report.findings);
+}
+
+#[test]
 fn what_every_feed_of_one_switch_repeats_is_one_finding() {
     let report = validate(&program("G1 X30 F500\nG1 X60 F600\nG1 X30 F700\nG1 X60 F800"), &config());
     assert_eq!(report.oscillations.len(), 4, "every feed is judged");

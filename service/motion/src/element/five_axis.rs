@@ -10,6 +10,7 @@
 use feedwave_program::Axis;
 use serde::{Deserialize, Serialize};
 
+use super::Turning;
 use super::polynomial::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest, shifted};
 use crate::kinematics::TipPath;
 use crate::kinematics::{FiveAxisRefusal, KinematicsError, Setup};
@@ -96,6 +97,12 @@ impl FiveAxisPiece {
             power *= 2.0;
         }
         coefficients
+    }
+
+    /// Upper bound of how fast both rotary axes turn together, rad by arc length.
+    fn rotary_rad_per_mm(&self) -> f64 {
+        let of = |axis| self.bernstein(axis, 1).iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        (of(CHAIN - 2) + of(CHAIN - 1)).to_radians()
     }
 
     fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
@@ -272,6 +279,32 @@ impl FiveAxis {
         self.pieces.iter().map(|piece| {
             Part::new(piece.end(), 2.0 * piece.half, core::array::from_fn(|axis| piece.bernstein(axis, 1)))
         })
+    }
+
+    /// See [`crate::Element::turnings`]: a stretch ends where a piece of the axes or one of the tool centre point's path does.
+    pub(super) fn turnings(&self) -> Vec<Turning> {
+        let length = self.length();
+        let mut pieces = self.pieces.iter().map(|piece| (piece.end(), piece.rotary_rad_per_mm())).peekable();
+        let mut bends =
+            self.tip.curvatures().into_iter().map(|(share, curvature)| (share * length, curvature)).peekable();
+        let mut turnings = Vec::new();
+        while let (Some(&(piece_end, rotary_rad_per_mm)), Some(&(bend_end, path_rad_per_mm))) =
+            (pieces.peek(), bends.peek())
+        {
+            let end_mm = piece_end.min(bend_end);
+            turnings.push(Turning { end_mm, path_rad_per_mm, rotary_rad_per_mm });
+            if piece_end <= end_mm {
+                pieces.next();
+            }
+            if bend_end <= end_mm {
+                bends.next();
+            }
+        }
+        // Both end where the element does, to rounding.
+        if let Some(last) = turnings.last_mut() {
+            last.end_mm = length;
+        }
+        turnings
     }
 
     /// Refuses a start beside the one of the polynomials.

@@ -93,6 +93,20 @@ impl Piece {
         Self::new(from, to - from, self.coefficients.map(|polynomial| shifted(polynomial, t, share)))
     }
 
+    /// Upper bound of the curvature, 1/mm, over its quarters: the control polygon of the second derivative holds the second
+    /// derivative.
+    fn curvature(&self) -> f64 {
+        let axes: [[Bernstein; 4]; 3] = core::array::from_fn(|axis| {
+            let [a, b] = halves(&self.bernstein(axis, 2)).map(|half| halves(&half));
+            [a[0], a[1], b[0], b[1]]
+        });
+        let squares = (0..4).flat_map(|quarter| (0..COEFFICIENTS).map(move |k| (quarter, k))).map(|(quarter, k)| {
+            let square: f64 = axes.iter().map(|axis| axis[quarter][k] * axis[quarter][k]).sum();
+            square
+        });
+        squares.fold(0.0, f64::max).sqrt()
+    }
+
     /// See [`bernstein`]; coefficients of higher degree than its own raise a derivative to degree 9.
     fn bernstein(&self, axis: usize, derivative: usize) -> Bernstein {
         bernstein(self.coefficients[axis], derivative, self.per_length)
@@ -365,23 +379,14 @@ impl Spline {
         })
     }
 
-    /// Upper bound of the curvature, 1/mm, over quarters of its pieces: the control polygon of the second derivative holds
-    /// the second derivative.
+    /// Upper bound of the curvature, 1/mm.
     pub(super) fn curvature(&self) -> f64 {
-        let mut largest = 0.0_f64;
-        for piece in &self.pieces {
-            let axes: [[Bernstein; 4]; 3] = core::array::from_fn(|axis| {
-                let [a, b] = halves(&piece.bernstein(axis, 2)).map(|half| halves(&half));
-                [a[0], a[1], b[0], b[1]]
-            });
-            for quarter in 0..4 {
-                for k in 0..COEFFICIENTS {
-                    let square: f64 = axes.iter().map(|axis| axis[quarter][k] * axis[quarter][k]).sum();
-                    largest = largest.max(square.sqrt());
-                }
-            }
-        }
-        largest
+        self.curvatures().fold(0.0, |largest, (_, curvature)| largest.max(curvature))
+    }
+
+    /// The arc length where each piece ends, and an upper bound of its curvature, 1/mm.
+    pub(crate) fn curvatures(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.pieces.iter().map(|piece| (piece.end(), piece.curvature()))
     }
 
     /// The pieces by their tangents.

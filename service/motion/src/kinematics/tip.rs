@@ -128,6 +128,23 @@ impl TipPath {
         }
     }
 
+    /// The shares of the block at which stretches of it end, and an upper bound of the curvature of each, 1/mm.
+    pub(crate) fn curvatures(&self) -> Vec<(f64, f64)> {
+        match self {
+            Self::Line(_) => vec![(1.0, 0.0)],
+            Self::Arc(arc) => {
+                let [start_mm, end_mm] = arc.radius_mm;
+                let turn = arc.sweep_rad.abs() / self.length_mm();
+                let growth = (end_mm - start_mm).abs() / self.length_mm();
+                vec![(1.0, start_mm.max(end_mm) * turn * turn + 2.0 * growth * turn)]
+            }
+            Self::Spline(it) => {
+                let length_mm = it.spline.length_mm();
+                it.spline.curvatures().map(|(end_mm, curvature)| (end_mm / length_mm, curvature)).collect()
+            }
+        }
+    }
+
     /// Its derivative by the share of the block, mm.
     #[must_use]
     pub fn slope(&self, share: f64) -> Vec3 {

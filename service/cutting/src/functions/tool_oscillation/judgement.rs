@@ -3,28 +3,22 @@
 
 use feedwave_motion::kinematics::ToolFrame;
 use feedwave_motion::{Curve, Element, top_command};
-use feedwave_program::{Axis, Finding, Position, SourceSpan, SpindleDirection, SpindleSpeed};
+use feedwave_program::{Axis, Finding, SourceSpan, SpindleDirection, SpindleSpeed};
 
 use super::code;
+use super::feed_direction::{Plunge, turning_per_mm};
 use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use super::state::ActiveOscillation;
-use super::superposition::rotary_rad;
 use super::{
     ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
     OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest, OscillationRun,
     OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge,
-    known_names, ramp_mm, seen_by_tool, synchronise,
+    known_names, ramp_mm, synchronise,
 };
 use crate::shared::cut::Cut;
 
-/// Least component of the feed direction in the work plane: beyond 84 degrees the tool plunges.
-const LEAST_IN_PLANE: f64 = 0.1;
 /// Components of unit vectors that differ by more are other directions.
 const TILTED: f64 = 1e-6;
-/// Stretches of an element in which the turning of the feed direction is examined.
-const TURNING_PLACES: usize = 16;
-/// What it is taken larger between them: along a corner's quintics it changes by a tenth from one place to the next.
-const TURNING_MARGIN: f64 = 1.2;
 /// Most passes whose judgement is kept.
 const MAX_KNOWN: usize = 256;
 /// Most floors that are simulated for one program.
@@ -125,7 +119,7 @@ impl ActiveOscillation {
         let rev_per_min = steady_rev_per_min(element, cut, inputs, found)?;
         let spindle_rev_per_min = rev_per_min.min(inputs.machine.max_spindle_rev_per_min);
         let feed_mm_per_s = top_command(element, cut.feed, &cut.spindle, inputs.machine);
-        if !can_turn(element, feed_mm_per_s, spindle_rev_per_min, inputs.frame.as_ref(), found) {
+        if !can_follow(element, feed_mm_per_s, spindle_rev_per_min, inputs.frame.as_ref(), found) {
             return None;
         }
         let shares = match (&element.curve, &inputs.frame) {
@@ -384,32 +378,36 @@ fn steady_rev_per_min(
         );
         return None;
     }
-    let in_plane = |s: f64| {
-        let heading = heading(frame, element, s);
-        libm::hypot(heading[Axis::X.index()], heading[Axis::Y.index()])
-    };
-    let least = [0.0, 0.5, 1.0].map(|share| in_plane(share * element.length)).into_iter().fold(1.0, f64::min);
-    if least < LEAST_IN_PLANE {
-        let message = "the path goes along the tool axis: there is no feed direction to oscillate in";
-        refuse(code::OSC_PLUNGE, message, "switch the oscillation off for this block");
-        return None;
-    }
     Some(rev_per_min)
 }
 
-/// Whether the feed direction turns slowly enough for the oscillation to follow it, or a finding.
-fn can_turn(
+/// Whether there is a feed direction everywhere, and turns slowly enough for the oscillation to follow it, or a finding.
+fn can_follow(
     element: &Element,
     feed_mm_per_s: f64,
     spindle_rev_per_min: f64,
     frame: Option<&ToolFrame>,
     found: &mut Vec<Finding>,
 ) -> bool {
-    let curvature = match element.curve {
-        Curve::FiveAxis(_) => turning_per_mm(frame, element),
-        _ => element.curvature(),
+    let most_rad_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0;
+    let curvature = match turning_per_mm(frame, element, most_rad_per_s / (TOP_OVERRIDE * feed_mm_per_s)) {
+        Ok(curvature) => curvature,
+        Err(Plunge(s)) => {
+            let mut finding = Finding::new(
+                code::OSC_PLUNGE,
+                element.source,
+                "the path goes along the tool axis: there is no feed direction to oscillate in",
+            );
+            for (axis, name) in [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")] {
+                let mut place_mm = [0.0];
+                element.fill_work_axis(axis, &[s], &mut place_mm);
+                finding = finding.with_value(name, place_mm[0], "mm");
+            }
+            found.push(finding.suggest("switch the oscillation off for this block"));
+            return false;
+        }
     };
-    let largest_mm_per_s = TURNING_SHARE * core::f64::consts::TAU * spindle_rev_per_min / 60.0 / curvature;
+    let largest_mm_per_s = most_rad_per_s / curvature;
     if TOP_OVERRIDE * feed_mm_per_s > largest_mm_per_s {
         let feed = 60.0 / TOP_OVERRIDE * largest_mm_per_s;
         let message = "the feed direction turns too fast for the oscillation to follow it";
@@ -464,40 +462,6 @@ fn is_tilted(frame: &ToolFrame, element: &Element) -> bool {
             (moved_mm - expected).abs() > TILTED
         })
     })
-}
-
-/// The direction of the path, under tool centre point control as the tool sees it.
-pub(crate) fn heading(frame: Option<&ToolFrame>, element: &Element, s: f64) -> Position {
-    let (Curve::FiveAxis(five_axis), Some(frame)) = (&element.curve, frame) else { return element.tangent(s) };
-    let mut heading = Position::default();
-    heading[..3].copy_from_slice(&seen_by_tool(frame, element, five_axis, s));
-    heading
-}
-
-/// How fast the feed direction turns across the tool along an element, or the tool with its own directions where an axis turns it,
-/// rad by mm: between places, with a margin for what lies between them.
-fn turning_per_mm(frame: Option<&ToolFrame>, element: &Element) -> f64 {
-    let step_mm = element.length / TURNING_PLACES as f64;
-    let at = |place: usize| {
-        let s = step_mm * place as f64;
-        let heading = heading(frame, element, s);
-        let turned_rad = match (&element.curve, frame) {
-            (Curve::FiveAxis(five_axis), Some(frame)) if !frame.is_constant() => rotary_rad(element, five_axis, s),
-            _ => [0.0; 2],
-        };
-        (libm::atan2(heading[1], heading[0]), turned_rad)
-    };
-    let mut before = at(0);
-    let mut largest = 0.0_f64;
-    for place in 1..=TURNING_PLACES {
-        let next = at(place);
-        let turned = next.0 - before.0;
-        let turned = turned - core::f64::consts::TAU * (turned / core::f64::consts::TAU).round();
-        let carried = (next.1[0] - before.1[0]).abs() + (next.1[1] - before.1[1]).abs();
-        largest = largest.max(turned.abs().max(carried) / step_mm);
-        before = next;
-    }
-    TURNING_MARGIN * largest
 }
 
 /// What the generator gets.

@@ -8,6 +8,7 @@ pub(crate) mod code;
 mod condition;
 mod curve;
 mod engagement;
+mod feed_direction;
 mod feed_range;
 mod findings;
 mod floor;
@@ -46,7 +47,6 @@ pub use report::{
 pub use request::OscillationRequest;
 use request::known_names;
 pub(crate) use state::{Oscillation, OscillationAnalysis, OscillationInputs};
-use superposition::seen_by_tool;
 pub(crate) use superposition::{OscillationBarrier, OscillationRun, OscillationScratch};
 pub use table::{ConditionTable, Interpolation, MAX_TABLE_POINTS, TableQuantity};
 

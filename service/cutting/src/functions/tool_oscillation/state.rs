@@ -9,7 +9,7 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use super::code;
-use super::judgement::heading;
+use super::feed_direction::heading;
 use super::limits::{GuidedLimits, LeftLimits, LeftOver};
 use super::{
     FloorSettings, Judgements, NamedCondition, OscillationBarrier, OscillationRequest, OscillationRun,
