@@ -84,7 +84,9 @@ impl Builder {
         let guided = GuidedMove {
             step,
             guide: ToolGuide::Plane,
-            held: AxisSet::NONE,
+            // The program says where the linear axes are; the rotary ones stay where G53.1 has turned them, which only the
+            // machine knows.
+            held: AxisSet::ROTARY,
             length_offset: plane.length_offset,
             plane: Some(plane.plane),
             is_pure_cut: false,
