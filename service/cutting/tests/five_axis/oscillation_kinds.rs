@@ -207,6 +207,26 @@ fn a_tilted_tool_is_guided_or_refused() {
     assert!(report.is_accepted(), "{:#?}", report.findings);
 }
 
+#[test]
+fn axes_that_are_not_the_tools_own_are_refused_without_guidance() {
+    let program = "T1 M6\nM3 S600\nG43 H1 G0 X0 Y0 Z20\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
+    let is_refused = |change: fn(&mut KinematicsDescription)| {
+        // Both rotary axes turn the work.
+        let mut description = kinds().swap_remove(1).1;
+        change(&mut description);
+        let report = validate(program, &oscillating(description));
+        let refused = report.findings.iter().any(|finding| finding.code == "OSC-FIVE-AXIS");
+        assert_eq!(report.is_accepted(), !refused, "{:#?}", report.findings);
+        refused
+    };
+    assert!(!is_refused(|_| {}));
+    assert!(is_refused(|description| description.tool_direction = [1.0, 0.0, 0.0]));
+    assert!(is_refused(|description| {
+        let y = description.chain.iter_mut().find(|it| it.axis == Axis::Y).expect("Y");
+        y.direction = [0.01, 1.0, 0.0];
+    }));
+}
+
 /// Codes of what is found in a program with a guided tool that stands upright.
 fn codes(cut: &str) -> (bool, Vec<String>) {
     let config = oscillating(kinds().swap_remove(0).1);

@@ -234,9 +234,9 @@ feedwave_program::finding_codes! {
     }
 
     "OSC-FIVE-AXIS" [OSC_FIVE_AXIS: Error] {
-        meaning: "the tool oscillates while a head holds it tilted, without tool centre point control",
-        cause: "Without tool centre point control the oscillation is along and across Z, and the tool axis is not along \
-              Z here.",
+        meaning: "the tool oscillates where the axes that move it are not along its own directions",
+        cause: "Without tool centre point control the oscillation is along X, Y and Z, and the tool is tilted, lies or has axes \
+              that are not square; with it, the linear axes together cannot move the tool in every direction.",
         cure: "Switch tool centre point control on, or tilt the plane with `G68.2` and `G53.1`.",
         example: words("`G202` behind `G0 B30` on a mill with a swivelling head"),
     }

@@ -123,7 +123,18 @@ impl ActiveOscillation {
             return None;
         }
         let shares = match (&element.curve, &inputs.frame) {
-            (Curve::FiveAxis(five_axis), Some(frame)) => Some(AxisShares::of(frame, element, five_axis)?),
+            (Curve::FiveAxis(five_axis), Some(frame)) => {
+                let shares = AxisShares::of(frame, element, five_axis);
+                if shares.is_none() {
+                    let message = "the linear axes cannot move the tool in every direction here";
+                    found.push(
+                        Finding::new(code::OSC_FIVE_AXIS, element.source, message)
+                            .suggest("switch the oscillation off for this block, or tilt the tool less"),
+                    );
+                    return None;
+                }
+                shares
+            }
             _ => None,
         };
         let clockwise = cut.spindle.direction == SpindleDirection::Clockwise;
@@ -347,8 +358,7 @@ fn steady_rev_per_min(
         _ => None,
     };
     if guided.is_none() && frame.is_some_and(|frame| is_tilted(frame, element)) {
-        let message =
-            "the tool oscillates along and across Z here, but its axis is tilted, without tool centre point control";
+        let message = "the tool oscillates along X, Y and Z here, but these are not its own directions, without tool centre point control";
         refuse(
             code::OSC_FIVE_AXIS,
             message,
@@ -445,11 +455,9 @@ fn report_roles(roles: &RoleReport, leading_edge: u32, span: SourceSpan, found: 
     );
 }
 
-/// Whether the linear axes do not move along X, Y and Z of the tool where an element that is not guided starts.
+/// Whether the linear axes do not move along X, Y and Z of the tool where an element that is not guided starts: the tool or the
+/// work is tilted, the spindle lies, or the axes are not square.
 fn is_tilted(frame: &ToolFrame, element: &Element) -> bool {
-    if frame.is_constant() {
-        return false;
-    }
     let at_rad =
         frame.rotary_axes().map(|axis| (element.start[axis.index()] + element.work_offset[axis.index()]).to_radians());
     let axes = frame.linear_axes();
