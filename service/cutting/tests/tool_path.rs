@@ -86,3 +86,30 @@ fn cuts_with_a_guided_tool_are_counted_by_their_lines() {
     let cut: Vec<_> = path.lines.iter().filter(|(motion, ..)| *motion == ToolMotion::Cutting).collect();
     assert_eq!(cut.iter().map(|(_, _, to)| to[0]).collect::<Vec<_>>(), [5.0, 10.0, 0.0]);
 }
+
+#[test]
+fn splines_of_a_guided_tool_are_drawn_as_curves() {
+    let tool = Tool { number: 1, offset: ToolOffset::new(1).with_length(100.0), ..Tool::default() };
+    let config = PipelineConfig { tools: vec![tool], ..PipelineConfig::new(MachineProfile::mill()) };
+    // A parabola of 30 mm whose middle is 10 mm high.
+    for (on, off) in [("G43.4 H1", "G49"), ("G68.2 X0 Y0 Z0 I90 J90 K-90", "G69")] {
+        let program =
+            format!("G21 G90 G94 G17 T1 M6\n{on}\nG0 X0 Y0 Z10 A0 C0\nG5.1 X30 Y0 I15 J20 F1000\n{off}\nM30\n");
+        let (path, _) = path_of(&config, &program, 7);
+        let points: Vec<_> =
+            path.lines.iter().filter(|(motion, ..)| *motion == ToolMotion::Cutting).map(|(_, _, to)| *to).collect();
+        assert!(points.len() > 30, "{on}: {} chords", points.len());
+        let last = points[points.len() - 1];
+        let start = path.lines.iter().find(|(motion, ..)| *motion == ToolMotion::Cutting).expect("a cut").1;
+        // Farthest from the straight line between both ends.
+        let chord = [0, 1, 2].map(|axis| (last[axis] - start[axis]) / 30.0);
+        let height = |point: &PathPoint| {
+            let from = [0, 1, 2].map(|axis| point[axis] - start[axis]);
+            let along: f64 = (0..3).map(|axis| from[axis] * chord[axis]).sum();
+            let square: f64 = (0..3).map(|axis| (from[axis] - along * chord[axis]).powi(2)).sum();
+            square.sqrt()
+        };
+        let highest = points.iter().map(height).fold(0.0, f64::max);
+        assert!((highest - 10.0).abs() < 0.01, "{on}: {highest}");
+    }
+}

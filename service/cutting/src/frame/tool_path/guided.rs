@@ -2,9 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use feedwave_program::{Axis, GuidedMove, MoveKind, Position, ToolGuide};
+use feedwave_motion::Element;
+use feedwave_program::{Axis, GuidedMove, Move, MoveKind, Position, SourceSpan, ToolGuide};
 
-use super::{PathPoint, ToolMotion, ToolPathSink, chord_count};
+use super::{PathPoint, ToolMotion, ToolPathSink, chord_count, point};
 
 /// Cuts distinguished at most; further ones belong to the last one.
 const MAX_CUTS: usize = 2_000;
@@ -38,7 +39,8 @@ impl GuidedTip {
     }
 
     /// Follows a move.
-    pub(super) fn follow(&mut self, guided: &GuidedMove, line: u32, sink: &mut impl ToolPathSink) {
+    pub(super) fn follow(&mut self, guided: &GuidedMove, span: SourceSpan, sink: &mut impl ToolPathSink) {
+        let line = span.line;
         // The tip moves with the rotary axes and how, only the machine knows.
         if matches!(guided.guide, ToolGuide::Axes | ToolGuide::Align { .. }) {
             return self.interrupt();
@@ -64,13 +66,13 @@ impl GuidedTip {
         };
         if let (Some(from_mm), Some(to_mm)) = (before, self.at_mm) {
             let motion = if cutting { ToolMotion::Cutting } else { ToolMotion::Rapid };
-            let circle = from.and_then(|from| Circle::of(guided, from, to?));
-            let chords = circle.as_ref().map_or(1, |circle| chord_count(circle.sweep_rad.abs()));
+            let curve = from.and_then(|from| TipCurve::of(guided, from, to?, span));
+            let chords = curve.as_ref().map_or(1, |curve| chord_count(curve.turn_rad()));
             let mut last_mm = from_mm;
             for chord in 1..=chords {
-                let next_mm = match &circle {
-                    Some(circle) if chord < chords => {
-                        let point_mm = circle.at(f64::from(chord) / f64::from(chords));
+                let next_mm = match &curve {
+                    Some(curve) if chord < chords => {
+                        let point_mm = curve.at(f64::from(chord) / f64::from(chords));
                         guided.plane.as_ref().map_or(point_mm, |plane| plane.to_work(point_mm))
                     }
                     _ => to_mm,
@@ -98,7 +100,43 @@ impl GuidedTip {
     }
 }
 
-/// The circle of a move in a tilted plane, in the coordinates of the plane.
+/// The curve of a move, in the coordinates of its end.
+enum TipCurve {
+    Circle(Circle),
+    Spline(Box<Element>),
+}
+
+impl TipCurve {
+    fn of(guided: &GuidedMove, from: PathPoint, to: PathPoint, span: SourceSpan) -> Option<Self> {
+        if guided.step.spline.is_none() {
+            return Circle::of(guided, from, to).map(Self::Circle);
+        }
+        let [start, end] = [from, to].map(|point_mm| {
+            let mut position = Position::default();
+            position[..3].copy_from_slice(&point_mm);
+            position
+        });
+        Element::from_move(&Move { start, end, ..guided.step.clone() }, span)
+            .map(|element| Self::Spline(Box::new(element)))
+    }
+
+    /// Upper bound of the angle that it turns by.
+    fn turn_rad(&self) -> f64 {
+        match self {
+            Self::Circle(circle) => circle.sweep_rad.abs(),
+            Self::Spline(element) => element.length * element.curvature(),
+        }
+    }
+
+    fn at(&self, share: f64) -> PathPoint {
+        match self {
+            Self::Circle(circle) => circle.at(share),
+            Self::Spline(element) => point(&element.position(element.length * share)),
+        }
+    }
+}
+
+/// The circle of a move, in the coordinates of its end.
 struct Circle {
     start: PathPoint,
     end: PathPoint,

@@ -161,7 +161,7 @@ impl Follower {
             OperationKind::Guided(guided) => {
                 self.flush(sink);
                 self.count(&guided.step, span.line, sink);
-                self.tip.follow(guided, span.line, sink);
+                self.tip.follow(guided, *span, sink);
             }
             OperationKind::Thread(pass) => {
                 self.flush(sink);
