@@ -1,4 +1,4 @@
-//! Tilted planes on every kind of machine: the tool axis turned about the tip, rotary words, and vibration along the path.
+//! Tilted planes on every kind of machine: the tool axis turned about the tip, and vibration along the path.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -6,7 +6,7 @@ use feedwave_cutting::{PipelineConfig, VibrationEnvelope};
 use feedwave_motion::kinematics::vector::{Vec3, angle, norm, sub};
 use feedwave_program::TiltedPlane;
 
-use super::common::machines::{config_of, kinds, kinematics, poses, position};
+use super::common::machines::{config_of, kinds, poses};
 use super::common::{Setpoints, run, validate};
 
 fn plane() -> TiltedPlane {
@@ -40,25 +40,6 @@ fn the_tip_rests_on_the_work_while_the_tool_axis_turns() {
             assert!((tip[0] - 8.0).hypot(tip[1] - 9.0) < 1e-9, "{name}: setpoint {row}: {tip:?}");
             assert!(angle(poses[row].direction, plane().axes[2]) < 1e-9, "{name}");
         }
-    }
-}
-
-#[test]
-fn a_rapid_that_places_everything_turns_the_rotary_axes_too() {
-    for (name, description) in kinds() {
-        let config = config_of(description);
-        let letters = kinematics(&config).letters().1;
-        let [l, m] = letters.map(feedwave_program::Axis::letter);
-        let program = format!("{PLANE}\nG43 H1\nG0 X8 Y9 Z30\nG0 X1 Y2 Z40 {l}12 {m}-15\nG0 X2\nG69\nM30\n");
-        let report = validate(&program, &config);
-        assert!(report.is_accepted() && report.findings.is_empty(), "{name}: {:#?}", report.findings);
-        let setpoints = run(&program, &config);
-        let last = setpoints.len() - 1;
-        let at = position(&setpoints, &config, last);
-        let turned = [at[letters[0].index()] - 12.0, at[letters[1].index()] + 15.0];
-        assert!(turned.iter().all(|off| off.abs() < 1e-9), "{name}: {at:?}");
-        let tip = plane().from_work(poses(&setpoints, &config)[last].tip_mm);
-        assert!(norm(sub(tip, [2.0, 2.0, 40.0])) < 1e-9, "{name}: {tip:?}");
     }
 }
 

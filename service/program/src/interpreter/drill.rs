@@ -167,7 +167,7 @@ impl Execution<'_> {
             self.state.position = self.target(axes, Frame::Work);
             return self.compensation_refused(self.block.span(), "a drilling cycle", on.line);
         }
-        if self.state.tool_control.mode == ToolMode::Plane && self.refuse_rotary_words(0, axes & ROTARY_LETTERS) {
+        if self.state.tool_control.mode == ToolMode::Plane && self.refuse_rotary_words(axes & ROTARY_LETTERS) {
             self.used |= WORDS | axes;
             return;
         }

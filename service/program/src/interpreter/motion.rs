@@ -5,7 +5,7 @@ use super::spline::is_point;
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
-use crate::state::Motion;
+use crate::state::{Motion, ToolMode};
 use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
 
 /// The letters of an arc's centre.
@@ -416,7 +416,14 @@ impl Execution<'_> {
         let span = self.block.word_span(self.block.slot(place));
         if self.state.tool_control.held.contains(axis) {
             let message = format!("{} rolls over, but only the machine knows where it is", axis.letter());
-            self.coord(code::ROLL_OVER, span, message, "move it by an increment");
+            let letter = axis.letter();
+            let first = match self.state.tool_control.mode {
+                ToolMode::Off => "",
+                ToolMode::Plane => "cancel the plane with G69, then ",
+                ToolMode::Angles | ToolMode::Vectors => "switch the tool centre point control off with G49, then ",
+            };
+            let cure = format!("{first}send it to its reference position with G91 G28 {letter}0, and go on in G90");
+            self.coord(code::ROLL_OVER, span, message, cure);
             return value;
         }
         let offset = if frame == Frame::Machine { self.machine_offset()[axis.index()] } else { 0.0 };

@@ -7,7 +7,7 @@ use self::forms::Form;
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{Motion, ToolControl, ToolMode};
+use crate::state::{ToolControl, ToolMode};
 use crate::{
     Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, ToolAxisSolution,
     ToolGuide,
@@ -176,19 +176,17 @@ impl Execution<'_> {
         self.state.tool_control.held = self.state.tool_control.held.with(AxisSet::LINEAR);
     }
 
-    /// Reports rotary axes in a tilted plane whose move is not clear: whether there are any. Where a rapid places X, Y and Z as
-    /// well, all controls come to the same end; otherwise some keep the tool where it is on the work, others the linear axes.
-    pub(super) fn refuse_rotary_words(&mut self, axes: u32, rotary: u32) -> bool {
-        const LINEAR: u32 = letter_bit(b'X') | letter_bit(b'Y') | letter_bit(b'Z');
-        let is_placed = self.state.motion == Motion::Rapid && self.state.absolute && axes & LINEAR == LINEAR;
-        if rotary == 0 || is_placed {
+    /// Reports rotary axes that a word moves in a tilted plane: whether there are any. Some controls then keep the tool where it is on
+    /// the work, others the linear axes, and others take the words around the plane.
+    pub(super) fn refuse_rotary_words(&mut self, rotary: u32) -> bool {
+        if rotary == 0 {
             return false;
         }
         let span = self.block.word_span(self.block.slot(rotary.trailing_zeros() as usize));
         self.plane_error(span, "an angle of a rotary axis in a tilted plane", |finding| {
             finding
                 .suggest("turn the tool axis onto the plane with G53.1, or position the rotary axes before G68.2")
-                .suggest("or place X, Y and Z in the same rapid, in G90")
+                .suggest("cancel the plane with G69 first")
         });
         true
     }

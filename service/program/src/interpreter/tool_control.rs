@@ -206,14 +206,17 @@ impl Execution<'_> {
             _ => curve_letters(motion),
         };
         let mut letters = axes | self.block.letters & more & !used_before;
+        let mut placed = axes;
         if self.is_refused_here(axes, frame) {
-            self.used |= CURVE_LETTERS;
+            self.used |= CURVE_LETTERS | axes;
             letters = 0;
+            // An angle that was refused is not taken, so that nothing else is said of it.
+            placed &= if frame == Frame::Work { !ROTARY_LETTERS } else { u32::MAX };
         }
         // Linear axes that a word of this very block places do not say where a curve starts.
         let is_curve = matches!(motion, Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic) && letters != 0;
         let is_held_curve = is_curve && held_before.meets(AxisSet::LINEAR) && !self.block.unclear;
-        let end = self.target(axes, frame);
+        let end = self.target(placed, frame);
         if letters == 0 || self.block.unclear {
             return self.state.position = end;
         }
@@ -318,7 +321,7 @@ impl Execution<'_> {
         match frame {
             // Reported before, where the mode does not permit it.
             Frame::Machine => !self.block.unclear && self.is_wrong_machine_motion(axes),
-            Frame::Work => is_plane && self.refuse_rotary_words(axes, axes & ROTARY_LETTERS),
+            Frame::Work => is_plane && self.refuse_rotary_words(axes & ROTARY_LETTERS),
         }
     }
 

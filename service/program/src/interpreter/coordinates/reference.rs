@@ -1,7 +1,7 @@
 //! Reference positions: `G28`, `G30`, `G29`, and `G28.1`, `G30.1` of LinuxCNC, which store them.
 
 use super::super::motion::Frame;
-use super::super::tool_control::GuidedPath;
+use super::super::tool_control::{GuidedPath, ROTARY_LETTERS};
 use super::Execution;
 use crate::code;
 use crate::coordinates::Intermediate;
@@ -35,6 +35,10 @@ impl Execution<'_> {
             let cure = format!("state reference position {place} in the machine profile or the offsets of the job");
             return self.coord(code::COORD_SETTING, span, message, cure);
         };
+        if self.state.tool_control.mode == ToolMode::Plane && self.refuse_rotary_words(axes & ROTARY_LETTERS) {
+            self.used |= axes;
+            return;
+        }
         self.state.spline_exit = None;
         if axes == 0 {
             return self.bare_reference(span, &reference);

@@ -147,21 +147,49 @@ fn planes_that_are_none_are_refused() {
 fn the_tool_axis_turns_about_the_tip() {
     check(
         &mill(),
-        "G68.2 J30\nG53.6 H1\nG43 H1\nG0 X0 Y0 Z9\nG53.6 P2\nG0 X1\nG0 X2 Y2 Z2 A10\nG0 X3",
+        "G68.2 J30\nG53.6 H1\nG43 H1\nG0 X0 Y0 Z9\nG53.6 P2\nG0 X1",
         "guided align about tip Preferred H1 rapid -> 0 ~XYZABC
          guided plane H1 rapid -> Z9 ~ABC
          guided align about tip Smaller H1 rapid -> Z9 ~XYZABC
-         guided plane H1 rapid -> X1 Z9 ~ABC
-         guided plane H1 rapid -> X2 Y2 Z2 A10 ~BC
-         guided plane H1 rapid -> X3 Y2 Z2 A10 ~BC",
+         guided plane H1 rapid -> X1 Z9 ~ABC",
     );
     check(&mill(), "G68.2 J30\nG53.6", "! 2:1+5 PRG-TOOL-CONTROL-LENGTH");
     check(&mill(), "G68.2 J30\nG43 H1\nG53.6 H2", "! 3:1+5 PRG-PLANE-BLOCK");
     check(&mill(), "G68.2 J30\nG53.6 H1 R5", "! 2:10+2 PRG-WORD-UNUSED");
     check(&mill(), "G53.6", "! 1:1+5 PRG-PLANE-OFF");
     check(&mill(), "G68.2 J30 G53.6 H1", "! 1:11+5 PRG-PLANE-BLOCK");
-    // The end is not clear where one of X Y Z is left out, or on a line.
+}
+
+#[test]
+fn rotary_words_do_not_pass_through_the_plane() {
     check(&mill(), "G68.2 J30\nG0 X1 Y1 A5", "! 2:10+2 PRG-PLANE-BLOCK");
+    check(&mill(), "G68.2 J30\nG0 X1 Y1 Z1 A5", "! 2:13+2 PRG-PLANE-BLOCK");
+    let plane = "G68.2 J30\nG53.1\nG43 H1\nG0 X0 Y0 Z5\n";
+    let before = "guided align Preferred H0 rapid -> 0 ~XYZABC\nguided plane H1 rapid -> Z5 ~ABC\n";
+    let refused = |program: &str, finding: &str| {
+        check(&mill(), &format!("{plane}{program}"), &format!("{before}{finding}"));
+    };
+    // They would turn the tool about its tip at rapid.
+    refused("G28 A0", "! 5:5+2 PRG-PLANE-BLOCK");
+    refused("G91 G28 Z0 C0", "! 5:12+2 PRG-PLANE-BLOCK");
+    refused("G30 A0", "! 5:1+3 PRG-PLANE-BLOCK");
+    // Behind the plane the axis alone moves.
+    refused("G69\nG91 G28 A0", "guided axes H0 rapid -> Z5 ~XYZABC\nguided axes H0 rapid -> Z5 ~XYZBC");
+    // An axis that rolls over is one finding, and its cure is right.
+    let mut settings = mill();
+    settings.coordinates.roll_over = [false, false, true];
+    check(
+        &settings,
+        "G68.2 J30\nG53.1\nG0 X0 Y0 Z5 C5",
+        "guided align Preferred H0 rapid -> 0 ~XYZABC\n! 3:13+2 PRG-PLANE-BLOCK",
+    );
+    check(
+        &settings,
+        "G68.2 J30\nG53.1\nG0 G53 C5",
+        "guided align Preferred H0 rapid -> 0 ~XYZABC\n! 3:8+2 PRG-ROLL-OVER",
+    );
+    let (_, findings) = interpret(b"G68.2 J30\nG53.1\nG69\nG91 G28 C0\nG90 G0 C5\nM30\n", settings);
+    assert!(findings.findings().is_empty(), "{findings:?}");
 }
 
 #[test]
