@@ -435,6 +435,12 @@ impl InterpreterState {
         self.lines
     }
 
+    /// Whether a plane was tilted whose words were refused: until `G69` nothing is said of what follows from that.
+    #[inline]
+    pub(crate) const fn is_plane_refused(&self) -> bool {
+        matches!(self.tool_control.mode, ToolMode::Plane) && self.plane_tilted.is_none()
+    }
+
     /// Whether the end of the program was read.
     #[must_use]
     pub fn has_ended(&self) -> bool {

@@ -94,7 +94,7 @@ crate::finding_codes! {
 
     "PRG-PLANE-DOUBT" [PLANE_DOUBT: Error] {
         meaning: "a plane whose words controls read differently",
-        cause: "`G68.2 P1` with more than one angle (about fixed or about turned axes), `P2 Q0` with a shift or R, `P3` with R, \
+        cause: "`G68.2 P1` with more than one angle (about fixed or about turned axes), `P2 Q0` with a shift or R, `P2` with R but without `Q0`, `P3` with R, \
               or `P4` with an angle I mean different planes on different controls.",
         cure: "Write the plane that your control makes of them with Euler angles, as the finding states it for each.",
         example: mill("G68.2 P1 X0 Y0 Z0 I10 J20 K0"),
@@ -110,14 +110,14 @@ crate::finding_codes! {
     "PRG-PLANE-OFF" [PLANE_OFF: Error] {
         meaning: "the tool axis is to be turned onto a plane, but none is tilted",
         cause: "`G53.1` or `G53.6` comes without `G68.2`, or after `G69`.",
-        cure: "Tilt the plane first, such as `G68.2 X0 Y0 Z0 I0 J30 K0`.",
+        cure: "Tilt the plane first, such as `G68.2 X0 Y0 Z0 I0 J30. K0`.",
         example: mill("G53.1"),
     }
 
     "PRG-PLANE-BLOCK" [PLANE_BLOCK: Error] {
         meaning: "something that a tilted plane does not permit",
         cause: "A word of a rotary axis without `G53`, a thread, `G44`, another work offset or a tool change in the plane; \
-              a length of `G53.6` other than the one in force; `G53.1` in the block of `G68.2`.",
+              a length of `G53.6` other than the one in force; a drilling cycle that is in force at `G68.2` or `G69`; `G53.1` in the block of `G68.2`.",
         cure: "Turn the tool axis with `G53.1` in a block of its own, and cancel the plane with `G69` before anything \
               else.",
         example: mill("G68.2 X0 Y0 Z0 I0 J30 K0\nG0 B30"),

@@ -455,6 +455,9 @@ impl Execution<'_> {
 
     /// Says in the move emitted last which cycle it belongs to.
     fn name_cycle(&mut self) {
+        if self.state.is_plane_refused() {
+            return;
+        }
         let cycle = self.state.drilling.called();
         match self.operations.last_mut().map(|operation| &mut operation.kind) {
             Some(OperationKind::Move(step)) => step.cycle = cycle,

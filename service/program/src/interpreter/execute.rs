@@ -156,6 +156,11 @@ impl Execution<'_> {
     }
 
     pub(super) fn emit(&mut self, span: SourceSpan, kind: OperationKind) {
+        // Where a plane was refused nobody knows where its moves go: they are not judged.
+        let is_motion = matches!(kind, OperationKind::Move(_) | OperationKind::Guided(_) | OperationKind::Thread(_));
+        if is_motion && self.state.is_plane_refused() {
+            return;
+        }
         self.operations.push(Operation { span, kind });
     }
 
@@ -518,17 +523,23 @@ impl Execution<'_> {
         while unused != 0 {
             let place = unused.trailing_zeros() as usize;
             unused &= unused - 1;
-            let word = self.block.slot(place);
-            let span = self.block.word_span(word);
-            let value = word.number.value();
-            self.findings.push_with(code::WORD_UNUSED, |code| {
-                let letter = char::from(b'A' + place as u8);
-                let message = format!("{letter}{value} has no meaning in this block: no code of it takes {letter}");
-                Finding::new(code, span, message)
-                    .with_value("value", value, "")
-                    .suggest("remove it, or add the code it belongs to")
-            });
+            let word = *self.block.slot(place);
+            self.word_unused(&word, b'A' + place as u8);
         }
+    }
+
+    /// Reports a word that no code takes.
+    #[cold]
+    pub(super) fn word_unused(&mut self, word: &Word, letter: u8) {
+        let span = self.block.word_span(word);
+        let value = word.number.value();
+        self.findings.push_with(code::WORD_UNUSED, |code| {
+            let letter = char::from(letter);
+            let message = format!("{letter}{value} has no meaning in this block: no code of it takes {letter}");
+            Finding::new(code, span, message)
+                .with_value("value", value, "")
+                .suggest("remove it, or add the code it belongs to")
+        });
     }
 
     pub(super) const fn m_per_min(&self, surface_speed: f64) -> f64 {

@@ -536,7 +536,7 @@ impl Interpreter {
         let is_move = |operation: &Operation| {
             matches!(operation.kind, OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::Guided(_))
         };
-        let moves = operations[before.min(operations.len())..].iter().any(is_move);
+        let moves = operations[before.min(operations.len())..].iter().any(is_move) || self.state.is_plane_refused();
         self.state.flow.codes += u64::from(self.block.has_codes());
         let span = self.block.span();
         if !self.count_block(moves, span, findings) {

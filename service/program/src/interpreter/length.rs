@@ -6,6 +6,7 @@
 //! coordinates, and the next word of Z says where the tip goes. In a tilted plane the length is along the tool axis.
 
 use super::execute::Execution;
+use crate::block::Word;
 use crate::code;
 use crate::dialect::{Group, Meaning};
 use crate::state::{LengthCompensation, Motion, ToolMode};
@@ -55,19 +56,8 @@ impl Execution<'_> {
                     .suggest("switch the compensation off with G49")
             });
         }
-        let tool = self.state.tool;
-        if let Some(word) = word
-            && tool != 0
-            && tool != number
-        {
-            let span = self.block.word_span(&word);
-            self.findings.push_with(code::LENGTH_OTHER_TOOL, |code| {
-                let message = format!("H{number} is the length of another tool than T{tool}, which is in the spindle");
-                Finding::new(code, span, message)
-                    .with_value("length_offset", f64::from(number), "")
-                    .with_value("tool", f64::from(tool), "")
-                    .suggest_replacement("use the length of the tool", format!("H{tool}"))
-            });
+        if let Some(word) = word {
+            self.check_length_of_tool(&word, number);
         }
         let row = self.tool_row(number);
         let length_mm = row.as_ref().and_then(ToolOffset::length_mm);
@@ -89,6 +79,22 @@ impl Execution<'_> {
         let on_line = span.line;
         let next = LengthCompensation { is_on: true, number, geometry_number: 0, negative, length_mm, offset, on_line };
         self.switch_length(next, span);
+    }
+
+    /// Names the length of another tool than the one in the spindle.
+    pub(super) fn check_length_of_tool(&mut self, word: &Word, number: u32) {
+        let tool = self.state.tool;
+        if tool == 0 || tool == number {
+            return;
+        }
+        let span = self.block.word_span(word);
+        self.findings.push_with(code::LENGTH_OTHER_TOOL, |code| {
+            let message = format!("H{number} is the length of another tool than T{tool}, which is in the spindle");
+            Finding::new(code, span, message)
+                .with_value("length_offset", f64::from(number), "")
+                .with_value("tool", f64::from(tool), "")
+                .suggest_replacement("use the length of the tool", format!("H{tool}"))
+        });
     }
 
     /// Another length from here on; the axes stay where they are.

@@ -7,10 +7,10 @@ use self::forms::Form;
 use super::execute::Execution;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
-use crate::state::{ToolControl, ToolMode};
+use crate::state::{Motion, ToolControl, ToolMode};
 use crate::{
-    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, ToolAxisSolution,
-    ToolGuide,
+    Axis, AxisSet, Feed, Finding, GuidedMove, MoveKind, OperationKind, Position, SourceSpan, TiltedPlane,
+    ToolAxisSolution, ToolGuide,
 };
 
 /// The words of `G68.2`.
@@ -35,13 +35,16 @@ impl Execution<'_> {
             Some((Meaning::TiltedPlane, span)) => {
                 if let Some((_, span)) = align {
                     self.used |= PLANE_LETTERS | letter_bit(b'H');
+                    if self.state.tool_control.mode == ToolMode::Off {
+                        self.enter_plane(None, span.line);
+                    }
                     return self.plane_error(span, "the tool axis in the block that tilts the plane", |finding| {
                         finding.suggest("write G53.1 in the next block")
                     });
                 }
                 self.plane_on(span);
             }
-            Some((Meaning::RotationOff, _)) => self.plane_off(),
+            Some((Meaning::RotationOff, span)) => self.plane_off(span),
             _ => {}
         }
         if let Some((about_tip, span)) = align {
@@ -49,7 +52,27 @@ impl Execution<'_> {
         }
     }
 
+    /// Ends a drilling cycle whose levels are in the coordinates before a plane or in it, which is reported.
+    fn end_cycle_before_plane(&mut self, span: SourceSpan) {
+        let ends_here = self.code(Group::Cycle).is_some()
+            || self.code(Group::Motion).is_some_and(|(meaning, _)| !matches!(meaning, Meaning::Drill(_)));
+        if self.state.drilling.cycle.is_none() || ends_here {
+            return;
+        }
+        let line = self.state.drilling.line;
+        self.findings.push_with(code::PLANE_BLOCK, |code| {
+            let message =
+                format!("the drilling cycle of line {line} is in force, whose levels are of other coordinates");
+            Finding::new(code, span, message)
+                .with_value("cycle_line", f64::from(line), "")
+                .suggest("end it with G80 first")
+        });
+        self.leave_cycle();
+        self.state.motion = Motion::Unclear;
+    }
+
     fn plane_on(&mut self, span: SourceSpan) {
+        self.end_cycle_before_plane(span);
         let plane = match self.plane_form(span) {
             Form::Plane(plane) => Some(plane),
             Form::Part => return,
@@ -57,8 +80,8 @@ impl Execution<'_> {
         };
         let control = self.state.tool_control;
         match control.mode {
-            ToolMode::Off if self.is_transform_on(span, "a tilted plane") => return,
             ToolMode::Off => {}
+            ToolMode::Plane if self.state.is_plane_refused() => {}
             ToolMode::Plane => {
                 let on_line = control.on_line;
                 return self.findings.push_with(code::PLANE_NESTED, |code| {
@@ -70,22 +93,29 @@ impl Execution<'_> {
             }
             ToolMode::Angles | ToolMode::Vectors => return self.not_permitted(span, "a tilted plane"),
         }
+        let plane = plane.filter(|_| !self.is_transform_on(span, "a tilted plane") && !self.is_length_subtracted(span));
+        self.enter_plane(plane, span.line);
+    }
+
+    /// `G44`, which is reported.
+    fn is_length_subtracted(&mut self, span: SourceSpan) -> bool {
         if self.state.length.negative {
-            return self.plane_error(
-                span,
-                "the tool length is subtracted (G44): in a tilted plane it is added",
-                |it| it.suggest("switch it off with G49, or over to G43, first"),
-            );
+            self.plane_error(span, "the tool length is subtracted (G44): in a tilted plane it is added", |it| {
+                it.suggest("switch it off with G49, or over to G43, first")
+            });
         }
-        let Some(plane) = plane else { return };
+        self.state.length.negative
+    }
+
+    /// From here on coordinates are those of the plane; without one, as it was refused, they are nobody's.
+    fn enter_plane(&mut self, plane: Option<TiltedPlane>, on_line: u32) {
         // The length is along the tool axis now, wherever that points.
         self.state.length.offset = Position::default();
         self.resolve_held();
         self.state.spline_exit = None;
-        let held = control.held.with(AxisSet::LINEAR);
-        self.state.tool_control =
-            ToolControl { mode: ToolMode::Plane, on_line: span.line, held, ..ToolControl::default() };
-        self.state.plane_tilted = Some(plane);
+        let held = self.state.tool_control.held.with(AxisSet::LINEAR);
+        self.state.tool_control = ToolControl { mode: ToolMode::Plane, on_line, held, ..ToolControl::default() };
+        self.state.plane_tilted = plane;
     }
 
     /// Reports a plane of several blocks that this block does not go on with.
@@ -100,11 +130,12 @@ impl Execution<'_> {
         }
     }
 
-    fn plane_off(&mut self) {
+    fn plane_off(&mut self, span: SourceSpan) {
         self.state.plane_sequence = None;
         if self.state.tool_control.mode != ToolMode::Plane {
             return;
         }
+        self.end_cycle_before_plane(span);
         // Only the machine knows where the axes are in plain coordinates.
         let held = self.state.tool_control.held.with(AxisSet::LINEAR);
         self.state.tool_control = ToolControl { held, ..ToolControl::default() };
@@ -122,7 +153,7 @@ impl Execution<'_> {
         if self.state.tool_control.mode != ToolMode::Plane {
             return self.findings.push_with(code::PLANE_OFF, |code| {
                 Finding::new(code, span, "the tool axis is to be turned onto a plane, but none is tilted")
-                    .suggest("tilt the plane first, such as G68.2 X0 Y0 Z0 I0 J30 K0")
+                    .suggest("tilt the plane first, such as G68.2 X0 Y0 Z0 I0 J30. K0")
             });
         }
         let solution = match word.map(|word| (word, word.number.value())) {
@@ -136,8 +167,11 @@ impl Execution<'_> {
         };
         let in_force = self.state.length.number;
         let length_offset = match length {
-            Some(_) => match self.length_offset(length, span) {
-                Some(number) if in_force == 0 || in_force == number => number,
+            Some(word) => match self.length_offset(length, span) {
+                Some(number) if in_force == 0 || in_force == number => {
+                    self.check_length_of_tool(&word, number);
+                    number
+                }
                 Some(_) => {
                     return self.plane_error(span, "G53.6 with another tool length than the one in force", |finding| {
                         finding.suggest("leave out H, or switch the length off with G49 before")

@@ -1,7 +1,7 @@
 //! Tilted work planes: `G68.2`, `G53.1`, `G69`. T1 is 100 mm long, T2 50 mm.
 
 use super::*;
-use crate::TiltedPlane;
+use crate::{DecimalPointRule, TiltedPlane, XWord};
 
 #[test]
 fn a_pocket_in_a_tilted_plane() {
@@ -57,8 +57,12 @@ fn splines_and_rigid_taps_are_in_the_coordinates_of_the_plane() {
 
 /// The plane of a program's last move.
 fn plane_of(words: &str) -> TiltedPlane {
+    plane_on(mill(), words)
+}
+
+fn plane_on(settings: LanguageSettings, words: &str) -> TiltedPlane {
     let program = format!("{words}\nG0 X0 Y0 Z0\nM30\n");
-    let (operations, findings) = interpret(program.as_bytes(), mill());
+    let (operations, findings) = interpret(program.as_bytes(), settings);
     assert!(findings.findings().is_empty(), "{words}: {findings:?}");
     let guided = operations.iter().find_map(|operation| match &operation.kind {
         OperationKind::Guided(guided) => guided.plane,
@@ -127,6 +131,118 @@ fn what_controls_read_differently_is_refused_with_every_reading() {
     assert_eq!(cures("G68.2 P3 Q1 I1 R10\nG68.2 P3 Q2 J-1 K2").len(), 2);
 }
 
+/// Codes of a mill's findings with their lines.
+fn found(settings: LanguageSettings, words: &str) -> Vec<(u32, String)> {
+    let interpreter = Interpreter::new(settings).with_tools(tools());
+    let (_, findings) = interpreter.read_all(format!("{words}\nM30\n").as_bytes());
+    findings.findings().iter().map(|finding| (finding.span.line, finding.code.to_string())).collect()
+}
+
+/// A mill whose numbers without a point are least increments, and whose X words are diameters.
+fn in_increments() -> LanguageSettings {
+    LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, x_word: XWord::Diameter, ..mill() }
+}
+
+#[test]
+fn a_block_of_a_plane_takes_the_words_that_its_form_reads() {
+    let refused = |words: &str, finding: &str| check(&mill(), words, finding);
+    refused("G68.2 P2 Q1 I5\nG68.2 P2 Q2 X10\nG68.2 P2 Q3 Y10", "! 1:13+2 PRG-WORD-UNUSED");
+    refused("G68.2 P2 Q0\nG68.2 P2 Q1 R30\nG68.2 P2 Q2 X10\nG68.2 P2 Q3 Y10", "! 2:13+3 PRG-WORD-UNUSED");
+    refused("G68.2 P3 Q1 I1\nG68.2 P3 Q2 X5 K1", "! 2:13+2 PRG-WORD-UNUSED");
+    refused("G68.2 P3 Q1 I1\nG68.2 P3 Q2 K1 R5", "! 2:16+2 PRG-WORD-UNUSED");
+    // Without Q0 nothing says what R does.
+    refused("G68.2 P2 Q1 X0 Y0 Z0 R30\nG68.2 P2 Q2 X10\nG68.2 P2 Q3 Y10", "! 3:1+5 PRG-PLANE-DOUBT");
+}
+
+#[test]
+fn a_direction_has_no_unit() {
+    let turned = TiltedPlane::by_euler_angles([0.0; 3], [45.0, 0.0, 0.0], 0);
+    for words in ["G68.2 P3 Q1 I1 J1\nG68.2 P3 Q2 K1.", "G68.2 P3 Q1 I1. J1. K0\nG68.2 P3 Q2 K2"] {
+        same(&plane_on(in_increments(), words), &turned);
+    }
+    // One component a thousandth of the other, or not.
+    check(&in_increments(), "G68.2 P3 Q1 I1 J1.\nG68.2 P3 Q2 K1", "! 1:1+5 PRG-PLANE-WORDS");
+    same(&plane_of("G68.2 P3 Q1 I1 J1.\nG68.2 P3 Q2 K1"), &turned);
+    // The two are square within the rounding of decimals.
+    plane_of("G68.2 P3 Q1 I1 K0.0004\nG68.2 P3 Q2 K1");
+    let (_, findings) = interpret(b"G68.2 P3 Q1 I1 K0.0007\nG68.2 P3 Q2 K1\nM30\n", mill());
+    let [finding] = findings.findings() else { panic!("{findings:?}") };
+    assert_eq!(finding.code, "PRG-PLANE-WORDS");
+    let beside = finding.values.iter().find(|value| value.name == "beside").expect("the angle");
+    assert!((beside.value - 0.0007_f64.atan().to_degrees()).abs() < 1e-9, "{beside:?}");
+}
+
+#[test]
+fn cures_are_right_to_the_letter() {
+    let cures = |words: &str| {
+        let (_, findings) = interpret(format!("{words}\nM30\n").as_bytes(), in_increments());
+        let [finding] = findings.findings() else { panic!("{words}: {findings:?}") };
+        finding.suggestions.iter().map(|it| it.message.clone()).collect::<Vec<_>>()
+    };
+    let plane = |cure: &str| plane_on(in_increments(), cure.split("write ").nth(1).expect("words"));
+    let found = cures("G68.2 P1 X8. Y2. Z3. I90. J20.");
+    assert_eq!(found.len(), 2, "{found:?}");
+    for cure in &found {
+        assert_eq!(plane(cure).origin_mm, [4.0, 2.0, 3.0], "{cure}");
+    }
+    let turn = |axis, angle| TiltedPlane::about(axis, angle);
+    let [fixed, moving] = [&found[0], &found[1]].map(|cure| plane(cure).axes[2]);
+    // X then Y of the work: the normal goes to −Y; X then the turned Y: it goes on in the plane of X and Y.
+    let normal_fixed = turn(0, 90.0)[2].map(|value| value + 0.0);
+    assert!((0..3).all(|k| (fixed[k] - normal_fixed[k]).abs() < 1e-7), "{fixed:?}");
+    assert!((fixed[0] - moving[0]).abs() > 0.1, "{fixed:?} {moving:?}");
+    // Which blocks go.
+    let found = cures("(a plane)\nG68.2 P3 Q1 I1. R10.\nG68.2 P3 Q2 J-1. K2.");
+    assert!(found.iter().all(|cure| cure.contains("in place of the blocks from line 2 to line 3: write")), "{found:?}");
+    // The plane that is offered where none is tilted.
+    let found = cures("G53.1");
+    let words = found[0].split("such as ").nth(1).expect("a plane");
+    same(&plane_on(in_increments(), words), &TiltedPlane::by_euler_angles([0.0; 3], [0.0, 30.0, 0.0], 0));
+}
+
+#[test]
+fn drilling_cycles_end_before_the_plane_changes() {
+    let cycle = "G81 X1 Y2 Z-3 R2 F100";
+    assert_eq!(found(mill(), &format!("G0 Z9\n{cycle}\nG68.2 J30\nX5\nG69")), [(3, "PRG-PLANE-BLOCK".to_owned())]);
+    let plane = format!("G68.2 J30\nG0 X0 Y0 Z9\n{cycle}");
+    assert_eq!(found(mill(), &format!("{plane}\nG69\nX5")), [(4, "PRG-PLANE-BLOCK".to_owned())]);
+    for end in ["G80\nG69", "G69 G80", "G0 G69", "G0 X5\nG69"] {
+        assert_eq!(found(mill(), &format!("{plane}\n{end}")), [], "{end}");
+    }
+    // The rotation of coordinates is no plane.
+    assert_eq!(found(mill(), &format!("G0 Z9\n{cycle}\nG69\nX5")), []);
+}
+
+#[test]
+fn a_refused_plane_is_one_finding() {
+    check(
+        &mill(),
+        "G68.2 P1 I10 J20\nG53.1\nG43 H1\nG0 X0 Y0 Z5\nG1 Z4 F100\nG81 X1 Y1 Z-3 R2\nG80\nG69\nG0 X1",
+        "guided axes H0 rapid -> X1 Y1 Z4 ~YZABC
+         ! 1:1+5 PRG-PLANE-DOUBT",
+    );
+    let moves = "G53.1\nG43 H1\nG0 X0 Y0 Z5\nG69\nG0 X1";
+    for (words, (line, code)) in [
+        ("G68.2 P3 Q1\nG68.2 P3 Q2 K1", (2, "PRG-PLANE-WORDS")),
+        ("G68.2 P2 Q5\nG68.2 P2 Q2 X1\nG68.2 P2 Q3 Y1", (1, "PRG-PLANE-WORDS")),
+        ("G68.2 P3 Q1 I1\nG4 X1.\nG68.2 P3 Q2 K1", (2, "PRG-PLANE-INCOMPLETE")),
+        ("G68.2 J30 G53.1", (1, "PRG-PLANE-BLOCK")),
+        ("G16\nG68.2 J30\nG15", (2, "PRG-COORD-BLOCK")),
+    ] {
+        assert_eq!(found(mill(), &format!("{words}\n{moves}")), [(line, code.to_owned())], "{words}");
+    }
+    // Another try counts.
+    check(&mill(), "G68.2 P5\nG68.2 J30\nG0 X1 Y1 Z1", "guided plane H0 rapid -> X1 Y1 Z1\n! 1:1+5 PRG-PLANE-WORDS");
+}
+
+#[test]
+fn the_length_about_the_tip_is_that_of_the_tool() {
+    let other = [(3, "PRG-LENGTH-OTHER-TOOL".to_owned())];
+    assert_eq!(found(mill(), "T1 M6\nG68.2 J30\nG53.6 H2"), other);
+    assert_eq!(found(mill(), "T1 M6\nG68.2 J30\nG43 H2"), other);
+    assert_eq!(found(mill(), "T1 M6\nG68.2 J30\nG53.6 H1"), []);
+}
+
 #[test]
 fn planes_that_are_none_are_refused() {
     let refused = |words: &str, finding: &str| check(&mill(), words, finding);
@@ -137,7 +253,7 @@ fn planes_that_are_none_are_refused() {
     refused("G68.2 P3 Q1 I1\nG68.2 P3 Q2 I1 K9", "! 2:1+5 PRG-PLANE-WORDS");
     refused("G68.2 P3 Q1\nG68.2 P3 Q2 K1", "! 2:1+5 PRG-PLANE-WORDS");
     refused("G68.2 P3 Q1 I1\nG4 P1\nG69", "! 2:1+5 PRG-PLANE-INCOMPLETE");
-    refused("G68.2 P3 Q1 I1\nG68.2 P2 Q2 K1", "! 2:1+14 PRG-PLANE-INCOMPLETE\n! 2:1+5 PRG-PLANE-WORDS");
+    refused("G68.2 P3 Q1 I1\nG68.2 P2 Q2 K1", "! 2:1+14 PRG-PLANE-INCOMPLETE");
     refused("G68.2 P3 Q1 I1", "! 2:1+3 PRG-PLANE-INCOMPLETE");
     refused("G68.2 P4 I90 J90", "! 1:1+5 PRG-PLANE-WORDS");
     refused("G43.4 H1\nG68.2 P3 Q1 I1\nG68.2 P3 Q2 K1", "! 3:1+5 PRG-TOOL-CONTROL-BLOCK");

@@ -7,16 +7,16 @@
 use super::{Execution, PLANE_LETTERS};
 use crate::code;
 use crate::interpreter::execute::MM_PER_INCH;
-use crate::state::PlaneSequence;
-use crate::{Finding, SourceSpan, TiltedPlane};
+use crate::state::{PlaneSequence, ToolMode};
+use crate::{DecimalPointRule, Finding, SourceSpan, TiltedPlane};
 
 /// Planes closer than this are the same, mm and as components of unit vectors.
 const SAME_PLANE: f64 = 1e-9;
 /// Points closer than this, mm, or three points this close to a line, make no plane.
 const NO_PLANE_MM: f64 = 1e-6;
-/// The two vectors of `P3` may be this far from a right angle, rad: programs write them with three decimals at least. The normal is
-/// kept, and the other one made perpendicular to it.
-const SQUARE_RAD: f64 = 1e-3;
+/// The two vectors of `P3` may be this far from a right angle, rad, by the rounding of their decimals. The normal is kept, and the
+/// other one made perpendicular to it; what is further off may be meant otherwise.
+const SQUARE_RAD: f64 = 5e-4;
 
 type Vec3 = [f64; 3];
 
@@ -74,6 +74,30 @@ impl Execution<'_> {
         [b'I', b'J', b'K'].map(|letter| self.take(letter).map_or(0.0, |word| self.scaled(&word, false)))
     }
 
+    /// `I J K` as a direction, which has no unit, so that the rule of the decimal point does not scale it; nothing after a finding.
+    fn plane_direction(&mut self, span: SourceSpan) -> Option<Vec3> {
+        let words = [b'I', b'J', b'K'].map(|letter| self.take(letter));
+        let mut points = words.iter().flatten().filter(|it| it.number.value() != 0.0).map(|it| it.number.has_point());
+        let is_scaled = self.settings.decimal_point == DecimalPointRule::LeastIncrement;
+        let first = points.next();
+        if is_scaled && points.any(|has_point| Some(has_point) != first) {
+            self.plane_words(span, "components of one vector with and without a decimal point", |it| {
+                it.suggest("write I, J and K of the vector all with a decimal point, such as I1. J1. K0.")
+            });
+            return None;
+        }
+        Some(words.map(|word| word.map_or(0.0, |word| word.number.value())))
+    }
+
+    /// Reports `X Y Z` in a block of a plane that reads none; they would be taken for a move.
+    fn foreign_origin(&mut self) {
+        for letter in [b'X', b'Y', b'Z'] {
+            if let Some(word) = self.take(letter) {
+                self.word_unused(&word, letter);
+            }
+        }
+    }
+
     /// `P1`: turned about X, Y and Z, in the order that `Q` says (123: X first, then Y, then Z).
     fn by_roll_pitch_yaw(&mut self, span: SourceSpan) -> Option<TiltedPlane> {
         let order = self.take(b'Q');
@@ -99,6 +123,7 @@ impl Execution<'_> {
         let moving = |turns: &[[Vec3; 3]; 3]| product(&turns[0], &product(&turns[1], &turns[2]));
         self.settle(
             span,
+            span.line,
             &[
                 (
                     "turning about the fixed axes of the work, I about X, J about Y, K about Z",
@@ -138,6 +163,7 @@ impl Execution<'_> {
         };
         self.settle(
             span,
+            span.line,
             &[
                 ("I as a right-handed turn of X about Y, which lowers it", origin_mm, turned),
                 ("I as the angle by which X rises", origin_mm, raised),
@@ -148,11 +174,14 @@ impl Execution<'_> {
     /// A block of `P2` or `P3`, which `Q` numbers.
     fn by_sequence(&mut self, form: u32, span: SourceSpan) -> Form {
         let number = self.take(b'Q').map(|word| word.number.value());
-        let turn_deg = self.take(b'R').map_or(0.0, |word| self.scaled(&word, false));
-        let (point_mm, vector) = (self.plane_point(), self.plane_vector());
         let last = if form == 2 { 3 } else { 2 };
         let before = self.state.plane_sequence.take().map(|sequence| *sequence);
         let next = before.map_or(u32::from(form == 3), |sequence| sequence.next);
+        if before.is_none() && self.state.is_plane_refused() && number.is_some_and(|it| it >= 2.0) {
+            // The rest of a plane that was refused.
+            self.used |= PLANE_LETTERS;
+            return Form::Refused;
+        }
         // Three points may be without the shift of the origin, and then begin with the first one.
         let number = number.filter(|&it| it == f64::from(next) || form == 2 && before.is_none() && it == 1.0);
         let Some(number) = number.map(|it| it as usize) else {
@@ -166,9 +195,21 @@ impl Execution<'_> {
         };
         let mut sequence = before.unwrap_or(PlaneSequence { form, line: span.line, ..PlaneSequence::default() });
         sequence.next = number as u32 + 1;
-        (sequence.points_mm[number], sequence.vectors[number]) = (point_mm, vector);
-        sequence.turn_deg += turn_deg;
         sequence.has_shift |= number == 0;
+        // With the shift R belongs to it; without it no control says what it does, which is reported in the end.
+        let reads_turn = number == 0 || number == 1 && form == 3 || form == 2 && !sequence.has_shift;
+        if reads_turn {
+            sequence.turn_deg += self.take(b'R').map_or(0.0, |word| self.scaled(&word, false));
+        }
+        if form == 2 || number == 1 {
+            sequence.points_mm[number] = self.plane_point();
+        } else {
+            self.foreign_origin();
+        }
+        if form == 3 {
+            let Some(vector) = self.plane_direction(span) else { return Form::Refused };
+            sequence.vectors[number] = vector;
+        }
         if number < last {
             self.state.plane_sequence = Some(Box::new(sequence));
             return Form::Part;
@@ -191,14 +232,23 @@ impl Execution<'_> {
         }
         let (x, z) = (unit(along)?, unit(normal)?);
         let axes = [x, cross(z, x), z];
-        if !sequence.has_shift {
-            return self.settle(span, &[("", first_mm, axes)]);
-        }
         let turn = TiltedPlane::about(2, sequence.turn_deg);
         let in_plane = product(&axes, &turn);
+        if !sequence.has_shift {
+            return self.settle(
+                span,
+                sequence.line,
+                &[
+                    ("R without meaning, as there is no Q0", first_mm, axes),
+                    ("R in the plane", first_mm, in_plane),
+                    ("R about Z of the work", first_mm, product(&turn, &axes)),
+                ],
+            );
+        }
         let before_turn = TiltedPlane { origin_mm: first_mm, axes, line: 0 }.to_work(shift_mm);
         self.settle(
             span,
+            sequence.line,
             &[
                 ("Q0 as a shift from the first point in the plane, turned by R in it", before_turn, in_plane),
                 ("Q0 as the origin in work coordinates, turned by R in the plane", shift_mm, in_plane),
@@ -225,7 +275,8 @@ impl Execution<'_> {
         let (Some(x), true) = (x, beside.abs() <= SQUARE_RAD) else {
             let off_deg = beside.abs().min(1.0).asin().to_degrees();
             self.plane_words(span, "the two vectors of the plane are not perpendicular", |it| {
-                it.with_value("beside", off_deg, "deg").suggest("write X of the plane perpendicular to its normal")
+                it.with_value("beside", off_deg, "deg")
+                    .suggest("write X of the plane perpendicular to its normal, both with six decimals")
             });
             return None;
         };
@@ -235,17 +286,18 @@ impl Execution<'_> {
             let origin_mm = sequence.points_mm[1];
             return self.settle(
                 span,
+                sequence.line,
                 &[
                     ("R in the plane", origin_mm, product(&axes, &turn)),
                     ("R about Z of the work", origin_mm, product(&turn, &axes)),
                 ],
             );
         }
-        self.settle(span, &[("", sequence.points_mm[1], axes)])
+        self.settle(span, sequence.line, &[("", sequence.points_mm[1], axes)])
     }
 
-    /// The plane that all readings make; where they differ they are reported, each as Euler angles.
-    fn settle(&mut self, span: SourceSpan, readings: &[Reading]) -> Option<TiltedPlane> {
+    /// The plane that all readings make of the lines from `first_line` on; where they differ they are reported, each as Euler angles.
+    fn settle(&mut self, span: SourceSpan, first_line: u32, readings: &[Reading]) -> Option<TiltedPlane> {
         let &(_, origin_mm, axes) = readings.first()?;
         let line = span.line;
         let differs = |one: &Reading, other: &Reading| {
@@ -262,12 +314,17 @@ impl Execution<'_> {
             return Some(TiltedPlane { origin_mm, axes, line });
         }
         let unit_mm = if self.state.inch { MM_PER_INCH } else { 1.0 };
+        let per_radius = if self.state.x_diameter { 2.0 } else { 1.0 };
+        let place = match line > first_line {
+            true => format!(", in place of the blocks from line {first_line} to line {line}"),
+            false => String::new(),
+        };
         self.findings.push_with(code::PLANE_DOUBT, |code| {
             let message = format!("controls make {} different planes of these words", different.len());
             different.iter().fold(Finding::new(code, span, message), |finding, (what, origin_mm, axes)| {
                 let [i, j, k] = TiltedPlane { origin_mm: *origin_mm, axes: *axes, line }.euler_angles_deg().map(shown);
-                let [x, y, z] = origin_mm.map(|value_mm| shown(value_mm / unit_mm));
-                finding.suggest(format!("for {what}: write G68.2 X{x} Y{y} Z{z} I{i} J{j} K{k}"))
+                let [x, y, z] = [per_radius * origin_mm[0], origin_mm[1], origin_mm[2]].map(|it| shown(it / unit_mm));
+                finding.suggest(format!("for {what}{place}: write G68.2 X{x} Y{y} Z{z} I{i} J{j} K{k}"))
             })
         });
         None
@@ -277,6 +334,9 @@ impl Execution<'_> {
     #[cold]
     pub(in crate::interpreter) fn plane_incomplete(&mut self, sequence: PlaneSequence) {
         self.state.plane_sequence = None;
+        if self.state.tool_control.mode == ToolMode::Off {
+            self.enter_plane(None, sequence.line);
+        }
         let span = self.block.span();
         let PlaneSequence { form, line, next, .. } = sequence;
         self.findings.push_with(code::PLANE_INCOMPLETE, |code| {
@@ -296,9 +356,12 @@ impl Execution<'_> {
     }
 }
 
-/// Six decimals at most, without a negative zero.
-fn shown(value: f64) -> f64 {
-    (value * 1e6).round() / 1e6 + 0.0
+/// As a word has it: six decimals at most, without a negative zero, and with a point, as without one a number counts least increments
+/// on some controls.
+fn shown(value: f64) -> String {
+    let value = (value * 1e6).round() / 1e6 + 0.0;
+    let point = if value.fract() == 0.0 { "." } else { "" };
+    format!("{value}{point}")
 }
 
 /// The axes of `first`, each given in the axes of `turned`, in the coordinates of the latter: the rotation `turned`·`first`.
