@@ -94,7 +94,7 @@ fn splines_of_a_guided_tool_are_drawn_as_curves() {
     // A parabola of 30 mm whose middle is 10 mm high.
     for (on, off) in [("G43.4 H1", "G49"), ("G68.2 X0 Y0 Z0 I90 J90 K-90", "G69")] {
         let program =
-            format!("G21 G90 G94 G17 T1 M6\n{on}\nG0 X0 Y0 Z10 A0 C0\nG5.1 X30 Y0 I15 J20 F1000\n{off}\nM30\n");
+            format!("G21 G90 G94 G17 T1 M6\nG0 A0 C0\n{on}\nG0 X0 Y0 Z10\nG5.1 X30 Y0 I15 J20 F1000\n{off}\nM30\n");
         let (path, _) = path_of(&config, &program, 7);
         let points: Vec<_> =
             path.lines.iter().filter(|(motion, ..)| *motion == ToolMotion::Cutting).map(|(_, _, to)| *to).collect();
