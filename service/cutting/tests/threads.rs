@@ -333,7 +333,8 @@ fn threads() -> impl Strategy<Value = Thread> {
         prop::collection::vec(pass, 1..5),
         0.5..4.0_f64,
         prop_oneof![Just(0.0), -1.0..1.0_f64],
-        100..900_u32,
+        // What the axis can follow at the largest amplitude.
+        100..640_u32,
         any::<[bool; 5]>(),
     )
         .prop_map(|(passes, lead_mm, taper_mm, rev_per_min, flags)| Thread {

@@ -133,9 +133,12 @@ proptest! {
             prop_assert_eq!(decision.inputs.before, before);
             let after = decision.outcome.after;
             let rules = &config.rules;
-            prop_assert!((rules.feed_bounds.lower..=rules.feed_bounds.upper).contains(&after.feed));
+            // A feed hold is below all bounds.
+            let is_held = decision.outcome.action == Action::HoldFeed;
+            let within = (rules.feed_bounds.lower..=rules.feed_bounds.upper).contains(&after.feed);
+            prop_assert!(if is_held { after.feed == 0.0 } else { within }, "{:?}", decision.outcome);
             prop_assert!((rules.spindle_bounds.lower..=rules.spindle_bounds.upper).contains(&after.spindle));
-            prop_assert_eq!(decision.outcome.action == Action::Change, after != before);
+            prop_assert_eq!(decision.outcome.action == Action::Change || is_held, after != before);
             if let Evidence::Process(properties) = decision.inputs.evidence {
                 prop_assert!(properties.max_deviation.is_finite());
                 prop_assert!(decision.span.valid >= u64::from(config.quality.min_valid_samples));

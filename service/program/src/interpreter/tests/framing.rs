@@ -99,7 +99,7 @@ fn interpret_in_pieces(
     let mut cuts: Vec<_> = cuts.iter().map(|cut| cut % (source.len() + 1)).collect();
     cuts.sort_unstable();
     cuts.push(source.len());
-    let (mut consumed, mut calls) = (0, 0);
+    let mut calls = 0;
     for cut in cuts {
         loop {
             calls += 1;
@@ -109,18 +109,19 @@ fn interpret_in_pieces(
                 assert_eq!(&state, interpreter.state());
                 interpreter = Interpreter::restore(settings.clone(), state);
             }
-            let input = &source[consumed.min(cut)..cut];
+            // A contour is read from where it stands.
+            let at = interpreter.place().offset as usize;
+            let input = &source[at.min(cut)..cut];
             match interpreter.read_line(input, cut == source.len(), &mut operations, &mut findings) {
                 LineOutcome::Consumed(length) => {
                     assert!(length > 0 && length <= input.len());
-                    consumed += length;
                 }
-                LineOutcome::Elsewhere => unreachable!("no jump"),
+                LineOutcome::Elsewhere => {}
                 LineOutcome::NeedMore | LineOutcome::Ended => break,
             }
         }
     }
-    assert_eq!(consumed, source.len(), "all input is consumed");
+    assert_eq!(interpreter.place().offset, source.len() as u64, "all input is consumed");
     (operations, findings)
 }
 
