@@ -75,6 +75,15 @@ fn moves(operations: &[Operation]) -> Vec<Move> {
     operations.iter().filter_map(step).filter(|step| step.start != step.end || step.arc.is_some()).collect()
 }
 
+/// The first move that does not begin where the one before ends.
+fn first_gap(operations: &[Operation]) -> Option<usize> {
+    let mut at = None;
+    operations.iter().position(|operation| {
+        let OperationKind::Move(step) = &operation.kind else { return false };
+        at.replace(step.end).is_some_and(|at| !close(&at, &step.start))
+    })
+}
+
 fn close(one: &Position, other: &Position) -> bool {
     one.iter().zip(other).all(|(one, other)| (one - other).abs() <= 1e-9 * one.abs().max(1.0))
 }
@@ -95,7 +104,12 @@ proptest! {
     #[test]
     fn what_was_resolved_means_the_same_when_printed(bytes in prop::collection::vec(any::<u8>(), 40..400)) {
         let settings = bounded(linuxcnc());
-        let (operations, found) = interpreted(program(&bytes, true).as_bytes(), &settings, 0);
+        let (mut operations, found) = interpreted(program(&bytes, true).as_bytes(), &settings, 0);
+        if let Some(gap) = first_gap(&operations) {
+            // A block in error is left out, and what follows begins where it would have ended.
+            prop_assert!(found.has_errors(), "{:?}", operations[gap]);
+            operations.truncate(gap);
+        }
         let text = printed(&operations);
         let (again, findings) = interpreted(text.as_bytes(), &settings, 0);
         prop_assert!(!findings.has_errors(), "{:?} in {text}", findings.findings());
@@ -103,9 +117,7 @@ proptest! {
         prop_assert_eq!(before.len(), after.len(), "{}", text);
         for (one, other) in before.iter().zip(&after) {
             prop_assert_eq!((one.kind, one.work_offset), (other.kind, other.work_offset));
-            // A block in error is left out: what follows begins where it would have ended.
-            let begins_alike = found.has_errors() || close(&one.start, &other.start);
-            prop_assert!(begins_alike && close(&one.end, &other.end), "{one:?} {other:?}");
+            prop_assert!(close(&one.start, &other.start) && close(&one.end, &other.end), "{one:?} {other:?}");
             prop_assert_eq!(one.arc.is_some(), other.arc.is_some());
             if let (Some(one), Some(other)) = (&one.arc, &other.arc) {
                 prop_assert!((one.sweep_rad - other.sweep_rad).abs() < 1e-6, "{one:?} {other:?}");
