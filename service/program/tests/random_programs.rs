@@ -75,9 +75,9 @@ fn moves(operations: &[Operation]) -> Vec<Move> {
     operations.iter().filter_map(step).filter(|step| step.start != step.end || step.arc.is_some()).collect()
 }
 
-/// The first move that does not begin where the one before ends.
+/// The first move that does not begin where the one before ends, or the program.
 fn first_gap(operations: &[Operation]) -> Option<usize> {
-    let mut at = None;
+    let mut at = Some(Position::default());
     operations.iter().position(|operation| {
         let OperationKind::Move(step) = &operation.kind else { return false };
         at.replace(step.end).is_some_and(|at| !close(&at, &step.start))
