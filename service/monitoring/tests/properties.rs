@@ -133,12 +133,13 @@ proptest! {
             prop_assert_eq!(decision.inputs.before, before);
             let after = decision.outcome.after;
             let rules = &config.rules;
-            // A feed hold is below all bounds.
-            let is_held = decision.outcome.action == Action::HoldFeed;
+            // A feed hold is below all bounds, and lasts until the feed is changed.
+            let action = decision.outcome.action;
+            let is_held = action == Action::HoldFeed || (before.feed == 0.0 && action == Action::Hold);
             let within = (rules.feed_bounds.lower..=rules.feed_bounds.upper).contains(&after.feed);
             prop_assert!(if is_held { after.feed == 0.0 } else { within }, "{:?}", decision.outcome);
             prop_assert!((rules.spindle_bounds.lower..=rules.spindle_bounds.upper).contains(&after.spindle));
-            prop_assert_eq!(decision.outcome.action == Action::Change || is_held, after != before);
+            prop_assert_eq!(matches!(action, Action::Change | Action::HoldFeed), after != before);
             if let Evidence::Process(properties) = decision.inputs.evidence {
                 prop_assert!(properties.max_deviation.is_finite());
                 prop_assert!(decision.span.valid >= u64::from(config.quality.min_valid_samples));
