@@ -19,14 +19,14 @@ use tonic_types::StatusExt as _;
 use crate::FEEDWAVE;
 use crate::status::assert_error;
 
-async fn feedwave(arguments: &[&str], environment: &[(&str, &str)]) -> Output {
+pub(crate) async fn feedwave(arguments: &[&str], environment: &[(&str, &str)]) -> Output {
     let mut command = Command::new(FEEDWAVE);
     command.args(arguments).envs(environment.iter().copied()).kill_on_drop(true);
     command.output().await.expect("the binary is started")
 }
 
 /// A token of a new client, added to the file.
-async fn token(clients: &Path, name: &str, roles: &[&str]) -> String {
+pub(crate) async fn token(clients: &Path, name: &str, roles: &[&str]) -> String {
     let mut arguments = vec!["token", name, "--clients", clients.to_str().unwrap()];
     roles.iter().for_each(|argument| arguments.push(argument));
     let made = feedwave(&arguments, &[]).await;
@@ -34,7 +34,7 @@ async fn token(clients: &Path, name: &str, roles: &[&str]) -> String {
     String::from_utf8(made.stdout).unwrap().trim().to_owned()
 }
 
-fn bearer<T>(message: T, token: &str) -> tonic::Request<T> {
+pub(crate) fn bearer<T>(message: T, token: &str) -> tonic::Request<T> {
     let mut request = tonic::Request::new(message);
     request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
     request
@@ -108,6 +108,8 @@ async fn tokens_say_who_asks_and_roles_what_may_be_done() {
     assert_eq!((answer.status.as_u16(), answer.header("www-authenticate")), (401, "Bearer realm=\"feedwave\""));
     assert_eq!(get("/v1/jobs", &viewer).await.status, 200);
     assert_eq!(get("/metrics", "feedwave_00").await.status, 401);
+    assert_eq!(get("/v1/audit", &planner).await.status, 403);
+    assert_eq!(get("/v1/audit", &admin).await.status, 200);
     assert_eq!(web.get("/readyz").await.status, 200);
     let healthy = feedwave(&["healthcheck", "--server", &url], &[]).await;
     assert!(healthy.status.success(), "{healthy:?}");

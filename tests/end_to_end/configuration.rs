@@ -91,8 +91,9 @@ fn the_example_states_every_key_with_its_default() {
         runs_days: Some(1),
         programs_days: Some(1),
         events_days: Some(1),
+        audit_days: Some(1),
         max_bytes: Some(1),
-        dry_run: false,
+        ..RetentionConfig::default()
     };
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");

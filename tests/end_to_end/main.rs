@@ -4,6 +4,7 @@
 const FEEDWAVE: &str = env!("CARGO_BIN_EXE_feedwave");
 
 mod access;
+mod audit;
 mod configuration;
 mod connections;
 mod dashboards;
@@ -27,6 +28,7 @@ mod setpoints;
 mod status;
 mod streaming;
 mod telemetry;
+mod tenants;
 mod threads;
 mod uploads;
 mod validation_queue;

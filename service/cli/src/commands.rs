@@ -5,6 +5,7 @@
 //! that stops reading (`| head`) ends a command quietly.
 
 mod acknowledge;
+mod audit;
 mod client;
 mod data_file;
 pub mod database;
@@ -102,6 +103,11 @@ pub enum Command {
     /// A decision that holds the feed or stops the machine, because a property stays above its limit at the lower feed bound,
     /// raises a condition that dashboards show until it is acknowledged. The feed stays held until the machine resumes.
     Acknowledge(acknowledge::Args),
+    /// Write the audit log of a running service as lines of JSON
+    ///
+    /// Every call that changed something, and every request that was refused for want of rights: who, what, when, from where,
+    /// and what came of it. Needs the role admin.
+    Audit(audit::Args),
     /// Prove that a run can be made again from its log
     ///
     /// The service makes every decision again from its stored inputs, and every setpoint from the stored program, profile
@@ -146,6 +152,7 @@ impl Command {
             Self::Run(args) => run::run(args).await,
             Self::Decisions(args) => decisions::run(args).await,
             Self::Acknowledge(args) => acknowledge::run(args).await,
+            Self::Audit(args) => audit::run(args).await,
             Self::Replay(args) => replay::run(args).await,
             Self::Machine(args) => resources::machines::run(args).await,
             Self::Tool(args) => resources::tools::run(args).await,

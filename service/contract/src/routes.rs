@@ -15,6 +15,8 @@ pub enum Route {
     ListRuns,
     /// Decisions of runs.
     ListDecisions,
+    /// The audit log.
+    ListAuditEntries,
     /// The service about itself.
     GetState,
     /// Figures for Prometheus.
@@ -64,7 +66,7 @@ const fn text(route: Route, path: &'static str, body: &'static str, purpose: &'s
 }
 
 /// Every route; each answers GET and HEAD.
-pub const ROUTES: [RouteEntry; 10] = [
+pub const ROUTES: [RouteEntry; 11] = [
     messages(
         Route::ListJobs,
         "/v1/jobs",
@@ -94,6 +96,13 @@ pub const ROUTES: [RouteEntry; 10] = [
         Some("ListDecisionsRequest"),
         "ListDecisionsResponse",
         "Decisions of runs, oldest first.",
+    ),
+    messages(
+        Route::ListAuditEntries,
+        "/v1/audit",
+        Some("ListAuditEntriesRequest"),
+        "ListAuditEntriesResponse",
+        "The audit log, oldest first. Needs the role admin.",
     ),
     messages(Route::GetState, "/v1/state", None, "ServerState", "The service about itself."),
     text(Route::GetMetrics, "/metrics", "Prometheus text format", "Figures of the service."),

@@ -3,6 +3,7 @@
 //! A client shows a token (`authorization: Bearer …`) or a certificate. What it shows is looked up in the file of known
 //! clients; without such a file everybody is the operator and may do everything.
 
+mod caller;
 mod known;
 mod table;
 
@@ -10,11 +11,13 @@ use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
+pub use caller::{Caller, TENANT_HEADER};
+use feedwave_store::Tenant;
 use http::{HeaderMap, header};
 use jiff::Timestamp;
 use known::KnownClients;
 use serde::Deserialize;
-pub(crate) use table::{Needs, of_method, of_route};
+pub(crate) use table::{Effect, Needs, of_method, of_route};
 
 use crate::connections::Connection;
 use crate::error::{Error, Result};
@@ -68,22 +71,43 @@ impl Machines {
     }
 }
 
+/// The tenants that a client acts for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Tenants {
+    /// Any that it asks for; the default one where it asks for none.
+    Any,
+    /// This one.
+    One(Tenant),
+}
+
+impl Tenants {
+    /// Tenants as the file names them: a name, or `*` for any; without one the default tenant.
+    fn new(name: Option<&str>) -> Result<Self, feedwave_store::InvalidTenant> {
+        match name {
+            None => Ok(Self::One(Tenant::DEFAULT)),
+            Some("*") => Ok(Self::Any),
+            Some(name) => name.parse().map(Self::One),
+        }
+    }
+}
+
 /// A client that is known.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     name: String,
     roles: u8,
     machines: Machines,
+    tenants: Tenants,
 }
 
 impl Identity {
-    fn new(name: String, roles: &[Role], machines: Machines) -> Self {
-        Self { name, roles: roles.iter().fold(0, |bits, role| bits | role.bit()), machines }
+    fn new(name: String, roles: &[Role], machines: Machines, tenants: Tenants) -> Self {
+        Self { name, roles: roles.iter().fold(0, |bits, role| bits | role.bit()), machines, tenants }
     }
 
     /// Who everybody is where clients need not say who they are.
     fn operator() -> Self {
-        Self::new("operator".to_owned(), &[Role::Admin], Machines::Any)
+        Self::new("operator".to_owned(), &[Role::Admin], Machines::Any, Tenants::Any)
     }
 
     /// What it is called.
@@ -180,71 +204,82 @@ impl Access {
         Ok(true)
     }
 
-    /// Who asks, if that client may do what needs `needs`. Takes the token away from the headers.
+    /// Who asks, and whether that client may do what needs `needs`. Takes the token away from the headers.
     ///
     /// # Errors
-    /// [`Error::Unauthenticated`] and [`Error::PermissionDenied`].
-    pub(crate) fn authorize(
+    /// In the second value: [`Error::Unauthenticated`], [`Error::PermissionDenied`], [`Error::TenantDenied`], and
+    /// [`Error::Invalid`] for a tenant that cannot be.
+    pub(crate) async fn authorize(
         &self,
         needs: Needs,
         headers: &mut HeaderMap,
         connection: Option<&Arc<Connection>>,
-    ) -> Result<Option<Arc<Identity>>> {
+    ) -> (Caller, Result<()>) {
         let shown = headers.remove(header::AUTHORIZATION);
-        let Needs::Role(role) = needs else { return Ok(None) };
-        let identity = self.identity(shown.as_ref(), connection)?;
-        if identity.is(role) {
-            return Ok(Some(identity));
-        }
-        let needs = format!("the role {}", role.name());
-        Err(Error::PermissionDenied { client: identity.name.clone(), role: role.name(), needs })
+        let caller = Caller::nobody(connection.cloned());
+        let Needs::Role(role) = needs else { return (caller, Ok(())) };
+        let (identity, has_tenants) = match self.identity(shown.as_ref(), connection).await {
+            Ok(identity) => identity,
+            Err(error) => return (caller, Err(error)),
+        };
+        let tenant = tenant_asked_for(headers);
+        let asked_for = *tenant.as_ref().unwrap_or(&None);
+        let refused = match (tenant, identity.tenants) {
+            (Err(error), _) => Err(error),
+            (Ok(Some(tenant)), Tenants::One(own)) if own != tenant => {
+                Err(Error::TenantDenied { client: identity.name.clone() })
+            }
+            _ if !identity.is(role) => {
+                let needs = format!("the role {}", role.name());
+                Err(Error::PermissionDenied { client: identity.name.clone(), role: role.name(), needs })
+            }
+            _ => Ok(()),
+        };
+        let asked_for = asked_for.filter(|_| refused.is_ok());
+        (caller.known(identity, asked_for, has_tenants), refused)
     }
 
-    fn identity(
+    /// Who asks, and whether there are tenants.
+    async fn identity(
         &self,
         shown: Option<&http::HeaderValue>,
         connection: Option<&Arc<Connection>>,
-    ) -> Result<Arc<Identity>> {
+    ) -> Result<(Arc<Identity>, bool)> {
         if self.inner.file.is_none() {
-            return Ok(self.inner.operator.clone());
+            return Ok((self.inner.operator.clone(), false));
         }
         let known = self.inner.known.read().unwrap_or_else(PoisonError::into_inner).clone();
         let now = Timestamp::now();
-        if let Some(shown) = shown {
-            let token = shown
-                .to_str()
-                .ok()
-                .and_then(bearer)
-                .ok_or(Error::Unauthenticated { why: "the header authorization has no bearer token" })?;
-            return known
-                .by_token(token, now)
-                .ok_or(Error::Unauthenticated { why: "the token is not known or has ended" });
-        }
-        let certificate = connection.and_then(|connection| connection.certificate());
-        match certificate {
-            Some(shown) => known
+        let has_tenants = known.has_tenants();
+        let identity = match (shown, connection.and_then(|connection| connection.certificate())) {
+            (Some(shown), _) => {
+                let token = shown
+                    .to_str()
+                    .ok()
+                    .and_then(bearer)
+                    .ok_or(Error::Unauthenticated { why: "the header authorization has no bearer token" })?;
+                known
+                    .by_token(token, now)
+                    .ok_or(Error::Unauthenticated { why: "the token is not known or has ended" })?
+            }
+            (None, Some(shown)) => known
                 .by_certificate(&shown.subject, &shown.common_name, now)
-                .ok_or(Error::Unauthenticated { why: "the certificate is of no known client" }),
-            None => Err(Error::Unauthenticated { why: "a bearer token or a certificate is needed" }),
-        }
+                .ok_or(Error::Unauthenticated { why: "the certificate is of no known client" })?,
+            (None, None) => return Err(Error::Unauthenticated { why: "a bearer token or a certificate is needed" }),
+        };
+        Ok((identity, has_tenants))
     }
+}
+
+/// The tenant that a client asks for.
+fn tenant_asked_for(headers: &HeaderMap) -> Result<Option<Tenant>> {
+    let Some(value) = headers.get(TENANT_HEADER) else { return Ok(None) };
+    let tenant = value.to_str().ok().and_then(|name| name.parse().ok());
+    tenant.map(Some).ok_or_else(|| Error::invalid(TENANT_HEADER, feedwave_store::InvalidTenant.to_string()))
 }
 
 /// The token in the value of the header.
 fn bearer(value: &str) -> Option<&str> {
     let (scheme, token) = value.split_once(' ')?;
     scheme.eq_ignore_ascii_case("bearer").then(|| token.trim()).filter(|token| !token.is_empty())
-}
-
-/// Refuses a machine that a client may not use.
-///
-/// # Errors
-/// [`Error::PermissionDenied`].
-pub(crate) fn check_machine(identity: Option<&Identity>, machine_id: &str) -> Result<()> {
-    identity.map_or(Ok(()), |identity| identity.check_machine(machine_id))
-}
-
-/// Who a request comes from, where its method needs somebody.
-pub(crate) fn identity_of(extensions: &http::Extensions) -> Option<&Arc<Identity>> {
-    extensions.get()
 }

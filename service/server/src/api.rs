@@ -1,6 +1,7 @@
 //! The gRPC services. Each method is an ordinary function on [`Api`] over the contract's messages; the HTTP port
 //! uses the same ones.
 
+mod audit;
 mod decisions;
 mod events;
 mod guarded;
@@ -25,20 +26,23 @@ pub(crate) use guarded::deadline;
 pub(crate) use jobs::state_to_proto;
 pub(crate) use telemetry::run_state_to_proto;
 
+use crate::access::Caller;
 use crate::config::Limits;
-use crate::connections::Connection;
 use crate::engine::Engine;
 use crate::error::{Error, Result, Violations};
 use crate::observability::metrics::Metrics;
+use crate::records::Records;
 
 /// What the services work with. Cloning is cheap.
 #[derive(Clone)]
 pub struct Api {
-    pub(crate) store: Store,
+    pub(crate) store: Records,
     pub(crate) engine: Engine,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) limits: Limits,
     pub(crate) recent_events: Arc<events::RecentEvents>,
+    /// Who is answered.
+    pub(crate) caller: Caller,
 }
 
 impl std::fmt::Debug for Api {
@@ -52,7 +56,24 @@ impl Api {
     #[must_use]
     pub fn new(store: Store, engine: Engine, metrics: Arc<Metrics>, limits: Limits) -> Self {
         let recent_events = Arc::new(events::RecentEvents::new(&store));
-        Self { store, engine, metrics, limits, recent_events }
+        let caller = Caller::service();
+        Self { store: Records::new(store, caller.clone()), engine, metrics, limits, recent_events, caller }
+    }
+
+    /// The services as this caller sees them.
+    pub(crate) fn called_by(&self, extensions: &http::Extensions) -> Self {
+        let caller = extensions.get::<Caller>().cloned().unwrap_or_else(|| Caller::nobody(None));
+        Self { store: self.store.called_by(caller.clone()), caller, ..self.clone() }
+    }
+
+    /// Answers a unary call.
+    async fn answer<Q, A>(
+        &self,
+        request: Request<Q>,
+        method: impl AsyncFnOnce(Self, Q) -> Result<A>,
+    ) -> Result<Response<A>, Status> {
+        let api = self.called_by(request.extensions());
+        Ok(Response::new(method(api, request.into_inner()).await?))
     }
 
     /// Creates `machines/lathe` and `machines/mill` where there is no machine at all.
@@ -76,16 +97,6 @@ impl Api {
         }
         Ok(())
     }
-}
-
-/// Who calls, for shares and limits of clients; empty where it is not known.
-fn client<T>(request: &Request<T>) -> String {
-    request.extensions().get::<Arc<Connection>>().map_or_else(String::new, |connection| connection.client().to_string())
-}
-
-/// Answers a unary call.
-async fn answer<Q, A>(request: Request<Q>, method: impl AsyncFnOnce(Q) -> Result<A>) -> Result<Response<A>, Status> {
-    Ok(Response::new(method(request.into_inner()).await?))
 }
 
 /// A page of a list as the store wants it.

@@ -197,7 +197,7 @@ impl Limits {
 }
 
 /// How long records are kept; absent keys: for ever.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RetentionConfig {
     /// Jobs that have ended, with their reports and runs, since their last change, days.
@@ -212,11 +212,31 @@ pub struct RetentionConfig {
     /// Events of jobs, days.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub events_days: Option<u32>,
+    /// Entries of the audit log, days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub audit_days: Option<u32>,
+    /// Most entries of the audit log: the oldest ones go first.
+    pub audit_entries: u64,
     /// Bytes in use within the store: beyond, the oldest jobs that have ended go.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_bytes: Option<u64>,
     /// Only says what would be removed.
     pub dry_run: bool,
+}
+
+impl Default for RetentionConfig {
+    fn default() -> Self {
+        Self {
+            jobs_days: None,
+            runs_days: None,
+            programs_days: None,
+            events_days: None,
+            audit_days: None,
+            audit_entries: 1_000_000,
+            max_bytes: None,
+            dry_run: false,
+        }
+    }
 }
 
 /// Form of the log lines.
@@ -430,6 +450,7 @@ impl Config {
         range("limits.begun_validations", limits.begun_validations as u64, 1, 1_024);
         range("limits.validation_attempts", limits.validation_attempts.into(), 1, 1_000);
         range("limits.drain_s", limits.drain_s, 0, 3_600);
+        range("retention.audit_entries", self.retention.audit_entries, 1_000, 1_000_000_000);
         for (key, value, low, high) in self.connections.ranges(message_bytes) {
             range(key, value, low, high);
         }

@@ -208,7 +208,7 @@ impl Engine {
         let (own, size_bytes) = (detail.job.program_id, detail.job.program_size_bytes);
         let mut files = vec![File::stored_of_size(store.clone(), own, size_bytes)];
         for file in job_settings(detail)?.programs {
-            files.push(File::stored(store.clone(), stored_program(&file)?));
+            files.push(File::stored(store.clone(), stored_program(&file)?.of_tenant(own.tenant())));
         }
         Ok(Source::new(files))
     }

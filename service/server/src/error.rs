@@ -123,6 +123,12 @@ pub enum Error {
         /// The same in words.
         needs: String,
     },
+    /// Whoever asks belongs to another tenant than the one that it asks for.
+    #[error("{client} does not act for that tenant")]
+    TenantDenied {
+        /// Who asks.
+        client: String,
+    },
     /// The service is ending.
     #[error("the server is shutting down")]
     Draining,
@@ -189,7 +195,7 @@ impl Error {
             | Self::Unread { .. }
             | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
             Self::Unauthenticated { .. } => Code::Unauthenticated,
-            Self::PermissionDenied { .. } => Code::PermissionDenied,
+            Self::PermissionDenied { .. } | Self::TenantDenied { .. } => Code::PermissionDenied,
             Self::Draining | Self::StoreUnavailable(_) => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
@@ -214,6 +220,7 @@ impl Error {
             Self::Unread { .. } => "STREAM_UNREAD",
             Self::Unauthenticated { .. } => "UNAUTHENTICATED",
             Self::PermissionDenied { .. } => "ROLE_NEEDED",
+            Self::TenantDenied { .. } => "TENANT_DENIED",
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::MessageTooLarge { .. } => "MESSAGE_TOO_LARGE",

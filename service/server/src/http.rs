@@ -6,11 +6,13 @@ mod bounds;
 mod conditional;
 mod query;
 
+use std::convert::Infallible;
 use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::rejection::PathRejection;
-use axum::extract::{Path, RawQuery, Request, State};
+use axum::extract::{FromRequestParts, Path, RawQuery, Request, State};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
@@ -18,8 +20,8 @@ use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
 use feedwave_contract::json;
 use feedwave_contract::proto::{
-    GetJobRequest, GetReportRequest, JobStateCount, ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest,
-    ListRunsRequest, ServerState,
+    GetJobRequest, GetReportRequest, JobStateCount, ListAuditEntriesRequest, ListDecisionsRequest,
+    ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ServerState,
 };
 use feedwave_contract::routes::{ROUTES, Route};
 use feedwave_store::JobState;
@@ -31,8 +33,11 @@ use tower_http::catch_panic::CatchPanicLayer;
 use crate::access::{Access, of_route};
 use crate::api;
 use crate::api::Api;
+use crate::audit::{AuditLog, asked};
 use crate::connections::{Connection, in_json};
 use crate::error::{Error, Result, Violations};
+use crate::lifecycle::REQUEST_ID;
+use crate::observability::metrics::Metrics;
 use crate::observability::{REVISION, VERSION};
 use crate::readiness::Readiness;
 
@@ -45,6 +50,8 @@ pub struct HttpState {
     pub readiness: Readiness,
     /// Who may do what.
     pub access: Access,
+    /// Who was refused.
+    pub(crate) audit: AuditLog,
     /// When the service was started.
     pub start_time: Timestamp,
 }
@@ -54,10 +61,9 @@ pub fn router(state: HttpState) -> Router {
     let bounds = from_fn_with_state(Bounds::new(&state), bounded);
     let panics = CatchPanicLayer::custom(Panicked(state.api.metrics.clone()));
     let routes = ROUTES.iter().fold(Router::new(), |router, entry| {
-        router.route(
-            entry.path,
-            handler(entry.route).layer(from_fn_with_state((state.access.clone(), entry.route), guarded)),
-        )
+        let (access, audit) = (state.access.clone(), state.audit.clone());
+        let guard = Guard { access, audit, route: entry.route, name: format!("GET {}", entry.path) };
+        router.route(entry.path, handler(entry.route).layer(from_fn_with_state(guard, guarded)))
     });
     routes
         .fallback(unknown_path)
@@ -67,12 +73,43 @@ pub fn router(state: HttpState) -> Router {
         .with_state(state)
 }
 
+/// What is around a route.
+#[derive(Clone)]
+struct Guard {
+    access: Access,
+    audit: AuditLog,
+    route: Route,
+    /// What the audit log calls it.
+    name: String,
+}
+
 /// Answers who has the role that a route needs.
-async fn guarded(State((access, route)): State<(Access, Route)>, mut request: Request, next: Next) -> Response {
+async fn guarded(State(guard): State<Guard>, mut request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
-    match access.authorize(of_route(route), request.headers_mut(), connection.as_ref()) {
-        Ok(_) => next.run(request).await,
-        Err(error) => HttpError(error).into_response(),
+    let needs = of_route(guard.route);
+    let (caller, verdict) = guard.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
+    match verdict {
+        Ok(()) => {
+            request.extensions_mut().insert(caller);
+            next.run(request).await
+        }
+        Err(error) => {
+            if matches!(error.code(), tonic::Code::Unauthenticated | tonic::Code::PermissionDenied) {
+                let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
+                let asked = asked(&caller, &guard.name, id);
+                guard.audit.denied(asked, &error).await;
+            }
+            HttpError(error).into_response()
+        }
+    }
+}
+
+/// The services as the caller of a request sees them.
+impl FromRequestParts<HttpState> for Api {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, state: &HttpState) -> Result<Self, Infallible> {
+        Ok(state.api.called_by(&parts.extensions))
     }
 }
 
@@ -84,6 +121,7 @@ fn handler(route: Route) -> MethodRouter<HttpState> {
         Route::ListJobEvents => get(list_job_events),
         Route::ListRuns => get(list_runs),
         Route::ListDecisions => get(list_decisions),
+        Route::ListAuditEntries => get(list_audit_entries),
         Route::GetState => get(get_state),
         Route::GetMetrics => get(get_metrics),
         Route::GetHealth => get(async || "ok\n"),
@@ -117,7 +155,7 @@ fn message<M: Name>(headers: &HeaderMap, message: &M) -> Response {
 
 type Answer = Result<Response, HttpError>;
 
-async fn list_jobs(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+async fn list_jobs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListJobsRequest {
         page_size: query.number("pageSize"),
@@ -128,7 +166,7 @@ async fn list_jobs(State(state): State<HttpState>, RawQuery(raw): RawQuery, head
         created_before: query.time("createdBefore"),
     };
     query.finish()?;
-    Ok(message(&headers, &state.api.list_jobs(request).await?))
+    Ok(message(&headers, &api.list_jobs(request).await?))
 }
 
 /// What a path says in place of a job's id; an answer in our own words where it is not even text.
@@ -141,17 +179,17 @@ fn job_name(id: JobId) -> Result<String, HttpError> {
     Ok(name.unwrap_or_default())
 }
 
-async fn get_job(State(state): State<HttpState>, id: JobId, headers: HeaderMap) -> Answer {
-    let response = state.api.get_job(GetJobRequest { name: job_name(id)? }).await?;
+async fn get_job(api: Api, id: JobId, headers: HeaderMap) -> Answer {
+    let response = api.get_job(GetJobRequest { name: job_name(id)? }).await?;
     Ok(message(&headers, &response.job.unwrap_or_default()))
 }
 
-async fn get_report(State(state): State<HttpState>, id: JobId, headers: HeaderMap) -> Answer {
-    let response = state.api.get_report(GetReportRequest { job: job_name(id)? }).await?;
+async fn get_report(api: Api, id: JobId, headers: HeaderMap) -> Answer {
+    let response = api.get_report(GetReportRequest { job: job_name(id)? }).await?;
     Ok(message(&headers, &response.report.unwrap_or_default()))
 }
 
-async fn list_job_events(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+async fn list_job_events(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListJobEventsRequest {
         after: query.number("after"),
@@ -160,10 +198,10 @@ async fn list_job_events(State(state): State<HttpState>, RawQuery(raw): RawQuery
         job: query.text("job"),
     };
     query.finish()?;
-    Ok(message(&headers, &state.api.list_job_events(request).await?))
+    Ok(message(&headers, &api.list_job_events(request).await?))
 }
 
-async fn list_runs(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+async fn list_runs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListRunsRequest {
         job: query.text("job"),
@@ -171,10 +209,10 @@ async fn list_runs(State(state): State<HttpState>, RawQuery(raw): RawQuery, head
         page_token: query.text("pageToken"),
     };
     query.finish()?;
-    Ok(message(&headers, &state.api.list_runs(request).await?))
+    Ok(message(&headers, &api.list_runs(request).await?))
 }
 
-async fn list_decisions(State(state): State<HttpState>, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+async fn list_decisions(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
     let mut query = Query::parse(raw.as_deref());
     let request = ListDecisionsRequest {
         after: query.number("after"),
@@ -184,14 +222,24 @@ async fn list_decisions(State(state): State<HttpState>, RawQuery(raw): RawQuery,
         run: query.text("run"),
     };
     query.finish()?;
-    Ok(message(&headers, &state.api.list_decisions(request).await?))
+    Ok(message(&headers, &api.list_decisions(request).await?))
 }
 
-async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer {
-    let api = &state.api;
+async fn list_audit_entries(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListAuditEntriesRequest {
+        after: query.number("after"),
+        page_size: query.number("pageSize"),
+        page_token: query.text("pageToken"),
+        principal: query.text("principal"),
+    };
+    query.finish()?;
+    Ok(message(&headers, &api.list_audit_entries(request).await?))
+}
+
+async fn get_state(State(state): State<HttpState>, api: Api, headers: HeaderMap) -> Answer {
     let jobs = api.store.count_jobs().await?;
-    let count = |gauge: &prometheus::IntGauge| u32::try_from(gauge.get()).unwrap_or(0);
-    let queued = queued_validations(api, &jobs);
+    let active = active(&api, &jobs);
     let answer = ServerState {
         version: VERSION.to_owned(),
         revision: REVISION.to_owned(),
@@ -201,25 +249,61 @@ async fn get_state(State(state): State<HttpState>, headers: HeaderMap) -> Answer
             .into_iter()
             .map(|(state, count)| JobStateCount { state: api::state_to_proto(state).into(), count })
             .collect(),
-        active_streams: count(&api.metrics.active_streams),
-        active_validations: count(&api.metrics.active_validations),
-        queued_validations: queued.try_into().unwrap_or(u32::MAX),
-        last_event: api.store.latest_sequence().unsigned_abs(),
+        active_streams: active.streams.try_into().unwrap_or(u32::MAX),
+        active_validations: active.validations.try_into().unwrap_or(u32::MAX),
+        queued_validations: active.queued_validations.try_into().unwrap_or(u32::MAX),
+        last_event: api.store.newest_event().await?.unsigned_abs(),
         open_conditions: api.store.count_open_conditions().await?.try_into().unwrap_or(u32::MAX),
     };
     Ok(message(&headers, &answer))
 }
 
-/// Jobs that wait for validation, all of them.
-fn queued_validations(api: &Api, jobs: &[(JobState, u64)]) -> u64 {
-    let waiting = jobs.iter().filter(|(state, _)| matches!(state, JobState::PendingValidation | JobState::Validating));
-    let waiting: u64 = waiting.map(|(_, count)| count).sum();
-    waiting.saturating_sub(api.engine.jobs_under_way())
+/// What is being done.
+struct Active {
+    streams: u64,
+    validations: u64,
+    queued_validations: u64,
 }
 
-async fn get_metrics(State(state): State<HttpState>) -> Answer {
-    let api = &state.api;
-    let stats = api.store.stats();
+/// What is being done for those whom the caller may see, of whose jobs these are.
+fn active(api: &Api, jobs: &[(JobState, u64)]) -> Active {
+    let of = |wanted| jobs.iter().filter(|(state, _)| *state == wanted).map(|(_, count)| count).sum::<u64>();
+    let (pending, validating) = (of(JobState::PendingValidation), of(JobState::Validating));
+    match api.caller.confined_to() {
+        Some(tenant) => Active {
+            streams: api.metrics.streams_by_tenant.of(tenant),
+            validations: validating,
+            queued_validations: pending,
+        },
+        None => {
+            let count = |gauge: &prometheus::IntGauge| u64::try_from(gauge.get()).unwrap_or(0);
+            // A job that is marked as being validated may still wait for its next turn.
+            let queued_validations = (pending + validating).saturating_sub(api.engine.jobs_under_way());
+            let (streams, validations) = (&api.metrics.active_streams, &api.metrics.active_validations);
+            Active { streams: count(streams), validations: count(validations), queued_validations }
+        }
+    }
+}
+
+/// The figures of the process, or of the one tenant that the caller may see.
+async fn get_metrics(api: Api) -> Answer {
+    let text = match api.caller.confined_to() {
+        Some(_) => figures_of_tenant(&api).await?,
+        None => figures_of_process(&api).await,
+    };
+    Ok(([(header::CONTENT_TYPE, prometheus::TEXT_FORMAT)], text).into_response())
+}
+
+async fn figures_of_tenant(api: &Api) -> Result<String> {
+    let jobs = api.store.count_jobs().await?;
+    let active = active(api, &jobs);
+    let jobs = jobs.iter().map(|(state, count)| (state.as_str(), *count));
+    let open = api.store.count_open_conditions().await?;
+    Ok(Metrics::text_of_tenant(jobs, active.streams, active.validations, active.queued_validations, open))
+}
+
+async fn figures_of_process(api: &Api) -> String {
+    let stats = api.store.of_all_tenants().stats();
     api.metrics.store_write_queue.set(stats.write_queue_depth.try_into().unwrap_or(i64::MAX));
     api.metrics.store_bytes.set(stats.database_bytes.try_into().unwrap_or(i64::MAX));
     api.metrics.jobs.reset();
@@ -228,11 +312,12 @@ async fn get_metrics(State(state): State<HttpState>) -> Answer {
         api.metrics.open_conditions.set(open.try_into().unwrap_or(i64::MAX));
     }
     let jobs = api.store.count_jobs().await.unwrap_or_default();
-    api.metrics.validation_queue.set(queued_validations(api, &jobs).try_into().unwrap_or(i64::MAX));
+    let queued = active(api, &jobs).queued_validations;
+    api.metrics.validation_queue.set(queued.try_into().unwrap_or(i64::MAX));
     for (state, count) in jobs {
         api.metrics.jobs.with_label_values(&[state.as_str()]).set(count.try_into().unwrap_or(i64::MAX));
     }
-    Ok(([(header::CONTENT_TYPE, prometheus::TEXT_FORMAT)], api.metrics.to_text()).into_response())
+    api.metrics.to_text()
 }
 
 async fn get_ready(State(state): State<HttpState>) -> Answer {
@@ -240,7 +325,7 @@ async fn get_ready(State(state): State<HttpState>) -> Answer {
         return Err(Error::Draining.into());
     }
     state.readiness.check()?;
-    state.api.store.ping().await?;
+    state.api.store.of_all_tenants().ping().await?;
     Ok("ok\n".into_response())
 }
 

@@ -5,6 +5,7 @@
 
 pub mod access;
 pub mod api;
+mod audit;
 pub mod config;
 mod connections;
 pub mod engine;
@@ -14,6 +15,7 @@ pub mod lifecycle;
 mod lingering;
 pub mod observability;
 pub mod readiness;
+mod records;
 mod retention;
 pub mod services;
 mod stored;

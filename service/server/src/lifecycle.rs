@@ -23,6 +23,7 @@ use uuid::Uuid;
 
 use crate::access::Access;
 use crate::api::Api;
+use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
 use crate::connections::{App, Clients, Connection, Port, Tls, TlsError, app};
 use crate::engine::Engine;
@@ -32,7 +33,7 @@ use crate::observability::rpc::RpcLayer;
 use crate::{readiness, retention, services};
 
 /// The header with the id of a call.
-const REQUEST_ID: &str = "x-request-id";
+pub(crate) const REQUEST_ID: &str = "x-request-id";
 
 /// How often certificate files are looked at for changes.
 const RELOAD_INTERVAL: Duration = Duration::from_secs(10);
@@ -122,10 +123,13 @@ impl Server {
         let clients = Clients::new(bounded_by_descriptors(&config), metrics.connections.clone());
         let http_stop = CancellationToken::new();
         let access = certificates.access.clone();
+        let audit = AuditLog::new(store.clone(), engine.clone());
+        engine.spawn(audit.clone().follow(draining.clone()));
         let http_state = HttpState {
             api: api.clone(),
             readiness,
             access: access.clone(),
+            audit: audit.clone(),
             start_time: timestamp(Timestamp::now().as_microsecond()),
         };
         let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
@@ -138,7 +142,7 @@ impl Server {
             // A client that still reads when its connection is closed has the time that open calls have.
             linger: config.limits.drain(),
         };
-        let grpc = grpc_app(&api, access, &health, &draining)?;
+        let grpc = grpc_app(&api, access, audit, &health, &draining)?;
         let grpc = port("grpc", grpc_listener, grpc, certificates.grpc.as_ref()).serve(draining.clone());
         let http = app(router(http_state));
         let http = port("http", http_listener, http, certificates.http.as_ref()).serve(http_stop.clone());
@@ -165,10 +169,11 @@ impl Server {
 fn grpc_app(
     api: &Api,
     access: Access,
+    audit: AuditLog,
     health: &HealthReporter,
     draining: &CancellationToken,
 ) -> Result<App, StartError> {
-    let rpc = RpcLayer::new(api.metrics.clone(), &api.limits, access, draining.clone());
+    let rpc = RpcLayer::new(api.metrics.clone(), &api.limits, access, audit, draining.clone());
     let routes = services::routes(api, api.limits.message_bytes, health)
         .map_err(|error| StartError::Setup(error.to_string()))?;
     let trace = TraceLayer::new(SharedClassifier::new(classifier()))
@@ -328,6 +333,7 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
         max_uploads: config.limits.unfinished_uploads,
         max_client_uploads: config.limits.unfinished_uploads_per_client,
         upload_expiry: Duration::from_secs(config.limits.upload_expiry_s),
+        max_audit_entries: config.retention.audit_entries,
         observer: metrics,
         ..StoreSettings::default()
     };

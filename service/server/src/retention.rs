@@ -22,6 +22,7 @@ impl RetentionConfig {
             runs: days(self.runs_days),
             programs: days(self.programs_days),
             events: days(self.events_days),
+            audit: days(self.audit_days),
             bytes: self.max_bytes,
         }
     }
@@ -55,9 +56,9 @@ async fn round(store: &Store, metrics: &Metrics, policy: &RetentionPolicy, dry_r
     for (kind, count) in by_kind(expired) {
         metrics.retention_expired.with_label_values(&[kind]).set(i64::try_from(count).unwrap_or(i64::MAX));
     }
-    let Removed { jobs, runs, programs, events } = expired;
+    let Removed { jobs, runs, programs, events, audit } = expired;
     if dry_run {
-        tracing::info!(jobs, runs, programs, events, "retention, dry run: this would be removed");
+        tracing::info!(jobs, runs, programs, events, audit, "retention, dry run: this would be removed");
         return Ok(());
     }
     let removed = store.remove_expired(policy).await?;
@@ -66,12 +67,13 @@ async fn round(store: &Store, metrics: &Metrics, policy: &RetentionPolicy, dry_r
         metrics.retention_expired.with_label_values(&[kind]).set(0);
     }
     if removed != Removed::default() {
-        let Removed { jobs, runs, programs, events } = removed;
-        tracing::info!(jobs, runs, programs, events, "retention: removed");
+        let Removed { jobs, runs, programs, events, audit } = removed;
+        tracing::info!(jobs, runs, programs, events, audit, "retention: removed");
     }
     Ok(())
 }
 
-fn by_kind(removed: Removed) -> [(&'static str, u64); 4] {
-    [("jobs", removed.jobs), ("runs", removed.runs), ("programs", removed.programs), ("events", removed.events)]
+fn by_kind(removed: Removed) -> [(&'static str, u64); 5] {
+    let Removed { jobs, runs, programs, events, audit } = removed;
+    [("jobs", jobs), ("runs", runs), ("programs", programs), ("events", events), ("audit", audit)]
 }

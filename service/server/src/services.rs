@@ -1,6 +1,7 @@
 //! The gRPC services, registered in one place and under one set of rules: the same largest message, gzip accepted
 //! from every client and sent to those that ask for it.
 
+use feedwave_contract::proto::audit_server::AuditServer;
 use feedwave_contract::proto::jobs_server::JobsServer;
 use feedwave_contract::proto::machines_server::MachinesServer;
 use feedwave_contract::proto::programs_server::ProgramsServer;
@@ -63,6 +64,7 @@ pub(crate) fn routes(
         .add_service(ruled!(ThreadsServer::new(api.clone())))
         .add_service(ruled!(RunsServer::new(api.clone())))
         .add_service(ruled!(TelemetryServer::new(api.clone())))
+        .add_service(ruled!(AuditServer::new(api.clone())))
         .add_service(ruled!(MachinesServer::new(api.clone())))
         .add_service(ruled!(ToolsServer::new(api.clone())))
         .add_service(ruled!(tonic_health::pb::health_server::HealthServer::new(health)))

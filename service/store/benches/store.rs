@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_store::{CHUNK_BYTES, Fingerprint, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri};
+use feedwave_store::{CHUNK_BYTES, Fingerprint, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri, Tenant};
 use tokio::runtime::Runtime;
 
 const JOBS: u64 = 256;
@@ -14,6 +14,8 @@ async fn create(store: Store, program_id: ProgramId, jobs: u64) {
         let request_id = uuid::Uuid::now_v7().to_string();
         let body = || RawValue::from_string(r#"{"axes":["X","Z"]}"#.into()).expect("JSON");
         let job = NewJob {
+            tenant: Tenant::DEFAULT,
+            owner: String::new(),
             fingerprint: Fingerprint::of([request_id.as_bytes()]),
             request_id,
             display_name: "benchmark".into(),
@@ -36,8 +38,10 @@ fn benchmarks(criterion: &mut Criterion) {
     let store = runtime.block_on(opened).expect("opens");
     let source: Vec<u8> =
         (0..CHUNK_BYTES / 16).flat_map(|line| format!("G1 X{:011}\n", line * 977).into_bytes()).collect();
-    let program =
-        runtime.block_on(store.put_program(source[..CHUNK_BYTES as usize - 7].to_vec().into())).expect("puts").id;
+    let program = runtime
+        .block_on(store.put_program(Tenant::DEFAULT, source[..CHUNK_BYTES as usize - 7].to_vec().into()))
+        .expect("puts")
+        .id;
 
     let mut group = criterion.benchmark_group("acknowledged job creations");
     group.sample_size(10).throughput(Throughput::Elements(JOBS));

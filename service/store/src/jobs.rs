@@ -12,6 +12,7 @@ use crate::Json;
 use crate::error::Result;
 use crate::page::{Page, PageRequest};
 use crate::programs::ProgramId;
+use crate::tenant::Tenant;
 
 /// State of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -94,7 +95,11 @@ impl Fingerprint {
 /// A job to be created.
 #[derive(Debug, Clone)]
 pub struct NewJob {
-    /// Chosen by the client; a second creation with the same id and fingerprint returns the first
+    /// The tenant whose job it is; its programs must be of the same one.
+    pub tenant: Tenant,
+    /// Name of the client that creates it; may be empty.
+    pub owner: String,
+    /// Chosen by the client; a second creation with the same id and fingerprint in the tenant returns the first
     /// job.
     pub request_id: String,
     /// Digest of what the client asked for.
@@ -133,6 +138,10 @@ pub struct Job {
     pub id: Uuid,
     /// Place in the order in which jobs were created.
     pub sequence: i64,
+    /// The tenant whose job it is.
+    pub tenant: Tenant,
+    /// Name of the client that created it; may be empty.
+    pub owner: String,
     /// The client's request id.
     pub request_id: String,
     /// Name for people.
@@ -208,6 +217,8 @@ pub struct StoredReport {
 pub struct JobEvent {
     /// Position in the log of all jobs; grows by time, never used twice.
     pub sequence: i64,
+    /// The tenant whose job it is.
+    pub tenant: Tenant,
     /// The job.
     pub job_id: Uuid,
     /// State before; `None` when the job was created.
@@ -223,6 +234,8 @@ pub struct JobEvent {
 /// Which jobs a list shows. The default shows all.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct JobFilter {
+    /// Only this tenant's.
+    pub tenant: Option<Tenant>,
     /// Only these states; empty for any.
     pub states: Vec<JobState>,
     /// Only this machine.
@@ -231,6 +244,15 @@ pub struct JobFilter {
     pub created_from_us: Option<i64>,
     /// Only jobs created before this time, microseconds since the Unix epoch.
     pub created_before_us: Option<i64>,
+}
+
+/// Which events a list shows. The default shows all.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EventFilter {
+    /// Only this tenant's.
+    pub tenant: Option<Tenant>,
+    /// Only this job's.
+    pub job_id: Option<Uuid>,
 }
 
 /// Most events that [`Jobs::events_after`] returns at a time.
@@ -259,11 +281,11 @@ pub trait Jobs {
     /// `NotFound`, `Unavailable`.
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail>;
 
-    /// The job created with this request id, if there is one.
+    /// The job of a tenant created with this request id, if there is one.
     ///
     /// # Errors
     /// `Unavailable`.
-    async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>>;
+    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>>;
 
     /// Jobs in the order in which they were created, newest first, whatever the clock said. Jobs created while paging do
     /// not shift later pages.
@@ -279,11 +301,11 @@ pub trait Jobs {
     /// `Unavailable`.
     async fn jobs_in_state(&self, states: &[JobState], limit: u32) -> Result<Vec<Uuid>>;
 
-    /// How many jobs are in each state; states without jobs are absent.
+    /// How many jobs of one tenant or of all are in each state; states without jobs are absent.
     ///
     /// # Errors
     /// `Unavailable`.
-    async fn count_jobs(&self) -> Result<Vec<(JobState, u64)>>;
+    async fn count_jobs(&self, tenant: Option<Tenant>) -> Result<Vec<(JobState, u64)>>;
 
     /// Changes a job's state if it is now one of `from`, stores the report if there is one (in
     /// place of an earlier one), and logs the event, all at once.
@@ -311,12 +333,17 @@ pub trait Jobs {
     /// `NotFound`, `EtagMismatch` if an etag is given and the job changed, `Unavailable`.
     async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<()>;
 
-    /// Events after position `sequence` (0 for all), of one job or of all, oldest first, at most
-    /// `limit` and never more than [`MAX_EVENTS`].
+    /// Events after position `sequence` (0 for all), oldest first, at most `limit` and never more than [`MAX_EVENTS`].
     ///
     /// # Errors
     /// `Unavailable`.
-    async fn events_after(&self, sequence: i64, job_id: Option<Uuid>, limit: u32) -> Result<Vec<JobEvent>>;
+    async fn events_after(&self, sequence: i64, filter: &EventFilter, limit: u32) -> Result<Vec<JobEvent>>;
+
+    /// Position of the newest event of a tenant that is kept; 0 if there is none.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn newest_event(&self, tenant: Tenant) -> Result<i64>;
 
     /// Position of the newest event; 0 if there is none yet.
     fn latest_sequence(&self) -> i64;

@@ -1,10 +1,10 @@
 //! What the service keeps: programs, jobs with their reports and checkpoints, runs of jobs with their
-//! decisions, machine profiles and tools.
+//! decisions, machine profiles and tools, and the audit log.
 //!
 //! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
 //! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
 //! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
-//! [`Validations`], [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`]) and [`Database`] over them say what a database must do; a
+//! [`Validations`], [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`], [`Audit`]) and [`Database`] over them say what a database must do; a
 //! [`Store`] is the database that a [`StoreUri`] names. One more database is one more implementation of the traits,
 //! one more scheme of the URI, and the same tests.
 //!
@@ -17,6 +17,7 @@
 //! - Nothing is removed unless asked, by a call or by a [`RetentionPolicy`].
 #![forbid(unsafe_code)]
 
+mod audit;
 mod checkpoints;
 mod error;
 mod jobs;
@@ -29,15 +30,17 @@ mod runs;
 mod settings;
 mod sqlite;
 mod store;
+mod tenant;
 mod tools;
 mod uri;
 mod validations;
 
+pub use audit::{Audit, AuditEntry, AuditFilter, AuditRequest, AuditResult, MAX_AUDIT_ENTRIES, MAX_AUDIT_TEXT_BYTES};
 pub use checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
 pub use error::{Kind, Result, StoreError};
 pub use jobs::{
-    FindingCounts, Fingerprint, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport,
-    StoredReport, UnknownJobState,
+    EventFilter, FindingCounts, Fingerprint, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob,
+    NewReport, StoredReport, UnknownJobState,
 };
 pub use machines::{MachineRecord, Machines};
 pub use maintenance::{CheckReport, CopyReport, MAX_PROBLEMS, Problem, backup, check, restore};
@@ -53,6 +56,7 @@ pub use runs::{
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use store::{Database, Store};
+pub use tenant::{InvalidTenant, MAX_TENANT_BYTES, Tenant};
 pub use tools::{ToolFilter, ToolRecord, Tools};
 pub use uri::{InvalidStoreUri, StoreUri};
 pub use validations::{Attempt, Validations, WaitingJob};

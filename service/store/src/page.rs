@@ -5,6 +5,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 
 use crate::error::{Result, StoreError};
 use crate::jobs::Fingerprint;
+use crate::tenant::Tenant;
 
 /// Page size where the request leaves it open.
 pub const DEFAULT_PAGE_SIZE: u32 = 50;
@@ -100,6 +101,12 @@ impl Scope {
         let bytes = position.try_into().map_err(|_| StoreError::InvalidPageToken)?;
         Ok(Some(i64::from_be_bytes(bytes)))
     }
+}
+
+/// What a list of one tenant's records, or of all, has in its scope.
+pub(crate) fn tenant_scope(tenant: Option<Tenant>) -> Vec<u8> {
+    // A present and an absent filter differ in length, so no name can pass for "absent".
+    tenant.map_or_else(Vec::new, |tenant| format!("={tenant}").into_bytes())
 }
 
 impl<T> Page<T> {

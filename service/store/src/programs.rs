@@ -10,6 +10,7 @@ use uuid::Uuid;
 
 use crate::error::Result;
 use crate::page::{Page, PageRequest};
+use crate::tenant::{InvalidTenant, Tenant};
 
 /// Bytes of source in every chunk of a program but the last. Each chunk is compressed alone, so any
 /// offset can be read without what precedes it.
@@ -19,37 +20,56 @@ pub const CHUNK_BYTES: u64 = 1 << 20;
 /// that no single write holds up the others.
 pub const MAX_PUT_BYTES: u64 = 16 << 20;
 
-/// The SHA-256 of a program's source, which is its identifier. Shown and parsed as 64 lower-case
-/// hexadecimal digits.
+/// The SHA-256 of a program's source, which is its identifier within its tenant. Shown and parsed as 64 lower-case
+/// hexadecimal digits, without the tenant: what is parsed is of the default one.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ProgramId([u8; 32]);
+pub struct ProgramId {
+    sha256: [u8; 32],
+    tenant: Tenant,
+}
 
 impl ProgramId {
     /// The identifier of a program with this source.
     pub fn of(source: &[u8]) -> Self {
-        Self(Sha256::digest(source).into())
+        Self::from_bytes(Sha256::digest(source).into())
     }
 
     /// The identifier with this SHA-256.
     pub const fn from_bytes(sha256: [u8; 32]) -> Self {
-        Self(sha256)
+        Self { sha256, tenant: Tenant::DEFAULT }
     }
 
     /// The SHA-256.
     pub const fn as_bytes(&self) -> &[u8; 32] {
-        &self.0
+        &self.sha256
+    }
+
+    /// The tenant whose program it is.
+    pub const fn tenant(&self) -> Tenant {
+        self.tenant
+    }
+
+    /// The identifier of the same source as a program of this tenant.
+    #[must_use]
+    pub const fn of_tenant(self, tenant: Tenant) -> Self {
+        Self { tenant, ..self }
+    }
+
+    /// What it is called in the database.
+    pub(crate) fn key(&self) -> String {
+        self.tenant.key(self)
     }
 }
 
 impl fmt::Display for ProgramId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        self.sha256.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
     }
 }
 
 impl fmt::Debug for ProgramId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ProgramId({self})")
+        write!(f, "ProgramId({})", self.key())
     }
 }
 
@@ -72,7 +92,37 @@ impl FromStr for ProgramId {
         for (byte, pair) in sha256.iter_mut().zip(text.chunks_exact(2)) {
             *byte = digit(pair[0])? << 4 | digit(pair[1])?;
         }
-        Ok(Self(sha256))
+        Ok(Self::from_bytes(sha256))
+    }
+}
+
+/// A program as it is called in the database, where its tenant counts.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ProgramKey(pub(crate) ProgramId);
+
+/// The text is no key of a program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the key of a program is its id, and a space and the name of its tenant where it has one")]
+pub(crate) struct InvalidProgramKey;
+
+impl From<InvalidProgramId> for InvalidProgramKey {
+    fn from(_: InvalidProgramId) -> Self {
+        Self
+    }
+}
+
+impl From<InvalidTenant> for InvalidProgramKey {
+    fn from(_: InvalidTenant) -> Self {
+        Self
+    }
+}
+
+impl FromStr for ProgramKey {
+    type Err = InvalidProgramKey;
+
+    fn from_str(text: &str) -> Result<Self, InvalidProgramKey> {
+        let (id, tenant) = Tenant::split(text)?;
+        Ok(Self(id.parse::<ProgramId>()?.of_tenant(tenant)))
     }
 }
 
@@ -137,12 +187,12 @@ pub enum UploadStart {
 /// Keeps programs.
 #[async_trait]
 pub trait Programs {
-    /// Stores a program of at most [`MAX_PUT_BYTES`] that is in memory as a whole. Storing it again
+    /// Stores a program of a tenant, of at most [`MAX_PUT_BYTES`], that is in memory as a whole. Storing it again
     /// changes nothing.
     ///
     /// # Errors
     /// `TooLarge`, `Unavailable`.
-    async fn put_program(&self, source: Bytes) -> Result<ProgramInfo>;
+    async fn put_program(&self, tenant: Tenant, source: Bytes) -> Result<ProgramInfo>;
 
     /// Size and age of a program.
     ///
@@ -156,11 +206,16 @@ pub trait Programs {
     /// `NotFound`, `Unavailable`.
     async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry>;
 
-    /// One page of programs, newest first: those that have this file name, or all where it is empty.
+    /// One page of programs of one tenant or of all, newest first: those that have this file name, or all where it is empty.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    async fn list_programs(&self, file_name: &str, page: &PageRequest) -> Result<Page<ProgramEntry>>;
+    async fn list_programs(
+        &self,
+        tenant: Option<Tenant>,
+        file_name: &str,
+        page: &PageRequest,
+    ) -> Result<Page<ProgramEntry>>;
 
     /// Gives a program the name of the file that it was uploaded as.
     ///

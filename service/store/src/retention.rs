@@ -18,6 +18,8 @@ pub struct RetentionPolicy {
     pub programs: Option<Duration>,
     /// Events of jobs.
     pub events: Option<Duration>,
+    /// Entries of the audit log.
+    pub audit: Option<Duration>,
     /// Bytes in use within the database, free space not counted: beyond, the oldest jobs that have ended go, and the
     /// programs that no job uses then.
     pub bytes: Option<u64>,
@@ -34,6 +36,8 @@ pub struct Removed {
     pub programs: u64,
     /// Events.
     pub events: u64,
+    /// Entries of the audit log.
+    pub audit: u64,
 }
 
 /// Removes what is kept no longer.

@@ -11,6 +11,7 @@ use uuid::Uuid;
 use crate::Json;
 use crate::error::Result;
 use crate::page::{Page, PageRequest};
+use crate::tenant::Tenant;
 
 /// What a run is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -90,6 +91,8 @@ pub struct NewRun {
 pub struct Run {
     /// Identifier (UUID version 7).
     pub id: Uuid,
+    /// The tenant whose run it is: that of the job.
+    pub tenant: Tenant,
     /// Place in the order in which runs began.
     pub sequence: i64,
     /// The job.
@@ -234,6 +237,8 @@ pub struct RunCommit {
 /// Which decisions a list shows. The default shows all.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DecisionFilter {
+    /// Only this tenant's.
+    pub tenant: Option<Tenant>,
     /// Only this run's.
     pub run_id: Option<Uuid>,
     /// Only those of this job's runs.
@@ -285,11 +290,11 @@ pub trait Runs {
     /// `NotFound`, `Unavailable`.
     async fn run(&self, id: Uuid) -> Result<Run>;
 
-    /// Runs by creation time, newest first, of one job or of all.
+    /// Runs by creation time, newest first, of one tenant or of all, of one job or of all.
     ///
     /// # Errors
     /// `InvalidPageToken`, `Unavailable`.
-    async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>>;
+    async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>>;
 
     /// Conditions of a run in the order in which they were raised, at most [`MAX_LISTED`].
     ///
@@ -310,11 +315,11 @@ pub trait Runs {
         note: String,
     ) -> Result<RunCondition>;
 
-    /// Unacknowledged conditions of all runs.
+    /// Unacknowledged conditions of the runs of one tenant or of all.
     ///
     /// # Errors
     /// `Unavailable`.
-    async fn count_open_conditions(&self) -> Result<u64>;
+    async fn count_open_conditions(&self, tenant: Option<Tenant>) -> Result<u64>;
 
     /// Changes of the feed override of a run, in order.
     ///

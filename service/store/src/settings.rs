@@ -22,6 +22,8 @@ pub struct StoreSettings {
     pub max_report_bytes: u64,
     /// Largest snapshot of a checkpoint in bytes before compression; default 16 MiB.
     pub max_snapshot_bytes: u64,
+    /// Most entries of the audit log; default one million. The oldest ones go first.
+    pub max_audit_entries: u64,
     /// Writes that may wait for the writer; default 1024. Callers beyond wait for a place.
     pub write_queue: usize,
     /// Bytes of payload that waiting writes may hold in memory together; default 32 MiB. Callers
@@ -43,6 +45,7 @@ impl Default for StoreSettings {
             max_document_bytes: 4 << 20,
             max_report_bytes: 64 << 20,
             max_snapshot_bytes: 16 << 20,
+            max_audit_entries: 1_000_000,
             write_queue: 1024,
             write_queue_bytes: 32 << 20,
             max_commit_operations: 256,
@@ -61,6 +64,7 @@ impl fmt::Debug for StoreSettings {
             .field("max_document_bytes", &self.max_document_bytes)
             .field("max_report_bytes", &self.max_report_bytes)
             .field("max_snapshot_bytes", &self.max_snapshot_bytes)
+            .field("max_audit_entries", &self.max_audit_entries)
             .field("write_queue", &self.write_queue)
             .field("write_queue_bytes", &self.write_queue_bytes)
             .field("max_commit_operations", &self.max_commit_operations)

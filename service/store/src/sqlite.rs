@@ -1,5 +1,6 @@
 //! The store in an SQLite file: one connection that writes, a pool of connections that read.
 
+mod audit;
 mod checkpointer;
 mod checkpoints;
 mod compress;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use async_trait::async_trait;
 use tokio::sync::watch;
 
+use crate::audit::Audit;
 use crate::checkpoints::Checkpoints;
 use crate::error::Result;
 use crate::jobs::Jobs;
@@ -24,7 +25,7 @@ use crate::validations::Validations;
 /// A database that keeps everything.
 #[async_trait]
 pub trait Database:
-    Programs + Jobs + Validations + Checkpoints + Runs + Machines + Tools + Retention + Send + Sync
+    Programs + Jobs + Validations + Checkpoints + Runs + Machines + Tools + Audit + Retention + Send + Sync
 {
     /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the database. Dropping
     /// the store without closing it loses nothing that was acknowledged.

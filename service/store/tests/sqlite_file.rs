@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use feedwave_store::{
-    CHUNK_BYTES, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId, RawValue, Removed,
-    RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, UploadStart,
+    AuditFilter, CHUNK_BYTES, EventFilter, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId,
+    RawValue, Removed, RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection};
 use tempfile::TempDir;
+use uuid::Uuid;
 
 async fn open(path: &Path) -> Result<Store, StoreError> {
     // However slowly a store that was dropped lets go of the file.
@@ -30,6 +31,8 @@ fn folder() -> (TempDir, std::path::PathBuf) {
 fn new_job(request: &str, program_id: ProgramId) -> NewJob {
     let empty = || RawValue::from_string("{}".into()).unwrap();
     NewJob {
+        tenant: Tenant::DEFAULT,
+        owner: String::new(),
         request_id: request.into(),
         fingerprint: Fingerprint::of([]),
         display_name: String::new(),
@@ -77,8 +80,10 @@ async fn a_database_that_is_in_use_is_refused_with_who_uses_it() {
 async fn order_does_not_depend_on_the_clock() {
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
-    let programs =
-        [store.put_program("M30\n".into()).await.unwrap().id, store.put_program("M2\n".into()).await.unwrap().id];
+    let programs = [
+        store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap().id,
+        store.put_program(Tenant::DEFAULT, "M2\n".into()).await.unwrap().id,
+    ];
     let early = store.create_job(new_job("early", programs[0])).await.unwrap().id;
     // As if the clock had been ten years ahead when they were made, and was set back since.
     let mut database = raw(&path).await;
@@ -99,7 +104,7 @@ async fn order_does_not_depend_on_the_clock() {
     let filter = JobFilter { created_from_us: from, ..JobFilter::default() };
     let found = store.list_jobs(&filter, &PageRequest::default()).await.unwrap();
     assert_eq!(found.items.iter().map(|job| job.id).collect::<Vec<_>>(), [early]);
-    let listed = store.list_programs("", &PageRequest::default()).await.unwrap();
+    let listed = store.list_programs(None, "", &PageRequest::default()).await.unwrap();
     assert_eq!(listed.items.iter().map(|entry| entry.info.id).collect::<Vec<_>>(), [programs[1], programs[0]]);
 }
 
@@ -150,6 +155,54 @@ async fn a_newer_or_altered_schema_is_refused() {
     assert!(matches!(&error, StoreError::Incompatible(_)), "{error:?}");
 }
 
+/// A database as a version before tenants left it: a program with a job that has a run, and an unfinished upload.
+async fn database_of_migration_8(path: &Path, program: ProgramId, job: Uuid) {
+    let mut before = sqlx::migrate!("../../migrations/sqlite");
+    before.migrations.to_mut().retain(|migration| migration.version <= 8);
+    let mut database = raw(path).await;
+    before.run_direct(None, &mut database, false).await.unwrap();
+    let sql = format!(
+        "PRAGMA application_id = 0x66776462;
+         INSERT INTO contents (id) VALUES (1), (2);
+         INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, sequence)
+            VALUES ('{program}', 1, 0, 0, 1, 1);
+         INSERT INTO uploads (id, content_id, expected_id, size_bytes, received_bytes, created_us, updated_us)
+            VALUES ('{job}', 2, '{program}', 7, 0, 1, {now});
+         INSERT INTO job_events (sequence, job_id, to_state, at_us, detail) VALUES (1, '{job}', 'ready', 1, '');
+         INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail, created_us,
+            updated_us, revision, settings, machine_snapshot, sequence)
+            VALUES ('{job}', 'early', x'00', '', '{program}', 'mill', 'ready', '', 1, 1, 1, '{{}}', '{{}}', 1);
+         INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment, setpoints_received,
+            setpoints_sent, settings, monitor_bytes, monitor, sequence)
+            VALUES ('{job}', '{job}', 'telemetry', 'finished', '', 1, 1, 1, 0, 0, '{{}}', 0, x'', 1)",
+        now = i64::MAX
+    );
+    sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn records_of_a_version_without_tenants_are_of_the_default_tenant() {
+    let (_folder, path) = folder();
+    let (program, job) = (ProgramId::of(b""), Uuid::now_v7());
+    database_of_migration_8(&path, program, job).await;
+    let store = open(&path).await.unwrap();
+    let kept = store.job(job).await.unwrap();
+    assert_eq!((kept.tenant, kept.owner.as_str(), kept.program_id), (Tenant::DEFAULT, "", program));
+    assert_eq!(store.job_by_request(Tenant::DEFAULT, "early").await.unwrap().unwrap().id, job);
+    assert_eq!(store.program_entry(program).await.unwrap().job_count, 1);
+    assert_eq!(store.run(job).await.unwrap().tenant, Tenant::DEFAULT);
+    assert_eq!(store.uploads().await.unwrap()[0].expected, program);
+    let filter = EventFilter { tenant: Some(Tenant::DEFAULT), job_id: None };
+    assert_eq!(store.events_after(0, &filter, 10).await.unwrap().len(), 1);
+    let other: Tenant = "other".parse().unwrap();
+    assert!(store.program_info(program.of_tenant(other)).await.is_err());
+    assert_eq!(store.put_program(other, "".into()).await.unwrap().id.tenant(), other);
+    store.delete_program(program.of_tenant(other)).await.unwrap();
+    assert_eq!(store.program_entry(program).await.unwrap().job_count, 1);
+    assert!(store.audit_after(0, &AuditFilter::default(), 10).await.unwrap().is_empty());
+}
+
 #[tokio::test]
 async fn migrations_leave_a_valid_schema() {
     let (_folder, path) = folder();
@@ -174,7 +227,7 @@ async fn what_is_acknowledged_is_in_the_files_at_once() {
     let store = open(&path).await.unwrap();
     let copy = TempDir::new().unwrap();
     for round in 0..5 {
-        let program = store.put_program(format!("G4 P{round}\n").into()).await.unwrap();
+        let program = store.put_program(Tenant::DEFAULT, format!("G4 P{round}\n").into()).await.unwrap();
         let job = store.create_job(new_job(&round.to_string(), program.id)).await.unwrap();
         store.transition(job.id, &[JobState::PendingValidation], JobState::Ready, "", None).await.unwrap();
         for file in ["feedwave.db", "feedwave.db-wal"] {
@@ -192,7 +245,7 @@ async fn what_is_acknowledged_is_in_the_files_at_once() {
 async fn dropping_without_closing_loses_nothing() {
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
-    let program = store.put_program("M30\n".into()).await.unwrap();
+    let program = store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap();
     let mut ids = Vec::new();
     for index in 0..20 {
         ids.push(store.create_job(new_job(&index.to_string(), program.id)).await.unwrap().id);
@@ -206,7 +259,7 @@ async fn dropping_without_closing_loses_nothing() {
 async fn a_closed_store_finishes_its_queue_and_refuses_more() {
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
-    let program = store.put_program("M30\n".into()).await.unwrap();
+    let program = store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap();
     store.ping().await.unwrap();
     let mut creations = tokio::task::JoinSet::new();
     for index in 0..100 {
@@ -220,7 +273,7 @@ async fn a_closed_store_finishes_its_queue_and_refuses_more() {
     let outcomes = creations.join_all().await;
     for refused in [
         store.create_job(new_job("late", program.id)).await.map(|_| ()),
-        store.job_by_request("late").await.map(|_| ()),
+        store.job_by_request(Tenant::DEFAULT, "late").await.map(|_| ()),
         store.ping().await,
     ] {
         assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
@@ -243,7 +296,7 @@ async fn damage_is_told_from_content() {
             (state >> 56) as u8
         })
         .collect();
-    let program = store.put_program(noise.into()).await.unwrap();
+    let program = store.put_program(Tenant::DEFAULT, noise.into()).await.unwrap();
     store.close().await;
     let mut file = std::fs::read(&path).unwrap();
     let middle = file.len() / 2 / 4096 * 4096 + 1000;
@@ -258,8 +311,8 @@ async fn damage_is_told_from_content() {
 async fn an_interrupted_removal_is_completed_when_opening() {
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
-    let gone = store.put_program(vec![b'x'; 10 << 20].into()).await.unwrap();
-    let kept = store.put_program("M30\n".into()).await.unwrap();
+    let gone = store.put_program(Tenant::DEFAULT, vec![b'x'; 10 << 20].into()).await.unwrap();
+    let kept = store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap();
     let UploadStart::Unfinished(upload) = store.begin_upload(ProgramId::of(b"ab"), 2, "").await.unwrap() else {
         panic!("nothing was uploaded yet");
     };
@@ -301,7 +354,7 @@ async fn a_large_program_is_removed_in_pieces() {
 async fn many_writers_and_readers_never_find_it_busy() {
     let (_folder, path) = folder();
     let store = open(&path).await.unwrap();
-    let program = store.put_program("M30\n".into()).await.unwrap().id;
+    let program = store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap().id;
     let mut tasks = tokio::task::JoinSet::new();
     for writer in 0..32 {
         let store = store.clone();
@@ -319,7 +372,7 @@ async fn many_writers_and_readers_never_find_it_busy() {
     for outcome in tasks.join_all().await {
         outcome.unwrap();
     }
-    assert_eq!(store.count_jobs().await.unwrap(), [(JobState::Ready, 320)]);
+    assert_eq!(store.count_jobs(None).await.unwrap(), [(JobState::Ready, 320)]);
     let stats = store.stats();
     assert_eq!((stats.failed_operations, stats.write_queue_depth), (0, 0));
     assert_eq!(stats.committed_operations, 1 + 320 * 4);
@@ -383,7 +436,7 @@ async fn beyond_its_size_a_database_loses_the_oldest_jobs_and_gives_space_back()
                 (state >> 56) as u8
             })
             .collect();
-        let program = store.put_program(noise.into()).await.unwrap().id;
+        let program = store.put_program(Tenant::DEFAULT, noise.into()).await.unwrap().id;
         let job = store.create_job(new_job(&index.to_string(), program)).await.unwrap().id;
         store.transition(job, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
         jobs.push(job);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use feedwave_contract::columns::{self, Column};
+use feedwave_contract::proto::audit_client::AuditClient;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::machines_client::MachinesClient;
 use feedwave_contract::proto::programs_client::ProgramsClient;
@@ -19,6 +20,7 @@ use feedwave_contract::proto::{
 };
 use feedwave_contract::{MAX_MESSAGE_BYTES, delta};
 use feedwave_cutting::SetpointBlock;
+use feedwave_server::access::TENANT_HEADER;
 use sha2::{Digest, Sha256};
 use tonic::Status;
 use tonic::metadata::{Ascii, MetadataValue};
@@ -51,18 +53,26 @@ pub(super) struct ServerArgs {
     /// File with the token to show to the service; without it the token is that of FEEDWAVE_TOKEN, if there is one
     #[arg(long, value_name = "FILE", env = "FEEDWAVE_TOKEN_FILE")]
     token_file: Option<PathBuf>,
+    /// Tenant to act for, where the client acts for any; without it the client's own
+    #[arg(long, value_name = "TENANT", env = "FEEDWAVE_TENANT")]
+    tenant: Option<String>,
 }
 
 /// A connection that shows a token with each call.
-pub(super) type Connection = InterceptedService<Channel, Token>;
+pub(super) type Connection = InterceptedService<Channel, Credentials>;
 
 /// What is shown with each call, where there is something to show.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Token(Option<MetadataValue<Ascii>>);
+pub(super) struct Credentials {
+    token: Option<MetadataValue<Ascii>>,
+    tenant: Option<MetadataValue<Ascii>>,
+}
 
-impl Token {
-    /// The token of the file, or of the environment.
-    fn load(file: Option<&Path>) -> Result<Self, CliError> {
+impl Credentials {
+    /// The token of the file, or of the environment, and the tenant.
+    fn load(file: Option<&Path>, tenant: Option<&str>) -> Result<Self, CliError> {
+        let no_tenant = |_| CliError::trouble("--tenant: this is no name of a tenant");
+        let tenant = tenant.map(MetadataValue::try_from).transpose().map_err(no_tenant)?;
         let (place, text) = match file {
             Some(path) => {
                 let text = std::fs::read_to_string(path).map_err(|error| CliError::file(path, &error))?;
@@ -70,21 +80,25 @@ impl Token {
             }
             None => match std::env::var(TOKEN_VARIABLE) {
                 Ok(text) => (TOKEN_VARIABLE.to_owned(), text),
-                Err(_) => return Ok(Self::default()),
+                Err(_) => return Ok(Self { token: None, tenant }),
             },
         };
         let value = MetadataValue::try_from(format!("Bearer {}", text.trim()));
         let mut value = value.map_err(|_| CliError::trouble(format!("{place}: this is no token")))?;
         // Neither logged nor kept by the compression of headers.
         value.set_sensitive(true);
-        Ok(Self(Some(value)))
+        Ok(Self { token: Some(value), tenant })
     }
 }
 
-impl Interceptor for Token {
+impl Interceptor for Credentials {
     fn call(&mut self, mut request: tonic::Request<()>) -> Result<tonic::Request<()>, Status> {
-        if let Some(token) = &self.0 {
-            request.metadata_mut().insert("authorization", token.clone());
+        let metadata = request.metadata_mut();
+        if let Some(token) = &self.token {
+            metadata.insert("authorization", token.clone());
+        }
+        if let Some(tenant) = &self.tenant {
+            metadata.insert(TENANT_HEADER, tenant.clone());
         }
         Ok(request)
     }
@@ -111,23 +125,31 @@ impl ServerArgs {
             endpoint = endpoint.tls_config(self.tls.config()?).map_err(|error| failed(&error))?;
         }
         let channel = endpoint.connect().await.map_err(|error| failed(&error))?;
-        Ok(Client::with_token(self.server.clone(), channel, Token::load(self.token_file.as_deref())?))
+        Ok(Client::with_credentials(
+            self.server.clone(),
+            channel,
+            Credentials::load(self.token_file.as_deref(), self.tenant.as_deref())?,
+        ))
     }
 }
 
 impl Client {
     pub(super) fn new(url: String, channel: Channel) -> Self {
-        Self::with_token(url, channel, Token::default())
+        Self::with_credentials(url, channel, Credentials::default())
     }
 
-    fn with_token(url: String, channel: Channel, token: Token) -> Self {
-        let channel = InterceptedService::new(channel, token);
+    fn with_credentials(url: String, channel: Channel, credentials: Credentials) -> Self {
+        let channel = InterceptedService::new(channel, credentials);
         Self {
             url,
             jobs: JobsClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
             setpoints: SetpointsClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
             channel,
         }
+    }
+
+    pub(super) fn audit(&self) -> AuditClient<Connection> {
+        AuditClient::new(self.channel.clone())
     }
 
     pub(super) fn machines(&self) -> MachinesClient<Connection> {

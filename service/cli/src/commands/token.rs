@@ -48,6 +48,9 @@ pub struct Args {
     /// Machine on which the client may run jobs, such as machines/lathe, or * for any; may be given more than once
     #[arg(long = "machine", value_name = "MACHINE")]
     machines: Vec<String>,
+    /// Tenant that the client belongs to, or * where it acts for any; without it the default tenant
+    #[arg(long, value_name = "TENANT")]
+    tenant: Option<String>,
     /// When the token ends, such as 2027-01-01T00:00:00Z; without it never
     #[arg(long, value_name = "TIME")]
     expires: Option<String>,
@@ -96,6 +99,9 @@ fn entry(args: &Args, token_sha256: &str) -> String {
     let _ = writeln!(entry, "roles = {roles}");
     if !args.machines.is_empty() {
         let _ = writeln!(entry, "machines = {}", list(args.machines.iter().map(|machine| text(machine)).collect()));
+    }
+    if let Some(tenant) = &args.tenant {
+        let _ = writeln!(entry, "tenant = {}", text(tenant));
     }
     if let Some(expires) = &args.expires {
         let _ = writeln!(entry, "expires = {}", text(expires));

@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 
-use super::{Identity, Machines, Role};
+use super::{Identity, Machines, Role, Tenants};
 
 /// How a client is told from others.
 #[derive(Deserialize)]
@@ -27,6 +27,9 @@ struct Entry {
     /// Machines on which it may run jobs and send telemetry; `*` is any.
     #[serde(default)]
     machines: Vec<String>,
+    /// The tenant that it belongs to; `*`: it acts for any; absent: the default tenant.
+    #[serde(default)]
+    tenant: Option<String>,
     /// When the entry ends, RFC 3339.
     #[serde(default)]
     expires: Option<String>,
@@ -50,6 +53,7 @@ struct Known {
 pub(super) struct KnownClients {
     by_token: HashMap<[u8; 32], Known>,
     by_certificate: HashMap<String, Known>,
+    has_tenants: bool,
 }
 
 impl fmt::Debug for KnownClients {
@@ -78,7 +82,11 @@ impl KnownClients {
                 return refused("needs one of the roles viewer, planner, machine, admin");
             }
             let machines = Machines::new(&entry.machines);
-            let identity = Arc::new(Identity::new(entry.name, &entry.roles, machines));
+            let Ok(tenants) = Tenants::new(entry.tenant.as_deref()) else {
+                return refused("has a tenant that is neither * nor 1 to 32 lower-case letters, digits, -, _ and .");
+            };
+            known.has_tenants |= entry.tenant.is_some();
+            let identity = Arc::new(Identity::new(entry.name, &entry.roles, machines, tenants));
             let Ok(expires) = entry.expires.map(|time| time.parse()).transpose() else {
                 return refused("has an expires that is no time such as 2027-01-01T00:00:00Z");
             };
@@ -96,6 +104,11 @@ impl KnownClients {
             }
         }
         Ok(known)
+    }
+
+    /// Whether any client belongs to a tenant.
+    pub(super) const fn has_tenants(&self) -> bool {
+        self.has_tenants
     }
 
     /// The client with this token, if its entry has not ended.

@@ -16,67 +16,81 @@ pub(crate) enum Needs {
     Role(Role),
 }
 
+/// What a call of a method does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effect {
+    /// It reads, or computes something that is not kept.
+    Reads,
+    /// It changes what is kept, or moves a machine: the audit log has it.
+    Changes,
+}
+
+const READS: Effect = Effect::Reads;
+const CHANGES: Effect = Effect::Changes;
 const VIEWER: Needs = Needs::Role(Role::Viewer);
 const PLANNER: Needs = Needs::Role(Role::Planner);
 const MACHINE: Needs = Needs::Role(Role::Machine);
 const ADMIN: Needs = Needs::Role(Role::Admin);
 
 /// Every method of the contract, and of health and reflection.
-const METHODS: [(&str, Needs); 47] = [
-    ("/feedwave.v1.Jobs/CreateJob", PLANNER),
-    ("/feedwave.v1.Jobs/UploadProgram", PLANNER),
-    ("/feedwave.v1.Jobs/GetUpload", PLANNER),
-    ("/feedwave.v1.Jobs/ValidateProgram", PLANNER),
-    ("/feedwave.v1.Jobs/GetJob", VIEWER),
-    ("/feedwave.v1.Jobs/GetReport", VIEWER),
-    ("/feedwave.v1.Jobs/ListJobs", VIEWER),
-    ("/feedwave.v1.Jobs/ListJobEvents", VIEWER),
-    ("/feedwave.v1.Jobs/WatchJobs", VIEWER),
-    ("/feedwave.v1.Jobs/CancelJob", PLANNER),
-    ("/feedwave.v1.Jobs/DeleteJob", PLANNER),
-    ("/feedwave.v1.Jobs/DeleteProgram", PLANNER),
-    ("/feedwave.v1.Programs/ListPrograms", VIEWER),
-    ("/feedwave.v1.Programs/GetProgram", VIEWER),
-    ("/feedwave.v1.Programs/ListUploads", VIEWER),
-    ("/feedwave.v1.Programs/ReadProgram", VIEWER),
-    ("/feedwave.v1.Programs/DeleteProgram", PLANNER),
-    ("/feedwave.v1.Programs/Interpret", VIEWER),
-    ("/feedwave.v1.Setpoints/StreamSetpoints", VIEWER),
-    ("/feedwave.v1.Setpoints/GetPlanSummary", VIEWER),
-    ("/feedwave.v1.Threads/PlanThread", PLANNER),
-    ("/feedwave.v1.Threads/FollowSpindle", MACHINE),
-    ("/feedwave.v1.Runs/Run", MACHINE),
-    ("/feedwave.v1.Runs/ReplayRun", VIEWER),
-    ("/feedwave.v1.Telemetry/SetMonitoring", PLANNER),
-    ("/feedwave.v1.Telemetry/GetMonitoring", VIEWER),
-    ("/feedwave.v1.Telemetry/Ingest", MACHINE),
-    ("/feedwave.v1.Telemetry/AcknowledgeCondition", MACHINE),
-    ("/feedwave.v1.Telemetry/GetRun", VIEWER),
-    ("/feedwave.v1.Telemetry/ListRuns", VIEWER),
-    ("/feedwave.v1.Telemetry/ListDecisions", VIEWER),
-    ("/feedwave.v1.Telemetry/WatchDecisions", VIEWER),
-    ("/feedwave.v1.Machines/CreateMachine", ADMIN),
-    ("/feedwave.v1.Machines/GetMachine", VIEWER),
-    ("/feedwave.v1.Machines/ListMachines", VIEWER),
-    ("/feedwave.v1.Machines/UpdateMachine", ADMIN),
-    ("/feedwave.v1.Machines/DeleteMachine", ADMIN),
-    ("/feedwave.v1.Tools/CreateTool", ADMIN),
-    ("/feedwave.v1.Tools/GetTool", VIEWER),
-    ("/feedwave.v1.Tools/ListTools", VIEWER),
-    ("/feedwave.v1.Tools/UpdateTool", ADMIN),
-    ("/feedwave.v1.Tools/DeleteTool", ADMIN),
-    ("/feedwave.v1.Tools/ComputeStabilityLobes", VIEWER),
-    ("/grpc.health.v1.Health/Check", Needs::Nobody),
-    ("/grpc.health.v1.Health/Watch", Needs::Nobody),
-    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", Needs::Nobody),
-    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", Needs::Nobody),
+const METHODS: [(&str, Needs, Effect); 48] = [
+    ("/feedwave.v1.Jobs/CreateJob", PLANNER, CHANGES),
+    ("/feedwave.v1.Jobs/UploadProgram", PLANNER, CHANGES),
+    ("/feedwave.v1.Jobs/GetUpload", PLANNER, READS),
+    ("/feedwave.v1.Jobs/ValidateProgram", PLANNER, READS),
+    ("/feedwave.v1.Jobs/GetJob", VIEWER, READS),
+    ("/feedwave.v1.Jobs/GetReport", VIEWER, READS),
+    ("/feedwave.v1.Jobs/ListJobs", VIEWER, READS),
+    ("/feedwave.v1.Jobs/ListJobEvents", VIEWER, READS),
+    ("/feedwave.v1.Jobs/WatchJobs", VIEWER, READS),
+    ("/feedwave.v1.Jobs/CancelJob", PLANNER, CHANGES),
+    ("/feedwave.v1.Jobs/DeleteJob", PLANNER, CHANGES),
+    ("/feedwave.v1.Jobs/DeleteProgram", PLANNER, CHANGES),
+    ("/feedwave.v1.Programs/ListPrograms", VIEWER, READS),
+    ("/feedwave.v1.Programs/GetProgram", VIEWER, READS),
+    ("/feedwave.v1.Programs/ListUploads", VIEWER, READS),
+    ("/feedwave.v1.Programs/ReadProgram", VIEWER, READS),
+    ("/feedwave.v1.Programs/DeleteProgram", PLANNER, CHANGES),
+    ("/feedwave.v1.Programs/Interpret", VIEWER, READS),
+    ("/feedwave.v1.Setpoints/StreamSetpoints", VIEWER, READS),
+    ("/feedwave.v1.Setpoints/GetPlanSummary", VIEWER, READS),
+    ("/feedwave.v1.Threads/PlanThread", PLANNER, READS),
+    ("/feedwave.v1.Threads/FollowSpindle", MACHINE, CHANGES),
+    ("/feedwave.v1.Runs/Run", MACHINE, CHANGES),
+    ("/feedwave.v1.Runs/ReplayRun", VIEWER, READS),
+    ("/feedwave.v1.Telemetry/SetMonitoring", PLANNER, CHANGES),
+    ("/feedwave.v1.Telemetry/GetMonitoring", VIEWER, READS),
+    ("/feedwave.v1.Telemetry/Ingest", MACHINE, CHANGES),
+    ("/feedwave.v1.Telemetry/AcknowledgeCondition", MACHINE, CHANGES),
+    ("/feedwave.v1.Telemetry/GetRun", VIEWER, READS),
+    ("/feedwave.v1.Telemetry/ListRuns", VIEWER, READS),
+    ("/feedwave.v1.Telemetry/ListDecisions", VIEWER, READS),
+    ("/feedwave.v1.Telemetry/WatchDecisions", VIEWER, READS),
+    ("/feedwave.v1.Machines/CreateMachine", ADMIN, CHANGES),
+    ("/feedwave.v1.Machines/GetMachine", VIEWER, READS),
+    ("/feedwave.v1.Machines/ListMachines", VIEWER, READS),
+    ("/feedwave.v1.Machines/UpdateMachine", ADMIN, CHANGES),
+    ("/feedwave.v1.Machines/DeleteMachine", ADMIN, CHANGES),
+    ("/feedwave.v1.Tools/CreateTool", ADMIN, CHANGES),
+    ("/feedwave.v1.Tools/GetTool", VIEWER, READS),
+    ("/feedwave.v1.Tools/ListTools", VIEWER, READS),
+    ("/feedwave.v1.Tools/UpdateTool", ADMIN, CHANGES),
+    ("/feedwave.v1.Tools/DeleteTool", ADMIN, CHANGES),
+    ("/feedwave.v1.Tools/ComputeStabilityLobes", VIEWER, READS),
+    ("/feedwave.v1.Audit/ListAuditEntries", ADMIN, READS),
+    ("/grpc.health.v1.Health/Check", Needs::Nobody, READS),
+    ("/grpc.health.v1.Health/Watch", Needs::Nobody, READS),
+    ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", Needs::Nobody, READS),
+    ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", Needs::Nobody, READS),
 ];
 
-static BY_PATH: LazyLock<HashMap<&'static str, Needs>> = LazyLock::new(|| METHODS.into_iter().collect());
+static BY_PATH: LazyLock<HashMap<&'static str, (Needs, Effect)>> =
+    LazyLock::new(|| METHODS.into_iter().map(|(path, needs, effect)| (path, (needs, effect))).collect());
 
-/// What a method needs. One that does not exist needs a role as well, so that nobody unknown can look for methods.
-pub(crate) fn of_method(path: &str) -> Needs {
-    BY_PATH.get(path).copied().unwrap_or(VIEWER)
+/// What a method needs, and what it does. One that does not exist needs a role as well, so that nobody unknown can look for
+/// methods.
+pub(crate) fn of_method(path: &str) -> (Needs, Effect) {
+    BY_PATH.get(path).copied().unwrap_or((VIEWER, READS))
 }
 
 /// What a route needs.
@@ -90,6 +104,7 @@ pub(crate) const fn of_route(route: Route) -> Needs {
         | Route::ListDecisions
         | Route::GetState
         | Route::GetMetrics => VIEWER,
+        Route::ListAuditEntries => ADMIN,
         Route::GetHealth | Route::GetReadiness => Needs::Nobody,
     }
 }
@@ -104,7 +119,7 @@ mod tests {
 
     #[test]
     fn every_method_of_the_contract_is_in_the_table_once_and_no_other() {
-        let in_table: BTreeSet<String> = METHODS.iter().map(|(path, _)| (*path).to_owned()).collect();
+        let in_table: BTreeSet<String> = METHODS.iter().map(|(path, ..)| (*path).to_owned()).collect();
         assert_eq!(in_table.len(), METHODS.len(), "a method is there twice");
         let of_others = |path: &String| path.starts_with("/grpc.");
         let of_contract: BTreeSet<String> = DESCRIPTORS
@@ -117,6 +132,17 @@ mod tests {
             .collect();
         let listed: BTreeSet<String> = in_table.into_iter().filter(|path| !of_others(path)).collect();
         assert_eq!(listed, of_contract.into_iter().filter(|path| !of_others(path)).collect());
-        assert_eq!(of_method("/feedwave.v1.Jobs/Nothing"), VIEWER);
+        assert_eq!(of_method("/feedwave.v1.Jobs/Nothing"), (VIEWER, READS));
+    }
+
+    #[test]
+    fn what_only_reads_is_called_so() {
+        let verbs =
+            ["Get", "List", "Watch", "Read", "Stream", "Replay", "Interpret", "Compute", "Validate", "Plan", "Check"];
+        for (path, _, effect) in METHODS {
+            let name = path.rsplit('/').next().unwrap();
+            let reads = verbs.iter().any(|verb| name.starts_with(verb)) || name == "ServerReflectionInfo";
+            assert_eq!(effect == READS, reads, "{path}");
+        }
     }
 }

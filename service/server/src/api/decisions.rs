@@ -6,13 +6,14 @@ use feedwave_contract::names;
 use feedwave_contract::proto::{
     Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
-use feedwave_store::{DecisionFilter, DecisionRecord, Store};
+use feedwave_store::{DecisionFilter, DecisionRecord};
 use futures_util::{Stream, stream};
 use tokio::sync::watch;
 
 use super::{Api, LogPage, cursor, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
+use crate::records::Records;
 use crate::stored::decision_from_stored;
 
 /// Decisions read together for a watcher.
@@ -69,12 +70,13 @@ impl Api {
 fn filter(violations: &mut Violations, job: &str, run: &str) -> DecisionFilter {
     let job_id = if job.is_empty() { None } else { violations.check("job", names::parse_job(job)) };
     let run_id = if run.is_empty() { None } else { violations.check("run", names::parse_run(run)) };
-    DecisionFilter { run_id, job_id }
+    // Records are asked for the caller's tenant.
+    DecisionFilter { tenant: None, run_id, job_id }
 }
 
 /// Reads decisions as they come.
 struct DecisionWatch {
-    store: Store,
+    store: Records,
     newest: watch::Receiver<i64>,
     after: i64,
     filter: DecisionFilter,

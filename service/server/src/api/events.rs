@@ -10,7 +10,7 @@ use feedwave_contract::proto::{
     JobEvent, ListJobEventsRequest, ListJobEventsResponse, WatchJobsRequest, WatchJobsResponse,
 };
 use feedwave_contract::{names, proto};
-use feedwave_store::{JobEvent as EventRecord, JobState, Store};
+use feedwave_store::{EventFilter, JobEvent as EventRecord, JobState};
 use futures_util::{Stream, stream};
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -18,6 +18,7 @@ use uuid::Uuid;
 use super::jobs::state_to_proto;
 use super::{Api, LogPage, cursor, page_request};
 use crate::error::{Result, Violations};
+use crate::records::Records;
 
 pub(crate) use recent::RecentEvents;
 
@@ -70,7 +71,7 @@ impl Api {
             recent: self.recent_events.clone(),
             newest,
             after,
-            job,
+            filter: EventFilter { tenant: Some(self.caller.tenant()), job_id: job },
             read: VecDeque::new(),
         };
         Ok(stream::try_unfold(watch, async |mut watch| {
@@ -86,11 +87,11 @@ fn event_filter(violations: &mut Violations, job: &str) -> Option<Uuid> {
 
 /// Reads events as they come.
 struct EventWatch {
-    store: Store,
+    store: Records,
     recent: Arc<RecentEvents>,
     newest: watch::Receiver<i64>,
     after: i64,
-    job: Option<Uuid>,
+    filter: EventFilter,
     read: VecDeque<JobEvent>,
 }
 
@@ -104,12 +105,14 @@ impl EventWatch {
             let newest = *self.newest.borrow_and_update();
             if newest > self.after {
                 let limit = EVENT_PAGE as usize;
-                if let Some(found) = self.recent.after(&self.store, self.after, newest, self.job, limit).await? {
+                if let Some(found) =
+                    self.recent.after(self.store.of_all_tenants(), self.after, newest, &self.filter, limit).await?
+                {
                     self.after = found.to.max(self.after);
                     self.read.extend(found.events.iter().map(event_to_proto));
                     continue;
                 }
-                let events = self.store.events_after(self.after, self.job, EVENT_PAGE).await?;
+                let events = self.store.events_after(self.after, self.filter.job_id, EVENT_PAGE).await?;
                 // Events of other jobs are passed over; a full page may not reach the newest one.
                 let last = events.last().map_or(newest, |event| event.sequence);
                 self.after = if events.len() < EVENT_PAGE as usize { last.max(newest) } else { last };

@@ -24,7 +24,7 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
-use super::{Api, answer, client, etag, page_request, tools};
+use super::{Api, etag, page_request, tools};
 use crate::engine::{self, File, ValidationProgress};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -62,6 +62,7 @@ fn job_to_proto(
     Ok(Job {
         name: names::job(job.id),
         display_name: job.display_name.clone(),
+        owner: job.owner.clone(),
         state: state_to_proto(job.state).into(),
         state_message: job.state_detail.clone(),
         machine: names::machine(&job.machine_id),
@@ -152,11 +153,11 @@ impl Api {
         job_to_proto(&detail.job, Some(engine::job_settings(detail)?), &self.engine.progress(&[detail.job.id]))
     }
 
-    /// Stores a job of `client`.
+    /// Stores a job of the caller.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn create_job(&self, client: String, request: CreateJobRequest) -> Result<CreateJobResponse> {
+    pub async fn create_job(&self, request: CreateJobRequest) -> Result<CreateJobResponse> {
         let mut violations = Violations::default();
         check_request_id(&mut violations, &request.request_id);
         let machine_id = violations.check("machine", names::parse_machine(&request.machine));
@@ -193,6 +194,8 @@ impl Api {
         }
         let fingerprint = CreateJobRequest { request_id: String::new(), ..request.clone() }.encode_to_vec();
         let new = NewJob {
+            tenant: self.caller.tenant(),
+            owner: self.caller.name().to_owned(),
             request_id: if request.request_id.is_empty() {
                 Uuid::now_v7().to_string()
             } else {
@@ -203,7 +206,7 @@ impl Api {
             program_id,
             further_program_ids,
             machine_id: machine_id.to_owned(),
-            client,
+            client: self.caller.client(),
             machine_snapshot: stored::to_stored(&document)?,
             settings: stored::to_stored(&settings)?,
         };
@@ -290,15 +293,11 @@ impl Api {
         Ok(tools)
     }
 
-    /// Validates a program of `client` without storing anything.
+    /// Validates a program without storing anything.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn validate_program(
-        &self,
-        client: &str,
-        request: ValidateProgramRequest,
-    ) -> Result<ValidateProgramResponse> {
+    pub async fn validate_program(&self, request: ValidateProgramRequest) -> Result<ValidateProgramResponse> {
         let mut violations = Violations::default();
         check_inline(&mut violations, request.inline_program.len(), self.limits.inline_program_bytes);
         self.check_program_files(&mut violations, "programs", &request.programs, request.inline_program.len());
@@ -342,7 +341,7 @@ impl Api {
         settings.programs = programs;
         settings.offsets = request.offsets;
         let config = PipelineConfig { overrides, ..convert::pipeline_config(profile, &settings) };
-        let report = self.engine.validate_program(client, config, program_bytes, source).await?;
+        let report = self.engine.validate_program(&self.caller.client(), config, program_bytes, source).await?;
         Ok(ValidateProgramResponse { report: Some(convert::report_to_proto(&report)) })
     }
 
@@ -401,7 +400,7 @@ impl Api {
         violations.finish()?;
         filter.states.sort_unstable();
         filter.states.dedup();
-        let page = self.store.list_jobs(&filter, &page).await?;
+        let page = self.store.list_jobs(filter, &page).await?;
         let progress = self.engine.progress(&page.items.iter().map(|job| job.id).collect::<Vec<_>>());
         Ok(ListJobsResponse {
             jobs: page.items.iter().map(|job| job_to_proto(job, None, &progress)).collect::<Result<_>>()?,
@@ -446,70 +445,68 @@ pub(super) type ResponseStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>>
 #[async_trait]
 impl Jobs for Api {
     async fn create_job(&self, request: Request<CreateJobRequest>) -> Result<Response<CreateJobResponse>, Status> {
-        let client = client(&request);
-        answer(request, async |request| self.create_job(client, request).await).await
+        self.answer(request, async |api, request| api.create_job(request).await).await
     }
 
     async fn upload_program(
         &self,
         request: Request<Streaming<UploadProgramRequest>>,
     ) -> Result<Response<UploadProgramResponse>, Status> {
-        let client = client(&request);
-        Ok(Response::new(self.upload_program(&client, request.into_inner()).await?))
+        self.answer(request, async |api, messages| api.upload_program(messages).await).await
     }
 
     async fn get_upload(&self, request: Request<GetUploadRequest>) -> Result<Response<GetUploadResponse>, Status> {
-        answer(request, async |request| self.get_upload(request).await).await
+        self.answer(request, async |api, request| api.get_upload(request).await).await
     }
 
     async fn validate_program(
         &self,
         request: Request<ValidateProgramRequest>,
     ) -> Result<Response<ValidateProgramResponse>, Status> {
-        let client = client(&request);
-        answer(request, async |request| self.validate_program(&client, request).await).await
+        self.answer(request, async |api, request| api.validate_program(request).await).await
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {
-        answer(request, async |request| self.get_job(request).await).await
+        self.answer(request, async |api, request| api.get_job(request).await).await
     }
 
     async fn get_report(&self, request: Request<GetReportRequest>) -> Result<Response<GetReportResponse>, Status> {
-        answer(request, async |request| self.get_report(request).await).await
+        self.answer(request, async |api, request| api.get_report(request).await).await
     }
 
     async fn list_jobs(&self, request: Request<ListJobsRequest>) -> Result<Response<ListJobsResponse>, Status> {
-        answer(request, async |request| self.list_jobs(request).await).await
+        self.answer(request, async |api, request| api.list_jobs(request).await).await
     }
 
     async fn list_job_events(
         &self,
         request: Request<ListJobEventsRequest>,
     ) -> Result<Response<ListJobEventsResponse>, Status> {
-        answer(request, async |request| self.list_job_events(request).await).await
+        self.answer(request, async |api, request| api.list_job_events(request).await).await
     }
 
     type WatchJobsStream = ResponseStream<WatchJobsResponse>;
 
     async fn watch_jobs(&self, request: Request<WatchJobsRequest>) -> Result<Response<Self::WatchJobsStream>, Status> {
         let deadline = deadline(request.metadata().as_ref());
-        let events = Box::pin(self.watch_events(&request.into_inner())?);
+        let api = self.called_by(request.extensions());
+        let events = Box::pin(api.watch_events(&request.into_inner())?);
         let guarded = Guarded::new(events, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))
     }
 
     async fn cancel_job(&self, request: Request<CancelJobRequest>) -> Result<Response<CancelJobResponse>, Status> {
-        answer(request, async |request| self.cancel_job(request).await).await
+        self.answer(request, async |api, request| api.cancel_job(request).await).await
     }
 
     async fn delete_job(&self, request: Request<DeleteJobRequest>) -> Result<Response<DeleteJobResponse>, Status> {
-        answer(request, async |request| self.delete_job(request).await).await
+        self.answer(request, async |api, request| api.delete_job(request).await).await
     }
 
     async fn delete_program(
         &self,
         request: Request<DeleteProgramRequest>,
     ) -> Result<Response<DeleteProgramResponse>, Status> {
-        answer(request, async |request| self.delete_program(request).await).await
+        self.answer(request, async |api, request| api.delete_program(request).await).await
     }
 }

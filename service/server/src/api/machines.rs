@@ -12,7 +12,7 @@ use feedwave_cutting::MachineProfile;
 use feedwave_store::{Json, MachineRecord};
 use tonic::{Request, Response, Status, async_trait};
 
-use super::{Api, answer, etag, mask, page_request};
+use super::{Api, etag, mask, page_request};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 
@@ -126,31 +126,31 @@ impl Machines for Api {
         &self,
         request: Request<CreateMachineRequest>,
     ) -> Result<Response<CreateMachineResponse>, Status> {
-        answer(request, async |request| self.create_machine(request).await).await
+        self.answer(request, async |api, request| api.create_machine(request).await).await
     }
 
     async fn get_machine(&self, request: Request<GetMachineRequest>) -> Result<Response<GetMachineResponse>, Status> {
-        answer(request, async |request| self.get_machine(request).await).await
+        self.answer(request, async |api, request| api.get_machine(request).await).await
     }
 
     async fn list_machines(
         &self,
         request: Request<ListMachinesRequest>,
     ) -> Result<Response<ListMachinesResponse>, Status> {
-        answer(request, async |request| self.list_machines(request).await).await
+        self.answer(request, async |api, request| api.list_machines(request).await).await
     }
 
     async fn update_machine(
         &self,
         request: Request<UpdateMachineRequest>,
     ) -> Result<Response<UpdateMachineResponse>, Status> {
-        answer(request, async |request| self.update_machine(request).await).await
+        self.answer(request, async |api, request| api.update_machine(request).await).await
     }
 
     async fn delete_machine(
         &self,
         request: Request<DeleteMachineRequest>,
     ) -> Result<Response<DeleteMachineResponse>, Status> {
-        answer(request, async |request| self.delete_machine(request).await).await
+        self.answer(request, async |api, request| api.delete_machine(request).await).await
     }
 }

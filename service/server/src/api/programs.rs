@@ -20,7 +20,7 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_tools};
-use super::{Api, answer, page_request};
+use super::{Api, page_request};
 use crate::engine::{self, Actions, File, Source};
 use crate::error::{Error, Result, Violations};
 
@@ -61,15 +61,11 @@ fn program_id(field: &str, name: &str) -> Result<ProgramId> {
 }
 
 impl Api {
-    /// Receives a program of `client`. What arrived stays when the upload breaks off.
+    /// Receives a program. What arrived stays when the upload breaks off.
     ///
     /// # Errors
     /// As the contract says.
-    pub async fn upload_program(
-        &self,
-        client: &str,
-        mut messages: Streaming<UploadProgramRequest>,
-    ) -> Result<UploadProgramResponse> {
+    pub async fn upload_program(&self, mut messages: Streaming<UploadProgramRequest>) -> Result<UploadProgramResponse> {
         let header = match self.next(&mut messages).await? {
             Some(Message::Header(header)) => header,
             Some(Message::Chunk(_)) => return Err(Error::invalid("header", "must be the first message")),
@@ -80,7 +76,7 @@ impl Api {
             "" => Ok(()),
             name => self.store.name_program(id, name).await,
         };
-        let upload = match self.store.begin_upload(expected, header.program_bytes, client).await? {
+        let upload = match self.store.begin_upload(expected, header.program_bytes).await? {
             UploadStart::Unfinished(upload) => upload,
             UploadStart::Complete(program) => {
                 name(program.id).await?;
@@ -97,7 +93,7 @@ impl Api {
         if received_bytes < header.program_bytes {
             return Ok(UploadProgramResponse { program: String::new(), received_bytes });
         }
-        let program = self.store.finish_upload(upload.id).await?;
+        let program = self.store.finish_upload(&upload).await?;
         name(program.id).await?;
         tracing::info!(program = %program.id, bytes = program.size_bytes, "uploaded");
         Ok(UploadProgramResponse { program: names::program(program.id), received_bytes })
@@ -134,7 +130,7 @@ impl Api {
                 return Err(Error::invalid("chunk.data", reason));
             }
             if !data.is_empty() {
-                received = self.store.append_upload(upload.id, received, data).await?;
+                received = self.store.append_upload(upload, received, data).await?;
             }
         }
         Ok(received)
@@ -210,8 +206,8 @@ impl Api {
         &self,
         request: ReadProgramRequest,
     ) -> Result<impl Stream<Item = Result<ReadProgramResponse>> + Send + 'static> {
-        let id = program_id("name", &request.name)?;
-        let size_bytes = self.store.program_info(id).await?.size_bytes;
+        let program = self.store.program_info(program_id("name", &request.name)?).await?;
+        let (id, size_bytes) = (program.id, program.size_bytes);
         if request.offset > size_bytes {
             return Err(Error::OutOfRange {
                 reason: "START_BEYOND_END",
@@ -221,7 +217,7 @@ impl Api {
         }
         let wanted = if request.length == 0 { u64::MAX } else { request.length };
         let end = request.offset.saturating_add(wanted).min(size_bytes);
-        let store = self.store.clone();
+        let store = self.store.of_all_tenants().clone();
         Ok(stream::try_unfold(request.offset, move |offset| {
             let store = store.clone();
             async move {
@@ -252,7 +248,8 @@ impl Api {
             }
             violations.finish()?;
             let detail = self.store.job_detail(super::jobs::job_id("job", job)?).await?;
-            return self.engine.interpret(engine::job_config(&detail)?, self.engine.job_source(&detail)?);
+            let (config, source) = (engine::job_config(&detail)?, self.engine.job_source(&detail)?);
+            return self.engine.interpret(detail.job.tenant, config, source);
         }
         let mut inline_bytes = 0;
         let stored = match &request.source {
@@ -290,13 +287,14 @@ impl Api {
         let own = match (&request.source, stored) {
             (Some(From::InlineProgram(program)), _) => File::Memory(program.clone()),
             (_, Some(id)) => {
-                File::stored_of_size(self.store.clone(), id, self.store.program_info(id).await?.size_bytes)
+                let program = self.store.program_info(id).await?;
+                File::stored_of_size(self.store.of_all_tenants().clone(), program.id, program.size_bytes)
             }
             _ => return Err(Error::internal("a request was neither accepted nor refused")),
         };
         let (source, programs) = self.sources(own, &request.programs).await?;
         let settings = JobSettings { tools, programs, offsets: request.offsets, ..JobSettings::default() };
-        self.engine.interpret(convert::pipeline_config(profile, &settings), source)
+        self.engine.interpret(self.caller.tenant(), convert::pipeline_config(profile, &settings), source)
     }
 
     /// Checks the further program files of a request that has `inline_bytes` beside them.
@@ -349,7 +347,10 @@ impl Api {
         for file in &mut named {
             all.push(match &file.source {
                 Some(FileSource::InlineProgram(program)) => File::Memory(program.clone()),
-                _ => File::stored(self.store.clone(), stored_id(file)?),
+                _ => {
+                    let own = stored_id(file)?.of_tenant(self.caller.tenant());
+                    File::stored(self.store.of_all_tenants().clone(), own)
+                }
             });
             // Only the names are needed further on.
             file.source = None;
@@ -431,7 +432,7 @@ impl Api {
     }
 
     async fn unfinished(&self, id: ProgramId) -> Result<Option<UploadInfo>> {
-        Ok(self.store.uploads().await?.into_iter().find(|upload| upload.expected == id))
+        Ok(self.store.uploads().await?.into_iter().find(|upload| upload.expected.as_bytes() == id.as_bytes()))
     }
 }
 
@@ -441,11 +442,11 @@ impl Programs for Api {
         &self,
         request: Request<ListProgramsRequest>,
     ) -> Result<Response<ListProgramsResponse>, Status> {
-        answer(request, async |request| self.list_programs(request).await).await
+        self.answer(request, async |api, request| api.list_programs(request).await).await
     }
 
     async fn get_program(&self, request: Request<GetProgramRequest>) -> Result<Response<GetProgramResponse>, Status> {
-        answer(request, async |request| self.get_program(request).await).await
+        self.answer(request, async |api, request| api.get_program(request).await).await
     }
 
     type ReadProgramStream = ResponseStream<ReadProgramResponse>;
@@ -455,7 +456,8 @@ impl Programs for Api {
         request: Request<ReadProgramRequest>,
     ) -> Result<Response<Self::ReadProgramStream>, Status> {
         let deadline = deadline(request.metadata().as_ref());
-        let pieces = Box::pin(self.read_program(request.into_inner()).await?);
+        let api = self.called_by(request.extensions());
+        let pieces = Box::pin(api.read_program(request.into_inner()).await?);
         let guarded = Guarded::new(pieces, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))
     }
@@ -464,25 +466,26 @@ impl Programs for Api {
         &self,
         request: Request<ProgramsDeleteProgramRequest>,
     ) -> Result<Response<ProgramsDeleteProgramResponse>, Status> {
-        let delete = async |request: ProgramsDeleteProgramRequest| {
-            self.delete_program(DeleteProgramRequest { name: request.name }).await?;
+        let delete = async |api: Self, request: ProgramsDeleteProgramRequest| {
+            api.delete_program(DeleteProgramRequest { name: request.name }).await?;
             Ok(ProgramsDeleteProgramResponse {})
         };
-        answer(request, delete).await
+        self.answer(request, delete).await
     }
 
     async fn list_uploads(
         &self,
         request: Request<ListUploadsRequest>,
     ) -> Result<Response<ListUploadsResponse>, Status> {
-        answer(request, async |request| self.list_uploads(request).await).await
+        self.answer(request, async |api, request| api.list_uploads(request).await).await
     }
 
     type InterpretStream = ResponseStream<InterpretResponse>;
 
     async fn interpret(&self, request: Request<InterpretRequest>) -> Result<Response<Self::InterpretStream>, Status> {
         let deadline = deadline(request.metadata().as_ref());
-        let actions = self.start_interpretation(request.into_inner()).await?;
+        let api = self.called_by(request.extensions());
+        let actions = api.start_interpretation(request.into_inner()).await?;
         let guarded = Guarded::new(actions, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))
     }

@@ -23,8 +23,7 @@ use uuid::Uuid;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
 use super::telemetry::{config_from_message, run_settings};
-use super::{Api, answer, unreadable};
-use crate::access::{check_machine, identity_of};
+use super::{Api, unreadable};
 use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -86,7 +85,6 @@ fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
 
 impl Api {
     async fn start_run(&self, request: Request<Streaming<RunRequest>>) -> Result<ResponseStream<RunResponse>> {
-        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
@@ -99,7 +97,7 @@ impl Api {
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
         let detail = self.store.job_detail(job).await?;
-        check_machine(identity.as_deref(), &detail.job.machine_id)?;
+        self.caller.check_machine(&detail.job.machine_id)?;
         if detail.job.state != JobState::Ready {
             let subject = names::job(job);
             let message = format!("{subject} is {}, only a ready job can be run", detail.job.state);
@@ -297,10 +295,10 @@ impl Runs for Api {
     type RunStream = ResponseStream<RunResponse>;
 
     async fn run(&self, request: Request<Streaming<RunRequest>>) -> Result<Response<Self::RunStream>, Status> {
-        Ok(Response::new(self.start_run(request).await?))
+        Ok(Response::new(self.called_by(request.extensions()).start_run(request).await?))
     }
 
     async fn replay_run(&self, request: Request<ReplayRunRequest>) -> Result<Response<ReplayRunResponse>, Status> {
-        answer(request, async |request| self.replay_run(request).await).await
+        self.answer(request, async |api, request| api.replay_run(request).await).await
     }
 }

@@ -16,9 +16,9 @@ use feedwave_store::{JobDetail, JobState};
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, async_trait};
 
+use super::Api;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, check_period_us, job_id};
-use super::{Api, answer};
 use crate::engine::{self, ColumnSet, MAX_CHUNK_SIZE, StreamPlan, StreamStart};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -204,13 +204,13 @@ impl Setpoints for Api {
         &self,
         request: Request<StreamSetpointsRequest>,
     ) -> Result<Response<Self::StreamSetpointsStream>, Status> {
-        Ok(Response::new(self.start_stream(request).await?))
+        Ok(Response::new(self.called_by(request.extensions()).start_stream(request).await?))
     }
 
     async fn get_plan_summary(
         &self,
         request: Request<GetPlanSummaryRequest>,
     ) -> Result<Response<GetPlanSummaryResponse>, Status> {
-        answer(request, async |request| self.get_plan_summary(request).await).await
+        self.answer(request, async |api, request| api.get_plan_summary(request).await).await
     }
 }

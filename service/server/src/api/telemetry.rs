@@ -23,8 +23,7 @@ use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::{Api, answer, page_request, unreadable};
-use crate::access::{check_machine, identity_of};
+use super::{Api, page_request, unreadable};
 use crate::engine::Intake;
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -142,10 +141,10 @@ impl Api {
     pub async fn get_run(&self, request: GetRunRequest) -> Result<GetRunResponse> {
         let id = names::parse_run(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
         let record = self.store.run(id).await?;
-        let gaps = self.store.telemetry_gaps(id).await?;
+        let gaps = self.store.telemetry_gaps(&record).await?;
         let gaps = gaps.iter().map(|gap| BatchGap { first: gap.first, last: gap.last }).collect();
         let monitoring = run_settings(&record)?.monitoring;
-        let conditions = self.store.run_conditions(id).await?.iter().map(condition_to_proto).collect();
+        let conditions = self.store.run_conditions(&record).await?.iter().map(condition_to_proto).collect();
         Ok(GetRunResponse { run: Some(Run { gaps, monitoring, conditions, ..run_to_proto(&record) }) })
     }
 
@@ -197,7 +196,6 @@ impl Api {
         &self,
         request: Request<Streaming<IngestRequest>>,
     ) -> Result<ResponseStream<IngestResponse>> {
-        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = first_message(&mut messages).await?;
@@ -217,7 +215,7 @@ impl Api {
         // Registered before the run is taken up, so that a cancellation in between is not missed.
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
-        check_machine(identity.as_deref(), &self.store.job(job).await?.machine_id)?;
+        self.caller.check_machine(&self.store.job(job).await?.machine_id)?;
         let attached = self.attach(target, job).await?;
         let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard)?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
@@ -309,51 +307,50 @@ impl Telemetry for Api {
         &self,
         request: Request<SetMonitoringRequest>,
     ) -> Result<Response<SetMonitoringResponse>, Status> {
-        answer(request, async |request| self.set_monitoring(request).await).await
+        self.answer(request, async |api, request| api.set_monitoring(request).await).await
     }
 
     async fn get_monitoring(
         &self,
         request: Request<GetMonitoringRequest>,
     ) -> Result<Response<GetMonitoringResponse>, Status> {
-        answer(request, async |request| self.get_monitoring(request).await).await
+        self.answer(request, async |api, request| api.get_monitoring(request).await).await
     }
 
     type IngestStream = ResponseStream<IngestResponse>;
 
     async fn ingest(&self, request: Request<Streaming<IngestRequest>>) -> Result<Response<Self::IngestStream>, Status> {
-        Ok(Response::new(self.start_ingestion(request).await?))
+        Ok(Response::new(self.called_by(request.extensions()).start_ingestion(request).await?))
     }
 
     async fn acknowledge_condition(
         &self,
         request: Request<AcknowledgeConditionRequest>,
     ) -> Result<Response<AcknowledgeConditionResponse>, Status> {
-        let identity = identity_of(request.extensions()).cloned();
-        let acknowledge = async |request: AcknowledgeConditionRequest| {
+        let acknowledge = async |api: Self, request: AcknowledgeConditionRequest| {
             // A name that is none is refused with everything else that is wrong.
             if let Ok(run) = names::parse_run(&request.run) {
-                let job = self.store.run(run).await?.job_id;
-                check_machine(identity.as_deref(), &self.store.job(job).await?.machine_id)?;
+                let job = api.store.run(run).await?.job_id;
+                api.caller.check_machine(&api.store.job(job).await?.machine_id)?;
             }
-            self.acknowledge_condition(request).await
+            api.acknowledge_condition(request).await
         };
-        answer(request, acknowledge).await
+        self.answer(request, acknowledge).await
     }
 
     async fn get_run(&self, request: Request<GetRunRequest>) -> Result<Response<GetRunResponse>, Status> {
-        answer(request, async |request| self.get_run(request).await).await
+        self.answer(request, async |api, request| api.get_run(request).await).await
     }
 
     async fn list_runs(&self, request: Request<ListRunsRequest>) -> Result<Response<ListRunsResponse>, Status> {
-        answer(request, async |request| self.list_runs(request).await).await
+        self.answer(request, async |api, request| api.list_runs(request).await).await
     }
 
     async fn list_decisions(
         &self,
         request: Request<ListDecisionsRequest>,
     ) -> Result<Response<ListDecisionsResponse>, Status> {
-        answer(request, async |request| self.list_decisions(request).await).await
+        self.answer(request, async |api, request| api.list_decisions(request).await).await
     }
 
     type WatchDecisionsStream = ResponseStream<WatchDecisionsResponse>;
@@ -363,7 +360,8 @@ impl Telemetry for Api {
         request: Request<WatchDecisionsRequest>,
     ) -> Result<Response<Self::WatchDecisionsStream>, Status> {
         let deadline = deadline(request.metadata().as_ref());
-        let decisions = Box::pin(self.watch_decisions(&request.into_inner())?);
+        let api = self.called_by(request.extensions());
+        let decisions = Box::pin(api.watch_decisions(&request.into_inner())?);
         let guarded = Guarded::new(decisions, deadline).ends_with(self.engine.draining(), Error::Draining);
         Ok(Response::new(Box::pin(guarded)))
     }

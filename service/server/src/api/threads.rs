@@ -15,10 +15,9 @@ use feedwave_store::JobState;
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 
+use super::Api;
 use super::guarded::{Guarded, deadline};
 use super::jobs::{ResponseStream, job_id};
-use super::{Api, answer};
-use crate::access::{check_machine, identity_of};
 use crate::engine;
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -148,7 +147,6 @@ impl Api {
         &self,
         request: Request<Streaming<FollowSpindleRequest>>,
     ) -> Result<ResponseStream<FollowSpindleResponse>> {
-        let identity = identity_of(request.extensions()).cloned();
         let deadline = deadline(request.metadata().as_ref());
         let mut messages = request.into_inner();
         let start = match messages.message().await {
@@ -160,7 +158,8 @@ impl Api {
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(id);
         let cancelled = guard.token().clone();
-        check_machine(identity.as_deref(), &self.store.job(id).await?.machine_id)?;
+        self.caller.check_machine(&self.store.job(id).await?.machine_id)?;
+        self.caller.concerns(names::job(id));
         let (following, followed) = self.follow(&start, id).await?;
         tracing::info!(job = %names::job(id), thread = start.thread, pass = start.pass, "follow the spindle");
         let first = FollowSpindleResponse { message: Some(Message::FollowedPass(followed)) };
@@ -190,10 +189,10 @@ impl Threads for Api {
         &self,
         request: Request<Streaming<FollowSpindleRequest>>,
     ) -> Result<Response<Self::FollowSpindleStream>, Status> {
-        Ok(Response::new(self.start_following(request).await?))
+        Ok(Response::new(self.called_by(request.extensions()).start_following(request).await?))
     }
 
     async fn plan_thread(&self, request: Request<PlanThreadRequest>) -> Result<Response<PlanThreadResponse>, Status> {
-        answer(request, async |request| self.plan_thread(request).await).await
+        self.answer(request, async |api, request| api.plan_thread(request).await).await
     }
 }

@@ -11,7 +11,7 @@ use feedwave_contract::proto::{
 use feedwave_store::{Json, ToolFilter, ToolRecord};
 use tonic::{Request, Response, Status, async_trait};
 
-use super::{Api, answer, etag, mask, page_request};
+use super::{Api, etag, mask, page_request};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
 
@@ -102,29 +102,29 @@ impl Api {
 #[async_trait]
 impl Tools for Api {
     async fn create_tool(&self, request: Request<CreateToolRequest>) -> Result<Response<CreateToolResponse>, Status> {
-        answer(request, async |request| self.create_tool(request).await).await
+        self.answer(request, async |api, request| api.create_tool(request).await).await
     }
 
     async fn get_tool(&self, request: Request<GetToolRequest>) -> Result<Response<GetToolResponse>, Status> {
-        answer(request, async |request| self.get_tool(request).await).await
+        self.answer(request, async |api, request| api.get_tool(request).await).await
     }
 
     async fn list_tools(&self, request: Request<ListToolsRequest>) -> Result<Response<ListToolsResponse>, Status> {
-        answer(request, async |request| self.list_tools(request).await).await
+        self.answer(request, async |api, request| api.list_tools(request).await).await
     }
 
     async fn update_tool(&self, request: Request<UpdateToolRequest>) -> Result<Response<UpdateToolResponse>, Status> {
-        answer(request, async |request| self.update_tool(request).await).await
+        self.answer(request, async |api, request| api.update_tool(request).await).await
     }
 
     async fn delete_tool(&self, request: Request<DeleteToolRequest>) -> Result<Response<DeleteToolResponse>, Status> {
-        answer(request, async |request| self.delete_tool(request).await).await
+        self.answer(request, async |api, request| api.delete_tool(request).await).await
     }
 
     async fn compute_stability_lobes(
         &self,
         request: Request<ComputeStabilityLobesRequest>,
     ) -> Result<Response<ComputeStabilityLobesResponse>, Status> {
-        answer(request, async |request| self.compute_stability_lobes(request).await).await
+        self.answer(request, async |api, request| api.compute_stability_lobes(request).await).await
     }
 }

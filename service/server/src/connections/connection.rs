@@ -1,6 +1,7 @@
 //! One connection: who is at its other end, what is open on it, and when it has been idle for too long.
 
 use std::io;
+use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::task::{Context, Poll, ready};
@@ -23,10 +24,17 @@ pub(crate) trait Unread: Send + Sync {
 
 /// A connection. What is asked over it has it among the extensions of the request.
 pub(crate) struct Connection {
+    address: IpAddr,
     client: ClientKey,
     certificate: Option<PeerCertificate>,
     clients: Arc<Clients>,
     open: Mutex<Open>,
+}
+
+impl std::fmt::Debug for Connection {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Connection").field("client", &self.client).finish_non_exhaustive()
+    }
 }
 
 struct Open {
@@ -51,10 +59,20 @@ pub(super) enum Due {
 }
 
 impl Connection {
-    pub(super) fn new(client: ClientKey, certificate: Option<PeerCertificate>, clients: Arc<Clients>) -> Arc<Self> {
+    pub(super) fn new(
+        address: IpAddr,
+        client: ClientKey,
+        certificate: Option<PeerCertificate>,
+        clients: Arc<Clients>,
+    ) -> Arc<Self> {
         let now = Instant::now();
         let open = Open { calls: 0, idle_since: now, partial_since: Some(now), answers: Vec::new() };
-        Arc::new(Self { client, certificate, clients, open: Mutex::new(open) })
+        Arc::new(Self { address: address.to_canonical(), client, certificate, clients, open: Mutex::new(open) })
+    }
+
+    /// The address at its other end.
+    pub(crate) const fn address(&self) -> IpAddr {
+        self.address
     }
 
     /// The client that what happens on the connection is counted for.
@@ -222,7 +240,8 @@ mod tests {
     fn connection() -> Arc<Connection> {
         let limits = ConnectionLimits { header_timeout_s: 10, idle_timeout_s: 100, ..ConnectionLimits::default() };
         let clients = Clients::new(limits, Metrics::new().connections);
-        Connection::new(ClientKey::of_address([127, 0, 0, 1].into()), None, clients)
+        let address = [127, 0, 0, 1].into();
+        Connection::new(address, ClientKey::of_address(address), None, clients)
     }
 
     fn seconds(seconds: u64) -> Duration {

@@ -217,7 +217,7 @@ impl Shared {
         certificate: Option<PeerCertificate>,
         _place: Held,
     ) {
-        let connection = Connection::new(client, certificate, self.clients.clone());
+        let connection = Connection::new(peer.ip(), client, certificate, self.clients.clone());
         let app = self.app.clone();
         let known = connection.clone();
         let service = tower::service_fn(move |mut request: Request<Incoming>| {

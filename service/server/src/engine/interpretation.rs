@@ -6,6 +6,7 @@ use std::task::{Context, Poll};
 use feedwave_contract::convert::{action_to_proto, finding_to_proto};
 use feedwave_contract::proto;
 use feedwave_cutting::{Interpretation, InterpretationStep, PipelineConfig};
+use feedwave_store::Tenant;
 use futures_util::Stream;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
@@ -46,11 +47,11 @@ impl Stream for Actions {
 }
 
 impl Engine {
-    /// Begins to interpret a program.
+    /// Begins to interpret a program for a tenant.
     ///
     /// # Errors
     /// [`Error::Overloaded`] when too many streams are open: those of setpoints and of actions count together.
-    pub fn interpret(&self, config: PipelineConfig, source: Source) -> Result<Actions> {
+    pub fn interpret(&self, tenant: Tenant, config: PipelineConfig, source: Source) -> Result<Actions> {
         let inner = &self.inner;
         let limit = inner.limits.concurrent_streams as u64;
         let overloaded = |_| Error::Overloaded { what: "open streams", limit };
@@ -58,7 +59,8 @@ impl Engine {
         let left = CancellationToken::new();
         let (sender, messages) = mpsc::channel(MESSAGES_IN_FLIGHT);
         let (token, draining, runtime) = (left.clone(), inner.draining.clone(), Handle::current());
-        let active = GaugeGuard::new(&inner.metrics.active_streams);
+        let metrics = &inner.metrics;
+        let active = (GaugeGuard::new(&metrics.active_streams), metrics.streams_by_tenant.enter(tenant));
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active);
             let ended = || token.is_cancelled() || draining.is_cancelled();

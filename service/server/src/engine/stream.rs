@@ -194,7 +194,8 @@ impl Engine {
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
         let (engine, id, runtime) = (self.clone(), detail.job.id, Handle::current());
         let mut run = Run { pipeline, source, plan, first_block_index, outlet };
-        let active = GaugeGuard::new(&inner.metrics.active_streams);
+        let metrics = &inner.metrics;
+        let active = (GaugeGuard::new(&metrics.active_streams), metrics.streams_by_tenant.enter(detail.job.tenant));
         let finished = complete.clone();
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);

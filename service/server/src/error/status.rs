@@ -146,6 +146,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::Unread { .. }
         | Error::Unauthenticated { .. }
         | Error::PermissionDenied { .. }
+        | Error::TenantDenied { .. }
         | Error::RequestStalled { .. }
         | Error::Draining
         | Error::StoreUnavailable(_)

@@ -2,10 +2,12 @@
 
 mod connections;
 
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 pub use connections::ConnectionMetrics;
-use feedwave_store::Observer;
+use feedwave_store::{Observer, Tenant};
 use prometheus::{
     Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
     TextEncoder,
@@ -23,6 +25,8 @@ pub struct Metrics {
     pub active_requests: IntGauge,
     /// Setpoint streams open.
     pub active_streams: IntGauge,
+    /// Setpoint streams open, by tenant; not shown.
+    pub streams_by_tenant: OpenByTenant,
     /// Setpoints sent.
     pub setpoints: IntCounter,
     /// Runs in progress.
@@ -121,6 +125,7 @@ impl Metrics {
             request_seconds: registrar.add(HistogramVec::new(request_seconds, &["method"])),
             active_requests: registrar.gauge("feedwave_grpc_active_requests", "gRPC calls in progress."),
             active_streams: registrar.gauge("feedwave_active_streams", "Setpoint streams open."),
+            streams_by_tenant: OpenByTenant::default(),
             setpoints: registrar.counter("feedwave_setpoints_total", "Setpoints sent."),
             active_runs: registrar.gauge("feedwave_active_runs", "Runs in progress."),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
@@ -161,13 +166,88 @@ impl Metrics {
         }
     }
 
+    /// The figures of one tenant in the text form that Prometheus reads: jobs by state, streams and validations, and
+    /// conditions that nobody has acknowledged.
+    #[must_use]
+    pub fn text_of_tenant<'a>(
+        jobs: impl IntoIterator<Item = (&'a str, u64)>,
+        streams: u64,
+        validations: u64,
+        queued_validations: u64,
+        open_conditions: u64,
+    ) -> String {
+        let own = Self::new();
+        let signed = |count: u64| i64::try_from(count).unwrap_or(i64::MAX);
+        for (state, count) in jobs {
+            own.jobs.with_label_values(&[state]).set(signed(count));
+        }
+        own.active_streams.set(signed(streams));
+        own.active_validations.set(signed(validations));
+        own.validation_queue.set(signed(queued_validations));
+        own.open_conditions.set(signed(open_conditions));
+        let shown = Registry::new();
+        let gauges = [own.active_streams, own.active_validations, own.validation_queue, own.open_conditions];
+        let gauges = gauges.into_iter().map(|gauge| Box::new(gauge) as Box<dyn prometheus::core::Collector>);
+        for collector in gauges.chain([Box::new(own.jobs) as Box<dyn prometheus::core::Collector>]) {
+            // Their names differ, as those of all metrics do.
+            let _ = shown.register(collector);
+        }
+        text(&shown)
+    }
+
     /// The text form that Prometheus reads.
     #[must_use]
     pub fn to_text(&self) -> String {
-        let mut text = Vec::new();
-        // Writing into memory does not fail, and label values are valid: nothing to report.
-        let _ = TextEncoder::new().encode(&self.registry.gather(), &mut text);
-        String::from_utf8_lossy(&text).into_owned()
+        text(&self.registry)
+    }
+}
+
+fn text(registry: &Registry) -> String {
+    let mut text = Vec::new();
+    // Writing into memory does not fail, and label values are valid: nothing to report.
+    let _ = TextEncoder::new().encode(&registry.gather(), &mut text);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+/// Counts what is open for each tenant. Cloning is cheap; clones count together.
+#[derive(Clone, Debug, Default)]
+pub struct OpenByTenant(Arc<Mutex<HashMap<Tenant, u64>>>);
+
+impl OpenByTenant {
+    fn open(&self) -> MutexGuard<'_, HashMap<Tenant, u64>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How many are open.
+    #[must_use]
+    pub fn of(&self, tenant: Tenant) -> u64 {
+        self.open().get(&tenant).copied().unwrap_or(0)
+    }
+
+    /// Counts one until what is returned is dropped.
+    #[must_use]
+    pub fn enter(&self, tenant: Tenant) -> TenantGuard {
+        *self.open().entry(tenant).or_default() += 1;
+        TenantGuard { all: self.clone(), tenant }
+    }
+}
+
+/// Something that is open for a tenant, until it is dropped.
+#[derive(Debug)]
+pub struct TenantGuard {
+    all: OpenByTenant,
+    tenant: Tenant,
+}
+
+impl Drop for TenantGuard {
+    fn drop(&mut self) {
+        let mut open = self.all.open();
+        if let Some(count) = open.get_mut(&self.tenant) {
+            *count -= 1;
+            if *count == 0 {
+                open.remove(&self.tenant);
+            }
+        }
     }
 }
 

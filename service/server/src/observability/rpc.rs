@@ -1,9 +1,10 @@
 //! The layer around every gRPC call: counts it, times it to the end of its body, bounds how many are in progress, of
-//! everybody and of one client, turns new ones away while the service is ending, ends them at their deadline and where
-//! they panic, and completes statuses that the transport makes.
+//! everybody and of one client, turns new ones away while the service is ending, answers those alone who may ask, has the
+//! audit log keep what changes something, ends calls at their deadline and where they panic, and completes statuses that the
+//! transport makes.
 
 use std::collections::HashMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::AssertUnwindSafe;
 use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
 use std::time::Instant;
@@ -19,11 +20,13 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::CancellationToken;
 use tonic::body::Body;
 use tonic::{Code, Status};
+use tower_http::request_id::RequestId;
 
 use super::answer::AnswerBody;
 use super::metrics::{GaugeGuard, Metrics};
-use crate::access::{Access, of_method};
+use crate::access::{Access, Effect, of_method};
 use crate::api::deadline;
+use crate::audit::{AuditLog, Audited, asked};
 use crate::config::Limits;
 use crate::connections::{Connection, Held, HeldBytes, OpenCall, RequestBody, Resource, Unread};
 use crate::engine::until;
@@ -37,6 +40,8 @@ struct Method {
     resource: Resource,
     /// Whether clients send a stream of messages.
     sends_many: bool,
+    /// Whether the answer is a stream of messages.
+    answers_many: bool,
     /// Whether clients may pause between two messages: they do where both sides send.
     may_pause: bool,
 }
@@ -50,7 +55,7 @@ impl Method {
         } else {
             Resource::Call
         };
-        Self { resource, sends_many, may_pause: sends_many && answers_many }
+        Self { resource, sends_many, answers_many, may_pause: sends_many && answers_many }
     }
 }
 
@@ -96,6 +101,7 @@ pub struct RpcLayer {
     limit: usize,
     message_bytes: usize,
     access: Access,
+    audit: AuditLog,
     draining: CancellationToken,
 }
 
@@ -110,9 +116,15 @@ struct Places {
 impl RpcLayer {
     /// A layer that lets as many calls through at once as the limits permit, and none once `draining` is cancelled.
     #[must_use]
-    pub fn new(metrics: Arc<Metrics>, limits: &Limits, access: Access, draining: CancellationToken) -> Self {
+    pub(crate) fn new(
+        metrics: Arc<Metrics>,
+        limits: &Limits,
+        access: Access,
+        audit: AuditLog,
+        draining: CancellationToken,
+    ) -> Self {
         let (limit, message_bytes) = (limits.concurrent_requests, limits.message_bytes);
-        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, access, draining }
+        Self { metrics, places: Arc::new(Semaphore::new(limit)), limit, message_bytes, access, audit, draining }
     }
 
     /// Places for a call, held to the end of its response.
@@ -151,6 +163,49 @@ impl RpcLayer {
     }
 }
 
+impl RpcLayer {
+    /// Answers a call of somebody who may make it.
+    async fn answer<S>(
+        &self,
+        mut inner: S,
+        mut request: Request<Body>,
+        method: Method,
+        call: &mut Call,
+    ) -> Result<Response<Body>, S::Error>
+    where
+        S: tower::Service<Request<Body>, Response = Response<Body>>,
+    {
+        let (needs, effect) = of_method(request.uri().path());
+        let connection = call.connection.clone();
+        let (caller, verdict) = self.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
+        let id = request.extensions().get::<RequestId>().map(|id| id.header_value().clone());
+        let id = || id.as_ref().and_then(|id| id.to_str().ok()).unwrap_or_default();
+        if let Err(error) = verdict {
+            if matches!(error.code(), Code::Unauthenticated | Code::PermissionDenied) {
+                self.audit.denied(asked(&caller, call.method, id()), &error).await;
+            }
+            return Ok(error.into_answer());
+        }
+        if effect == Effect::Changes {
+            match self.audit.begin(asked(&caller, call.method, id()), &caller).await {
+                Ok(audited) => call.audited = Some(audited),
+                Err(error) => return Ok(error.into_answer()),
+            }
+        }
+        request.extensions_mut().insert(caller);
+        let mut held = None;
+        let request = request.map(|body| {
+            let (body, bytes) = self.request_body(body, method, connection.as_ref());
+            held = bytes;
+            body
+        });
+        let answer = inner.call(request).await;
+        // The request has become something else, or nothing.
+        drop(held);
+        answer
+    }
+}
+
 impl<S> tower::Layer<S> for RpcLayer {
     type Service = RpcService<S>;
 
@@ -168,9 +223,9 @@ pub struct RpcService<S> {
 
 impl<S> tower::Service<Request<Body>> for RpcService<S>
 where
-    S: tower::Service<Request<Body>, Response = Response<Body>>,
+    S: tower::Service<Request<Body>, Response = Response<Body>> + Clone + Send + 'static,
     S::Future: Send + 'static,
-    S::Error: 'static,
+    S::Error: Send + 'static,
 {
     type Response = Response<Body>;
     type Error = S::Error;
@@ -185,44 +240,32 @@ where
             request.headers_mut().remove("grpc-accept-encoding");
         }
         let connection = request.extensions().get::<Arc<Connection>>().cloned();
-        let needs = of_method(request.uri().path());
-        let known = self.layer.access.authorize(needs, request.headers_mut(), connection.as_ref());
-        let path = request.uri().path();
-        let (name, method) = method(path);
-        let admitted = self.layer.admit(path, method, connection.as_ref());
-        let admitted = known.and_then(|identity| Ok((identity, admitted?)));
-        let mut call = Call::new(&self.layer, name, connection.clone());
+        let (name, method) = method(request.uri().path());
+        let admitted = self.layer.admit(request.uri().path(), method, connection.as_ref());
+        let mut call = Call::new(&self.layer, name, connection);
         match admitted {
-            Ok((identity, places)) => {
-                call.places = places;
-                if let Some(identity) = identity {
-                    request.extensions_mut().insert(identity);
-                }
-                let deadline = deadline(request.headers());
-                let mut held = None;
-                let request = request.map(|body| {
-                    let (body, bytes) = self.layer.request_body(body, method, connection.as_ref());
-                    held = bytes;
-                    body
-                });
-                let begun = catch_unwind(AssertUnwindSafe(|| self.inner.call(request)));
-                Box::pin(async move {
-                    let Ok(answer) = begun else { return Ok(observe(call.panicked().into_answer(), call)) };
-                    let answered = tokio::select! {
-                        biased;
-                        answered = AssertUnwindSafe(answer).catch_unwind() => answered,
-                        () = until(deadline) => Ok(Ok(Error::DeadlineExceeded.into_answer())),
-                    };
-                    // The request has become something else, or nothing.
-                    drop(held);
-                    match answered {
-                        Ok(answer) => Ok(observe(answer?, call)),
-                        Err(_) => Ok(observe(call.panicked().into_answer(), call)),
-                    }
-                })
-            }
-            Err(error) => Box::pin(async move { Ok(observe(error.into_answer(), call)) }),
+            Ok(places) => call.places = places,
+            Err(error) => return Box::pin(async move { Ok(observe(error.into_answer(), call)) }),
         }
+        // The one that is ready does the call; the next one is asked for its readiness anew.
+        let next = self.inner.clone();
+        let inner = std::mem::replace(&mut self.inner, next);
+        let layer = self.layer.clone();
+        Box::pin(async move {
+            let deadline = deadline(request.headers());
+            let answered = tokio::select! {
+                biased;
+                answered = AssertUnwindSafe(layer.answer(inner, request, method, &mut call)).catch_unwind() => answered,
+                () = until(deadline) => Ok(Ok(Error::DeadlineExceeded.into_answer())),
+            };
+            let response = match answered {
+                Ok(answer) => answer?,
+                Err(_) => call.panicked().into_answer(),
+            };
+            let status = Status::from_header_map(response.headers());
+            call.end_audit(status, method).await;
+            Ok(observe(response, call))
+        })
     }
 }
 
@@ -253,6 +296,10 @@ pub(super) struct Call {
     message_bytes: usize,
     started: Instant,
     code: Option<Code>,
+    /// Why it was not done, where the status says so.
+    reason: String,
+    /// The entry of the audit log, while it has no result.
+    audited: Option<Audited>,
     sent_bytes: IntCounter,
     connection: Option<Arc<Connection>>,
     _active: GaugeGuard,
@@ -268,6 +315,8 @@ impl Call {
             message_bytes: layer.message_bytes,
             started: Instant::now(),
             code: None,
+            reason: String::new(),
+            audited: None,
             sent_bytes: metrics.sent_bytes.with_label_values(&[method]),
             connection,
             _active: GaugeGuard::new(&metrics.active_requests),
@@ -280,6 +329,20 @@ impl Call {
         complete(headers, self.message_bytes);
         if let Some(code) = headers.get("grpc-status") {
             self.code = Some(Code::from_bytes(code.as_bytes()));
+            if self.audited.is_some() {
+                self.reason = Status::from_header_map(headers).map_or_else(String::new, |s| s.message().to_owned());
+            }
+        }
+    }
+
+    /// Has the audit log keep the result, where it is known with the head of the answer.
+    async fn end_audit(&mut self, status: Option<Status>, method: Method) {
+        if status.is_none() && method.answers_many {
+            return;
+        }
+        if let Some(audited) = self.audited.take() {
+            let (code, reason) = status.as_ref().map_or((Code::Ok, ""), |status| (status.code(), status.message()));
+            audited.end(code, reason).await;
         }
     }
 
@@ -312,7 +375,11 @@ impl Call {
 impl Drop for Call {
     fn drop(&mut self) {
         // Without a status the client went away before the end.
-        let code = code_name(self.code.unwrap_or(Code::Cancelled));
+        let code = self.code.unwrap_or(Code::Cancelled);
+        if let (Some(audited), Some(code)) = (&mut self.audited, self.code) {
+            audited.end_later(code, &self.reason);
+        }
+        let code = code_name(code);
         self.metrics.requests.with_label_values(&[self.method, code]).inc();
         self.metrics.request_seconds.with_label_values(&[self.method]).observe(self.started.elapsed().as_secs_f64());
     }
@@ -349,17 +416,29 @@ mod tests {
     use tower::{Layer as _, Service as _};
 
     use super::*;
+    use crate::engine::Engine;
 
     fn reason(headers: &HeaderMap) -> (Code, String) {
         let status = Status::from_header_map(headers).unwrap();
         (status.code(), status.get_error_details().error_info().unwrap().reason.clone())
     }
 
+    /// A layer over an empty store.
+    async fn layer_of(limits: Limits) -> (tempfile::TempDir, Arc<Metrics>, RpcLayer) {
+        let folder = tempfile::tempdir().unwrap();
+        let uri = feedwave_store::StoreUri::of_file(&folder.path().join("feedwave.db")).unwrap();
+        let store = feedwave_store::Store::open(&uri, feedwave_store::StoreSettings::default()).await.unwrap();
+        let (metrics, draining) = (Arc::new(Metrics::new()), CancellationToken::new());
+        let engine = Engine::new(store.clone(), metrics.clone(), limits.clone(), draining.clone());
+        let (access, audit) = (Access::load(None).unwrap(), AuditLog::new(store, engine));
+        let layer = RpcLayer::new(metrics.clone(), &limits, access, audit, draining);
+        (folder, metrics, layer)
+    }
+
     #[tokio::test]
     async fn a_panic_ends_its_call_and_no_other() {
-        let metrics = Arc::new(Metrics::new());
         let limits = Limits { concurrent_requests: 1, ..Limits::default() };
-        let layer = RpcLayer::new(metrics.clone(), &limits, Access::load(None).unwrap(), CancellationToken::new());
+        let (_folder, metrics, layer) = layer_of(limits).await;
         let request = || Request::new(Body::empty());
         let at_once = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
             panic!("before there is a future")
@@ -404,20 +483,19 @@ mod tests {
         }
     }
 
-    #[tokio::test(start_paused = true)]
+    #[tokio::test]
     async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
-        let layer = RpcLayer::new(
-            Arc::new(Metrics::new()),
-            &Limits::default(),
-            Access::load(None).unwrap(),
-            CancellationToken::new(),
-        );
+        let (_folder, _, layer) = layer_of(Limits::default()).await;
+        tokio::time::pause();
         let endless = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
         let mut request = Request::new(Body::empty());
         request.headers_mut().insert("grpc-timeout", "2S".parse().unwrap());
-        let started = tokio::time::Instant::now();
-        let response = layer.layer(endless).call(request).await.unwrap();
-        assert_eq!(started.elapsed().as_secs(), 2);
+        let mut answer = layer.layer(endless).call(request);
+        assert!((&mut answer).now_or_never().is_none());
+        tokio::time::advance(std::time::Duration::from_millis(1_990)).await;
+        assert!((&mut answer).now_or_never().is_none());
+        tokio::time::advance(std::time::Duration::from_millis(20)).await;
+        let response = answer.await.unwrap();
         let status = Status::from_header_map(response.headers()).unwrap();
         assert_eq!(status.code(), Code::DeadlineExceeded);
         assert_eq!(status.get_error_details().error_info().unwrap().reason, "DEADLINE_EXCEEDED");

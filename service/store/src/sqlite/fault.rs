@@ -9,6 +9,7 @@ use sqlx::error::ErrorKind;
 use sqlx::sqlite::SqliteRow;
 
 use crate::error::{Result, StoreError};
+use crate::tenant::Tenant;
 use crate::{Json, RawValue};
 
 /// SQLite's primary result codes, <https://www.sqlite.org/rescode.html>.
@@ -68,6 +69,14 @@ where
     T: FromStr<Err: Display>,
 {
     parse(row.try_get::<&str, _>(column)?, column)
+}
+
+/// The tenant of a record.
+pub(super) fn tenant(row: &SqliteRow) -> Result<Tenant> {
+    match row.try_get::<&str, _>("tenant")? {
+        "" => Ok(Tenant::DEFAULT),
+        name => parse(name, "tenant"),
+    }
 }
 
 /// As [`parsed`], of a column that may be null.

@@ -8,13 +8,16 @@ use uuid::Uuid;
 
 use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
-use super::fault::{is_reference, json, json_option, parsed, parsed_option, signed, to_json, unsigned};
+use super::fault::{is_reference, json, json_option, parsed, parsed_option, signed, tenant, to_json, unsigned};
 use super::writer::Transaction;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::jobs::{
-    FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport, StoredReport,
+    EventFilter, FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport,
+    StoredReport,
 };
-use crate::page::{Page, PageRequest, Scope};
+use crate::page::{Page, PageRequest, Scope, tenant_scope};
+use crate::programs::ProgramKey;
+use crate::tenant::Tenant;
 
 /// Longest request id, machine id, display name and detail in bytes.
 const MAX_TEXT_BYTES: u64 = 4096;
@@ -23,7 +26,7 @@ macro_rules! job_query {
     ($columns:literal, $rest:literal) => {
         concat!(
             "SELECT j.id, j.sequence, j.request_id, j.fingerprint, j.display_name, j.program_id, p.size_bytes, j.machine_id, j.state,
-                j.state_detail, j.created_us, j.updated_us, j.revision, j.attempts,
+                j.state_detail, j.created_us, j.updated_us, j.revision, j.attempts, j.tenant, j.owner,
                 r.error_count, r.warning_count, r.info_count, r.summary ", $columns,
             " FROM jobs AS j CROSS JOIN programs AS p ON p.id = j.program_id
                 LEFT JOIN validation_reports AS r ON r.job_id = j.id ",
@@ -37,12 +40,18 @@ fn job(row: &SqliteRow) -> Result<Job> {
         Some(_) => Some(findings(row)?),
         None => None,
     };
+    let tenant = tenant(row)?;
+    let request_id: &str = row.try_get("request_id")?;
+    // The key has the tenant behind it.
+    let request_id = request_id.split_once(' ').map_or(request_id, |(request_id, _)| request_id);
     Ok(Job {
         id: parsed(row, "id")?,
         sequence: row.try_get("sequence")?,
-        request_id: row.try_get("request_id")?,
+        tenant,
+        owner: row.try_get("owner")?,
+        request_id: request_id.to_owned(),
         display_name: row.try_get("display_name")?,
-        program_id: parsed(row, "program_id")?,
+        program_id: parsed::<ProgramKey>(row, "program_id")?.0,
         program_size_bytes: unsigned(row, "size_bytes")?,
         machine_id: row.try_get("machine_id")?,
         state: parsed(row, "state")?,
@@ -67,6 +76,7 @@ fn findings(row: &SqliteRow) -> Result<FindingCounts> {
 fn event(row: &SqliteRow) -> Result<JobEvent> {
     Ok(JobEvent {
         sequence: row.try_get("sequence")?,
+        tenant: tenant(row)?,
         job_id: parsed(row, "job_id")?,
         from_state: parsed_option(row, "from_state")?,
         to_state: parsed_option(row, "to_state")?,
@@ -87,22 +97,24 @@ async fn find_job(connection: &mut SqliteConnection, id: Uuid) -> Result<Job> {
 /// Writes an event into the log; its number, which none ever has again.
 pub(super) async fn log(
     tx: &mut Transaction,
-    id: Uuid,
+    (tenant, id): (Tenant, Uuid),
     from: Option<JobState>,
     to: Option<JobState>,
     at_us: i64,
     detail: &str,
 ) -> Result<i64> {
-    let sequence =
-        sqlx::query("INSERT INTO job_events (job_id, from_state, to_state, at_us, detail) VALUES (?, ?, ?, ?, ?)")
-            .bind(id.to_string())
-            .bind(from.map(JobState::as_str))
-            .bind(to.map(JobState::as_str))
-            .bind(at_us)
-            .bind(detail)
-            .execute(&mut tx.connection)
-            .await?
-            .last_insert_rowid();
+    let sequence = sqlx::query(
+        "INSERT INTO job_events (tenant, job_id, from_state, to_state, at_us, detail) VALUES (?, ?, ?, ?, ?, ?)",
+    )
+    .bind(tenant.name())
+    .bind(id.to_string())
+    .bind(from.map(JobState::as_str))
+    .bind(to.map(JobState::as_str))
+    .bind(at_us)
+    .bind(detail)
+    .execute(&mut tx.connection)
+    .await?
+    .last_insert_rowid();
     tx.event_written(sequence);
     Ok(sequence)
 }
@@ -157,7 +169,7 @@ fn scope(filter: &JobFilter) -> Scope {
     let time = |time: Option<i64>| time.map(i64::to_be_bytes).map_or_else(Vec::new, Vec::from);
     let machine = filter.machine_id.as_deref().map_or_else(String::new, |id| format!("={id}"));
     let [from, before] = [filter.created_from_us, filter.created_before_us].map(time);
-    Scope::of([b"jobs", states.join(",").as_bytes(), machine.as_bytes(), &from, &before])
+    Scope::of([b"jobs", states.join(",").as_bytes(), machine.as_bytes(), &from, &before, &tenant_scope(filter.tenant)])
 }
 
 /// Between which numbers the jobs created from and before these times are, found by the index over times: the list itself
@@ -195,6 +207,7 @@ impl Jobs for SqliteStore {
             ("display name size in bytes", &new.display_name),
             ("machine id size in bytes", &new.machine_id),
             ("client size in bytes", &new.client),
+            ("owner size in bytes", &new.owner),
         ] {
             check_size(what, text.len(), MAX_TEXT_BYTES)?;
         }
@@ -222,9 +235,9 @@ impl Jobs for SqliteStore {
         })
     }
 
-    async fn job_by_request(&self, request_id: &str) -> Result<Option<Job>> {
+    async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>> {
         let row = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
-            .bind(request_id)
+            .bind(tenant.key(request_id))
             .fetch_optional(&mut *self.reader().await?)
             .await?;
         row.as_ref().map(job).transpose()
@@ -241,6 +254,9 @@ impl Jobs for SqliteStore {
         let mut sql = QueryBuilder::<Sqlite>::new(job_query!("", "WHERE j.sequence >= "));
         sql.push_bind(first).push(" AND j.sequence <= ");
         sql.push_bind(before.map_or(last, |before| last.min(before.saturating_sub(1))));
+        if let Some(tenant) = filter.tenant {
+            sql.push(" AND j.tenant = ").push_bind(tenant.name().to_owned());
+        }
         if !filter.states.is_empty() {
             sql.push(" AND j.state IN ");
             push_states(&mut sql, &filter.states);
@@ -269,10 +285,16 @@ impl Jobs for SqliteStore {
         rows.iter().map(|row| parsed(row, "id")).collect()
     }
 
-    async fn count_jobs(&self) -> Result<Vec<(JobState, u64)>> {
-        let rows = sqlx::query("SELECT state, COUNT(*) AS jobs FROM jobs GROUP BY state")
-            .fetch_all(&mut *self.reader().await?)
-            .await?;
+    async fn count_jobs(&self, tenant: Option<Tenant>) -> Result<Vec<(JobState, u64)>> {
+        let sql = match tenant {
+            Some(_) => "SELECT state, COUNT(*) AS jobs FROM jobs WHERE tenant = ? GROUP BY state",
+            None => "SELECT state, COUNT(*) AS jobs FROM jobs GROUP BY state",
+        };
+        let mut query = sqlx::query(sql);
+        if let Some(tenant) = &tenant {
+            query = query.bind(tenant.name());
+        }
+        let rows = query.fetch_all(&mut *self.reader().await?).await?;
         rows.iter().map(|row| Ok((parsed(row, "state")?, unsigned(row, "jobs")?))).collect()
     }
 
@@ -330,21 +352,29 @@ impl Jobs for SqliteStore {
                 }
                 sqlx::query("DELETE FROM jobs WHERE id = ?").bind(id.to_string()).execute(&mut tx.connection).await?;
                 let now_us = tx.now_us();
-                log(tx, id, Some(job.state), None, now_us, "deleted").await.map(drop)
+                log(tx, (job.tenant, id), Some(job.state), None, now_us, "deleted").await.map(drop)
             })
         })
         .await
     }
 
-    async fn events_after(&self, sequence: i64, job_id: Option<Uuid>, limit: u32) -> Result<Vec<JobEvent>> {
+    async fn events_after(&self, sequence: i64, filter: &EventFilter, limit: u32) -> Result<Vec<JobEvent>> {
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM job_events WHERE sequence > ");
         sql.push_bind(sequence);
-        if let Some(id) = job_id {
+        if let Some(tenant) = filter.tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.name().to_owned());
+        }
+        if let Some(id) = filter.job_id {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_EVENTS));
         let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
         rows.iter().map(event).collect()
+    }
+
+    async fn newest_event(&self, tenant: Tenant) -> Result<i64> {
+        let newest = sqlx::query_scalar("SELECT COALESCE(MAX(sequence), 0) FROM job_events WHERE tenant = ?");
+        Ok(newest.bind(tenant.name()).fetch_one(&mut *self.reader().await?).await?)
     }
 
     fn latest_sequence(&self) -> i64 {
@@ -358,7 +388,7 @@ impl Jobs for SqliteStore {
 
 async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let earlier = sqlx::query(job_query!("", "WHERE j.request_id = ?"))
-        .bind(&new.request_id)
+        .bind(new.tenant.key(&new.request_id))
         .fetch_optional(&mut tx.connection)
         .await?;
     if let Some(row) = earlier {
@@ -372,18 +402,18 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let state = JobState::PendingValidation;
     let now_us = tx.now_us();
     // Its number is that of its first event: who reads on behind a number misses no job, whatever was deleted.
-    let sequence = log(tx, id, None, Some(state), now_us, "").await?;
+    let sequence = log(tx, (new.tenant, id), None, Some(state), now_us, "").await?;
     let inserted = sqlx::query(
         "INSERT INTO jobs (id, request_id, fingerprint, display_name, program_id, machine_id, state, state_detail,
-            created_us, updated_us, revision, settings, machine_snapshot, client, sequence)
-         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?, ?, ?)
+            created_us, updated_us, revision, settings, machine_snapshot, client, sequence, tenant, owner)
+         VALUES (?, ?, ?, ?, ?, ?, ?, '', ?, ?, 1, ?, ?, ?, ?, ?, ?)
          RETURNING (SELECT size_bytes FROM programs WHERE id = program_id) AS size_bytes",
     )
     .bind(id.to_string())
-    .bind(&new.request_id)
+    .bind(new.tenant.key(&new.request_id))
     .bind(new.fingerprint.as_bytes().as_slice())
     .bind(&new.display_name)
-    .bind(new.program_id.to_string())
+    .bind(new.program_id.of_tenant(new.tenant).key())
     .bind(&new.machine_id)
     .bind(state.as_str())
     .bind(now_us)
@@ -392,6 +422,8 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     .bind(new.machine_snapshot.get())
     .bind(&new.client)
     .bind(sequence)
+    .bind(new.tenant.name())
+    .bind(&new.owner)
     .fetch_one(&mut tx.connection)
     .await;
     let row = inserted.map_err(|error| {
@@ -400,7 +432,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     for further in new.further_program_ids {
         let inserted = sqlx::query("INSERT OR IGNORE INTO job_programs (job_id, program_id) VALUES (?, ?)")
             .bind(id.to_string())
-            .bind(further.to_string())
+            .bind(further.of_tenant(new.tenant).key())
             .execute(&mut tx.connection)
             .await;
         inserted.map_err(|error| {
@@ -410,9 +442,11 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     Ok(Job {
         id,
         sequence,
+        tenant: new.tenant,
+        owner: new.owner,
         request_id: new.request_id,
         display_name: new.display_name,
-        program_id: new.program_id,
+        program_id: new.program_id.of_tenant(new.tenant),
         program_size_bytes: unsigned(&row, "size_bytes")?,
         machine_id: new.machine_id,
         state,
@@ -434,7 +468,7 @@ async fn change(
     detail: String,
     report: Option<PackedReport>,
 ) -> Result<Job> {
-    let state = sqlx::query("SELECT state FROM jobs WHERE id = ?")
+    let state = sqlx::query("SELECT state, tenant FROM jobs WHERE id = ?")
         .bind(id.to_string())
         .fetch_optional(&mut tx.connection)
         .await?
@@ -454,6 +488,6 @@ async fn change(
     if let Some(report) = report {
         report.insert(&mut tx.connection, id, now_us).await?;
     }
-    log(tx, id, Some(actual), Some(to), now_us, &detail).await?;
+    log(tx, (tenant(&state)?, id), Some(actual), Some(to), now_us, &detail).await?;
     find_job(&mut tx.connection, id).await
 }

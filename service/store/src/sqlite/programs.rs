@@ -9,10 +9,12 @@ use super::SqliteStore;
 use super::compress::{compress, decompress, offload};
 use super::fault::{is_reference, parsed, signed, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
-use crate::page::{Page, PageRequest, Scope};
+use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::programs::{
-    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, ProgramKey, Programs, UploadId, UploadInfo,
+    UploadStart,
 };
+use crate::tenant::Tenant;
 
 /// Chunks removed by one write: a large program is removed in pieces, so that other writes are not delayed.
 const REMOVED_CHUNKS: i64 = 32;
@@ -60,14 +62,15 @@ pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i6
 /// Makes a content visible as a program.
 pub(super) async fn insert_program(connection: &mut SqliteConnection, content: i64, info: &ProgramInfo) -> Result<()> {
     sqlx::query(
-        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, sequence)
-         VALUES (?, ?, ?, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM programs))",
+        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant, sequence)
+         VALUES (?, ?, ?, ?, ?, ?, (SELECT COALESCE(MAX(sequence), 0) + 1 FROM programs))",
     )
-    .bind(info.id.to_string())
+    .bind(info.id.key())
     .bind(content)
     .bind(signed("program size in bytes", info.size_bytes)?)
     .bind(signed("number of chunks", info.chunk_count)?)
     .bind(info.created_us)
+    .bind(info.id.tenant().name())
     .execute(connection)
     .await?;
     Ok(())
@@ -80,7 +83,7 @@ pub(super) async fn insert_content(connection: &mut SqliteConnection) -> Result<
 
 pub(super) async fn find_program(connection: &mut SqliteConnection, id: ProgramId) -> Result<Option<ProgramInfo>> {
     let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = ?")
-        .bind(id.to_string())
+        .bind(id.key())
         .fetch_optional(connection)
         .await?;
     row.as_ref().map(program_info).transpose()
@@ -88,7 +91,7 @@ pub(super) async fn find_program(connection: &mut SqliteConnection, id: ProgramI
 
 fn program_info(row: &SqliteRow) -> Result<ProgramInfo> {
     Ok(ProgramInfo {
-        id: parsed(row, "id")?,
+        id: parsed::<ProgramKey>(row, "id")?.0,
         size_bytes: unsigned(row, "size_bytes")?,
         chunk_count: unsigned(row, "chunk_count")?,
         created_us: row.try_get("created_us")?,
@@ -198,10 +201,10 @@ async fn chunk_source(row: &SqliteRow) -> Result<Bytes> {
 
 #[async_trait]
 impl Programs for SqliteStore {
-    async fn put_program(&self, source: Bytes) -> Result<ProgramInfo> {
+    async fn put_program(&self, tenant: Tenant, source: Bytes) -> Result<ProgramInfo> {
         check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
         let hashed = source.clone();
-        let id = offload(source.len(), move || Ok(ProgramId::of(&hashed))).await?;
+        let id = offload(source.len(), move || Ok(ProgramId::of(&hashed).of_tenant(tenant))).await?;
         if let Some(info) = find_program(&mut *self.reader().await?, id).await? {
             return Ok(info);
         }
@@ -234,16 +237,24 @@ impl Programs for SqliteStore {
 
     async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
         let row = sqlx::query(entry_query!("WHERE p.id = ?"))
-            .bind(id.to_string())
+            .bind(id.key())
             .fetch_optional(&mut *self.reader().await?)
             .await?;
         program_entry(&row.ok_or_else(|| StoreError::not_found(Kind::Program, id))?)
     }
 
-    async fn list_programs(&self, file_name: &str, page: &PageRequest) -> Result<Page<ProgramEntry>> {
-        let scope = Scope::of([b"programs", file_name.as_bytes()]);
+    async fn list_programs(
+        &self,
+        tenant: Option<Tenant>,
+        file_name: &str,
+        page: &PageRequest,
+    ) -> Result<Page<ProgramEntry>> {
+        let scope = Scope::of([b"programs", file_name.as_bytes(), &tenant_scope(tenant)]);
         let size = page.bounded_size();
         let mut sql = QueryBuilder::<Sqlite>::new(entry_query!("WHERE TRUE"));
+        if let Some(tenant) = tenant {
+            sql.push(" AND p.tenant = ").push_bind(tenant.name().to_owned());
+        }
         if !file_name.is_empty() {
             // An index has only programs with a name.
             sql.push(" AND p.file_name <> '' AND p.file_name = ").push_bind(file_name);
@@ -264,7 +275,7 @@ impl Programs for SqliteStore {
             Box::pin(async move {
                 let named = sqlx::query("UPDATE programs SET file_name = ? WHERE id = ?")
                     .bind(file_name)
-                    .bind(id.to_string())
+                    .bind(id.key())
                     .execute(&mut tx.connection)
                     .await?;
                 if named.rows_affected() == 0 { Err(StoreError::not_found(Kind::Program, id)) } else { Ok(()) }
@@ -278,7 +289,7 @@ impl Programs for SqliteStore {
             "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
              WHERE id = ? AND chunk_index = ?",
         )
-        .bind(id.to_string())
+        .bind(id.key())
         .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
         .fetch_optional(&mut *self.reader().await?)
         .await?;
@@ -293,7 +304,7 @@ impl Programs for SqliteStore {
             .write(0, move |tx| {
                 Box::pin(async move {
                     let deleted = sqlx::query_scalar("DELETE FROM programs WHERE id = ? RETURNING content_id")
-                        .bind(id.to_string())
+                        .bind(id.key())
                         .fetch_optional(&mut tx.connection)
                         .await;
                     match deleted {
@@ -301,7 +312,7 @@ impl Programs for SqliteStore {
                         Ok(None) => Err(StoreError::not_found(Kind::Program, id)),
                         Err(error) if is_reference(&error) => {
                             let users: i64 = sqlx::query_scalar(concat!("SELECT ", job_count!("?1")))
-                                .bind(id.to_string())
+                                .bind(id.key())
                                 .fetch_one(&mut tx.connection)
                                 .await?;
                             Err(StoreError::InUse {

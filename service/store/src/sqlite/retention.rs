@@ -9,7 +9,7 @@ use uuid::Uuid;
 use super::SqliteStore;
 use super::fault::parsed;
 use crate::error::{Result, StoreError};
-use crate::programs::{ProgramId, Programs as _};
+use crate::programs::{ProgramKey, Programs as _};
 use crate::retention::{Removed, Retention, RetentionPolicy};
 
 /// Records removed by one write.
@@ -28,6 +28,7 @@ const PROGRAMS: &str = "FROM programs AS j WHERE j.created_us < ?
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE program_id = j.id)
     AND NOT EXISTS (SELECT 1 FROM job_programs WHERE program_id = j.id)";
 const EVENTS: &str = "FROM job_events AS j WHERE j.at_us < ?";
+const AUDIT: &str = "FROM audit_entries AS j WHERE j.at_us < ?";
 
 fn cutoff(age: Option<Duration>) -> Option<i64> {
     let age_us = i64::try_from(age?.as_micros()).unwrap_or(i64::MAX);
@@ -90,7 +91,7 @@ impl SqliteStore {
             let rows = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
             let before = removed;
             for row in &rows {
-                let id: ProgramId = parsed(row, "id")?;
+                let ProgramKey(id) = parsed(row, "id")?;
                 match self.delete_program(id).await {
                     Ok(()) => removed += 1,
                     // A job was created with it meanwhile.
@@ -145,6 +146,7 @@ impl Retention for SqliteStore {
             runs: self.count(RUNS, policy.runs).await?,
             programs: self.count(PROGRAMS, policy.programs).await?,
             events: self.count(EVENTS, policy.events).await?,
+            audit: self.count(AUDIT, policy.audit).await?,
         })
     }
 
@@ -167,6 +169,9 @@ impl Retention for SqliteStore {
         }
         if let Some(cutoff) = cutoff(policy.events) {
             removed.events = self.remove("job_events", EVENTS, cutoff).await?;
+        }
+        if let Some(cutoff) = cutoff(policy.audit) {
+            removed.audit = self.remove("audit_entries", AUDIT, cutoff).await?;
         }
         if let Some(bytes) = policy.bytes {
             while self.bytes_in_use().await? > bytes {

@@ -11,15 +11,16 @@ use uuid::Uuid;
 use self::commit::{Packed, pack, write};
 use super::SqliteStore;
 use super::compress::{decompress, offload};
-use super::fault::{is_reference, json, parsed, signed, to_json, unsigned};
+use super::fault::{is_reference, json, parsed, signed, tenant, to_json, unsigned};
 use super::writer::Transaction;
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
-use crate::page::{Page, PageRequest, Scope};
+use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run, RunCommit,
     RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
 };
+use crate::tenant::Tenant;
 
 /// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
 const MAX_ROWS: u64 = 4096;
@@ -44,6 +45,7 @@ fn run(row: &SqliteRow) -> Result<Run> {
     };
     Ok(Run {
         id: parsed(row, "id")?,
+        tenant: tenant(row)?,
         sequence: row.try_get("sequence")?,
         job_id: parsed(row, "job_id")?,
         kind: parsed(row, "kind")?,
@@ -77,8 +79,8 @@ fn condition(row: &SqliteRow) -> Result<RunCondition> {
 async fn tell(tx: &mut Transaction, run_id: &str, message: &str) -> Result<()> {
     let at_us = tx.now_us();
     let sequence = sqlx::query(
-        "INSERT INTO job_events (job_id, from_state, to_state, at_us, detail)
-         SELECT j.id, j.state, j.state, ?, ? FROM jobs AS j JOIN runs AS r ON r.job_id = j.id WHERE r.id = ?",
+        "INSERT INTO job_events (tenant, job_id, from_state, to_state, at_us, detail)
+         SELECT j.tenant, j.id, j.state, j.state, ?, ? FROM jobs AS j JOIN runs AS r ON r.job_id = j.id WHERE r.id = ?",
     )
     .bind(at_us)
     .bind(message)
@@ -94,7 +96,7 @@ async fn tell(tx: &mut Transaction, run_id: &str, message: &str) -> Result<()> {
 macro_rules! run_query {
     ($rest:literal) => {
         concat!(
-            "SELECT id, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
+            "SELECT id, tenant, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
                 setpoints_sent, setpoints_digest, settings,
                 (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
                     AS open_conditions
@@ -200,9 +202,10 @@ impl Runs for SqliteStore {
                 let now_us = tx.now_us();
                 let inserted = sqlx::query(
                     "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
-                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, sequence)
-                     VALUES (?, ?, ?, 'open', '', ?, ?, 1, 0, 0, ?, ?, ?,
-                        (SELECT COALESCE(MAX(sequence), 0) + 1 FROM runs))",
+                        setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, sequence, tenant)
+                     VALUES (?1, ?2, ?3, 'open', '', ?4, ?5, 1, 0, 0, ?6, ?7, ?8,
+                        (SELECT COALESCE(MAX(sequence), 0) + 1 FROM runs),
+                        COALESCE((SELECT tenant FROM jobs WHERE id = ?2), ''))",
                 )
                 .bind(id.to_string())
                 .bind(job_id.to_string())
@@ -263,10 +266,14 @@ impl Runs for SqliteStore {
         find_run(&mut *self.reader().await?, id).await
     }
 
-    async fn list_runs(&self, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
-        let scope = Scope::of([b"runs".as_slice(), job_id.as_ref().map_or(&[], |id| id.as_bytes().as_slice())]);
+    async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
+        let job: &[u8] = job_id.as_ref().map_or(&[], |id| id.as_bytes());
+        let scope = Scope::of([b"runs".as_slice(), job, &tenant_scope(tenant)]);
         let size = page.bounded_size();
         let mut sql = QueryBuilder::<Sqlite>::new(run_query!("WHERE TRUE"));
+        if let Some(tenant) = tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.name().to_owned());
+        }
         if let Some(job_id) = job_id {
             sql.push(" AND job_id = ").push_bind(job_id.to_string());
         }
@@ -336,11 +343,15 @@ impl Runs for SqliteStore {
         .await
     }
 
-    async fn count_open_conditions(&self) -> Result<u64> {
-        let row = sqlx::query("SELECT COUNT(*) AS open FROM run_conditions WHERE acknowledged_us IS NULL")
-            .fetch_one(&mut *self.reader().await?)
-            .await?;
-        unsigned(&row, "open")
+    async fn count_open_conditions(&self, tenant: Option<Tenant>) -> Result<u64> {
+        let mut sql = QueryBuilder::<Sqlite>::new(
+            "SELECT COUNT(*) AS open FROM run_conditions AS c WHERE c.acknowledged_us IS NULL",
+        );
+        if let Some(tenant) = tenant {
+            sql.push(" AND EXISTS (SELECT 1 FROM runs AS r WHERE r.id = c.run_id AND r.tenant = ");
+            sql.push_bind(tenant.name().to_owned()).push(")");
+        }
+        unsigned(&sql.build().fetch_one(&mut *self.reader().await?).await?, "open")
     }
 
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
@@ -362,6 +373,9 @@ impl Runs for SqliteStore {
     async fn decisions_after(&self, sequence: i64, filter: &DecisionFilter, limit: u32) -> Result<Vec<DecisionRecord>> {
         let mut sql = QueryBuilder::<Sqlite>::new("SELECT * FROM decisions WHERE sequence > ");
         sql.push_bind(sequence);
+        if let Some(tenant) = filter.tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.name().to_owned());
+        }
         if let Some(id) = filter.run_id {
             sql.push(" AND run_id = ").push_bind(id.to_string());
         }

@@ -17,7 +17,7 @@ use super::fault::{parsed, signed, unsigned};
 use super::programs::{Chunk, find_program, insert_chunks, insert_content, insert_program};
 use super::writer::Transaction;
 use crate::error::{Kind, Result, StoreError, check_size};
-use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, UploadId, UploadInfo, UploadStart};
+use crate::programs::{CHUNK_BYTES, ProgramId, ProgramInfo, ProgramKey, UploadId, UploadInfo, UploadStart};
 
 /// Longest name of a client in bytes.
 const MAX_CLIENT_BYTES: u64 = 4_096;
@@ -28,7 +28,7 @@ const APPENDED_BYTES: usize = 4 << 20;
 fn upload_info(row: &SqliteRow) -> Result<UploadInfo> {
     Ok(UploadInfo {
         id: parsed(row, "id")?,
-        expected: parsed(row, "expected_id")?,
+        expected: parsed::<ProgramKey>(row, "expected_id")?.0,
         client: row.try_get("client")?,
         size_bytes: unsigned(row, "size_bytes")?,
         received_bytes: unsigned(row, "received_bytes")?,
@@ -76,7 +76,7 @@ impl SqliteStore {
                     return Ok(UploadStart::Complete(program));
                 }
                 let unfinished = sqlx::query("SELECT * FROM uploads WHERE expected_id = ? AND size_bytes = ?")
-                    .bind(expected.to_string())
+                    .bind(expected.key())
                     .bind(size)
                     .fetch_optional(&mut tx.connection)
                     .await?;
@@ -102,7 +102,7 @@ impl SqliteStore {
                 )
                     .bind(Uuid::now_v7().to_string())
                     .bind(content)
-                    .bind(expected.to_string())
+                    .bind(expected.key())
                     .bind(size)
                     .bind(now_us)
                     .bind(now_us)
@@ -228,7 +228,7 @@ impl SqliteStore {
             });
         }
         let chunk_count = info.size_bytes.div_ceil(CHUNK_BYTES);
-        let actual = self.hash(id, content, chunk_count).await?;
+        let actual = self.hash(id, content, chunk_count).await?.of_tenant(info.expected.tenant());
         if actual != info.expected {
             tracing::warn!(upload = %id, expected = %info.expected, %actual, "upload discarded: wrong hash");
             self.discard(id).await?;

@@ -5,7 +5,7 @@ use sqlx::Row;
 use uuid::Uuid;
 
 use super::SqliteStore;
-use super::fault::{parsed, unsigned};
+use super::fault::{parsed, tenant, unsigned};
 use super::jobs::{log, missing};
 use super::writer::Transaction;
 use crate::error::{Result, StoreError};
@@ -58,7 +58,7 @@ impl Validations for SqliteStore {
 }
 
 async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32) -> Result<Attempt> {
-    let row = sqlx::query("SELECT state, attempts FROM jobs WHERE id = ?")
+    let row = sqlx::query("SELECT state, attempts, tenant FROM jobs WHERE id = ?")
         .bind(id.to_string())
         .fetch_optional(&mut tx.connection)
         .await?
@@ -97,7 +97,7 @@ async fn begin(tx: &mut Transaction, id: Uuid, max_attempts: u32) -> Result<Atte
     .execute(&mut tx.connection)
     .await?;
     if changed {
-        log(tx, id, Some(state), Some(to), now_us, &detail).await?;
+        log(tx, (tenant(&row)?, id), Some(state), Some(to), now_us, &detail).await?;
     }
     Ok(if given_up { Attempt::GivenUp } else { Attempt::Begun(attempt) })
 }

@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use feedwave_store::{
-    FindingCounts, Fingerprint, JobFilter, JobState, Kind, NewJob, NewReport, PageRequest, ProgramId, Store,
-    StoreError, StoreSettings,
+    EventFilter, FindingCounts, Fingerprint, JobFilter, JobState, Kind, NewJob, NewReport, PageRequest, ProgramId,
+    Store, StoreError, StoreSettings, Tenant,
 };
 use uuid::Uuid;
 
@@ -48,9 +48,9 @@ async fn the_same_request_makes_one_job() {
     }
     let ids: HashSet<_> = creations.join_all().await.into_iter().collect();
     assert_eq!(ids.len(), 1);
-    assert_eq!(store.events_after(0, None, 10).await.unwrap().len(), 1, "one creation is logged");
-    assert_eq!(store.job_by_request("once").await.unwrap().map(|job| job.id), ids.into_iter().next());
-    assert!(store.job_by_request("never").await.unwrap().is_none());
+    assert_eq!(store.events_after(0, &EventFilter::default(), 10).await.unwrap().len(), 1, "one creation is logged");
+    assert_eq!(store.job_by_request(Tenant::DEFAULT, "once").await.unwrap().map(|job| job.id), ids.into_iter().next());
+    assert!(store.job_by_request(Tenant::DEFAULT, "never").await.unwrap().is_none());
 }
 
 #[tokio::test]
@@ -74,7 +74,7 @@ async fn a_job_needs_its_program_and_its_bounds() {
     let absent = ProgramId::of(b"absent");
     let refused = store.create_job(new_job("r", absent)).await;
     assert!(matches!(refused, Err(StoreError::NotFound { kind: Kind::Program, .. })), "{refused:?}");
-    assert!(store.job_by_request("r").await.unwrap().is_none());
+    assert!(store.job_by_request(Tenant::DEFAULT, "r").await.unwrap().is_none());
     assert_eq!(store.latest_sequence(), 0);
 
     let large = json(&format!("\"{}\"", "x".repeat(100)));
@@ -115,7 +115,8 @@ async fn transitions_compare_store_and_log() {
     }
     assert_eq!(store.report(job.id).await.unwrap().report.get(), r#"{"a":1}"#, "a refused change stores nothing");
 
-    let log = store.events_after(0, Some(job.id), 100).await.unwrap();
+    let log =
+        store.events_after(0, &EventFilter { job_id: Some(job.id), ..EventFilter::default() }, 100).await.unwrap();
     let changes: Vec<_> = log.iter().map(|event| (event.from_state, event.to_state, event.detail.as_str())).collect();
     assert_eq!(
         changes,
@@ -151,7 +152,7 @@ async fn large_reports_come_back_whole() {
     let place = Place::new();
     let limits = StoreSettings { max_report_bytes: 3_000_000, ..StoreSettings::default() };
     let store = place.open(limits).await;
-    let program = store.put_program("M30".into()).await.unwrap().id;
+    let program = store.put_program(Tenant::DEFAULT, "M30".into()).await.unwrap().id;
     let job = store.create_job(new_job("r", program)).await.unwrap();
     let text = format!("[{}0]", "123456789.125,".repeat(200_000));
     store.transition(job.id, &JobState::ALL, JobState::Ready, "", Some(report(&text))).await.unwrap();
@@ -180,7 +181,8 @@ async fn deleting_a_job_leaves_its_log() {
     assert!(matches!(store.job(job.id).await, Err(StoreError::NotFound { kind: Kind::Job, .. })));
     assert!(matches!(store.report(job.id).await, Err(StoreError::NotFound { kind: Kind::Job, .. })));
     assert!(matches!(store.delete_job(job.id, None).await, Err(StoreError::NotFound { .. })));
-    let log = store.events_after(0, Some(job.id), 100).await.unwrap();
+    let log =
+        store.events_after(0, &EventFilter { job_id: Some(job.id), ..EventFilter::default() }, 100).await.unwrap();
     let last = log.last().unwrap();
     assert_eq!((log.len(), last.from_state, last.to_state), (3, Some(JobState::Ready), None));
     // The request id is free again.
@@ -198,7 +200,7 @@ async fn events_are_followed_without_gaps() {
             let mut seen = Vec::new();
             while seen.len() < 60 {
                 let after = seen.last().copied().unwrap_or(0);
-                let events = store.events_after(after, None, 7).await.unwrap();
+                let events = store.events_after(after, &EventFilter::default(), 7).await.unwrap();
                 if events.is_empty() {
                     // Only a sequence beyond what was read is waited for, so none is missed.
                     watch.wait_for(|newest| *newest > after).await.unwrap();
@@ -258,7 +260,13 @@ async fn lists_filter_and_page_newest_first() {
         JobFilter { states: vec![JobState::Failed], ..JobFilter::default() },
         JobFilter { machine_id: machine_id.clone(), ..JobFilter::default() },
         JobFilter { created_from_us: Some(from), created_before_us: Some(before), ..JobFilter::default() },
-        JobFilter { states: ready, machine_id, created_from_us: Some(from), created_before_us: Some(before) },
+        JobFilter {
+            tenant: None,
+            states: ready,
+            machine_id,
+            created_from_us: Some(from),
+            created_before_us: Some(before),
+        },
     ] {
         let expected: Vec<_> = jobs
             .iter()
@@ -272,7 +280,7 @@ async fn lists_filter_and_page_newest_first() {
             assert_eq!(all_pages(&store, &filter, size).await, expected, "{filter:?} by {size}");
         }
     }
-    let mut counts = store.count_jobs().await.unwrap();
+    let mut counts = store.count_jobs(None).await.unwrap();
     counts.sort();
     assert_eq!(counts, [(JobState::PendingValidation, 15), (JobState::Ready, 15)]);
     let pending = store.jobs_in_state(&[JobState::PendingValidation, JobState::Validating], 4).await.unwrap();

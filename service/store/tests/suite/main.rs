@@ -2,15 +2,17 @@
 //! of a store with `{}` where the name of an empty one goes, as in `sqlite:///tmp/{}.db`. Without it the tests run on
 //! temporary SQLite files with a write-ahead log, as in production.
 
+mod audit;
 mod checkpoints;
 mod documents;
 mod jobs;
 mod programs;
 mod runs;
+mod tenants;
 mod uploads;
 mod validations;
 
-use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri};
+use feedwave_store::{Fingerprint, Json, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri, Tenant};
 use tempfile::TempDir;
 use uuid::Uuid;
 
@@ -48,6 +50,8 @@ pub(crate) fn json(text: &str) -> Json {
 
 pub(crate) fn new_job(request: &str, program_id: ProgramId) -> NewJob {
     NewJob {
+        tenant: Tenant::DEFAULT,
+        owner: String::new(),
         request_id: request.into(),
         fingerprint: Fingerprint::of([request.as_bytes()]),
         display_name: format!("job of {request}"),
@@ -63,7 +67,7 @@ pub(crate) fn new_job(request: &str, program_id: ProgramId) -> NewJob {
 /// A store with one small program.
 pub(crate) async fn with_program(place: &Place) -> (Store, ProgramId) {
     let store = open(place).await;
-    let program = store.put_program("G1 X10 F100\nM30\n".into()).await.expect("stores a program");
+    let program = store.put_program(Tenant::DEFAULT, "G1 X10 F100\nM30\n".into()).await.expect("stores a program");
     (store, program.id)
 }
 

@@ -1,6 +1,8 @@
 //! Programs put as a whole.
 
-use feedwave_store::{CHUNK_BYTES, Kind, MAX_PUT_BYTES, NewJob, PageRequest, ProgramId, StoreError, StoreSettings};
+use feedwave_store::{
+    CHUNK_BYTES, Kind, MAX_PUT_BYTES, NewJob, PageRequest, ProgramId, StoreError, StoreSettings, Tenant,
+};
 
 use super::{Place, new_job, open, read_back, source, with_program};
 
@@ -8,8 +10,8 @@ use super::{Place, new_job, open, read_back, source, with_program};
 async fn put_is_idempotent_and_addressed_by_content() {
     let place = Place::new();
     let store = open(&place).await;
-    let first = store.put_program("G0 X1\n".into()).await.unwrap();
-    let again = store.put_program("G0 X1\n".into()).await.unwrap();
+    let first = store.put_program(Tenant::DEFAULT, "G0 X1\n".into()).await.unwrap();
+    let again = store.put_program(Tenant::DEFAULT, "G0 X1\n".into()).await.unwrap();
     assert_eq!(first, again);
     assert_eq!(first.id, ProgramId::of(b"G0 X1\n"));
     assert_eq!((first.size_bytes, first.chunk_count), (6, 1));
@@ -24,7 +26,7 @@ async fn concurrent_puts_store_one_program() {
     let mut puts = tokio::task::JoinSet::new();
     for _ in 0..16 {
         let store = store.clone();
-        puts.spawn(async move { store.put_program(source(100_000).into()).await.unwrap() });
+        puts.spawn(async move { store.put_program(Tenant::DEFAULT, source(100_000).into()).await.unwrap() });
     }
     let infos = puts.join_all().await;
     assert!(infos.iter().all(|info| *info == infos[0]));
@@ -37,7 +39,7 @@ async fn any_chunk_is_read_alone() {
     let chunk = CHUNK_BYTES as usize;
     for size in [0, 1, chunk - 1, chunk, chunk + 1, 3 * chunk + 17] {
         let source = source(size);
-        let info = store.put_program(source.clone().into()).await.unwrap();
+        let info = store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap();
         assert_eq!(info.chunk_count, size.div_ceil(chunk) as u64, "{size} bytes");
         for (index, expected) in source.chunks(chunk).enumerate().rev() {
             assert_eq!(store.program_chunk(info.id, index as u64).await.unwrap(), expected, "chunk {index} of {size}");
@@ -54,12 +56,12 @@ async fn any_chunk_is_read_alone() {
 async fn too_large_is_refused() {
     let place = Place::new();
     let store = place.open(StoreSettings { max_program_bytes: 10, ..StoreSettings::default() }).await;
-    store.put_program("0123456789".into()).await.unwrap();
-    let refused = store.put_program("0123456789A".into()).await;
+    store.put_program(Tenant::DEFAULT, "0123456789".into()).await.unwrap();
+    let refused = store.put_program(Tenant::DEFAULT, "0123456789A".into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { size: 11, limit: 10, .. })), "{refused:?}");
     drop(store);
     let store = open(&place).await;
-    let refused = store.put_program(vec![b' '; MAX_PUT_BYTES as usize + 1].into()).await;
+    let refused = store.put_program(Tenant::DEFAULT, vec![b' '; MAX_PUT_BYTES as usize + 1].into()).await;
     assert!(matches!(refused, Err(StoreError::TooLarge { limit: MAX_PUT_BYTES, .. })), "{refused:?}");
 }
 
@@ -82,7 +84,7 @@ async fn a_referenced_program_stays() {
 async fn a_further_file_of_a_job_stays() {
     let place = Place::new();
     let (store, program) = with_program(&place).await;
-    let sub = store.put_program("O1000\nG0 X1\nM99\n".into()).await.unwrap().id;
+    let sub = store.put_program(Tenant::DEFAULT, "O1000\nG0 X1\nM99\n".into()).await.unwrap().id;
     let absent = ProgramId::of(b"absent");
     let further = |ids: &[ProgramId]| NewJob { further_program_ids: ids.to_vec(), ..new_job("r", program) };
     let refused = store.create_job(further(&[sub, absent])).await;
@@ -102,14 +104,14 @@ async fn programs_are_listed_by_name_and_page() {
     let store = open(&place).await;
     let mut ids = Vec::new();
     for index in 0..7 {
-        let id = store.put_program(format!("G0 X{index}\nM30\n").into()).await.unwrap().id;
+        let id = store.put_program(Tenant::DEFAULT, format!("G0 X{index}\nM30\n").into()).await.unwrap().id;
         store.name_program(id, if index % 2 == 0 { "even.nc" } else { "odd.nc" }).await.unwrap();
         ids.push(id);
     }
     let all = async |name: &str| {
         let (mut found, mut token) = (Vec::new(), String::new());
         loop {
-            let page = store.list_programs(name, &PageRequest { size: 2, token }).await.unwrap();
+            let page = store.list_programs(None, name, &PageRequest { size: 2, token }).await.unwrap();
             found.extend(page.items.into_iter().map(|entry| entry.info.id));
             match page.next_token {
                 Some(next) => token = next,
@@ -123,8 +125,8 @@ async fn programs_are_listed_by_name_and_page() {
     ids.sort_unstable();
     assert_eq!(listed, ids);
     assert!(all("none.nc").await.is_empty());
-    let token = store.list_programs("", &PageRequest { size: 2, token: String::new() }).await.unwrap().next_token;
-    let elsewhere = store.list_programs("odd.nc", &PageRequest { size: 2, token: token.unwrap() }).await;
+    let token = store.list_programs(None, "", &PageRequest { size: 2, token: String::new() }).await.unwrap().next_token;
+    let elsewhere = store.list_programs(None, "odd.nc", &PageRequest { size: 2, token: token.unwrap() }).await;
     assert!(matches!(elsewhere, Err(StoreError::InvalidPageToken)));
     let unknown = store.name_program(ProgramId::of(b"absent"), "a.nc").await;
     assert!(matches!(unknown, Err(StoreError::NotFound { .. })));
@@ -135,8 +137,8 @@ async fn a_deleted_program_can_be_put_again() {
     let place = Place::new();
     let store = open(&place).await;
     let source = source(5 * CHUNK_BYTES as usize);
-    let info = store.put_program(source.clone().into()).await.unwrap();
+    let info = store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap();
     store.delete_program(info.id).await.unwrap();
-    store.put_program(source.clone().into()).await.unwrap();
+    store.put_program(Tenant::DEFAULT, source.clone().into()).await.unwrap();
     assert_eq!(read_back(&store, info.id).await, source);
 }

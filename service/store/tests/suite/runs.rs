@@ -1,8 +1,8 @@
 //! Runs and their decisions.
 
 use feedwave_store::{
-    AttachedRun, DecisionFilter, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride, RunSetpoints,
-    RunState, Store, StoreError, TelemetryGap,
+    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride,
+    RunSetpoints, RunState, Store, StoreError, TelemetryGap,
 };
 use uuid::Uuid;
 
@@ -60,7 +60,7 @@ async fn a_run_goes_on_where_its_last_commit_left_it() {
     assert_eq!(again.overrides, [change(0, 100, 0.95), change(1, 200, 0.95 * 0.95)]);
     assert_eq!(again.run.settings.get(), r#"{"tool":7}"#);
     assert_eq!(store.telemetry_gaps(run.id).await.unwrap(), [gap]);
-    let filter = DecisionFilter { run_id: Some(run.id), job_id: None };
+    let filter = DecisionFilter { run_id: Some(run.id), ..DecisionFilter::default() };
     let kept = store.decisions_after(0, &filter, 10).await.unwrap();
     for (number, kept) in (0..3_u64).zip(&kept) {
         assert_eq!((kept.number, kept.body.as_ref()), (number, number.to_le_bytes().as_slice()));
@@ -83,7 +83,7 @@ async fn conditions_stay_until_somebody_has_seen_them() {
     };
     let unseen = async |store: &Store| {
         let (of_run, of_all) =
-            (store.run(id).await.unwrap().open_conditions, store.count_open_conditions().await.unwrap());
+            (store.run(id).await.unwrap().open_conditions, store.count_open_conditions(None).await.unwrap());
         assert_eq!(of_run, of_all);
         of_all
     };
@@ -114,7 +114,10 @@ async fn conditions_stay_until_somebody_has_seen_them() {
     assert_eq!(kept.iter().map(|kept| kept.decision_number).collect::<Vec<_>>(), [2, 3]);
     assert_eq!((&kept[0], unseen(&store).await), (&seen, 0));
     // The job's events tell of both, raised and acknowledged, once each.
-    let told = store.events_after(events, Some(run.job_id), 100).await.unwrap();
+    let told = store
+        .events_after(events, &EventFilter { job_id: Some(run.job_id), ..EventFilter::default() }, 100)
+        .await
+        .unwrap();
     assert_eq!(told.len(), 4);
     assert!(told.iter().all(|event| event.from_state == event.to_state && event.detail.contains("condition")));
     assert_eq!(store.latest_sequence(), told[3].sequence);
@@ -169,9 +172,9 @@ async fn decisions_are_followed_without_gaps() {
         seen.extend(new.iter().map(|decision| decision.sequence));
     }
     assert_eq!(seen, (1..=40).collect::<Vec<i64>>());
-    let of_job = DecisionFilter { job_id: Some(first.run.job_id), run_id: None };
+    let of_job = DecisionFilter { job_id: Some(first.run.job_id), ..DecisionFilter::default() };
     assert_eq!(store.decisions_after(10, &of_job, 7).await.unwrap().len(), 7);
-    let of_run = DecisionFilter { run_id: Some(second.run.id), job_id: None };
+    let of_run = DecisionFilter { run_id: Some(second.run.id), ..DecisionFilter::default() };
     assert_eq!(store.decisions_after(0, &of_run, 500).await.unwrap().len(), 14);
     drop(store);
     assert_eq!(*open(&place).await.watch_decisions().borrow(), 40, "the position survives");
@@ -213,7 +216,7 @@ async fn runs_page_newest_first() {
     let mut listed = Vec::new();
     let mut page = PageRequest { size: 3, token: String::new() };
     loop {
-        let runs = store.list_runs(Some(job_id), &page).await.unwrap();
+        let runs = store.list_runs(None, Some(job_id), &page).await.unwrap();
         listed.extend(runs.items.iter().map(|run| run.id));
         match runs.next_token {
             Some(token) => page.token = token,
@@ -222,7 +225,7 @@ async fn runs_page_newest_first() {
     }
     created.reverse();
     assert_eq!(listed, created);
-    let foreign = store.list_runs(None, &page).await.err();
+    let foreign = store.list_runs(None, None, &page).await.err();
     assert!(matches!(foreign, Some(StoreError::InvalidPageToken)), "{foreign:?}");
-    assert_eq!(store.list_runs(None, &PageRequest::default()).await.unwrap().items.len(), 7);
+    assert_eq!(store.list_runs(None, None, &PageRequest::default()).await.unwrap().items.len(), 7);
 }

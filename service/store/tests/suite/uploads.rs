@@ -1,7 +1,7 @@
 //! Programs uploaded piece by piece.
 
 use bytes::Bytes;
-use feedwave_store::{CHUNK_BYTES, ProgramId, Store, StoreError, StoreSettings, UploadInfo, UploadStart};
+use feedwave_store::{CHUNK_BYTES, ProgramId, Store, StoreError, StoreSettings, Tenant, UploadInfo, UploadStart};
 
 use super::{Place, open, read_back, source};
 
@@ -204,7 +204,7 @@ async fn a_program_that_came_another_way_wins() {
     let store = open(&place).await;
     let upload = begin(&store, ProgramId::of(b"same"), 4).await;
     store.append_upload(upload.id, 0, "same".into()).await.unwrap();
-    let put = store.put_program("same".into()).await.unwrap();
+    let put = store.put_program(Tenant::DEFAULT, "same".into()).await.unwrap();
     assert_eq!(store.finish_upload(upload.id).await.unwrap(), put);
     assert_eq!(read_back(&store, put.id).await, b"same");
 }

@@ -1,6 +1,6 @@
 //! The queue of validations and the count of attempts.
 
-use feedwave_store::{Attempt, JobState, Kind, NewJob, StoreError};
+use feedwave_store::{Attempt, EventFilter, JobState, Kind, NewJob, StoreError};
 use uuid::Uuid;
 
 use super::{Place, new_job, open, with_program};
@@ -42,7 +42,7 @@ async fn attempts_are_counted_over_restarts_and_end_in_failure() {
     assert!(job.state_detail.contains("3 time(s)"), "{}", job.state_detail);
     let refused = store.begin_validation(id, 3).await;
     assert!(matches!(refused, Err(StoreError::FailedState { actual: Failed, .. })), "{refused:?}");
-    let log = store.events_after(0, Some(id), 10).await.unwrap();
+    let log = store.events_after(0, &EventFilter { job_id: Some(id), ..EventFilter::default() }, 10).await.unwrap();
     let changes: Vec<_> = log.iter().map(|event| (event.from_state, event.to_state)).collect();
     let again = (Some(Validating), Some(Validating));
     let expected = [
@@ -64,7 +64,11 @@ async fn an_attempt_that_was_broken_off_in_order_does_not_count() {
         assert_eq!(store.begin_validation(id, 2).await.unwrap(), Attempt::Begun(1));
         store.return_attempt(id).await.unwrap();
     }
-    assert_eq!(store.events_after(0, Some(id), 100).await.unwrap().len(), 2, "nobody is told of it");
+    assert_eq!(
+        store.events_after(0, &EventFilter { job_id: Some(id), ..EventFilter::default() }, 100).await.unwrap().len(),
+        2,
+        "nobody is told of it"
+    );
     store.return_attempt(id).await.unwrap();
     assert_eq!(store.job(id).await.unwrap().attempts, 0);
     store.return_attempt(Uuid::now_v7()).await.unwrap();

@@ -2,9 +2,8 @@
 
 use std::collections::VecDeque;
 
-use feedwave_store::{JobEvent, MAX_EVENTS, Store};
+use feedwave_store::{EventFilter, JobEvent, MAX_EVENTS, Store};
 use tokio::sync::Mutex;
-use uuid::Uuid;
 
 use crate::error::Result;
 
@@ -40,19 +39,19 @@ impl RecentEvents {
         Self { kept: Mutex::new(Kept { from: newest, to: newest, events: VecDeque::new() }) }
     }
 
-    /// At most `limit` events behind `after`, of one job or of all; `None` where they are not kept any more. `newest` is the
+    /// At most `limit` events behind `after`; `None` where they are not kept any more. `newest` is the
     /// newest one that is durable.
     pub(super) async fn after(
         &self,
         store: &Store,
         after: i64,
         newest: i64,
-        job: Option<Uuid>,
+        filter: &EventFilter,
         limit: usize,
     ) -> Result<Option<Found>> {
         let mut kept = self.kept.lock().await;
         while kept.to < newest {
-            let events = store.events_after(kept.to, None, MAX_EVENTS).await?;
+            let events = store.events_after(kept.to, &EventFilter::default(), MAX_EVENTS).await?;
             // Sequence numbers have gaps where a write was taken back.
             kept.to = events.last().map_or(newest, |last| last.sequence);
             kept.events.extend(events);
@@ -67,7 +66,11 @@ impl RecentEvents {
             return Ok(None);
         }
         let first = kept.events.partition_point(|event| event.sequence <= after);
-        let wanted = kept.events.range(first..).filter(|event| job.is_none_or(|job| event.job_id == job));
+        let is_wanted = |event: &&JobEvent| {
+            filter.job_id.is_none_or(|job| event.job_id == job)
+                && filter.tenant.is_none_or(|tenant| event.tenant == tenant)
+        };
+        let wanted = kept.events.range(first..).filter(is_wanted);
         let events: Vec<JobEvent> = wanted.take(limit).cloned().collect();
         let to = if events.len() < limit { kept.to } else { events.last().map_or(kept.to, |last| last.sequence) };
         Ok(Some(Found { events, to }))

@@ -105,7 +105,7 @@ fn generate(mut setpoints: Setpoints, count: u64, cancelled: impl Fn() -> bool) 
 
 /// Makes every decision again; how many there were, and the feed after each.
 async fn decide_again(store: &Store, run: &Run, differences: &mut Differences) -> Result<(u64, Vec<f64>)> {
-    let filter = DecisionFilter { run_id: Some(run.id), job_id: None };
+    let filter = DecisionFilter { run_id: Some(run.id), ..DecisionFilter::default() };
     let mut feeds: Vec<f64> = Vec::new();
     let mut after = 0;
     loop {

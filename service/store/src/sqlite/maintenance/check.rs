@@ -10,7 +10,7 @@ use super::connect;
 use crate::error::{Result, StoreError};
 use crate::jobs::JobState;
 use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
-use crate::programs::{CHUNK_BYTES, ProgramId};
+use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
 use crate::runs::RunState;
 use crate::sqlite::compress::{decompress, offload};
 use crate::sqlite::fault::{parsed, parsed_option, to_json, unsigned};
@@ -105,13 +105,13 @@ impl Check {
     }
 
     async fn program(&mut self, row: &SqliteRow) -> Result<()> {
-        let expected: ProgramId = parsed(row, "id")?;
+        let ProgramKey(expected) = parsed(row, "id")?;
         let (size, count) = (unsigned(row, "size_bytes")?, unsigned(row, "chunk_count")?);
         let (actual, bytes) = self.hash(row.try_get("content_id")?, count).await?;
         if bytes != size {
             return Err(StoreError::corrupt(format!("it has {bytes} bytes, not {size}")));
         }
-        if actual != expected {
+        if actual.as_bytes() != expected.as_bytes() {
             return Err(StoreError::corrupt(format!("its bytes hash to {actual}")));
         }
         Ok(())
@@ -183,7 +183,7 @@ impl Check {
         .fetch_one(&mut self.connection)
         .await?;
         parsed::<uuid::Uuid>(&row, "id")?;
-        parsed::<ProgramId>(&row, "program_id")?;
+        parsed::<ProgramKey>(&row, "program_id")?;
         let state: JobState = parsed(&row, "state")?;
         for column in ["settings", "machine_snapshot"] {
             to_json(row.try_get(column)?, column)?;

@@ -8,8 +8,9 @@ use super::{refusal, tell};
 use crate::error::{Result, StoreError};
 use crate::runs::{DecisionRecord, NewDecision, RunCommit, RunOverride, RunSetpoints, RunState, TelemetryGap};
 use crate::sqlite::compress::{compress, offload};
-use crate::sqlite::fault::{parsed, signed};
+use crate::sqlite::fault::{parsed, signed, tenant};
 use crate::sqlite::writer::Transaction;
+use crate::tenant::Tenant;
 
 /// A commit with its numbers and the monitor's state as the database keeps them.
 pub(super) struct Packed {
@@ -88,7 +89,7 @@ pub(super) async fn write(
             setpoints_received = COALESCE(?, setpoints_received), setpoints_sent = COALESCE(?, setpoints_sent),
             setpoints_digest = COALESCE(?, setpoints_digest), state = COALESCE(?, state),
             state_detail = COALESCE(?, state_detail)
-         WHERE id = ? AND attachment = ? AND state = 'open' RETURNING job_id",
+         WHERE id = ? AND attachment = ? AND state = 'open' RETURNING job_id, tenant",
     )
     .bind(at_us)
     .bind(packed.newest_batch)
@@ -104,15 +105,15 @@ pub(super) async fn write(
     .fetch_optional(&mut tx.connection)
     .await?;
     let Some(row) = row else { return Err(refusal(&mut tx.connection, id).await?) };
-    let job_id: Uuid = parsed(&row, "job_id")?;
+    let of = (tenant(&row)?, parsed::<Uuid>(&row, "job_id")?);
 
     insert_gaps(tx, &run_id, packed.gaps, at_us).await?;
     insert_overrides(tx, &run_id, packed.overrides).await?;
     let mut records = Vec::with_capacity(packed.decisions.len());
     for (number, decision) in packed.decisions {
-        let sequence = insert_decision(tx, &run_id, job_id, (number, &decision), at_us).await?;
+        let sequence = insert_decision(tx, &run_id, of, (number, &decision), at_us).await?;
         let NewDecision { number, body, .. } = decision;
-        records.push(DecisionRecord { sequence, run_id: id, job_id, number, at_us, body });
+        records.push(DecisionRecord { sequence, run_id: id, job_id: of.1, number, at_us, body });
     }
     Ok(records)
 }
@@ -147,21 +148,23 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: Vec<([i
 async fn insert_decision(
     tx: &mut Transaction,
     run_id: &str,
-    job_id: Uuid,
+    (tenant, job_id): (Tenant, Uuid),
     (number, decision): (i64, &NewDecision),
     at_us: i64,
 ) -> Result<i64> {
-    let sequence =
-        sqlx::query("INSERT INTO decisions (run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?)")
-            .bind(run_id)
-            .bind(job_id.to_string())
-            .bind(number)
-            .bind(at_us)
-            .bind(decision.action)
-            .bind(decision.body.as_ref())
-            .execute(&mut tx.connection)
-            .await?
-            .last_insert_rowid();
+    let sequence = sqlx::query(
+        "INSERT INTO decisions (tenant, run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(tenant.name())
+    .bind(run_id)
+    .bind(job_id.to_string())
+    .bind(number)
+    .bind(at_us)
+    .bind(decision.action)
+    .bind(decision.body.as_ref())
+    .execute(&mut tx.connection)
+    .await?
+    .last_insert_rowid();
     tx.decision_written(sequence);
     if decision.raises_condition {
         sqlx::query(

@@ -1,0 +1,178 @@
+//! The audit log: every call that changes something and every refusal for want of rights, kept through `kill -9`, read by
+//! admins over gRPC, HTTP and the command line.
+
+use std::collections::BTreeMap;
+
+use bytes::Bytes;
+use feedwave_contract::proto::audit_client::AuditClient;
+use feedwave_contract::proto::create_job_request::Source;
+use feedwave_contract::proto::machines_client::MachinesClient;
+use feedwave_contract::proto::{
+    AuditEntry, CancelJobRequest, DeleteJobRequest, DeleteMachineRequest, GetJobRequest, ListAuditEntriesRequest,
+    ListMachinesRequest,
+};
+use feedwave_tests::{Home, Server, patiently};
+use tokio::task::JoinSet;
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status};
+
+use crate::FEEDWAVE;
+use crate::access::{bearer, feedwave, token};
+use crate::status::assert_error;
+
+async fn channel(server: &Server) -> Channel {
+    Endpoint::from_shared(format!("http://{}", server.grpc)).unwrap().connect().await.unwrap()
+}
+
+/// The whole log, in pages of `page_size`, with the rights of a token.
+async fn log(server: &Server, token: &str, page_size: i32) -> Result<Vec<AuditEntry>, Status> {
+    let mut client = AuditClient::new(channel(server).await);
+    let mut request = ListAuditEntriesRequest { page_size, ..ListAuditEntriesRequest::default() };
+    let mut entries = Vec::new();
+    loop {
+        let page = client.list_audit_entries(bearer(request.clone(), token)).await?.into_inner();
+        assert!(page.entries.len() <= page_size.unsigned_abs() as usize);
+        entries.extend(page.entries);
+        if page.next_page_token.is_empty() {
+            return Ok(entries);
+        }
+        request.page_token = page.next_page_token;
+    }
+}
+
+/// Who, what, about what, and what came of it.
+fn told(entry: &AuditEntry) -> [&str; 4] {
+    [&entry.principal, &entry.method, &entry.resource, &entry.result]
+}
+
+#[tokio::test]
+async fn who_changed_what_and_who_was_refused_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("clients.toml");
+    let viewer = token(&file, "dashboard", &["--role", "viewer"]).await;
+    let planner = token(&file, "planning", &["--role", "planner"]).await;
+    let admin = token(&file, "chief", &["--role", "admin"]).await;
+    let server = Home::new(FEEDWAVE, &format!("[auth]\nclients = '{}'", file.display())).start().await;
+
+    // A job is made, read and cancelled; reading leaves no trace.
+    let mut clients = server.connect().await;
+    let request = feedwave_contract::proto::CreateJobRequest {
+        machine: "machines/lathe".to_owned(),
+        source: Some(Source::InlineProgram(Bytes::from_static(b"M30\n"))),
+        ..Default::default()
+    };
+    let mut created = bearer(request, &planner);
+    created.metadata_mut().insert("x-request-id", "made-by-a-test".parse().unwrap());
+    let job = clients.jobs.create_job(created).await.unwrap().into_inner().job.unwrap();
+    assert_eq!(job.owner, "planning");
+    let read = clients.jobs.get_job(bearer(GetJobRequest { name: job.name.clone() }, &viewer)).await.unwrap();
+    assert_eq!(read.into_inner().job.unwrap().owner, "planning");
+    clients.jobs.cancel_job(bearer(CancelJobRequest { name: job.name.clone() }, &planner)).await.unwrap();
+    let unknown = DeleteJobRequest { name: "jobs/1".to_owned(), ..Default::default() };
+    clients.jobs.delete_job(bearer(unknown, &planner)).await.unwrap_err();
+
+    // The same refusal, again and again; another one; somebody unknown; and over HTTP.
+    let mut machines = MachinesClient::new(channel(&server).await);
+    let delete = || DeleteMachineRequest { name: "machines/mill".to_owned(), ..DeleteMachineRequest::default() };
+    for _ in 0..5 {
+        let status = machines.delete_machine(bearer(delete(), &viewer)).await.unwrap_err();
+        assert_error(&status, Code::PermissionDenied, "ROLE_NEEDED");
+    }
+    machines.list_machines(bearer(ListMachinesRequest::default(), "feedwave_00")).await.unwrap_err();
+    assert_eq!(server.web().get("/v1/jobs").await.status, 401);
+    let status = log(&server, &planner, 50).await.unwrap_err();
+    assert_error(&status, Code::PermissionDenied, "ROLE_NEEDED");
+
+    // How often something was refused is brought into the store from time to time.
+    let refused = |entries: &[AuditEntry]| {
+        entries.iter().filter(|entry| entry.principal == "dashboard").map(|entry| entry.occurrences).sum::<u64>()
+    };
+    patiently(async { while refused(&log(&server, &admin, 2).await.unwrap()) < 5 {} }).await;
+    let server = server.kill().await.start().await;
+    let entries = log(&server, &admin, 3).await.unwrap();
+    assert_eq!(refused(&entries), 5);
+    let deleted = "/feedwave.v1.Machines/DeleteMachine";
+    let mut expected = vec![
+        ["planning", "/feedwave.v1.Jobs/CreateJob", job.name.as_str(), "OK"],
+        ["planning", "/feedwave.v1.Jobs/CancelJob", job.name.as_str(), "OK"],
+        ["planning", "/feedwave.v1.Jobs/DeleteJob", "", "INVALID_ARGUMENT"],
+        ["dashboard", deleted, "", "PERMISSION_DENIED"],
+        ["", "/feedwave.v1.Machines/ListMachines", "", "UNAUTHENTICATED"],
+        ["", "GET /v1/jobs", "", "UNAUTHENTICATED"],
+        ["planning", "/feedwave.v1.Audit/ListAuditEntries", "", "PERMISSION_DENIED"],
+    ];
+    let mut seen: Vec<_> = entries.iter().map(told).collect();
+    // A minute may have passed between two of the same.
+    seen.dedup();
+    assert_eq!(seen, expected);
+    assert!(entries.iter().all(|entry| entry.address == "127.0.0.1" && entry.end_time.is_some()));
+    assert!(entries.windows(2).all(|pair| pair[0].sequence < pair[1].sequence && pair[0].time.is_some()));
+    assert_eq!((entries[0].request_id.as_str(), entries[0].reason.as_str()), ("made-by-a-test", ""));
+    assert!(entries[3].reason.contains("the role admin"), "{:?}", entries[3]);
+
+    // The same as lines of JSON, over HTTP, and filtered.
+    let url = format!("http://{}", server.grpc);
+    let written = feedwave(&["audit", "--server", &url], &[("FEEDWAVE_TOKEN", admin.as_str())]).await;
+    assert!(written.status.success(), "{written:?}");
+    let lines = String::from_utf8(written.stdout).unwrap();
+    let lines: Vec<serde_json::Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), entries.len());
+    assert_eq!(lines[0]["resource"], job.name.as_str());
+    let value = format!("Bearer {admin}");
+    let path = "/v1/audit?pageSize=2&principal=planning";
+    let page = server.web().send("GET", path, &[("authorization", value.as_str())], Bytes::new()).await;
+    assert_eq!(
+        page.json()["entries"].as_array().unwrap().iter().map(|entry| &entry["method"]).collect::<Vec<_>>(),
+        ["/feedwave.v1.Jobs/CreateJob", "/feedwave.v1.Jobs/CancelJob"]
+    );
+    let after = entries[1].sequence.to_string();
+    let arguments = ["audit", "--server", url.as_str(), "--after", after.as_str(), "--principal", "planning"];
+    let written = feedwave(&arguments, &[("FEEDWAVE_TOKEN", admin.as_str())]).await;
+    expected.retain(|entry| entry[0] == "planning");
+    assert_eq!(String::from_utf8(written.stdout).unwrap().lines().count(), expected.len() - 2);
+    let refused = feedwave(&["audit", "--server", &url], &[("FEEDWAVE_TOKEN", viewer.as_str())]).await;
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(!server.log().contains(&admin[9..]));
+}
+
+/// What was acknowledged is in the log after `kill -9`, and what was begun without an end says so.
+#[tokio::test]
+async fn nothing_acknowledged_is_missing_in_the_log() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut writers = JoinSet::new();
+    for writer in 0..4 {
+        let mut clients = server.connect().await;
+        writers.spawn(async move {
+            let mut acknowledged = Vec::new();
+            loop {
+                let source = Source::InlineProgram(Bytes::from_static(b"M30\n"));
+                let id = format!("{writer}-{}", acknowledged.len());
+                let Ok(job) = clients.create_from(source, &id).await else { return acknowledged };
+                acknowledged.push((job.name.clone(), "CreateJob"));
+                if acknowledged.len() % 3 == 0 {
+                    let request = DeleteJobRequest { name: job.name.clone(), ..Default::default() };
+                    let Ok(_) = clients.jobs.delete_job(request).await else { return acknowledged };
+                    acknowledged.push((job.name, "DeleteJob"));
+                }
+            }
+        });
+    }
+    // Until enough is there, by the log itself.
+    patiently(async { while log(&server, "", 500).await.unwrap().len() < 300 {} }).await;
+    let home = server.kill().await;
+    let acknowledged: Vec<_> = writers.join_all().await.into_iter().flatten().collect();
+    let server = home.start().await;
+    let mut kept: BTreeMap<(String, String), u32> = BTreeMap::new();
+    for entry in log(&server, "", 500).await.unwrap() {
+        assert_eq!((entry.principal.as_str(), entry.tenant.as_str()), ("operator", ""));
+        assert_eq!(entry.result.is_empty(), entry.end_time.is_none());
+        if entry.result == "OK" {
+            let method = entry.method.rsplit('/').next().unwrap().to_owned();
+            *kept.entry((entry.resource, method)).or_default() += 1;
+        }
+    }
+    assert!(acknowledged.len() >= 100, "{}", acknowledged.len());
+    for (name, method) in acknowledged {
+        assert_eq!(kept.get(&(name.clone(), method.to_owned())), Some(&1), "{method} {name}");
+    }
+}
