@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 
-use feedwave_server::config::{Config, HealthcheckConfig, Overrides, RetentionConfig, StoreConfig, TlsConfig};
+use feedwave_server::config::{
+    Config, HealthcheckConfig, JwtConfig, Overrides, RetentionConfig, StoreConfig, TlsConfig,
+};
 use tokio::process::Command;
 
 use crate::FEEDWAVE;
@@ -77,6 +79,12 @@ fn the_example_states_every_key_with_its_default() {
         TlsConfig { cert: "cert".into(), key: "key".into(), client_ca: Some("ca".into()), ..TlsConfig::default() };
     let mut full = expected;
     full.auth.clients = Some("clients".into());
+    full.auth.jwt = Some(JwtConfig {
+        jwks_ca: Some("ca".into()),
+        tenant_claim: Some(String::new()),
+        machines_claim: Some(String::new()),
+        ..JwtConfig::default()
+    });
     full.grpc.tls = Some(tls.clone());
     full.tls = Some(tls);
     full.healthcheck = HealthcheckConfig {

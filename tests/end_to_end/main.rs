@@ -16,6 +16,7 @@ mod exclusive;
 mod five_axis;
 mod guided_curves;
 mod hostile;
+mod identity_provider;
 mod jobs;
 mod lifecycle;
 mod live_runs;

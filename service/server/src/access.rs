@@ -1,9 +1,10 @@
 //! Who a client is and what it may do.
 //!
 //! A client shows a token (`authorization: Bearer …`) or a certificate. What it shows is looked up in the file of known
-//! clients; without such a file everybody is the operator and may do everything.
+//! clients, or is a token of an identity provider; without either everybody is the operator and may do everything.
 
 mod caller;
+mod jwt;
 mod known;
 mod table;
 
@@ -19,6 +20,8 @@ use known::KnownClients;
 use serde::Deserialize;
 pub(crate) use table::{Effect, Needs, of_method, of_route};
 
+use self::jwt::Provider;
+use crate::config::AuthConfig;
 use crate::connections::Connection;
 use crate::error::{Error, Result};
 
@@ -46,6 +49,12 @@ impl Role {
             Self::Machine => "machine",
             Self::Admin => "admin",
         }
+    }
+
+    const ALL: [Self; 4] = [Self::Viewer, Self::Planner, Self::Machine, Self::Admin];
+
+    fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|role| role.name() == name)
     }
 
     const fn bit(self) -> u8 {
@@ -152,8 +161,10 @@ pub struct Access {
 }
 
 struct Inner {
-    /// Where known clients are listed; `None` where everybody is the operator.
+    /// Where known clients are listed.
     file: Option<PathBuf>,
+    /// Whose tokens are known as well. Without it and the file everybody is the operator.
+    provider: Option<Provider>,
     known: RwLock<Arc<KnownClients>>,
     /// What was read last, whether it could be used or not.
     seen: Mutex<String>,
@@ -167,21 +178,26 @@ impl fmt::Debug for Inner {
 }
 
 impl Access {
-    /// Reads the file of known clients, where there is one.
+    /// Reads the file of known clients and that of the identity provider's keys, where there are such.
     ///
     /// # Errors
-    /// What is wrong with it.
-    pub fn load(file: Option<PathBuf>) -> Result<Self, String> {
+    /// The configuration key, and what is wrong with it.
+    pub fn load(config: &AuthConfig) -> Result<Self, (String, String)> {
+        let of_clients = |reason| ("auth.clients".to_owned(), reason);
+        let file = config.clients.clone();
         let (text, known) = match &file {
             Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-                let known = KnownClients::parse(&text, path)?;
+                let text = std::fs::read_to_string(path);
+                let text = text.map_err(|error| of_clients(format!("{}: {error}", path.display())))?;
+                let known = KnownClients::parse(&text, path).map_err(of_clients)?;
                 (text, known)
             }
             None => (String::new(), KnownClients::default()),
         };
+        let provider = config.jwt.as_ref().map(Provider::load).transpose();
+        let provider = provider.map_err(|reason| ("auth.jwt.jwks".to_owned(), reason))?;
         let operator = Arc::new(Identity::operator());
-        let inner = Inner { file, known: RwLock::new(Arc::new(known)), seen: Mutex::new(text), operator };
+        let inner = Inner { file, provider, known: RwLock::new(Arc::new(known)), seen: Mutex::new(text), operator };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -190,6 +206,11 @@ impl Access {
     /// # Errors
     /// What is wrong with it, once for each change.
     pub fn reload(&self) -> Result<bool, String> {
+        let keys = self.inner.provider.as_ref().map_or(Ok(false), Provider::reload);
+        Ok(self.reload_clients()? | keys?)
+    }
+
+    fn reload_clients(&self) -> Result<bool, String> {
         let Some(path) = &self.inner.file else { return Ok(false) };
         let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
         {
@@ -202,6 +223,13 @@ impl Access {
         let known = Arc::new(KnownClients::parse(&text, path)?);
         *self.inner.known.write().unwrap_or_else(PoisonError::into_inner) = known;
         Ok(true)
+    }
+
+    /// Asks for the keys of the identity provider again and again, where they are behind a URL.
+    pub async fn follow_keys(&self) {
+        if let Some(provider) = &self.inner.provider {
+            provider.follow().await;
+        }
     }
 
     /// Who asks, and whether that client may do what needs `needs`. Takes the token away from the headers.
@@ -245,12 +273,12 @@ impl Access {
         shown: Option<&http::HeaderValue>,
         connection: Option<&Arc<Connection>>,
     ) -> Result<(Arc<Identity>, bool)> {
-        if self.inner.file.is_none() {
+        if self.inner.file.is_none() && self.inner.provider.is_none() {
             return Ok((self.inner.operator.clone(), false));
         }
         let known = self.inner.known.read().unwrap_or_else(PoisonError::into_inner).clone();
         let now = Timestamp::now();
-        let has_tenants = known.has_tenants();
+        let has_tenants = known.has_tenants() || self.inner.provider.as_ref().is_some_and(Provider::has_tenants);
         let identity = match (shown, connection.and_then(|connection| connection.certificate())) {
             (Some(shown), _) => {
                 let token = shown
@@ -258,9 +286,12 @@ impl Access {
                     .ok()
                     .and_then(bearer)
                     .ok_or(Error::Unauthenticated { why: "the header authorization has no bearer token" })?;
-                known
-                    .by_token(token, now)
-                    .ok_or(Error::Unauthenticated { why: "the token is not known or has ended" })?
+                match (known.by_token(token, now), &self.inner.provider) {
+                    (Some(identity), _) => identity,
+                    // What has no points is no token of a provider.
+                    (None, Some(provider)) if token.contains('.') => Arc::new(provider.identity(token).await?),
+                    (None, _) => return Err(Error::Unauthenticated { why: "the token is not known or has ended" }),
+                }
             }
             (None, Some(shown)) => known
                 .by_certificate(&shown.subject, &shown.common_name, now)

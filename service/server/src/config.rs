@@ -7,6 +7,7 @@
 
 mod auth;
 mod connections;
+mod jwt;
 mod tls;
 
 use std::fmt;
@@ -21,6 +22,7 @@ pub use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
 use figment::value::Value;
+pub use jwt::JwtConfig;
 use serde::{Deserialize, Serialize};
 pub use tls::{ClientCertificates, TlsConfig};
 
@@ -454,6 +456,12 @@ impl Config {
         for (key, value, low, high) in self.connections.ranges(message_bytes) {
             range(key, value, low, high);
         }
+        if let Some(jwt) = &self.auth.jwt {
+            for (key, value, low, high) in jwt.ranges() {
+                range(key, value, low, high);
+            }
+            problems.extend(jwt.problems());
+        }
         if let Err(problem) = self.store_uri() {
             problems.push(problem);
         }
@@ -473,6 +481,7 @@ impl Config {
         }
         let files = [
             ("auth.clients", self.auth.clients.as_ref()),
+            ("auth.jwt.jwks_ca", self.auth.jwt.as_ref().and_then(|jwt| jwt.jwks_ca.as_ref())),
             ("tls.cert", tls.map(|tls| &tls.cert)),
             ("tls.key", tls.map(|tls| &tls.key)),
             ("tls.client_ca", tls.and_then(|tls| tls.client_ca.as_ref())),

@@ -113,6 +113,9 @@ pub enum Error {
         /// What is missing or wrong, without what was shown.
         why: &'static str,
     },
+    /// A token cannot be judged, since the keys of the identity provider cannot be had.
+    #[error("the keys of the identity provider cannot be had at the moment")]
+    KeysUnavailable,
     /// Whoever asks may not do it.
     #[error("{client} may not do this: it needs {needs}")]
     PermissionDenied {
@@ -196,7 +199,7 @@ impl Error {
             | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
             Self::Unauthenticated { .. } => Code::Unauthenticated,
             Self::PermissionDenied { .. } | Self::TenantDenied { .. } => Code::PermissionDenied,
-            Self::Draining | Self::StoreUnavailable(_) => Code::Unavailable,
+            Self::Draining | Self::StoreUnavailable(_) | Self::KeysUnavailable => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
             Self::Damaged(_) => Code::DataLoss,
@@ -219,6 +222,7 @@ impl Error {
             Self::RequestStalled { .. } => "REQUEST_STALLED",
             Self::Unread { .. } => "STREAM_UNREAD",
             Self::Unauthenticated { .. } => "UNAUTHENTICATED",
+            Self::KeysUnavailable => "IDENTITY_PROVIDER_UNAVAILABLE",
             Self::PermissionDenied { .. } => "ROLE_NEEDED",
             Self::TenantDenied { .. } => "TENANT_DENIED",
             Self::Draining => "SERVER_DRAINING",
@@ -243,6 +247,7 @@ impl Error {
             | Self::ClientOverloaded { .. }
             | Self::Unread { .. }
             | Self::Draining
+            | Self::KeysUnavailable
             | Self::StoreUnavailable(_) => Some(status::RETRY_AFTER),
             _ => None,
         }

@@ -148,6 +148,8 @@ impl Server {
         let http = port("http", http_listener, http, certificates.http.as_ref()).serve(http_stop.clone());
 
         engine.start();
+        let (access, stop) = (certificates.access.clone(), http_stop.clone());
+        tokio::spawn(async move { stop.run_until_cancelled(access.follow_keys()).await });
         tokio::spawn(certificates.clone().watch(http_stop.clone()));
         Ok(RunningServer {
             grpc_addr,
@@ -223,8 +225,7 @@ impl Certificates {
         let http = config.http_tls().map(load).transpose()?;
         // One section is one set of files.
         let grpc = if config.grpc.tls.is_some() { config.grpc_tls().map(load).transpose()? } else { http.clone() };
-        let access = Access::load(config.auth.clients.clone());
-        let access = access.map_err(|reason| StartError::Tls { key: "auth.clients".to_owned(), reason })?;
+        let access = Access::load(&config.auth).map_err(|(key, reason)| StartError::Tls { key, reason })?;
         Ok(Self { grpc, http, access, metrics })
     }
 
@@ -232,8 +233,10 @@ impl Certificates {
     fn reload(&self) {
         match self.access.reload() {
             Ok(false) => {}
-            Ok(true) => tracing::info!("the changed file of known clients is used from now on"),
-            Err(error) => tracing::error!(%error, "the changed file of known clients cannot be used, the former stays"),
+            Ok(true) => tracing::info!("the changed file of known clients or keys is used from now on"),
+            Err(error) => {
+                tracing::error!(%error, "the changed file of known clients or keys cannot be used, the former stays")
+            }
         }
         let apart = self.http.iter().filter(|http| !self.grpc.as_ref().is_some_and(|grpc| Arc::ptr_eq(grpc, http)));
         for tls in self.grpc.iter().chain(apart) {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::Config;
+use super::{Config, JwtConfig};
 
 /// Who clients are.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,8 +15,19 @@ pub struct AuthConfig {
     /// everything.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clients: Option<PathBuf>,
+    /// Tokens of an identity provider; absent: none are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jwt: Option<JwtConfig>,
     /// Whether ports may be open to a network without encryption or without knowing clients.
     pub allow_insecure_network: bool,
+}
+
+impl AuthConfig {
+    /// Whether clients have to say who they are.
+    #[must_use]
+    pub const fn knows_clients(&self) -> bool {
+        self.clients.is_some() || self.jwt.is_some()
+    }
 }
 
 impl Config {
@@ -27,11 +38,13 @@ impl Config {
             return Vec::new();
         }
         let open = |key: &'static str, address: SocketAddr, encrypted: bool| {
-            let missing = match (encrypted, self.auth.clients.is_some()) {
+            let missing = match (encrypted, self.auth.knows_clients()) {
                 (true, true) => return None,
                 (false, true) => "without encryption (section tls)",
-                (true, false) => "without knowing who clients are (auth.clients)",
-                (false, false) => "without encryption (section tls) and without knowing who clients are (auth.clients)",
+                (true, false) => "without knowing who clients are (auth.clients, auth.jwt)",
+                (false, false) => {
+                    "without encryption (section tls) and without knowing who clients are (auth.clients, auth.jwt)"
+                }
             };
             if address.ip().to_canonical().is_loopback() {
                 return None;

@@ -416,6 +416,7 @@ mod tests {
     use tower::{Layer as _, Service as _};
 
     use super::*;
+    use crate::config::AuthConfig;
     use crate::engine::Engine;
 
     fn reason(headers: &HeaderMap) -> (Code, String) {
@@ -430,7 +431,7 @@ mod tests {
         let store = feedwave_store::Store::open(&uri, feedwave_store::StoreSettings::default()).await.unwrap();
         let (metrics, draining) = (Arc::new(Metrics::new()), CancellationToken::new());
         let engine = Engine::new(store.clone(), metrics.clone(), limits.clone(), draining.clone());
-        let (access, audit) = (Access::load(None).unwrap(), AuditLog::new(store, engine));
+        let (access, audit) = (Access::load(&AuthConfig::default()).unwrap(), AuditLog::new(store, engine));
         let layer = RpcLayer::new(metrics.clone(), &limits, access, audit, draining);
         (folder, metrics, layer)
     }
