@@ -176,6 +176,36 @@ async fn a_stream_that_nobody_reads_is_ended_with_the_reason() {
     assert_error(&status, Code::ResourceExhausted, "STREAM_UNREAD");
 }
 
+/// Half of a head over HTTP/2 is cut off like half of one over HTTP/1, in whatever way it is held open; who only says
+/// nothing is not.
+#[tokio::test]
+async fn half_a_head_of_http2_is_not_waited_for() {
+    const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+    const SETTINGS: &[u8] = &[0, 0, 0, 4, 0, 0, 0, 0, 0];
+    let server = Home::new(FEEDWAVE, "[connections]\nheader_timeout_s = 1").start().await;
+    let mut clients = server.connect().await;
+    clients.submit("M30\n").await;
+    for half in [
+        &[][..],
+        // HEADERS of 100 bytes, of which none comes; and one that is to be continued and is not.
+        &[0, 0, 100, 1, 4, 0, 0, 0, 1],
+        &[0, 0, 1, 1, 0, 0, 0, 0, 1, 0x82],
+        &[0, 0, 1, 1, 0, 0, 0, 0, 1, 0x82, 0, 0, 1, 9, 0, 0, 0, 0, 1],
+    ] {
+        for address in [server.grpc, server.http] {
+            let mut connection = TcpStream::connect(address).await.unwrap();
+            let settings = if half.is_empty() { &SETTINGS[..5] } else { SETTINGS };
+            connection.write_all(&[PREFACE, settings, half].concat()).await.unwrap();
+            let mut heard = Vec::new();
+            // It ends, in whatever way the system tells it.
+            let _ = patiently(connection.read_to_end(&mut heard)).await;
+        }
+    }
+    figure(&server, "feedwave_connections_closed_total{reason=\"header_timeout\"}", |count| count >= 8.0).await;
+    // The connection that was silent all the while.
+    clients.submit("M30\n").await;
+}
+
 /// Half of a call: a message of which `sent` of `announced` bytes come.
 async fn half_a_call(server: &Server, announced: u32, sent: usize) -> TcpStream {
     let mut connection = TcpStream::connect(server.grpc).await.unwrap();

@@ -2,6 +2,7 @@
 
 mod clients;
 mod connection;
+mod frames;
 mod listener;
 mod refusal;
 mod request;

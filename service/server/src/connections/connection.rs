@@ -11,6 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::Instant;
 
 use super::clients::{ClientKey, Clients};
+use super::frames::{Frames, Partial};
 use super::tls::PeerCertificate;
 
 /// The first bytes of a connection of HTTP/2.
@@ -44,6 +45,8 @@ struct Open {
     idle_since: Instant,
     /// When the head of a request was begun that is not complete, or the connection was made and has not said anything.
     partial_since: Option<Instant>,
+    /// What was begun on a connection of HTTP/2 and is not complete, and since when.
+    partial_frame: Option<(Partial, Instant)>,
     answers: Vec<Weak<dyn Unread>>,
 }
 
@@ -66,7 +69,8 @@ impl Connection {
         clients: Arc<Clients>,
     ) -> Arc<Self> {
         let now = Instant::now();
-        let open = Open { calls: 0, idle_since: now, partial_since: Some(now), answers: Vec::new() };
+        let open =
+            Open { calls: 0, idle_since: now, partial_since: Some(now), partial_frame: None, answers: Vec::new() };
         Arc::new(Self { address: address.to_canonical(), client, certificate, clients, open: Mutex::new(open) })
     }
 
@@ -115,10 +119,20 @@ impl Connection {
     fn received(&self, is_http2: bool) {
         let mut open = self.open();
         if is_http2 {
+            // From here on its frames say what is incomplete.
             open.partial_since = None;
         } else if open.calls == 0 && open.partial_since.is_none() {
             open.partial_since = Some(Instant::now());
         }
+    }
+
+    /// Frames of HTTP/2 have come, after which this is incomplete; `begun` where it was complete in between.
+    fn received_frames(&self, partial: Option<Partial>, begun: bool) {
+        let mut open = self.open();
+        open.partial_frame = partial.map(|partial| match open.partial_frame {
+            Some((_, since)) if !begun => (partial, since),
+            _ => (partial, Instant::now()),
+        });
     }
 
     /// What there is to do now.
@@ -127,6 +141,15 @@ impl Connection {
         self.end_unread(now);
         let open = self.open();
         let mut next = now + look_again(limits.unread_timeout().min(limits.idle_timeout()));
+        // While calls go on a network may stall in the middle of any frame, but a head holds up all that comes behind it.
+        let since = open.partial_frame.filter(|(partial, _)| open.calls == 0 || *partial == Partial::Head);
+        if let Some((_, since)) = since {
+            let until = since + limits.header_timeout();
+            if until <= now {
+                return Due::Cut;
+            }
+            next = next.min(until);
+        }
         if open.calls > 0 {
             return Due::Later(next);
         }
@@ -175,15 +198,16 @@ pub(super) struct Heard<S> {
     connection: Arc<Connection>,
     /// Bytes of the preface that have come; `None` once the connection is known to be of HTTP/2.
     preface: Option<usize>,
+    frames: Frames,
 }
 
 impl<S> Heard<S> {
-    pub(super) const fn new(stream: S, connection: Arc<Connection>) -> Self {
-        Self { stream, connection, preface: Some(0) }
+    pub(super) fn new(stream: S, connection: Arc<Connection>) -> Self {
+        Self { stream, connection, preface: Some(0), frames: Frames::default() }
     }
 
     fn received(&mut self, bytes: &[u8]) {
-        let Some(known) = self.preface else { return };
+        let Some(known) = self.preface else { return self.received_frames(bytes) };
         let rest = &PREFACE[known.min(PREFACE.len())..];
         let common = rest.iter().zip(bytes).take_while(|(expected, byte)| expected == byte).count();
         let is_http2 = common > 0 && known + common == PREFACE.len();
@@ -191,6 +215,18 @@ impl<S> Heard<S> {
         let is_going_on = common == bytes.len();
         self.preface = if is_http2 { None } else { Some(if is_going_on { known + common } else { usize::MAX }) };
         self.connection.received(is_http2);
+        if is_http2 {
+            self.received_frames(&bytes[common..]);
+        }
+    }
+
+    fn received_frames(&mut self, bytes: &[u8]) {
+        let (before, begun) = (self.frames.partial(), self.frames.receive(bytes));
+        let after = self.frames.partial();
+        // The account is shared: it is touched where there is something to say.
+        if before.is_some() || after.is_some() {
+            self.connection.received_frames(after, begun);
+        }
     }
 }
 
@@ -198,7 +234,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Heard<S> {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let before = buf.filled().len();
         ready!(Pin::new(&mut self.stream).poll_read(cx, buf))?;
-        if self.preface.is_some() && buf.filled().len() > before {
+        if buf.filled().len() > before {
             self.received(&buf.filled()[before..]);
         }
         Poll::Ready(Ok(()))
@@ -283,6 +319,48 @@ mod tests {
             }
             assert_eq!(heard.preface.is_none(), is_http2, "{pieces:?}");
             assert_eq!(heard.connection.open().partial_since.is_none(), is_http2, "{pieces:?}");
+            // A preface alone, and half a frame behind it, are no whole beginning.
+            assert_eq!(heard.connection.open().partial_frame.is_some(), is_http2, "{pieces:?}");
         }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn half_a_head_of_http2_is_cut_off_and_pauses_within_calls_are_not() {
+        let settings = [0, 0, 0, 4, 0, 0, 0, 0, 0];
+        let head = |length: u8, flags: u8| [0, 0, length, 1, flags, 0, 0, 0, 1];
+        let connection = connection();
+        let mut heard = Heard::new(tokio::io::empty(), connection.clone());
+        let due = |connection: &Connection| connection.due(Instant::now());
+        heard.received(&[PREFACE, &settings[..8]].concat());
+        tokio::time::advance(seconds(9)).await;
+        assert!(matches!(due(&connection), Due::Later(_)));
+        tokio::time::advance(seconds(1)).await;
+        assert_eq!(due(&connection), Due::Cut);
+        heard.received(&settings[8..]);
+        assert!(matches!(due(&connection), Due::Later(_)));
+
+        // A head whose bytes trickle in does not begin anew with each of them, nor with a frame that continues it.
+        heard.received(&head(2, 0));
+        for continued in [&[1_u8, 2][..], &[0, 0, 1, 9, 0, 0, 0, 0, 1], &[3]] {
+            tokio::time::advance(seconds(3)).await;
+            assert!(matches!(due(&connection), Due::Later(_)));
+            heard.received(continued);
+        }
+        let call = connection.begin_call();
+        tokio::time::advance(seconds(1)).await;
+        assert_eq!(due(&connection), Due::Cut, "another call keeps no head open");
+        heard.received(&[0, 0, 0, 9, 4, 0, 0, 0, 1]);
+        assert!(matches!(due(&connection), Due::Later(_)));
+
+        // Within a call data may stall; between calls nothing may.
+        heard.received(&[0, 0, 200, 0, 0, 0, 0, 0, 1, 7]);
+        tokio::time::advance(seconds(1_000)).await;
+        assert!(matches!(due(&connection), Due::Later(_)));
+        drop(call);
+        assert!(matches!(due(&connection), Due::Later(_)), "what is left of a body is nobody's head");
+        heard.received(&[7; 199]);
+        heard.received(&[0, 0, 8, 6]);
+        tokio::time::advance(seconds(10)).await;
+        assert_eq!(due(&connection), Due::Cut);
     }
 }
