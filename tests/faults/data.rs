@@ -139,7 +139,8 @@ async fn a_backup_is_made_while_the_service_works_and_is_restored_elsewhere() {
     let copy = server.home().path().join("copy");
     let to = copy.to_str().expect("text");
     assert_exit("backup", server.home().path(), &[to], 0, "written").await;
-    assert_exit("backup", server.home().path(), &[to], 2, "is there already").await;
+    let refused = format!("{to}: the copy cannot be made: a file of this name is there already");
+    assert_exit("backup", server.home().path(), &[to], 2, &refused).await;
     let in_use = format!("in use by process {} on host", server.pid());
     assert_exit("restore", server.home().path(), &[to], 2, &in_use).await;
     work.abort();

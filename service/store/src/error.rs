@@ -198,6 +198,15 @@ pub enum StoreError {
         #[source]
         source: Option<Arc<dyn Error + Send + Sync>>,
     },
+    /// A copy cannot be made, or put in its place.
+    #[error("the copy cannot be made: {reason}")]
+    CannotCopy {
+        /// Why, in words for an operator.
+        reason: &'static str,
+        /// The cause, where there is one.
+        #[source]
+        source: Option<Arc<dyn Error + Send + Sync>>,
+    },
     /// Another process has the database open.
     #[error("the database is in use by {holder}: end that process, or name another database")]
     InUseBy {

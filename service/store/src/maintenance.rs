@@ -69,7 +69,7 @@ pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
 /// complete, verified and on the disk.
 ///
 /// # Errors
-/// `CannotOpen` also where the file is there already, `Incompatible`, `Corrupt`, `Unavailable`.
+/// `CannotOpen`, `CannotCopy` also where the file is there already, `Incompatible`, `Corrupt`, `Unavailable`.
 pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::backup(&options.path, to).await,
@@ -81,7 +81,7 @@ pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
 ///
 /// # Errors
 /// `InUseBy` a service, `Incompatible` if the copy is of a newer version or no copy, `Damaged` if it is not intact and
-/// `accept_damage` does not say otherwise, `CannotOpen`, `Unavailable`.
+/// `accept_damage` does not say otherwise, `CannotOpen`, `CannotCopy`, `Unavailable`.
 pub async fn restore(uri: &StoreUri, from: &Path, accept_damage: bool) -> Result<CopyReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::restore(options, from, accept_damage).await,

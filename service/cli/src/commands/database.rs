@@ -88,7 +88,11 @@ pub async fn check(args: CheckArgs, global: &GlobalArgs) -> Result<ExitCode, Cli
 /// [`CliError`] when it cannot be copied.
 pub async fn backup(args: BackupArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
     let uri = args.store.uri(global)?;
-    let report = feedwave_store::backup(&uri, &args.to).await.map_err(|error| failed(&uri, &error))?;
+    let report = feedwave_store::backup(&uri, &args.to).await.map_err(|error| match error {
+        // It is about the copy: the database is as it should be.
+        StoreError::CannotCopy { .. } => failed(args.to.display(), &error),
+        error => failed(&uri, &error),
+    })?;
     print(&format!("{}: written: {}\n", args.to.display(), of(&report)))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -110,9 +114,9 @@ pub async fn restore(args: RestoreArgs, global: &GlobalArgs) -> Result<ExitCode,
     Ok(ExitCode::SUCCESS)
 }
 
-fn failed(uri: &StoreUri, error: &StoreError) -> CliError {
+fn failed(place: impl std::fmt::Display, error: &StoreError) -> CliError {
     let cause = std::error::Error::source(error).map_or_else(String::new, |cause| format!(": {cause}"));
-    CliError::trouble(format!("{uri}: {error}{cause}"))
+    CliError::trouble(format!("{place}: {error}{cause}"))
 }
 
 fn of(report: &CopyReport) -> String {

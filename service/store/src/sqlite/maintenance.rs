@@ -23,17 +23,17 @@ pub(crate) use restore::restore;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn cannot(reason: &'static str) -> StoreError {
-    StoreError::CannotOpen { reason, source: None }
+    StoreError::CannotCopy { reason, source: None }
 }
 
 fn failed(reason: &'static str) -> impl Fn(std::io::Error) -> StoreError {
-    move |error| StoreError::CannotOpen { reason, source: Some(Arc::new(error)) }
+    move |error| StoreError::CannotCopy { reason, source: Some(Arc::new(error)) }
 }
 
 /// Opens a file of ours that is not newer than this version, without changing its schema.
 async fn connect(path: &Path) -> Result<SqliteConnection> {
     if !path.is_file() {
-        return Err(cannot("there is no such file"));
+        return Err(StoreError::CannotOpen { reason: "there is no such file", source: None });
     }
     let options = SqliteConnectOptions::new()
         .filename(path)

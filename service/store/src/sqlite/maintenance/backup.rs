@@ -9,14 +9,14 @@ use crate::maintenance::CopyReport;
 /// See [`crate::backup`].
 pub(crate) async fn backup(path: &Path, to: &Path) -> Result<CopyReport> {
     if to.exists() {
-        return Err(cannot("the file of the backup is there already"));
+        return Err(cannot("a file of this name is there already; name another one, or remove it"));
     }
     let mut connection = connect(path).await?;
     let part = beside(to, ".part");
     remove(&part)?;
     let report = copy(&mut connection, &part).await?;
     // Not renamed: that would replace a file that came meanwhile.
-    std::fs::hard_link(&part, to).map_err(failed("the file of the backup cannot be made"))?;
+    std::fs::hard_link(&part, to).map_err(failed("the file cannot be given its name"))?;
     remove(&part)?;
     sync_folder(to)?;
     sqlx::Connection::close(connection).await?;
