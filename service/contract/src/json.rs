@@ -1,8 +1,12 @@
 //! The protobuf JSON mapping of the contract's messages: what the HTTP port shows and what the store keeps.
 
+mod wire;
+mod writer;
+
 use prost::Message;
 pub use prost::Name;
 use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor, SerializeOptions};
+use serde_json::ser::{CompactFormatter, PrettyFormatter};
 
 use crate::proto::DESCRIPTORS;
 
@@ -24,24 +28,27 @@ pub fn to_dynamic<M: Name>(message: &M) -> DynamicMessage {
 /// messages and optional fields are not.
 #[must_use]
 pub fn to_string<M: Name>(message: &M) -> String {
-    dynamic_to_string(&to_dynamic(message))
+    let mut json = Vec::new();
+    append(message, &mut json);
+    String::from_utf8(json).expect("JSON is UTF-8")
+}
+
+/// Appends a message as [`to_string`] writes it.
+pub fn append<M: Name>(message: &M, json: &mut Vec<u8>) {
+    writer::write(&M::full_name(), &message.encode_to_vec(), &mut CompactFormatter, json);
 }
 
 /// The same with one field a line, for people and for files.
 #[must_use]
 pub fn to_string_pretty<M: Name>(message: &M) -> String {
-    written(&to_dynamic(message), serde_json::Serializer::pretty(Vec::new()))
+    let mut json = Vec::new();
+    writer::write(&M::full_name(), &message.encode_to_vec(), &mut PrettyFormatter::new(), &mut json);
+    String::from_utf8(json).expect("JSON is UTF-8")
 }
 
-/// A dynamic message as JSON; see [`to_string`].
-pub fn dynamic_to_string(dynamic: &DynamicMessage) -> String {
-    written(dynamic, serde_json::Serializer::new(Vec::new()))
-}
-
-fn written<F: serde_json::ser::Formatter>(
-    dynamic: &DynamicMessage,
-    mut json: serde_json::Serializer<Vec<u8>, F>,
-) -> String {
+/// A message of any schema as JSON; see [`to_string`].
+fn dynamic_to_string(dynamic: &DynamicMessage) -> String {
+    let mut json = serde_json::Serializer::new(Vec::new());
     let options = SerializeOptions::new().skip_default_fields(false);
     dynamic.serialize_with_options(&mut json, &options).expect("writing into memory does not fail");
     String::from_utf8(json.into_inner()).expect("JSON is UTF-8")

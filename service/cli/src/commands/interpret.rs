@@ -1,6 +1,6 @@
 //! `feedwave interpret`: the actions of a program, fully resolved.
 
-use std::io::{self, BufWriter, Write as _};
+use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -58,18 +58,21 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
     let mut source = args.include.open(&args.file)?;
     let config = args.machine.config(Frame::Work, source.further_names())?;
     let mut interpretation = Interpretation::new(&config);
-    let mut output = BufWriter::new(io::stdout().lock());
+    let mut output = io::stdout().lock();
     let failed = |error: io::Error| CliError::written("standard output", &error);
+    let mut lines = Vec::new();
     loop {
         let step = interpretation.step();
         for operation in interpretation.take_operations() {
             let action = action_to_proto(&operation, &config.programs);
-            let line = match args.format {
-                Format::Text => text(&action),
-                Format::Jsonl => json::to_string(&action),
-            };
-            writeln!(output, "{line}").map_err(failed)?;
+            match args.format {
+                Format::Text => lines.extend_from_slice(text(&action).as_bytes()),
+                Format::Jsonl => json::append(&action, &mut lines),
+            }
+            lines.push(b'\n');
         }
+        output.write_all(&lines).map_err(failed)?;
+        lines.clear();
         match step {
             InterpretationStep::More => {}
             InterpretationStep::Ended => break,
