@@ -225,7 +225,7 @@ pub struct LanguageSettings {
     pub program_number_digits: u32,
     /// Most blocks executed in a run of the program.
     pub max_executed_blocks: u64,
-    /// Most blocks executed one after another without motion, in loops and calls.
+    /// Most blocks executed one after another without motion in one loop, or in the runs of one call.
     pub max_still_blocks: u64,
     /// Longest line read, bytes; a longer one is a finding and is skipped.
     pub max_line_bytes: u32,

@@ -4,6 +4,7 @@
 //! program is indexed, which one pass over its bytes does. The state of it all is small and part of the interpreter's: the callers
 //! of the program that is read, the loops that are open in it, and the jump that waits.
 
+mod bounds;
 mod calls;
 mod index;
 mod line;
@@ -84,8 +85,8 @@ pub(crate) struct FlowState {
     codes: u64,
     /// A round of a loop that changed no variable and moved nothing, but had codes.
     still_round: Option<Box<StillRound>>,
-    /// The last jump to a label: its place, and the state then.
-    last_jump: Option<(Place, Signature)>,
+    /// Loops that jumps back have made in the program that is read, outermost first.
+    jumps: Vec<JumpLoop>,
     /// A program was called or a jump made: what is behind the end of the program need not be looked at.
     has_jumped: bool,
     /// `M99` in the main program.
@@ -118,14 +119,22 @@ pub(crate) struct Call {
     kind: CallKind,
     /// Where the called program begins.
     target: Mark,
+    /// The line that called.
+    from: Mark,
     /// Where the caller goes on.
     back: Mark,
     /// The block that called.
     pub(crate) span: SourceSpan,
+    /// Which time it is run, from 1.
+    run: u32,
     /// How often it is still to be run after this time.
     repeats: u32,
+    /// Blocks executed before it.
+    since: u64,
     /// The caller's loops.
     loops: Vec<Loop>,
+    /// Likewise, those that it has made by jumps.
+    jumps: Vec<JumpLoop>,
     /// The modes that the caller has saved.
     modes: ModeContext,
 }
@@ -174,8 +183,29 @@ struct Loop {
     rounds: u64,
     /// Rounds begun.
     iteration: u64,
+    /// Blocks executed before it.
+    since: u64,
     /// The state when the last round began.
     signature: Signature,
+}
+
+/// A loop that a program makes by jumps back (`GOTO`, `M99 P`); jumps whose lines cross make one together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct JumpLoop {
+    /// The first line that it goes back to.
+    first: Mark,
+    /// The last line that it goes back from.
+    last: Mark,
+    /// The line of its latest jump.
+    from: Place,
+    /// What asked for that.
+    span: SourceSpan,
+    /// The state at that.
+    signature: Signature,
+    /// Rounds begun, the one before its first jump among them.
+    iteration: u64,
+    /// Blocks executed before its first jump.
+    since: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -254,12 +284,6 @@ pub(super) enum Progress {
 }
 
 impl Interpreter {
-    /// Whether a program waits for the one that is read, or a loop is open in it: a block may be executed more than once.
-    pub(super) fn is_repeating(&self) -> bool {
-        let flow = &self.state.flow;
-        !(flow.calls.is_empty() && flow.loops.is_empty() && flow.last_jump.is_none())
-    }
-
     /// Whether the present line belongs to a loop or a called program.
     #[inline]
     pub(super) const fn is_nested(&self) -> bool {
@@ -322,74 +346,6 @@ impl Interpreter {
         self.state.lines = mark.lines;
         self.state.after_return = false;
         self.state.phase = Phase::Blocks;
-    }
-
-    /// By what two visits of one place are told apart.
-    fn signature(&self) -> Signature {
-        let FlowState { moves, codes, .. } = self.state.flow;
-        Signature { changes: self.state.parameters.changes(), moves, codes }
-    }
-
-    /// Counts a block that was executed; an error where there were too many.
-    fn count_block(&mut self, moves: bool, span: SourceSpan, findings: &mut FindingLog) -> bool {
-        let flow = &mut self.state.flow;
-        flow.blocks += 1;
-        if moves {
-            flow.moves += 1;
-            flow.still_blocks = 0;
-        } else {
-            flow.still_blocks += 1;
-        }
-        let (count, limit, what) = if flow.blocks > self.settings.max_executed_blocks {
-            (flow.blocks, self.settings.max_executed_blocks, "blocks were executed")
-        } else if flow.still_blocks > self.settings.max_still_blocks && self.is_repeating() {
-            (self.state.flow.still_blocks, self.settings.max_still_blocks, "blocks were executed without any motion")
-        } else {
-            return true;
-        };
-        let place = self.innermost().unwrap_or(span);
-        findings.push_with(code::ENDLESS, |code| {
-            Finding::new(code, place, format!("{count} {what}, more than the limit of {limit}"))
-                .with_value("blocks", count as f64, "")
-                .with_value("limit", limit as f64, "")
-                .suggest("let the loop end, or raise the limit in the language settings of the machine profile")
-        });
-        false
-    }
-
-    /// The line that begins the innermost loop, or the innermost call.
-    fn innermost(&self) -> Option<SourceSpan> {
-        let flow = &self.state.flow;
-        let looped = flow.loops.last().map(|it| span_of(it.head));
-        looped.or_else(|| flow.calls.last().map(|call| call.span))
-    }
-
-    /// An error where a backward jump comes to a state that was there before.
-    fn is_endless(&mut self, span: SourceSpan, before: Signature, findings: &mut FindingLog) -> bool {
-        let now = self.signature();
-        if (before.changes, before.moves) != (now.changes, now.moves)
-            || before.codes != now.codes && !self.is_as_last_round(span)
-        {
-            return false;
-        }
-        findings.push_with(code::ENDLESS, |code| {
-            let message =
-                "nothing has changed since the last time round: no variable, no position, no mode. It never ends";
-            Finding::new(code, span, message).suggest("change what its condition asks for, or leave the loop by a jump")
-        });
-        true
-    }
-
-    /// Whether a round whose codes may have changed something has left everything as the round before it did.
-    #[cold]
-    fn is_as_last_round(&mut self, span: SourceSpan) -> bool {
-        let mut flow = std::mem::take(&mut self.state.flow);
-        let same = flow.still_round.as_ref().is_some_and(|last| last.span == span && last.state == self.state);
-        if !same {
-            flow.still_round = Some(Box::new(StillRound { span, state: self.state.clone() }));
-        }
-        self.state.flow = flow;
-        same
     }
 }
 

@@ -30,6 +30,7 @@ mod tool_control;
 mod turning;
 
 use super::*;
+use crate::code;
 use crate::{
     Axis, DwellTime, Feed, Move, MoveKind, Position, Severity, SpindleDirection, SpindleSpeed, ThreadKind, ThreadMove,
     ToolGuide,

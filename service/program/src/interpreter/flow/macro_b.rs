@@ -1,7 +1,8 @@
 //! Statements of Macro B: `GOTO`, `IF`, `WHILE`, `DO`, `END`.
 
+use super::bounds::Round;
 use super::line::{digits, is_blank_or_comment, letters};
-use super::{Interpreter, Jump, LoopKind};
+use super::{Interpreter, Jump, Loop, LoopKind};
 use crate::code;
 use crate::{Finding, FindingLog, Operation, SourceSpan};
 
@@ -179,10 +180,9 @@ impl Interpreter {
             return None;
         };
         self.state.flow.loops.truncate(open + 1);
-        let open = &self.state.flow.loops[open];
-        debug_assert!(open.kind == LoopKind::While);
-        let (head, before, place) = (open.head, open.signature, Self::head_span(open));
-        if self.is_endless(place, before, findings) {
+        let Loop { kind, head, signature, .. } = self.state.flow.loops[open];
+        debug_assert!(kind == LoopKind::While);
+        if self.is_endless(Round::Loop(open), signature, findings) {
             return None;
         }
         self.wait(span, Jump::To(head));

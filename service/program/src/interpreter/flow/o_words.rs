@@ -1,5 +1,6 @@
 //! Statements of the O-word language: subprograms, branches, loops.
 
+use super::bounds::Round;
 use super::line::{self, Statement, is_blank_or_comment, letters};
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, Loop, LoopKind, Pending, Progress};
 use crate::{FindingLog, SourceSpan};
@@ -233,8 +234,9 @@ impl Interpreter {
     /// Begins the next round of the innermost loop, or leaves it.
     fn round_again(&mut self, holds: bool, findings: &mut FindingLog) -> Progress {
         let signature = self.signature();
+        let innermost = self.state.flow.loops.len().saturating_sub(1);
         let Some(open) = self.state.flow.loops.last_mut() else { return Progress::Done };
-        let (before, place) = (open.signature, Self::head_span(open));
+        let before = open.signature;
         let goes_on = match open.kind {
             LoopKind::Repeat => open.rounds > 0,
             _ => holds,
@@ -250,7 +252,7 @@ impl Interpreter {
         open.signature = signature;
         open.rounds = open.rounds.saturating_sub(1);
         // A repeat ends by itself.
-        if kind != LoopKind::Repeat && self.is_endless(place, before, findings) {
+        if kind != LoopKind::Repeat && self.is_endless(Round::Loop(innermost), before, findings) {
             return Progress::Failed;
         }
         self.go_to(if kind == LoopKind::While { head } else { body });
@@ -265,16 +267,14 @@ impl Interpreter {
             return self.broken_loop(pending, "there is no open loop of this number", findings);
         };
         self.state.flow.loops.truncate(open + 1);
-        let Loop { kind, head, last, behind, .. } = self.state.flow.loops[open];
+        let Loop { kind, head, last, behind, signature, .. } = self.state.flow.loops[open];
         match (what, kind) {
             (Statement::Break, _) => {
                 self.state.flow.loops.pop();
                 self.go_to(behind);
             }
             (_, LoopKind::While) => {
-                let (before, place) =
-                    (self.state.flow.loops[open].signature, Self::head_span(&self.state.flow.loops[open]));
-                if self.is_endless(place, before, findings) {
+                if self.is_endless(Round::Loop(open), signature, findings) {
                     return Progress::Failed;
                 }
                 self.go_to(head);

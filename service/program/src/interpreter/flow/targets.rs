@@ -4,7 +4,7 @@ use super::index::MAX_ENTRIES;
 use super::line::Statement;
 use super::{
     Call, CallKind, CallRequest, CallTarget, Found, Index, Interpreter, Jump, Loop, LoopKind, MAX_CALLS, MAX_LOOPS,
-    MAX_MACRO_CALLS, Mark, Pending, Progress, span_of,
+    MAX_MACRO_CALLS, Mark, Pending, Progress,
 };
 use crate::code;
 use crate::dialect::Flow;
@@ -52,15 +52,10 @@ impl Interpreter {
                 let flow = &mut self.state.flow;
                 flow.loops
                     .retain(|open| (open.head.place.offset..=open.last.place.offset).contains(&mark.place.offset));
-                if mark.place <= pending.from.place {
-                    let signature = self.signature();
-                    let last = self.state.flow.last_jump.replace((pending.from.place, signature));
-                    if let Some((place, before)) = last
-                        && place == pending.from.place
-                        && self.is_endless(pending.span, before, findings)
-                    {
-                        return Progress::Failed;
-                    }
+                if mark.place > pending.from.place {
+                    flow.leave_jumps(mark);
+                } else if self.is_jump_endless(mark, pending, findings) {
+                    return Progress::Failed;
                 }
                 self.go_to(mark);
                 Progress::Done
@@ -145,6 +140,8 @@ impl Interpreter {
         if holds {
             open.iteration += 1;
             open.signature = signature;
+            let (head, last) = (open.head, open.last);
+            self.state.flow.restart_jumps(head, last);
         } else {
             let behind = open.behind;
             self.state.flow.loops.pop();
@@ -154,8 +151,9 @@ impl Interpreter {
     }
 
     pub(super) fn new_loop(&self, kind: LoopKind, pending: &Pending, last: Mark, behind: Mark, name: Box<str>) -> Loop {
-        let signature = self.signature();
-        Loop { kind, name, head: pending.from, body: pending.behind, last, behind, rounds: 0, iteration: 1, signature }
+        let (signature, since) = (self.signature(), self.state.flow.blocks);
+        let (head, body) = (pending.from, pending.behind);
+        Loop { kind, name, head, body, last, behind, rounds: 0, iteration: 1, since, signature }
     }
 
     /// Begins a loop, or goes on behind it.
@@ -207,18 +205,22 @@ impl Interpreter {
         if request.kind.has_locals() {
             self.state.parameters.enter(request.locals());
         }
-        let loops = std::mem::take(&mut self.state.flow.loops);
         let modes = std::mem::take(&mut self.state.machine.context);
-        self.state.flow.calls.push(Call {
+        let flow = &mut self.state.flow;
+        flow.calls.push(Call {
             kind: request.kind,
             target,
+            from: pending.from,
             back: pending.behind,
             span: pending.span,
+            run: 1,
             repeats: request.repeats - 1,
-            loops,
+            since: flow.blocks,
+            loops: std::mem::take(&mut flow.loops),
+            jumps: std::mem::take(&mut flow.jumps),
             modes,
         });
-        self.state.flow.has_jumped = true;
+        flow.has_jumped = true;
         self.go_to(target);
         Progress::Done
     }
@@ -314,24 +316,22 @@ impl Interpreter {
         let Some(call) = self.state.flow.calls.last_mut() else { return Progress::Done };
         if call.repeats > 0 && label.is_none() {
             call.repeats -= 1;
+            call.run = call.run.saturating_add(1);
             let target = call.target;
             self.state.flow.loops.clear();
+            self.state.flow.jumps.clear();
             self.go_to(target);
             return Progress::Done;
         }
-        let (has_locals, back, span) = (call.kind.has_locals(), call.back, call.span);
+        let (has_locals, from, back, span) = (call.kind.has_locals(), call.from, call.back, call.span);
         if let Some(label) = label {
             let program = back.place.program;
             if self.index(program).is_none() {
                 return Progress::NeedsIndex(program);
             }
             self.leave(has_locals);
-            let from = Mark { place: back.place, lines: back.lines.saturating_sub(1) };
             let there = Pending { span, from, behind: back, jump: Jump::Label(label) };
-            let before = self.state.flow.last_jump.take();
-            let progress = self.go_to_label(label, &there, findings);
-            self.state.flow.last_jump = before;
-            return progress;
+            return self.go_to_label(label, &there, findings);
         }
         self.leave(has_locals);
         self.go_to(back);
@@ -341,7 +341,7 @@ impl Interpreter {
     /// Takes the caller's loops and variables up again.
     fn leave(&mut self, has_locals: bool) {
         if let Some(call) = self.state.flow.calls.pop() {
-            self.state.flow.loops = call.loops;
+            (self.state.flow.loops, self.state.flow.jumps) = (call.loops, call.jumps);
             let machine = &mut self.state.machine;
             let context = std::mem::replace(&mut machine.context, call.modes);
             if context.restores_at_return {
@@ -397,12 +397,5 @@ impl CallKind {
             Self::Modal { level } => Some(level as usize),
             _ => None,
         }
-    }
-}
-
-impl Interpreter {
-    /// The whole of the line where a loop begins.
-    pub(super) fn head_span(open: &Loop) -> crate::SourceSpan {
-        span_of(open.head)
     }
 }

@@ -1,5 +1,7 @@
 //! Control flow: section 3 of the language page, and its worked examples 6 and 7.
 
+mod endless;
+
 use super::*;
 use crate::{Reader, Reading, SourcePages};
 
@@ -180,18 +182,6 @@ fn what_cannot_be_followed_is_refused_with_its_place() {
 }
 
 #[test]
-fn a_loop_is_bounded_by_blocks_and_by_blocks_without_motion() {
-    let settings = LanguageSettings { max_still_blocks: 1_000, max_executed_blocks: 5_000, ..LanguageSettings::mill() };
-    let (_, findings) = ends("#1=0\nWHILE [#1 LT 1] DO1\n#2=#2+1\nEND1\nM30\n", &settings);
-    let finding = &findings.into_findings()[0];
-    assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 2), "the loop is named");
-    assert!(finding.message.contains("without any motion"), "{}", finding.message);
-    let (points, findings) = ends("#1=0\nWHILE [#1 LT 1] DO1\nG91 G0 X1\nEND1\nM30\n", &settings);
-    assert!(points.len() > 1_000 && points.len() <= 5_000, "{}", points.len());
-    assert_eq!(findings.into_findings()[0].code, "PRG-ENDLESS");
-}
-
-#[test]
 fn further_files_are_found_by_name_and_by_number() {
     let programs =
         ["G0 X1\nM98 P1000\nM98 P2000\nX4\nM30\n", "O1000\nG0 X2\nM99\n", "%\nO0005\nM99\nO2000\nG0 X3\nM99\n%\n"];
@@ -241,33 +231,6 @@ fn what_is_found_in_a_called_program_names_the_calls() {
     let [arc] = findings.findings() else { panic!("{findings:?}") };
     let related: Vec<_> = arc.related.iter().map(|place| (place.span.line, place.is_call)).collect();
     assert_eq!((arc.span.line, related), (9, vec![(8, false), (5, true), (2, true)]));
-}
-
-#[test]
-fn a_loop_of_codes_that_change_nothing_is_endless_at_once() {
-    let mill = LanguageSettings { max_executed_blocks: 30, ..LanguageSettings::mill() };
-    let linuxcnc = LanguageSettings { max_executed_blocks: 30, ..LanguageSettings::linuxcnc() };
-    for (settings, program, line) in [
-        (&mill, "G0 X1\nWHILE [1 EQ 1] DO1\nG10 L2 P1 X5\nEND1\nM30", 2),
-        (&mill, "DO1\nM8\nG90 G4 P10\nM9\nEND1\nM30", 1),
-        (&mill, "N1 G10 L2 P1 X5\nG92 X0\nGOTO 1\nM30", 3),
-        (&linuxcnc, "o1 while [1]\nG10 L2 P1 X5\no1 endwhile\nM2", 1),
-        (&linuxcnc, "o1 do\nM7\no1 while [1]\nM2", 1),
-    ] {
-        let (_, findings) = ends(&format!("{program}\n"), settings);
-        let findings = findings.into_findings();
-        let found: Vec<_> = findings.iter().map(|it| (it.code.name(), it.span.line)).collect();
-        assert_eq!(found, [("PRG-ENDLESS", line)], "{program}");
-        assert!(findings[0].message.starts_with("nothing has changed"), "{program}: {}", findings[0].message);
-    }
-    // What changes something with every round ends by itself, or at the bound of blocks without motion.
-    let counts = "WHILE [#5221 LT 3] DO1\nG91 G10 L2 P1 X1\nEND1\nG90 G0 X7";
-    assert_eq!(mill_xs(counts), [7.0]);
-    let still = LanguageSettings { max_still_blocks: 1_000, ..LanguageSettings::mill() };
-    let (_, findings) = ends("DO1\nG91 G10 L2 P1 X1\nEND1\nM30\n", &still);
-    let finding = &findings.into_findings()[0];
-    assert_eq!((finding.code.name(), finding.span.line), ("PRG-ENDLESS", 1));
-    assert!(finding.message.contains("without any motion"), "{}", finding.message);
 }
 
 #[test]
