@@ -3,6 +3,7 @@
 mod comment;
 mod computed;
 mod corner;
+mod defect;
 mod machine;
 
 use crate::code;
@@ -13,7 +14,7 @@ use crate::interpreter::System;
 use crate::lexer::{Lexer, Token, TokenKind};
 use crate::lookalike::{self, Stretch};
 use crate::number::Number;
-use crate::{Finding, FindingCode, FindingLog, SourceSpan};
+use crate::{FindingLog, SourceSpan};
 
 use corner::CommaWords;
 use machine::MachineWords;
@@ -26,26 +27,12 @@ const LARGEST_NUMBER: f64 = 1e9;
 /// Largest line or program number: eight digits, as long as controls take them.
 const LARGEST_LABEL: f64 = 99_999_999.0;
 
-/// The cure for something inside a word.
-const AGAIN: &str = "write this word again, and check its number: without it, another number would be left";
-
 /// Whether a number can be a line or a program number.
 #[inline]
 fn is_label(number: Number) -> bool {
     // A number that is not whole, negative, or beyond `u32` is another one as `u32`.
     let whole = number.value() as u32;
     f64::from(whole) == number.value() && whole <= LARGEST_LABEL as u32
-}
-
-/// A word as it is usually written: its letter and the shortest form of its number.
-fn name(token: Token) -> String {
-    format!("{}{}", char::from(token.letter), token.number.value())
-}
-
-/// Mask of the letters that occur in a text.
-fn letters_in(text: &[u8]) -> u32 {
-    let letters = text.iter().filter(|byte| byte.is_ascii_alphabetic());
-    letters.fold(0, |mask, byte| mask | letter_bit(byte.to_ascii_uppercase()))
 }
 
 /// A word: its place and its value.
@@ -145,6 +132,7 @@ impl Default for Block {
 impl Block {
     /// Reads a line (without its terminator) into this block, replacing the block before. `mark` is how far `findings` was
     /// filled before.
+    // As long as the kinds of tokens, in one loop: every block of a program goes through it, and a call here costs all of them.
     #[allow(clippy::too_many_arguments, reason = "each is borrowed from another part of the interpreter")]
     #[inline(always)]
     pub(crate) fn parse(
@@ -446,188 +434,4 @@ impl Block {
         self.groups |= bit;
         self.codes[group as usize] = CodeWord { place, start: token.start, end: token.end };
     }
-
-    #[cold]
-    fn report_unknown_code(&mut self, token: Token, table: &CodeTable, findings: &mut FindingLog) {
-        self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
-            finding.message = format!("{} is not a code of this dialect", name(token));
-            let letter = token.letter;
-            finding.suggest(format!("known {} codes: {}", char::from(letter), table.supported(letter)))
-        });
-    }
-
-    #[cold]
-    fn report_unsupported_code(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
-        self.defect(code::UNSUPPORTED_CODE, token, findings, |mut finding| {
-            finding.message = format!("{} ({what}) is not supported yet", name(token));
-            finding
-        });
-    }
-
-    #[cold]
-    fn report_variable_lead(&mut self, token: Token, findings: &mut FindingLog) {
-        self.defect(code::THREAD_VARIABLE_LEAD, token, findings, |mut finding| {
-            finding.message = format!("{} cuts a thread whose lead changes, which is not carried out", name(token));
-            finding.suggest("write it as passes of constant lead behind each other (G32, G33), each with its own F")
-        });
-    }
-
-    #[cold]
-    fn report_code_of_other_system(&mut self, token: Token, what: &str, findings: &mut FindingLog) {
-        self.defect(code::UNKNOWN_CODE, token, findings, |mut finding| {
-            finding.message = format!("{} is {what}", name(token));
-            finding.suggest("write the code of the G-code system that the machine profile names").suggest(
-                "set language.g_code_system of the machine profile to the system that the program is written in",
-            )
-        });
-    }
-
-    #[cold]
-    fn report_second_code(&mut self, token: Token, group: Group, findings: &mut FindingLog) {
-        self.defect(code::GROUP_CONFLICT, token, findings, |mut finding| {
-            finding.message = format!("{} is the second {} code of the block", name(token), group.name());
-            finding.suggest("keep one of them, or write them in two blocks")
-        });
-    }
-
-    /// Pushes an error on a token that leaves the block unclear; `fill` adds the message.
-    #[cold]
-    fn defect(
-        &mut self,
-        code: FindingCode,
-        token: Token,
-        findings: &mut FindingLog,
-        fill: impl FnOnce(Finding) -> Finding,
-    ) {
-        self.unclear = true;
-        if token.letter != 0 {
-            self.unread |= letter_bit(token.letter);
-        }
-        let span = self.span_of(token.start, token.end);
-        findings.push_with(code, |code| fill(Finding::new(code, span, "")));
-    }
-
-    #[cold]
-    fn report_spaces(&self, token: Token, findings: &mut FindingLog) {
-        let span = self.span_of(token.start, token.end);
-        findings.push_with(code::NUMBER_SPACED, |code| {
-            let text = name(token);
-            Finding::new(code, span, format!("the number has spaces inside and is read as {text}"))
-                .suggest_replacement("write it without spaces", text)
-        });
-    }
-
-    #[cold]
-    fn report_huge_number(&mut self, token: Token, findings: &mut FindingLog) {
-        self.defect(code::NUMBER_RANGE, token, findings, |mut finding| {
-            finding.message = format!("the number of {} is beyond ±{LARGEST_NUMBER:e}", char::from(token.letter));
-            finding.with_value("limit", LARGEST_NUMBER, "")
-        });
-    }
-
-    /// A line or program number that is none; it moves nothing, so that the block without it does the same.
-    #[cold]
-    fn report_label(&mut self, token: Token, findings: &mut FindingLog) {
-        let value = token.number.value();
-        let code = if value > LARGEST_LABEL { code::NUMBER_RANGE } else { code::NUMBER_NOT_WHOLE };
-        self.defect(code, token, findings, |mut finding| {
-            let (name, letter) = if token.letter == b'N' { ("line", 'N') } else { ("program", 'O') };
-            finding.message = format!("{letter}{value} is no {name} number: it must be whole, 0 to {LARGEST_LABEL}");
-            let finding = finding.with_value("number", value, "").with_value("limit", LARGEST_LABEL, "");
-            finding.suggest_replacement(format!("remove it: a {name} number moves nothing"), "")
-        });
-    }
-
-    #[cold]
-    fn report_polar(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
-        let (text, what) = match line[token.start as usize] {
-            b'@' => ("@", "the radius"),
-            _ => ("^", "the angle"),
-        };
-        self.defect(code::POLAR_WORD, token, findings, |mut finding| {
-            finding.message = format!("{text} is {what} of a polar coordinate, which is not read");
-            finding.suggest("write the end as X and Y, such as X[10 * COS[30]] Y[10 * SIN[30]] for @10 ^30")
-        });
-    }
-
-    #[cold]
-    fn report_lookalike(&mut self, line: &[u8], stretch: &Stretch, findings: &mut FindingLog) {
-        let Stretch { start, end, text, is_certain } = stretch;
-        self.unclear = true;
-        self.unread |= letters_in(text.as_bytes());
-        self.extent = (self.extent.0.min(*start as u32), self.extent.1.max(*end as u32));
-        let span = self.span_of(*start as u32, *end as u32);
-        findings.push_with(code::LOOKALIKE, |code| {
-            let written = quote(&line[*start..*end]);
-            let message =
-                format!("{written} holds characters that only look like those of a program; it looks like {text}");
-            let finding = Finding::new(code, span, message);
-            if *is_certain {
-                return finding.suggest_replacement(format!("write {text}"), text.clone());
-            }
-            finding.suggest(format!("write it again, as {text} if that is meant: it may be read in two ways"))
-        });
-    }
-
-    /// Everything that is neither a word nor a comment.
-    #[cold]
-    fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
-        let (start, end) = (token.start as usize, token.end as usize);
-        // A few letters may be a code that is misspelt, as in GO; more are text.
-        let is_typing_error = token.kind == TokenKind::Text && end - start <= 3;
-        if matches!(token.kind, TokenKind::Expression | TokenKind::Statement) || is_typing_error {
-            self.unread |= letters_in(&line[start..end]);
-        }
-        let in_a_word = |at: Option<&u8>| at.is_some_and(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
-        // Taking something out of the middle of a word makes another number of it.
-        let within = in_a_word(start.checked_sub(1).map(|before| &line[before])) || in_a_word(line.get(end));
-        let code = match token.kind {
-            TokenKind::HugeNumber => return self.report_huge_number(token, findings),
-            TokenKind::MalformedNumber => code::NUMBER_INVALID,
-            TokenKind::UnclosedComment => code::COMMENT_UNCLOSED,
-            TokenKind::LoneLetter => code::NUMBER_MISSING,
-            TokenKind::StrayNumber => code::NUMBER_STRAY,
-            TokenKind::Text => code::TEXT,
-            TokenKind::Expression | TokenKind::Statement | TokenKind::Output => code::EXPRESSION,
-            TokenKind::Nul => code::NUL,
-            TokenKind::NotUtf8 => code::NOT_UTF8,
-            _ => code::CHARACTER,
-        };
-        self.defect(code, token, findings, |mut finding| {
-            let text = quote(&line[token.start as usize..token.end as usize]);
-            let letter = char::from(token.letter);
-            let length = token.end - token.start;
-            let (message, cure) = match token.kind {
-                TokenKind::UnclosedComment => ("the comment is not closed on its line".to_owned(), "close it with )"),
-                TokenKind::LoneLetter => (format!("{letter} has no number"), "write its number behind it"),
-                TokenKind::MalformedNumber => (
-                    format!("the number of {letter} cannot be read"),
-                    "write an optional sign, digits and at most one decimal point",
-                ),
-                TokenKind::StrayNumber => {
-                    (format!("the number {text} has no address letter"), "write its letter before it, or remove it")
-                }
-                TokenKind::Text => (format!("{text} is text outside a comment"), "write comments in ( )"),
-                TokenKind::Expression | TokenKind::Statement | TokenKind::Output => (
-                    format!("this is no statement that can stand here: {text}"),
-                    "write it as the first of its block, or the blocks themselves",
-                ),
-                TokenKind::Nul => (format!("{length} NUL bytes"), if within { AGAIN } else { "remove them" }),
-                TokenKind::NotUtf8 => {
-                    (format!("{length} bytes that are not UTF-8 text"), if within { AGAIN } else { "remove them" })
-                }
-                _ => (format!("{text} has no meaning here"), if within { AGAIN } else { "remove it" }),
-            };
-            finding.message = message;
-            finding.suggest(cure)
-        });
-    }
-}
-
-/// The text of a token for a message: readable and short whatever it holds.
-fn quote(text: &[u8]) -> String {
-    const LONGEST: usize = 40;
-    let shown = String::from_utf8_lossy(&text[..text.len().min(LONGEST)]);
-    let more = if text.len() > LONGEST { "…" } else { "" };
-    format!("{shown:?}{more}")
 }

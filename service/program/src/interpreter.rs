@@ -10,7 +10,9 @@ mod doubt;
 mod drill;
 mod execute;
 mod flow;
+mod framing;
 mod length;
+mod lines;
 mod machine_code;
 mod motion;
 mod path_control;
@@ -29,12 +31,10 @@ mod turning;
 use std::sync::Arc;
 
 use crate::block::Block;
-use crate::code;
 use crate::consequence;
 use crate::dialect::{CodeTable, Group, Meaning, letter_bit};
 use crate::finding::FindingMark;
-use crate::foreign::{self, Foreign};
-use crate::lexer::{Lexer, TokenKind};
+use crate::foreign;
 use crate::state::Phase;
 use crate::{
     Compensator, Finding, FindingLog, InterpreterState, LanguageSettings, Operation, OperationKind, Place, SourceSpan,
@@ -237,104 +237,6 @@ impl Interpreter {
         outcome
     }
 
-    fn read(
-        &mut self,
-        input: &[u8],
-        end_of_input: bool,
-        operations: &mut Vec<Operation>,
-        findings: &mut FindingLog,
-    ) -> LineOutcome {
-        if self.state.after_return && !input.is_empty() {
-            self.state.after_return = false;
-            if input[0] == b'\n' {
-                return LineOutcome::Consumed(1);
-            }
-        }
-        if self.state.skipping_line || self.state.reported.trailing {
-            return self.skip_line(input, end_of_input, operations, findings);
-        }
-        let longest = self.settings.max_line_bytes as usize;
-        let window = &input[..input.len().min(longest.saturating_add(1))];
-        match find_line_end(window) {
-            Some(length) => {
-                self.line(&input[..length], operations, findings);
-                LineOutcome::Consumed(self.line_end(input, length))
-            }
-            None if input.len() > longest => {
-                let line = self.state.lines.saturating_add(1);
-                if !self.state.readable_seen
-                    && !self.state.has_ended()
-                    && let Some(foreign) = foreign::recognise(window, true)
-                {
-                    self.refuse_file(foreign, window.len(), line, operations, findings);
-                    return LineOutcome::Consumed(input.len());
-                }
-                self.report_long_line(window, findings);
-                self.state.skipping_line = true;
-                self.skip_line(input, end_of_input, operations, findings)
-            }
-            None if !end_of_input => LineOutcome::NeedMore,
-            None if input.is_empty() => {
-                if self.state.flow.waits() && !self.state.has_ended() && self.contour_at_end(findings) {
-                    return LineOutcome::Elsewhere;
-                }
-                self.finish(operations, findings);
-                LineOutcome::Ended
-            }
-            None => {
-                self.line(input, operations, findings);
-                LineOutcome::Consumed(input.len())
-            }
-        }
-    }
-
-    /// Where the line ends whose terminator is at `at`: behind a line feed, a carriage return, or both.
-    #[inline]
-    fn line_end(&mut self, input: &[u8], at: usize) -> usize {
-        if input[at] == b'\n' {
-            return at + 1;
-        }
-        match input.get(at + 1) {
-            Some(b'\n') => at + 2,
-            next => {
-                self.state.after_return = next.is_none();
-                at + 1
-            }
-        }
-    }
-
-    /// Consumes the rest of a line that is too long, or everything after the end once that has been reported.
-    fn skip_line(
-        &mut self,
-        input: &[u8],
-        end_of_input: bool,
-        operations: &mut Vec<Operation>,
-        findings: &mut FindingLog,
-    ) -> LineOutcome {
-        if input.is_empty() {
-            if !end_of_input {
-                return LineOutcome::NeedMore;
-            }
-            self.finish(operations, findings);
-            return LineOutcome::Ended;
-        }
-        if self.state.reported.trailing {
-            return if self.state.flow.has_jumped() { LineOutcome::Ended } else { LineOutcome::Consumed(input.len()) };
-        }
-        let end = find_line_end(input);
-        let length = end.unwrap_or(input.len());
-        self.state.last_line_bytes =
-            self.state.last_line_bytes.saturating_add(u32::try_from(length).unwrap_or(u32::MAX));
-        match end {
-            Some(length) => {
-                self.state.skipping_line = false;
-                self.state.lines = self.state.lines.saturating_add(1);
-                LineOutcome::Consumed(self.line_end(input, length))
-            }
-            None => LineOutcome::Consumed(input.len()),
-        }
-    }
-
     /// Reads one whole line without its end.
     #[inline]
     fn line(&mut self, mut line: &[u8], operations: &mut Vec<Operation>, findings: &mut FindingLog) {
@@ -518,46 +420,6 @@ impl Interpreter {
         }
     }
 
-    /// Whether the first line with something in it is that of a file which is no program; that is then reported.
-    fn is_foreign_start(
-        &mut self,
-        line: &[u8],
-        number: u32,
-        operations: &mut Vec<Operation>,
-        findings: &mut FindingLog,
-    ) -> bool {
-        self.state.content_seen = line.iter().any(|byte| !byte.is_ascii_whitespace());
-        if !self.state.content_seen {
-            return false;
-        }
-        let Some(foreign) = foreign::recognise(line, true) else {
-            return false;
-        };
-        self.refuse_file(foreign, line.len(), number, operations, findings);
-        true
-    }
-
-    /// Reports that the file is no program, in place of everything found in it before, and ends it.
-    #[cold]
-    fn refuse_file(
-        &mut self,
-        Foreign { what, cure }: Foreign,
-        length: usize,
-        line: u32,
-        operations: &mut Vec<Operation>,
-        findings: &mut FindingLog,
-    ) {
-        findings.withdraw(0, |finding| code::is_of_language(finding.code));
-        let span = SourceSpan { program: self.state.place.program, line, column: 1, length: length as u32 };
-        findings.push_with(code::NOT_A_PROGRAM, |code| {
-            let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
-            Finding::new(code, span, message).suggest(cure)
-        });
-        self.state.nurbs = None;
-        self.state.reported.trailing = true;
-        self.end(span, operations, findings);
-    }
-
     /// Remembers which machining functions a block has switched, or would have without its error.
     fn note_functions(&mut self, operations: &[Operation], is_refused: bool) {
         for operation in operations {
@@ -578,126 +440,10 @@ impl Interpreter {
             nurbs.broken = true;
         }
     }
-
-    fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
-        if let Some(nurbs) = self.state.nurbs.take() {
-            findings.push_with(code::NURBS_UNFINISHED, |code| {
-                Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
-                    .suggest("close it with G5.3")
-            });
-        }
-        if self.state.skipping_data.take().is_some() {
-            findings.push_with(code::DATA_OPEN, |code| {
-                Finding::new(code, span, "the data of the control has no G11 at its end")
-                    .suggest("add G11 behind the data")
-            });
-        }
-        corner::interrupted(&mut self.state, span, operations, findings);
-        if let Some(line) = self.state.angle_line.take() {
-            angle::unfinished(&line, findings);
-        }
-        self.state.phase = Phase::Ended;
-        operations.push(Operation { span, kind: OperationKind::End });
-    }
-
-    /// Ends the program where its input ends.
-    fn finish(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
-        if self.state.has_ended() {
-            return;
-        }
-        if self.ends_called_file(operations, findings) {
-            return;
-        }
-        // A line that is too long and has no end has not been counted yet.
-        self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
-        let column = self.state.last_line_bytes.saturating_add(1);
-        let span = SourceSpan { program: self.state.place.program, line: self.state.lines.max(1), column, length: 0 };
-        let code = if self.table.dialect.is_linuxcnc { code::NO_END_REFUSED } else { code::NO_END };
-        findings.push_with(code, |code| {
-            Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
-        });
-        self.state.skipping_line = false;
-        self.end(span, operations, findings);
-    }
-
-    #[cold]
-    fn report_long_line(&mut self, start: &[u8], findings: &mut FindingLog) {
-        let longest = self.settings.max_line_bytes;
-        let line = self.state.lines.saturating_add(1);
-        self.state.last_line_bytes = 0;
-        // Any word may have stood in it.
-        self.state.unread = u32::MAX;
-        if self.state.has_ended() {
-            return self.report_trailing(start, line, findings);
-        }
-        self.break_nurbs();
-        let span = SourceSpan { program: self.state.place.program, line, column: 1, length: longest };
-        findings.push_with(code::LINE_TOO_LONG, |code| {
-            Finding::new(code, span, format!("the line is longer than {longest} bytes and is skipped"))
-                .with_value("max_line_length", f64::from(longest), "bytes")
-                .suggest("break it into blocks")
-        });
-    }
-
-    /// Says once that there is text after the end; blanks and a closing `%` belong there.
-    fn report_trailing(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) {
-        if self.state.flow.has_jumped() || self.begins_program(line) {
-            // Further programs and blocks, which are read where they are called.
-            self.state.reported.trailing = true;
-            return;
-        }
-        let text = |byte: &u8| !byte.is_ascii_whitespace() && !matches!(byte, b'%' | 0);
-        if Lexer::new(line).all(|token| matches!(token.kind, TokenKind::Comment | TokenKind::Percent | TokenKind::Nul))
-        {
-            return;
-        }
-        let (Some(first), Some(last)) = (line.iter().position(text), line.iter().rposition(text)) else {
-            return;
-        };
-        let span = SourceSpan {
-            program: self.state.place.program,
-            line: number,
-            column: first as u32 + 1,
-            length: (last - first) as u32 + 1,
-        };
-        self.push_trailing(span, findings);
-    }
-
-    fn push_trailing(&mut self, span: SourceSpan, findings: &mut FindingLog) {
-        self.state.reported.trailing = true;
-        findings.push_with(code::TRAILING, |code| {
-            Finding::new(code, span, "text after the end of the program is not read")
-        });
-    }
 }
 
 /// Reads a whole program that is in memory.
 #[must_use]
 pub fn interpret(source: &[u8], settings: LanguageSettings) -> (Vec<Operation>, FindingLog) {
     Interpreter::new(settings).read_all(source)
-}
-
-/// Offset of the first line feed or carriage return, eight bytes at a time.
-#[inline]
-fn find_line_end(bytes: &[u8]) -> Option<usize> {
-    const ONES: u64 = u64::from_ne_bytes([1; 8]);
-    const HIGHS: u64 = u64::from_ne_bytes([0x80; 8]);
-    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
-    let (chunks, rest) = bytes.as_chunks::<8>();
-    for (index, bytes) in chunks.iter().enumerate() {
-        // Bytes up to a carriage return, so that one comparison finds both; of the others among them only tabs are common.
-        let chunk = u64::from_le_bytes(*bytes);
-        let small = chunk.wrapping_sub(ONES * u64::from(b'\r' + 1)) & !chunk & HIGHS;
-        if small != 0 {
-            // The lowest bit marks the first of them exactly.
-            let first = small.trailing_zeros() as usize / 8;
-            if is_end(&bytes[first]) {
-                return Some(index * 8 + first);
-            }
-            if let Some(place) = bytes[first + 1..].iter().position(is_end) {
-                return Some(index * 8 + first + 1 + place);
-            }
-        }
-    }
-    Some(chunks.len() * 8 + rest.iter().position(is_end)?)
 }

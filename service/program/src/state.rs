@@ -357,6 +357,7 @@ pub(crate) struct Reported {
 
 impl InterpreterState {
     /// The state before the first line.
+    // As long as the state: every field is one line.
     pub(crate) fn new(settings: &LanguageSettings) -> Self {
         let mut state = Self {
             place: Place::default(),

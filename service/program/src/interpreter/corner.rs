@@ -222,11 +222,8 @@ fn close(pending: PendingCorner, next: &mut Operation, operations: &mut Vec<Oper
     operations.push(held);
 }
 
-/// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
-fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, &'static str> {
-    let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
-        return Err("what follows is no move");
-    };
+/// Whether a corner can be between two moves: both are lines or arcs in its plane, and the second goes where its sign says.
+fn check_sides(first: &Move, last: &Move, corner: &Corner) -> Result<(), &'static str> {
     let is_curve = |step: &Move| step.kind == MoveKind::Cutting && step.spline.is_none();
     if !is_curve(first) || !is_curve(last) {
         return Err("what follows is no move with G1, G2 or G3");
@@ -254,6 +251,16 @@ fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<
             return Err("its sign is not the direction of the next move, which must be at right angles");
         }
     }
+    Ok(())
+}
+
+/// The three moves instead of two; nothing where the moves are tangent, so that there is no corner.
+fn joined(held: &Operation, corner: &Corner, next: &Operation) -> Result<Option<Box<[Move; 3]>>, &'static str> {
+    let (OperationKind::Move(first), OperationKind::Move(last)) = (&held.kind, &next.kind) else {
+        return Err("what follows is no move");
+    };
+    check_sides(first, last, corner)?;
+    let (along, across) = corner.plane.axes();
     let point = |position: &Position| [position[along.index()], position[across.index()]];
     let segment = |step: &Move| Segment::new(point(&step.start), point(&step.end), step.arc.as_ref());
     let joint = match corner.kind {

@@ -7,6 +7,8 @@
 
 mod boring;
 mod cut;
+mod drive;
+mod levels;
 mod tap;
 mod words;
 

@@ -1,12 +1,14 @@
 //! Motion of one block: where it ends, and the move there.
 
+mod target;
+
 use super::execute::Execution;
 use super::spline::is_point;
 use crate::code;
 use crate::consequence::JUDGED_BY;
 use crate::dialect::{Code, FeedUnit, Flow, Group, Letter, Meaning, letter_bit};
-use crate::state::{Motion, ToolMode};
-use crate::{ArcGeometry, Axis, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
+use crate::state::Motion;
+use crate::{ArcGeometry, AxisSet, Feed, Finding, Move, MoveKind, OperationKind, Position};
 
 /// The letters of an arc's centre.
 const CENTRE_LETTERS: u32 = letter_bit(b'I') | letter_bit(b'J') | letter_bit(b'K');
@@ -51,102 +53,14 @@ impl Execution<'_> {
         {
             return;
         }
-        if let Some(code) = self.block.code(Group::Motion) {
-            let &Code { meaning, tenths, .. } = self.table.code(code.place);
-            match meaning {
-                // Its interpreter leaves the mode alone.
-                Meaning::CubicSpline | Meaning::QuadraticSpline | Meaning::Nurbs => {}
-                Meaning::NurbsEnd => self.state.motion_code = -1,
-                _ => self.state.motion_code = tenths as i16,
-            }
-            if !matches!(meaning, Meaning::Drill(_)) {
-                self.leave_cycle();
-            }
-            self.state.motion = match meaning {
-                // The motion code before it counts again after G80.
-                Meaning::Drill(cycle) => {
-                    self.enter_cycle(cycle);
-                    before
-                }
-                Meaning::RigidTap => Motion::RigidTap,
-                Meaning::Rapid => Motion::Rapid,
-                Meaning::Linear => Motion::Linear,
-                Meaning::Arc { clockwise } => Motion::Arc { clockwise },
-                Meaning::CubicSpline => Motion::Cubic,
-                Meaning::QuadraticSpline => Motion::Quadratic,
-                Meaning::Nurbs => Motion::Nurbs,
-                Meaning::NurbsEnd => return self.close_nurbs(before),
-                Meaning::Thread => Motion::Thread,
-                Meaning::Probe => Motion::Probe,
-                // It is carried out once; the motion before it stays in force.
-                Meaning::ThreadCycles if self.is_thread_refused() => return,
-                Meaning::ThreadCycles => return self.thread_cycles(),
-                Meaning::ThreadCycle => return self.open_thread_cycle(),
-                Meaning::Turning(_) if self.is_thread_refused() => return,
-                Meaning::Turning(cycle) => return self.turning_cycle(cycle, before),
-                Meaning::OfNoSystem(what) => return self.cycle_of_no_system(what),
-                _ => Motion::Unclear,
-            };
-            if self.state.motion != Motion::Cubic {
-                self.state.spline_exit = None;
-            }
-        }
-        let one_block = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
-        let frame = match one_block {
-            Some(Meaning::MachineCoordinates) => Frame::Machine,
-            _ if self.state.motion == Motion::Nurbs => return self.nurbs(),
-            // Its axis words are its own; what it left is reported as unused.
-            // In LinuxCNC a move may follow the dwell, if a motion code is written.
-            Some(Meaning::Dwell) if self.table.dialect.is_linuxcnc && self.block.code(Group::Motion).is_some() => {
-                Frame::Work
-            }
-            Some(
-                Meaning::Dwell
-                | Meaning::SpeedClamp
-                | Meaning::LocalShift
-                | Meaning::ShiftSet
-                | Meaning::Preset
-                | Meaning::DataSetting
-                | Meaning::DataSettingEnd
-                | Meaning::Reference
-                | Meaning::FurtherReference
-                | Meaning::ReferenceReturn
-                | Meaning::StoreReference { .. }
-                | Meaning::AlignTool { .. }
-                | Meaning::LookAhead
-                | Meaning::Smoothness
-                | Meaning::BlockLimit,
-            ) => return,
-            Some(Meaning::Skip) => return self.probing_move(),
-            Some(Meaning::SpeedClampOrThreadCycle) => return self.open_thread_cycle(),
-            _ => Frame::Work,
-        };
-        if self.state.drilling.cycle.is_some() {
-            return self.drill(frame);
-        }
-        if frame == Frame::Machine && self.table.dialect.flow == Flow::MacroB {
-            self.rapid_to_machine(before);
-        }
-        if self.state.motion == Motion::Probe
-            && frame == Frame::Work
-            && self.block.letters & self.table.axis_letters & !self.used != 0
+        if let Some(code) = self.block.code(Group::Motion)
+            && self.is_done_by_code(code.place, before)
         {
-            return self.probing_move();
-        }
-        if !self.state.tool_control.is_plain() {
-            return self.guided_motion(frame, before);
-        }
-        if frame == Frame::Work && self.state.motion == Motion::RigidTap {
-            return self.rigid_tap();
-        }
-        if frame == Frame::Work && matches!(self.state.motion, Motion::Thread | Motion::ThreadCycle) {
-            if !self.is_thread_refused() {
-                self.thread_motion();
-            }
             return;
         }
-        if let (Frame::Work, Motion::SingleCycle(cycle)) = (frame, self.state.motion) {
-            return self.single_cycle(cycle);
+        let Some(frame) = self.frame() else { return };
+        if self.is_done_by_mode(frame, before) {
+            return;
         }
         let axes = self.block.letters & self.table.axis_letters & !self.used;
         if (self.block.has_comma_words() || self.settings.plain_drawing_words)
@@ -171,58 +85,168 @@ impl Execution<'_> {
         if self.state.angle_line.is_some() {
             self.check_angle_line();
         }
-        let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
-        let may_have_corner = self.block.has_comma_words() || plain;
         let end = self.target(axes, frame);
-        if self.block.unclear {
-            self.state.position = end;
-            return;
+        if !self.block.unclear {
+            self.move_to(&end, axes);
         }
+        self.state.position = end;
+    }
+
+    /// Puts the motion code of the block in force; whether that is all, as it is carried out once or ends something.
+    #[inline]
+    fn is_done_by_code(&mut self, place: u8, before: Motion) -> bool {
+        let &Code { meaning, tenths, .. } = self.table.code(place);
+        match meaning {
+            // Its interpreter leaves the mode alone.
+            Meaning::CubicSpline | Meaning::QuadraticSpline | Meaning::Nurbs => {}
+            Meaning::NurbsEnd => self.state.motion_code = -1,
+            _ => self.state.motion_code = tenths as i16,
+        }
+        if !matches!(meaning, Meaning::Drill(_)) {
+            self.leave_cycle();
+        }
+        self.state.motion = match meaning {
+            // The motion code before it counts again after G80.
+            Meaning::Drill(cycle) => {
+                self.enter_cycle(cycle);
+                before
+            }
+            Meaning::RigidTap => Motion::RigidTap,
+            Meaning::Rapid => Motion::Rapid,
+            Meaning::Linear => Motion::Linear,
+            Meaning::Arc { clockwise } => Motion::Arc { clockwise },
+            Meaning::CubicSpline => Motion::Cubic,
+            Meaning::QuadraticSpline => Motion::Quadratic,
+            Meaning::Nurbs => Motion::Nurbs,
+            Meaning::Thread => Motion::Thread,
+            Meaning::Probe => Motion::Probe,
+            Meaning::NurbsEnd
+            | Meaning::ThreadCycles
+            | Meaning::ThreadCycle
+            | Meaning::Turning(_)
+            | Meaning::OfNoSystem(_) => {
+                self.carry_out_once(meaning, before);
+                return true;
+            }
+            _ => Motion::Unclear,
+        };
+        if self.state.motion != Motion::Cubic {
+            self.state.spline_exit = None;
+        }
+        false
+    }
+
+    /// A code that is carried out in its block; the motion before it stays in force.
+    fn carry_out_once(&mut self, meaning: Meaning, before: Motion) {
+        match meaning {
+            Meaning::NurbsEnd => self.close_nurbs(before),
+            Meaning::ThreadCycle => self.open_thread_cycle(),
+            Meaning::OfNoSystem(what) => self.cycle_of_no_system(what),
+            Meaning::ThreadCycles | Meaning::Turning(_) if self.is_thread_refused() => {}
+            Meaning::ThreadCycles => self.thread_cycles(),
+            Meaning::Turning(cycle) => self.turning_cycle(cycle, before),
+            _ => {}
+        }
+    }
+
+    /// The coordinates of the block's axis words; nothing where they belong to its one-block code or to a curve of several blocks, which
+    /// is then done with.
+    #[inline]
+    fn frame(&mut self) -> Option<Frame> {
+        let one_block = self.block.code(Group::NonModal).map(|code| self.table.code(code.place).meaning);
+        match one_block {
+            Some(Meaning::MachineCoordinates) => return Some(Frame::Machine),
+            _ if self.state.motion == Motion::Nurbs => self.nurbs(),
+            // Its axis words are its own; what it left is reported as unused.
+            // In LinuxCNC a move may follow the dwell, if a motion code is written.
+            Some(Meaning::Dwell) if self.table.dialect.is_linuxcnc && self.block.code(Group::Motion).is_some() => {
+                return Some(Frame::Work);
+            }
+            Some(
+                Meaning::Dwell
+                | Meaning::SpeedClamp
+                | Meaning::LocalShift
+                | Meaning::ShiftSet
+                | Meaning::Preset
+                | Meaning::DataSetting
+                | Meaning::DataSettingEnd
+                | Meaning::Reference
+                | Meaning::FurtherReference
+                | Meaning::ReferenceReturn
+                | Meaning::StoreReference { .. }
+                | Meaning::AlignTool { .. }
+                | Meaning::LookAhead
+                | Meaning::Smoothness
+                | Meaning::BlockLimit,
+            ) => {}
+            Some(Meaning::Skip) => self.probing_move(),
+            Some(Meaning::SpeedClampOrThreadCycle) => self.open_thread_cycle(),
+            _ => return Some(Frame::Work),
+        }
+        None
+    }
+
+    /// Carries the block out where a mode makes another thing of it than one move: a cycle, a guided tool, a thread.
+    #[inline]
+    fn is_done_by_mode(&mut self, frame: Frame, before: Motion) -> bool {
+        if self.state.drilling.cycle.is_some() {
+            self.drill(frame);
+            return true;
+        }
+        if frame == Frame::Machine && self.table.dialect.flow == Flow::MacroB {
+            self.rapid_to_machine(before);
+        }
+        let is_work = frame == Frame::Work;
+        match self.state.motion {
+            Motion::Probe if is_work && self.block.letters & self.table.axis_letters & !self.used != 0 => {
+                self.probing_move();
+            }
+            _ if !self.state.tool_control.is_plain() => self.guided_motion(frame, before),
+            Motion::RigidTap if is_work => self.rigid_tap(),
+            Motion::Thread | Motion::ThreadCycle if is_work => {
+                if !self.is_thread_refused() {
+                    self.thread_motion();
+                }
+            }
+            Motion::SingleCycle(cycle) if is_work => self.single_cycle(cycle),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Moves to `end` by the motion in force.
+    #[inline]
+    fn move_to(&mut self, end: &Position, axes: u32) {
         let motion = if self.machine_rapid { Motion::Rapid } else { self.state.motion };
         match motion {
-            Motion::Rapid => self.emit_move(MoveKind::Rapid, &end, None, Feed::PerMinute(0.0)),
+            Motion::Rapid => self.emit_move(MoveKind::Rapid, end, None, Feed::PerMinute(0.0)),
             Motion::Linear => {
-                if end != self.state.position
+                if *end != self.state.position
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    if may_have_corner {
-                        let corner = self.corner_words(axes);
-                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, None, feed));
-                    } else {
-                        self.emit_move(MoveKind::Cutting, &end, None, feed);
-                    }
+                    let plain = self.table.dialect.plain_corners && self.block.letters & PLAIN_CORNER_LETTERS != 0;
+                    self.emit_cut(axes, end, None, feed, self.block.has_comma_words() || plain);
                 }
             }
             Motion::Arc { clockwise } => {
-                if let Some(arc) = self.arc(clockwise, &end)
+                if let Some(arc) = self.arc(clockwise, end)
                     && let Some(feed) = self.cutting_feed(axes)
                 {
-                    if self.block.has_comma_words() {
-                        let corner = self.corner_words(axes);
-                        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, &end, Some(arc), feed));
-                    } else {
-                        self.emit_move(MoveKind::Cutting, &end, Some(arc), feed);
-                    }
+                    self.emit_cut(axes, end, Some(arc), feed, self.block.has_comma_words());
                 }
             }
             Motion::Cubic | Motion::Quadratic => {
                 let cubic = self.state.motion == Motion::Cubic;
-                if let Some(spline) = self.spline(cubic, axes, &end)
+                if let Some(spline) = self.spline(cubic, axes, end)
                     && let Some(feed) = self.cutting_feed(axes)
                     && !is_point(&spline)
                 {
-                    let mut step = self.new_move(MoveKind::Cutting, end, feed);
+                    let mut step = self.new_move(MoveKind::Cutting, *end, feed);
                     step.spline = Some(self.placed_spline(spline));
                     self.emit(self.block.span(), OperationKind::Move(step));
                 }
             }
-            Motion::None => {
-                self.state.motion = Motion::Unclear;
-                let span = self.block.span();
-                self.findings.push_with(code::MOTION_MISSING, |code| {
-                    Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
-                });
-            }
+            Motion::None => self.motion_missing(),
             Motion::Doubtful { tenths, line } => {
                 self.used |= CURVE_LETTERS;
                 self.doubtful_before(tenths, line);
@@ -237,7 +261,16 @@ impl Execution<'_> {
                 self.used |= CURVE_LETTERS;
             }
         }
-        self.state.position = end;
+    }
+
+    /// Emits a cutting move, with the corner behind it where words ask for one.
+    #[inline]
+    fn emit_cut(&mut self, axes: u32, end: &Position, arc: Option<ArcGeometry>, feed: Feed, has_corner: bool) {
+        if !has_corner {
+            return self.emit_move(MoveKind::Cutting, end, arc, feed);
+        }
+        let corner = self.corner_words(axes);
+        self.emit_with_corner(corner, |this| this.emit_move(MoveKind::Cutting, end, arc, feed));
     }
 
     /// Whether the coordinates do not permit a thread, whose lead is along the axes of the machine; it is then reported.
@@ -311,136 +344,6 @@ impl Execution<'_> {
         true
     }
 
-    /// The position after the axis words in the mask `axes`, which are used by this.
-    #[inline]
-    pub(super) fn target(&mut self, axes: u32, frame: Frame) -> Position {
-        let coords = &self.state.coords;
-        let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
-        if is_plain && self.state.tool_control.held.is_empty() {
-            let mut end = self.state.position;
-            self.plain_target(axes, &mut end);
-            return end;
-        }
-        self.transformed_target(axes, frame)
-    }
-
-    /// Places the axes of the words where these are work coordinates, and the program knows where every axis is.
-    #[inline]
-    fn plain_target(&mut self, axes: u32, end: &mut Position) {
-        self.used |= axes;
-        let mut named = 0u32;
-        for place in set_bits(axes) {
-            let letter = self.table.dialect.letters[place];
-            let (axis, increment) = match letter {
-                Letter::Axis(axis) => (axis, !self.state.absolute),
-                Letter::Increment(axis) => (axis, true),
-                _ => continue,
-            };
-            let word = self.block.slot(place);
-            let mut value = if axis == Axis::X { self.radius(word) } else { self.scaled(word, letter.is_length()) };
-            if named & (1 << axis.index()) != 0 {
-                self.named_twice(place);
-            }
-            named |= 1 << axis.index();
-            if axis.is_rotary() && !increment {
-                value = self.rolled(axis, value, Frame::Work, place);
-            }
-            let target = &mut end[axis.index()];
-            *target = if increment { *target + value } else { value };
-        }
-    }
-
-    #[cold]
-    fn named_twice(&mut self, place: usize) {
-        let word = *self.block.slot(place);
-        self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
-    }
-
-    fn transformed_target(&mut self, axes: u32, frame: Frame) -> Position {
-        let mut end = self.state.position;
-        let mut named = 0u32;
-        self.used |= axes;
-        let mut axes = axes;
-        if self.state.coords.awaits_absolute {
-            self.check_absolute(axes);
-        }
-        if frame == Frame::Work && self.state.coords.polar.is_some() {
-            axes = self.polar_target(axes, &mut end);
-        }
-        // Machine positions are behind every transformation.
-        let mut machine =
-            (frame == Frame::Machine && self.state.coords.transform.is_some()).then(|| self.machine_position());
-        for place in set_bits(axes) {
-            let letter = self.table.dialect.letters[place];
-            let (axis, increment) = match letter {
-                Letter::Axis(axis) => (axis, !self.state.absolute && frame == Frame::Work),
-                Letter::Increment(axis) => (axis, true),
-                _ => continue,
-            };
-            let word = self.block.slot(place);
-            let value = if axis == Axis::X { self.radius(word) } else { self.scaled(word, letter.is_length()) };
-            if named & (1 << axis.index()) != 0 {
-                self.named_twice(place);
-            }
-            named |= 1 << axis.index();
-            let value = if axis.is_rotary() && !increment { self.rolled(axis, value, frame, place) } else { value };
-            if !self.state.tool_control.held.is_empty() {
-                let span = self.block.word_span(self.block.slot(place));
-                self.place_held(axis, increment, value, span);
-            }
-            if let Some(machine) = &mut machine {
-                machine[axis.index()] = value;
-                continue;
-            }
-            let target = &mut end[axis.index()];
-            if increment {
-                *target += value;
-            } else if frame == Frame::Machine {
-                *target = value - self.machine_offset()[axis.index()];
-            } else {
-                *target = value;
-            }
-        }
-        match machine {
-            Some(machine) => self.state.coords.programmed(&machine),
-            None => end,
-        }
-    }
-
-    /// The angle that an absolute word of an axis that rolls over means; others mean what they say.
-    #[cold]
-    fn rolled(&mut self, axis: Axis, value: f64, frame: Frame, place: usize) -> f64 {
-        if !self.settings.coordinates.rolls_over(axis) {
-            return value;
-        }
-        let span = self.block.word_span(self.block.slot(place));
-        if self.state.tool_control.held.contains(axis) {
-            let message = format!("{} rolls over, but only the machine knows where it is", axis.letter());
-            let letter = axis.letter();
-            let first = match self.state.tool_control.mode {
-                ToolMode::Off => "",
-                ToolMode::Plane => "cancel the plane with G69, then ",
-                ToolMode::Angles | ToolMode::Vectors => "switch the tool centre point control off with G49, then ",
-            };
-            let cure = format!("{first}send it to its reference position with G91 G28 {letter}0, and go on in G90");
-            self.coord(code::ROLL_OVER, span, message, cure);
-            return value;
-        }
-        let offset = if frame == Frame::Machine { self.machine_offset()[axis.index()] } else { 0.0 };
-        let present = self.state.position[axis.index()] + offset;
-        match rolled_over(present, value, self.table.dialect.is_linuxcnc) {
-            Ok(rolled) => rolled,
-            Err(message) => {
-                let message = format!("{}{value}: {message}", axis.letter());
-                let cure = "go there in two moves, or by an incremental one";
-                self.findings.push_with(code::ROLL_OVER, |code| {
-                    Finding::new(code, span, message).with_value("present", present, "deg").suggest(cure)
-                });
-                value
-            }
-        }
-    }
-
     /// The feed of a cutting move over these axis words; `None` after a finding, now or before.
     #[inline]
     pub(super) fn cutting_feed(&mut self, axes: u32) -> Option<Feed> {
@@ -474,6 +377,16 @@ impl Execution<'_> {
                 None
             }
         }
+    }
+
+    /// Reports axis words while no motion code is in force, once.
+    #[cold]
+    pub(super) fn motion_missing(&mut self) {
+        self.state.motion = Motion::Unclear;
+        let span = self.block.span();
+        self.findings.push_with(code::MOTION_MISSING, |code| {
+            Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
+        });
     }
 
     #[cold]
@@ -547,29 +460,6 @@ impl Execution<'_> {
             cycle: None,
         }
     }
-}
-
-/// Half a turn is as far one way as the other, within this, degrees.
-const HALF_TURN_TOLERANCE_DEG: f64 = 1e-9;
-
-/// Where an axis that rolls over goes for an absolute word: the shorter way; in LinuxCNC the sign says which way.
-fn rolled_over(present: f64, value: f64, is_linuxcnc: bool) -> Result<f64, &'static str> {
-    if is_linuxcnc {
-        if value.abs() >= 360.0 {
-            return Err("an axis that wraps takes less than a full turn");
-        }
-        let rolled = value.abs() + (present / 360.0).floor() * 360.0;
-        return Ok(match value.is_sign_negative() {
-            false if rolled < present => rolled + 360.0,
-            true if rolled > present => rolled - 360.0,
-            _ => rolled,
-        });
-    }
-    let ahead = (value - present).rem_euclid(360.0);
-    if (ahead - 180.0).abs() < HALF_TURN_TOLERANCE_DEG {
-        return Err("it is half a turn away, so that both ways are equally short");
-    }
-    Ok(present + if ahead > 180.0 { ahead - 360.0 } else { ahead })
 }
 
 /// Places of the bits set in a mask, ascending.

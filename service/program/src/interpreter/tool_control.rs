@@ -220,38 +220,61 @@ impl Execution<'_> {
         if letters == 0 || self.block.unclear {
             return self.state.position = end;
         }
-        let (kind, path, feed) = match motion {
+        let Some((kind, path, feed)) = self.guided_path(motion, axes, &end, is_held_curve) else {
+            return self.state.position = end;
+        };
+        let still = matches!(path, GuidedPath::Straight)
+            && end == self.state.position
+            && held_before.is_empty()
+            && direction_before == self.state.tool_control.direction;
+        if let Some(feed) = feed.filter(|_| !still) {
+            if mode == ToolMode::Plane && frame == Frame::Machine {
+                self.emit_from_plane(kind, end, self.named_axes(axes), feed);
+            } else {
+                self.emit_guided(self.guide(direction_before), kind, end, feed, path);
+            }
+        }
+        self.state.position = end;
+    }
+
+    /// Kind, path and feed of a guided move; nothing where its motion is none that can be guided, or starts from where only the machine
+    /// is, which is then reported. Without a feed nothing moves, after a finding.
+    fn guided_path(
+        &mut self,
+        motion: Motion,
+        axes: u32,
+        end: &Position,
+        is_held_curve: bool,
+    ) -> Option<(MoveKind, GuidedPath, Option<Feed>)> {
+        let mode = self.state.tool_control.mode;
+        Some(match motion {
             Motion::Rapid => (MoveKind::Rapid, GuidedPath::Straight, Some(Feed::PerMinute(0.0))),
             Motion::Linear => (MoveKind::Cutting, GuidedPath::Straight, self.cutting_feed(axes)),
             Motion::Arc { .. } | Motion::Cubic | Motion::Quadratic if is_held_curve => {
                 self.used |= CURVE_LETTERS;
                 self.held_start(self.block.span());
-                return self.state.position = end;
+                return None;
             }
             Motion::Arc { clockwise } => {
-                let path = self.guided_arc(clockwise, &end).map(GuidedPath::Arc);
+                let path = self.guided_arc(clockwise, end).map(GuidedPath::Arc);
                 let feed = path.as_ref().and_then(|_| self.cutting_feed(axes));
                 (MoveKind::Cutting, path.unwrap_or(GuidedPath::Straight), feed)
             }
-            Motion::Cubic | Motion::Quadratic if by_vectors => {
+            Motion::Cubic | Motion::Quadratic if mode == ToolMode::Vectors => {
                 self.used = u32::MAX;
                 self.not_permitted(self.block.span(), "a spline, whose I J K would be the tool direction of G43.5,");
-                return self.state.position = end;
+                return None;
             }
             Motion::Cubic | Motion::Quadratic => {
                 // Under G43.4 the rotary axes turn evenly along the curve.
                 let own = if mode == ToolMode::Angles { axes & !ROTARY_LETTERS } else { axes };
-                let spline = self.spline(motion == Motion::Cubic, own, &end).filter(|spline| !is_point(spline));
+                let spline = self.spline(motion == Motion::Cubic, own, end).filter(|spline| !is_point(spline));
                 let feed = spline.as_ref().and_then(|_| self.cutting_feed(axes));
                 (MoveKind::Cutting, spline.map_or(GuidedPath::Straight, GuidedPath::Spline), feed)
             }
             Motion::None => {
-                self.state.motion = Motion::Unclear;
-                let span = self.block.span();
-                self.findings.push_with(code::MOTION_MISSING, |code| {
-                    Finding::new(code, span, "axis words, but no motion code says how to move").suggest("add G0 or G1")
-                });
-                return self.state.position = end;
+                self.motion_missing();
+                return None;
             }
             Motion::Unclear | Motion::Doubtful { .. } => (MoveKind::Rapid, GuidedPath::Straight, None),
             Motion::Nurbs
@@ -266,21 +289,9 @@ impl Execution<'_> {
                     ToolMode::Off => self.held_start(span),
                     _ => self.not_permitted(span, "a thread"),
                 }
-                return self.state.position = end;
+                return None;
             }
-        };
-        let still = matches!(path, GuidedPath::Straight)
-            && end == self.state.position
-            && held_before.is_empty()
-            && direction_before == self.state.tool_control.direction;
-        if let Some(feed) = feed.filter(|_| !still) {
-            if mode == ToolMode::Plane && frame == Frame::Machine {
-                self.emit_from_plane(kind, end, self.named_axes(axes), feed);
-            } else {
-                self.emit_guided(self.guide(direction_before), kind, end, feed, path);
-            }
-        }
-        self.state.position = end;
+        })
     }
 
     /// Whether a NURBS cannot be opened here, which is then reported: it starts from a place that only the machine knows, or its

@@ -40,6 +40,12 @@ const SIGNED_MM: RangeInclusive<f64> = -1_000.0..=1_000.0;
 /// How a word is read.
 type Reading = fn(&Execution<'_>, &Word) -> f64;
 
+/// A word that is a length like any other.
+const SCALED: Reading = |this, word| this.scaled(word, true);
+
+/// A word that counts in least increments unless it has a point.
+const THOUSANDTHS: Reading = |this, word| this.thousandths(word);
+
 impl Execution<'_> {
     /// A block with the code of a turning cycle; `before` is the motion in force before it.
     pub(super) fn turning_cycle(&mut self, cycle: TurningCycle, before: Motion) {

@@ -1,25 +1,14 @@
-//! The words of a cycle: levels, pecks, dwell, repeats, shift.
+//! The words of a cycle: pecks, dwell, repeats, shift.
 
 use super::super::execute::Execution;
 use super::cut::MAX_STROKES;
-use super::{Drive, Hole, Pecks};
+use super::levels::Levels;
+use super::{Hole, Pecks};
 use crate::block::Word;
 use crate::code;
-use crate::consequence::JUDGED_BY;
-use crate::dialect::{FeedUnit, Letter, letter_bit};
+use crate::dialect::{Letter, letter_bit};
 use crate::state::Cycle;
-use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, GCodeSystem, Position};
-
-/// Leads of taps, mm.
-const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
-
-/// Levels along the drilling axis.
-struct Levels {
-    r: f64,
-    bottom: f64,
-    start: f64,
-    up: f64,
-}
+use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, Position};
 
 impl Execution<'_> {
     /// The holes that a block asks for, and how often; nothing after a finding. `along` are the words of the drilling axis,
@@ -48,31 +37,8 @@ impl Execution<'_> {
         let drive = self.drive(cycle);
         let Levels { r, bottom, start: level, up } = levels?;
         let (dwell_s, (pecks, out_after), shift, repeats, drive) = (dwell_s?, pecks?, shift?, repeats?, drive?);
-        let strokes = pecks.strokes((r - bottom).abs());
-        if u64::from(strokes) * u64::from(repeats) > u64::from(MAX_STROKES) {
-            let span = self.block.span();
-            self.findings.push_with(code::CYCLE_VALUE, |code| {
-                let message = format!(
-                    "{repeats} holes with {strokes} or more strokes each are more than {MAX_STROKES} in one block"
-                );
-                Finding::new(code, span, message)
-                    .with_value("repeats", f64::from(repeats), "")
-                    .with_value("strokes", f64::from(strokes), "")
-                    .with_value("limit", f64::from(MAX_STROKES), "")
-                    .suggest("write a larger peck or fewer repeats; a decimal point may be missing")
-            });
-            return None;
-        }
-        // The pattern steps by what the words of the block add.
-        let mut step: Position = core::array::from_fn(|axis| at[axis] - start[axis]);
-        if self.state.absolute {
-            for axis in Axis::ALL {
-                if self.block.letters & self.increments_of(axis) == 0 {
-                    step[axis.index()] = 0.0;
-                }
-            }
-        }
-        step[index] = 0.0;
+        self.check_strokes(pecks.strokes((r - bottom).abs()), repeats)?;
+        let step = self.pattern_step(start, &at, index);
         let clear = if self.state.drilling.to_r {
             r
         } else if up * (level - r) > 0.0 {
@@ -100,6 +66,38 @@ impl Execution<'_> {
         Some((hole, repeats))
     }
 
+    /// Whether a block makes no more strokes than are carried out.
+    fn check_strokes(&mut self, strokes: u32, repeats: u32) -> Option<()> {
+        if u64::from(strokes) * u64::from(repeats) <= u64::from(MAX_STROKES) {
+            return Some(());
+        }
+        let span = self.block.span();
+        self.findings.push_with(code::CYCLE_VALUE, |code| {
+            let message =
+                format!("{repeats} holes with {strokes} or more strokes each are more than {MAX_STROKES} in one block");
+            Finding::new(code, span, message)
+                .with_value("repeats", f64::from(repeats), "")
+                .with_value("strokes", f64::from(strokes), "")
+                .with_value("limit", f64::from(MAX_STROKES), "")
+                .suggest("write a larger peck or fewer repeats; a decimal point may be missing")
+        });
+        None
+    }
+
+    /// From hole to hole of a pattern: what the words of the block add, across the drilling axis.
+    fn pattern_step(&self, start: &Position, at: &Position, drilled: usize) -> Position {
+        let mut step: Position = core::array::from_fn(|axis| at[axis] - start[axis]);
+        if self.state.absolute {
+            for axis in Axis::ALL {
+                if self.block.letters & self.increments_of(axis) == 0 {
+                    step[axis.index()] = 0.0;
+                }
+            }
+        }
+        step[drilled] = 0.0;
+        step
+    }
+
     /// The letters of the words that place an axis incrementally whatever the distance mode.
     fn increments_of(&self, axis: Axis) -> u32 {
         let letters = self.table.dialect.letters.iter().enumerate();
@@ -107,114 +105,9 @@ impl Execution<'_> {
         names.fold(0, |mask, (place, _)| mask | 1 << place)
     }
 
-    /// R level and bottom.
-    fn levels(&mut self, cycle: Cycle, axis: Axis, along: u32) -> Option<Levels> {
-        let index = axis.index();
-        let start = self.start_level(index);
-        let linuxcnc = self.is_linuxcnc();
-        let absolute = self.state.absolute;
-        let r_word = self.take(b'R').map(|word| self.scaled(&word, true));
-        let r_is_distance = self.has_lathe_cycles() && self.is_system_a() || !absolute;
-        let r = match r_word {
-            Some(value) if linuxcnc => {
-                self.state.drilling.r_level = Some(value);
-                Some(if absolute { value } else { value + start })
-            }
-            Some(value) => {
-                let r = if r_is_distance { start + value } else { value };
-                self.state.drilling.r_level = Some(r);
-                Some(r)
-            }
-            None if linuxcnc => self.state.drilling.r_level.map(|value| if absolute { value } else { value + start }),
-            None => self.state.drilling.r_level,
-        };
-        if r.is_none() {
-            let name = self.cycle_name();
-            self.cycle_word(&format!("{name} has no R level"), "add R with the level to which the tool goes rapidly");
-        }
-        let bottom = self.bottom(axis, along, r);
-        let (r, bottom) = (r?, bottom?);
-        self.check_levels(cycle, index, start, r, bottom)
-    }
-
-    /// The bottom, from the word of the drilling axis or a block before.
-    fn bottom(&mut self, axis: Axis, along: u32, r: Option<f64>) -> Option<f64> {
-        self.used |= along;
-        let linuxcnc = self.is_linuxcnc();
-        let absolute = self.state.absolute;
-        if along.count_ones() > 1 {
-            let word = *self.block.slot(along.trailing_zeros() as usize);
-            self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
-            return None;
-        }
-        if along == 0 {
-            let stored = self.state.drilling.bottom;
-            if stored.is_none() {
-                let (name, letter) = (self.cycle_name(), axis.letter());
-                self.cycle_word(&format!("{name} has no bottom"), &format!("add {letter} with the bottom of the hole"));
-            }
-            return match stored {
-                Some(value) if linuxcnc && !absolute => r.map(|r| r + value),
-                stored => stored,
-            };
-        }
-        let place = along.trailing_zeros() as usize;
-        let word = *self.block.slot(place);
-        let value = if axis == Axis::X { self.radius(&word) } else { self.scaled(&word, true) };
-        let is_distance = !absolute || matches!(self.table.dialect.letters[place], Letter::Increment(_));
-        let bottom = if is_distance { r.map(|r| r + value) } else { Some(value) };
-        self.state.drilling.bottom = if linuxcnc { Some(value) } else { bottom };
-        bottom
-    }
-
-    /// Whether the R level lies above the bottom, and the tool above the R level.
-    fn check_levels(&mut self, cycle: Cycle, axis: usize, start: f64, r: f64, bottom: f64) -> Option<Levels> {
-        let here = self.state.position[axis];
-        let back = cycle == Cycle::BackBore;
-        let up = if self.has_lathe_cycles() && bottom > start { -1.0 } else { 1.0 };
-        let wrong = if back { up * (bottom - r) < 0.0 } else { up * (r - bottom) < 0.0 };
-        let is_below = !back && !self.is_linuxcnc() && (up * (start - r) < 0.0 || up * (here - r) < 0.0);
-        if !wrong && !is_below {
-            return Some(Levels { r, bottom, start, up });
-        }
-        let span = self.block.span();
-        let name = self.cycle_name();
-        self.findings.push_with(code::CYCLE_LEVEL, |code| {
-            let (message, cure) = if wrong && back {
-                (format!("{name} cuts upwards, but its R level {r} is above its bottom {bottom}"), "check R and Z")
-            } else if wrong {
-                (
-                    format!("the R level {r} of {name} is below the bottom {bottom} of the hole"),
-                    "check the signs of R and the bottom, and whether G91 makes them distances",
-                )
-            } else {
-                (
-                    format!(
-                        "the tool is at {here}, below the R level {r} of {name}: the control would go to the hole there"
-                    ),
-                    "move the tool above the R level before the cycle",
-                )
-            };
-            Finding::new(code, span, message)
-                .with_value("r_level", r, "mm")
-                .with_value("bottom", bottom, "mm")
-                .with_value("level", here, "mm")
-                .suggest(cure)
-        });
-        None
-    }
-
     /// The code that is in force, as written.
-    fn cycle_name(&self) -> &'static str {
+    pub(super) fn cycle_name(&self) -> &'static str {
         self.state.drilling.cycle.map_or("the cycle", Cycle::name)
-    }
-
-    /// Whether a lathe reads `R` of its cycles as a distance whatever the distance mode.
-    fn is_system_a(&self) -> bool {
-        match self.settings.g_code_system {
-            Some(system) => system == GCodeSystem::A,
-            None => !self.state.not_system_a,
-        }
     }
 
     /// `P`, s.
@@ -261,49 +154,20 @@ impl Execution<'_> {
     /// `Q`, or `I J K` of Haas: the pecks, and after how much `G73` goes out of the hole.
     fn pecks(&mut self, cycle: Cycle) -> Option<(Pecks, Option<f64>)> {
         let rigid = matches!(cycle, Cycle::Tap | Cycle::TapLeft) && self.taps_rigidly();
-        if !matches!(cycle, Cycle::Peck | Cycle::ChipBreak) && !rigid {
+        let pecks = matches!(cycle, Cycle::Peck | Cycle::ChipBreak);
+        if !pecks && !rigid {
             return Some((Pecks::None, None));
         }
         let lathe = self.has_lathe_cycles();
+        self.peck_depth(lathe)?;
         let haas = !self.is_linuxcnc() && self.settings.drilling.style == DrillingStyle::Haas;
-        if let Some(word) = self.take(b'Q') {
-            // A lathe's Q is in least increments unless it has a point.
-            let peck = if lathe { self.thousandths(&word) } else { self.scaled(&word, true) };
-            if peck <= 0.0 {
-                self.drill_value(
-                    &word,
-                    format!("the peck Q is {peck} mm, but must be positive"),
-                    "write how deep each peck goes",
-                );
-                return None;
-            }
-            self.state.drilling.q = Some(peck);
-            self.state.drilling.ijk = [None; 3];
-        }
         // I and J of G83 are Haas's whatever the style; K belongs to them there only.
         let reducing = cycle == Cycle::Peck
             && !self.is_linuxcnc()
             && !lathe
             && self.block.letters & !self.used & (letter_bit(b'I') | letter_bit(b'J')) != 0;
-        if reducing || haas && matches!(cycle, Cycle::Peck | Cycle::ChipBreak) {
-            for (place, letter) in [b'I', b'J', b'K'].into_iter().enumerate() {
-                if let Some(word) = self.take(letter) {
-                    let value = self.scaled(&word, true);
-                    if value < 0.0 {
-                        let letter = char::from(letter);
-                        self.drill_value(
-                            &word,
-                            format!("{letter} is {value} mm, but must not be negative"),
-                            "remove the sign",
-                        );
-                        return None;
-                    }
-                    self.state.drilling.ijk[place] = Some(value);
-                    if place == 0 {
-                        self.state.drilling.q = None;
-                    }
-                }
-            }
+        if reducing || haas && pecks {
+            self.reducing_pecks()?;
         }
         let [first, less, least] = self.state.drilling.ijk;
         match (self.state.drilling.q, first) {
@@ -332,6 +196,42 @@ impl Execution<'_> {
                 None
             }
         }
+    }
+
+    /// `Q`: pecks of one depth.
+    fn peck_depth(&mut self, lathe: bool) -> Option<()> {
+        let Some(word) = self.take(b'Q') else { return Some(()) };
+        // A lathe's Q is in least increments unless it has a point.
+        let peck = if lathe { self.thousandths(&word) } else { self.scaled(&word, true) };
+        if peck <= 0.0 {
+            self.drill_value(
+                &word,
+                format!("the peck Q is {peck} mm, but must be positive"),
+                "write how deep each peck goes",
+            );
+            return None;
+        }
+        self.state.drilling.q = Some(peck);
+        self.state.drilling.ijk = [None; 3];
+        Some(())
+    }
+
+    /// `I J K`: the first peck, by how much each is less than the one before, and the least.
+    fn reducing_pecks(&mut self) -> Option<()> {
+        for (place, letter) in [b'I', b'J', b'K'].into_iter().enumerate() {
+            let Some(word) = self.take(letter) else { continue };
+            let value = self.scaled(&word, true);
+            if value < 0.0 {
+                let letter = char::from(letter);
+                self.drill_value(&word, format!("{letter} is {value} mm, but must not be negative"), "remove the sign");
+                return None;
+            }
+            self.state.drilling.ijk[place] = Some(value);
+            if place == 0 {
+                self.state.drilling.q = None;
+            }
+        }
+        Some(())
     }
 
     fn check_lathe_peck(&mut self, lathe: bool, cycle: Cycle) -> Option<()> {
@@ -430,97 +330,6 @@ impl Execution<'_> {
             return None;
         }
         Some(repeats)
-    }
-
-    /// Whether the taps of this place are synchronised with the spindle.
-    pub(super) fn taps_rigidly(&self) -> bool {
-        !self.is_linuxcnc() && (self.state.machine.rigid_tapping || self.settings.drilling.rigid_tapping)
-    }
-
-    /// What makes the tool cut; nothing after a finding.
-    fn drive(&mut self, cycle: Cycle) -> Option<Drive> {
-        if self.state.feed_unit == FeedUnit::InverseTime {
-            let span = self.block.span();
-            self.findings.push_with(code::CYCLE_FEED, |code| {
-                Finding::new(code, span, "a drilling cycle under inverse time feed, G93")
-                    .suggest("switch to feed per minute before the cycle, G94")
-            });
-            return None;
-        }
-        if !matches!(cycle, Cycle::Tap | Cycle::TapLeft) {
-            if cycle == Cycle::BoreStop && self.is_linuxcnc() {
-                self.check_spindle(cycle)?;
-            }
-            return self.cutting_feed(0).map(Drive::Feed);
-        }
-        if !self.taps_rigidly() {
-            let feed = self.cutting_feed(0);
-            self.check_spindle(cycle)?;
-            return feed.map(Drive::Feed);
-        }
-        self.rigid_drive()
-    }
-
-    /// Lead of a rigid tap: the feed per revolution, or the feed per minute over the speed.
-    fn rigid_drive(&mut self) -> Option<Drive> {
-        let (feed, speed) = (self.state.feed, self.state.rev_per_min);
-        if self.state.surface_speed || speed <= 0.0 {
-            if self.state.unread & JUDGED_BY == 0 {
-                self.spindle_finding("a rigid tap needs a constant spindle speed", "write M29 S500 before it");
-            }
-            return None;
-        }
-        if feed <= 0.0 || self.state.unread & JUDGED_BY != 0 {
-            // Reports a missing feed.
-            self.cutting_feed(0);
-            return None;
-        }
-        let lead_mm = if self.state.feed_unit == FeedUnit::PerMinute { feed / speed } else { feed };
-        if LEADS_MM.contains(&lead_mm) {
-            return Some(Drive::Spindle { lead_mm });
-        }
-        let span = self.block.span();
-        self.findings.push_with(code::CYCLE_VALUE, |code| {
-            let message = format!("the lead of the tap is {lead_mm} mm, but must be 0.0001 to 500 mm");
-            Finding::new(code, span, message)
-                .with_value("lead", lead_mm, "mm")
-                .suggest("in G95 F is the pitch, in G94 pitch times speed")
-        });
-        None
-    }
-
-    /// Whether the spindle turns as the cycle needs it.
-    fn check_spindle(&mut self, cycle: Cycle) -> Option<()> {
-        use crate::SpindleDirection::{Clockwise, CounterClockwise};
-        if self.state.unread & JUDGED_BY != 0 {
-            return None;
-        }
-        let name = self.cycle_name();
-        if !self.state.spindle_turns() {
-            let cure = if cycle == Cycle::TapLeft {
-                "start it before, such as M4 S500"
-            } else {
-                "start it before, such as M3 S500"
-            };
-            self.spindle_finding(&format!("the spindle does not turn in {name}"), cure);
-            return None;
-        }
-        let wrong = match (cycle, self.state.spindle_direction) {
-            (Cycle::Tap, CounterClockwise) => Some(("counter-clockwise", "M3, or G74 for a left-hand thread")),
-            (Cycle::TapLeft, Clockwise) => Some(("clockwise", "M4, or G84 for a right-hand thread")),
-            _ => None,
-        };
-        let Some((sense, cure)) = wrong else { return Some(()) };
-        self.spindle_finding(&format!("the spindle turns {sense} in {name}"), &format!("write {cure}"));
-        None
-    }
-
-    fn spindle_finding(&mut self, message: &str, cure: &str) {
-        let span = self.block.span();
-        let speed = self.state.rev_per_min;
-        self.findings.push_with(code::CYCLE_SPINDLE, |code| {
-            Finding::new(code, span, message).with_value("speed", speed, "rev/min").suggest(cure)
-        });
     }
 
     #[cold]

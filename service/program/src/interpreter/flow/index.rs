@@ -148,7 +148,7 @@ impl Indexer {
         let mut read = 0;
         while read < input.len() {
             let rest = &input[read..];
-            let end = crate::interpreter::find_line_end(rest);
+            let end = crate::interpreter::lines::find_line_end(rest);
             let length = end.unwrap_or(rest.len());
             let may_go_on = match end {
                 None => true,

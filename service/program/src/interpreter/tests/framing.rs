@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::interpreter::lines::find_line_end;
 
 #[test]
 fn line_ends_and_byte_order_mark() {

@@ -1,28 +1,24 @@
 //! How a cycle along a contour goes through the program: its contour is looked for and read, its passes are handed on, and the
 //! program goes on.
 
+mod blocks;
 mod corners;
+mod cut;
 
 use serde::{Deserialize, Serialize};
 
 use super::super::corner::Corner;
 use super::super::flow::{CallKind, CallRequest, CallTarget, Jump, Mark, Pending, Progress};
 use super::super::saved::SavedModes;
-use super::super::{Interpreter, LineOutcome, angle, corner};
+use super::super::{Interpreter, angle, corner};
 use super::contour::{MAX_PIECES, Piece};
-use super::passes::{self, Contour, Refusal, Step};
+use super::passes::{self, Contour, Refusal};
 use super::request::{Job, Request, Whereabouts};
-use crate::compensation::geometry::{Curve, Point};
-use crate::dialect::{Group, Meaning};
+use crate::compensation::geometry::Point;
+use crate::dialect::Group;
 use crate::finding::FindingMark;
 use crate::state::{Motion, RadiusCompensation};
-use crate::{
-    ArcGeometry, Axis, CompensationCommand, Feed, Finding, FindingLog, Move, MoveKind, Operation, OperationKind,
-    PathControl, Place, Plane, Position, SourceSpan, code,
-};
-
-/// Moves that are handed on at once.
-const CHUNK: usize = 64;
+use crate::{Axis, Finding, FindingLog, Operation, Place, Position, SourceSpan, code};
 
 /// A cycle along a contour that is being carried out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -335,77 +331,6 @@ impl Interpreter {
         }
     }
 
-    /// Refuses codes that no contour has.
-    fn check_contour_block(&mut self, findings: &mut FindingLog) {
-        let meaning = |group| self.block.code(group).map(|code| (self.table.code(code.place).meaning, code));
-        let is_of_contour = |meaning: Meaning| {
-            matches!(
-                meaning,
-                Meaning::Rapid
-                    | Meaning::Linear
-                    | Meaning::Arc { .. }
-                    | Meaning::Dwell
-                    | Meaning::ExactStop
-                    | Meaning::AlreadySo
-                    | Meaning::SpeedClamp
-                    | Meaning::SpeedClampOrThreadCycle
-            )
-        };
-        let groups = [Group::Motion, Group::NonModal, Group::Stop, Group::Units, Group::WorkOffset];
-        let wrong = groups.into_iter().find_map(|group| {
-            let (found, code) = meaning(group)?;
-            (!is_of_contour(found)).then(|| self.block.code_span(code))
-        });
-        let Some(span) = wrong.filter(|_| !self.block.is_empty()) else { return };
-        let Some(run) = &mut self.state.flow.contour else { return };
-        run.is_broken = true;
-        let line = run.span.line;
-        findings.push_with(code::TURNING_CONTOUR, |code| {
-            Finding::new(code, span, format!("this code is within the contour of the cycle of line {line}"))
-                .with_value("line", f64::from(line), "")
-                .suggest("write it before the contour or behind it: a contour has G0 to G3, G4, G96, G97, F and S")
-        });
-    }
-
-    /// Takes the moves of a block of the contour.
-    fn take_contour(
-        &mut self,
-        is_first: bool,
-        before: usize,
-        operations: &mut Vec<Operation>,
-        findings: &mut FindingLog,
-    ) {
-        let named = [Axis::Z, Axis::X].map(|axis| {
-            let letters = self.table.dialect.letters.iter().enumerate();
-            letters.filter(|(_, letter)| letter.is_of(axis)).any(|(place, _)| self.block.letters & (1 << place) != 0)
-        });
-        let here = place(&self.state.position);
-        let block_span = (!self.block.is_empty()).then(|| self.block.span());
-        let waits = self.state.corner.is_some() || self.state.angle_line.is_some();
-        let Some(run) = &mut self.state.flow.contour else { return };
-        if is_first && run.pieces.is_empty() {
-            run.named = named;
-        }
-        let from = if run.is_finish() { operations.len() } else { before };
-        for operation in &operations[before..] {
-            run.take(operation, findings);
-        }
-        run.check_asked_corner(findings);
-        let mut ends = None;
-        for operation in operations.drain(from..) {
-            if operation.kind == OperationKind::End {
-                ends = Some(operation);
-            }
-        }
-        operations.extend(ends);
-        // A first block that ends where it starts is the way to the contour all the same.
-        let is_blocks = run.last.is_some();
-        if is_first && is_blocks && run.pieces.is_empty() && named != [false; 2] && !waits {
-            let span = block_span.unwrap_or(run.span);
-            run.pieces.push(Piece { curve: Curve::line(here, here), span, is_rapid: true });
-        }
-    }
-
     /// Behind the last block of the contour.
     fn end_contour(&mut self, finishes: bool, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
         let before = operations.len();
@@ -498,122 +423,6 @@ impl Interpreter {
         state.thread.lead_mm = modes.lead_mm;
         (state.tool, state.next_tool) = (modes.tool, modes.next_tool);
         state.compensation = modes.compensation;
-    }
-
-    /// Hands on the next moves of the passes.
-    #[cold]
-    pub(in super::super) fn cut_contour(&mut self, operations: &mut Vec<Operation>) -> LineOutcome {
-        let Some(mut run) = self.state.flow.contour.take() else { return LineOutcome::Elsewhere };
-        let steps = self.steps.take().unwrap_or_else(|| {
-            // The same moves as before the snapshot from which this interpreter was restored.
-            passes::plan(&run.request, run.contour()).map(|plan| plan.steps).unwrap_or_default().into()
-        });
-        let from = run.done as usize;
-        let to = steps.len().min(from + CHUNK);
-        for step in &steps[from.min(to)..to] {
-            self.cut_step(&run, step, operations);
-        }
-        self.state.flow.moved();
-        run.done = to as u32;
-        if to < steps.len() {
-            self.steps = Some(steps);
-            self.state.flow.contour = Some(run);
-        } else if let (Whereabouts::Sub(_), Some(step)) = (run.request.contour, steps.last()) {
-            // LinuxCNC goes on with the motion code of the last move.
-            self.state.motion = match step.curve.circle {
-                Some(circle) => Motion::Arc { clockwise: circle.is_clockwise() },
-                None if step.is_rapid => Motion::Rapid,
-                None => Motion::Linear,
-            };
-        }
-        LineOutcome::Elsewhere
-    }
-
-    fn cut_step(&mut self, run: &ContourRun, step: &Step, operations: &mut Vec<Operation>) {
-        let span = step.block.and_then(|block| run.pieces.get(block as usize + 1)).map_or(run.span, |piece| piece.span);
-        let [z, x] = step.curve.to;
-        let start = self.state.position;
-        let mut end = start;
-        (end[Axis::Z.index()], end[Axis::X.index()]) = (z, x);
-        let arc = step.curve.circle.map(|circle| ArcGeometry {
-            plane: Plane::Zx,
-            center: circle.center,
-            clockwise: circle.is_clockwise(),
-            sweep_rad: circle.sweep_rad,
-        });
-        let follows = step.block.is_some();
-        let state = &self.state;
-        let kind = OperationKind::Move(Move {
-            kind: if step.is_rapid { MoveKind::Rapid } else { MoveKind::Cutting },
-            start,
-            end,
-            work_offset: state.coords.total,
-            arc,
-            spline: None,
-            // Passes go through their corners exactly; the contour is cut as the program says.
-            path_control: if follows { state.path_control } else { PathControl::ExactPath },
-            feed: if step.is_rapid { Feed::PerMinute(0.0) } else { run.request.feed.unwrap_or(Feed::PerMinute(0.0)) },
-            spindle: state.spindle(),
-            tool: state.tool,
-            cycle: None,
-        });
-        operations.push(Operation { span, kind });
-        self.state.position = end;
-    }
-}
-
-impl ContourRun {
-    /// Takes an operation of a block of the contour.
-    fn take(&mut self, operation: &Operation, findings: &mut FindingLog) {
-        let mut refuse = |run: &mut Self, message: &str| {
-            run.is_broken = true;
-            findings.push_with(code::TURNING_CONTOUR, |code| {
-                Finding::new(
-                    code,
-                    operation.span,
-                    format!("the contour of the cycle of line {} {message}", run.span.line),
-                )
-                .with_value("line", f64::from(run.span.line), "")
-                .suggest("write the contour with lines and arcs in X and Z")
-            });
-        };
-        match &operation.kind {
-            OperationKind::Move(step) => {
-                let others = |axis: &Axis| !matches!(axis, Axis::X | Axis::Z);
-                let curve = match step.arc {
-                    Some(arc) => Curve::arc(place(&step.start), place(&step.end), arc.center, arc.sweep_rad),
-                    None => Curve::line(place(&step.start), place(&step.end)),
-                };
-                if Axis::ALL.into_iter().filter(others).any(|axis| step.start[axis.index()] != step.end[axis.index()]) {
-                    refuse(self, "moves another axis than X and Z");
-                } else if step.spline.is_some() || step.arc.is_some_and(|arc| arc.plane != Plane::Zx) {
-                    refuse(self, "has a curve that is no arc in the plane of Z and X");
-                } else if self.is_finish() {
-                    // Its own blocks are carried out: only its first and its last move are needed.
-                    self.pieces.truncate(1);
-                    self.pieces.push(Piece { curve, span: operation.span, is_rapid: step.kind == MoveKind::Rapid });
-                } else if self.pieces.len() >= MAX_PIECES {
-                    self.is_cut = true;
-                } else {
-                    self.push(Piece { curve, span: operation.span, is_rapid: step.kind == MoveKind::Rapid }, findings);
-                }
-            }
-            OperationKind::Thread(_) | OperationKind::Guided(_) => {
-                refuse(self, "has a move that is no line and no arc");
-            }
-            OperationKind::Compensation(CompensationCommand::On(_))
-                if !self.is_finish() && !std::mem::replace(&mut self.is_compensated, true) =>
-            {
-                findings.push_with(code::TURNING_COMPENSATION, |code| {
-                    let message = format!(
-                        "the compensation of the nose acts in the finishing cycle; the passes of line {} ignore it",
-                        self.span.line
-                    );
-                    Finding::new(code, operation.span, message)
-                });
-            }
-            _ => {}
-        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! at the end point exactly, and the cycle ends where it started.
 
 use super::super::execute::Execution;
-use super::{DEPTHS_MM, LENGTHS_MM, Reading};
+use super::{DEPTHS_MM, LENGTHS_MM, SCALED, THOUSANDTHS};
 use crate::code;
 use crate::dialect::letter_bit;
 use crate::settings::ESCAPE_MM;
@@ -30,76 +30,30 @@ struct Groove {
     feed: Feed,
 }
 
+impl Groove {
+    /// How far it goes along an axis, from the start.
+    fn travel(&self, start: [f64; 2], axis: usize) -> f64 {
+        (self.end[axis] - start[axis]).abs()
+    }
+}
+
+/// Mask of letters.
+fn letters_of(letters: &[u8]) -> u32 {
+    letters.iter().fold(0, |mask, &letter| mask | letter_bit(letter))
+}
+
 impl Execution<'_> {
     /// A block with `G74` or `G75` of a lathe.
     pub(super) fn groove(&mut self, along: Axis) {
         let letters = self.block.letters & !self.used;
-        let has = |text: &[u8]| text.iter().any(|&letter| letters & letter_bit(letter) != 0);
-        let ends = self.turning_letters();
-        let scaled: Reading = |this, word| this.scaled(word, true);
-        if letters & (ends[0] | ends[1]) == 0 && !has(b"PQIKD") {
-            match self.turning_length(b'R', "return", &LENGTHS_MM, scaled) {
-                Some(Some(return_mm)) => self.state.turning.groove_return_mm = Some(return_mm),
-                Some(None) => {
-                    self.turning_word_missing("words", "write R with the return, or X, Z, P and Q of the groove");
-                }
-                None => {}
-            }
-            return;
+        let [x, z] = self.turning_letters();
+        if letters & (x | z | letters_of(b"PQIKD")) == 0 {
+            return self.groove_return();
         }
-        let one_line = has(b"IKD");
-        if one_line && has(b"PQR") {
-            self.used = u32::MAX;
-            return self.turning_finding(
-                code::TURNING_FORM,
-                "the words of this grooving cycle belong to two of its forms",
-                "in two lines: R, then X Z P Q R F; in one line: X Z I K D F",
-            );
-        }
-        let thousandths: Reading = |this, word| this.thousandths(word);
-        let (steps, relief_letter, read) =
-            if one_line { ([b'I', b'K'], b'D', scaled) } else { ([b'P', b'Q'], b'R', thousandths) };
-        // Δd of FANUC's two lines is a length like any other, D of its one line counts in least increments.
-        let read_relief = match self.settings.drilling.style {
-            DrillingStyle::Fanuc if one_line => thousandths,
-            _ => scaled,
-        };
-        let along_x = self.turning_length(steps[0], "step_along_x", &DEPTHS_MM, read);
-        let along_z = self.turning_length(steps[1], "step_along_z", &DEPTHS_MM, read);
-        let relief = self.turning_length(relief_letter, "relief", &LENGTHS_MM, read_relief);
-        let Some((end, _)) = self.turning_end() else { return };
-        if let Some(on) = self.state.compensation.on {
-            return self.compensation_refused(self.block.span(), "a grooving cycle", on.line);
-        }
-        let feed = self.cutting_feed(0);
-        let (Some(along_x), Some(along_z), Some(relief), Some(feed)) = (along_x, along_z, relief, feed) else { return };
-        let deep = usize::from(along == Axis::Z);
-        let pecks = [along_x, along_z];
         let start = self.tool_place();
-        let names = ["X", "Z"];
-        if end[deep] == start[deep] {
-            let message = format!("the groove ends at the {} where it starts", names[deep]);
-            return self.turning_finding(
-                code::TURNING_START,
-                &message,
-                "check the end point and the position before it",
-            );
-        }
-        let Some(peck_mm) = pecks[deep] else {
-            let cure = format!("add {} with the peck along {}", char::from(steps[deep]), names[deep]);
-            return self.turning_word_missing("peck", &cure);
-        };
-        let step_mm = if end[1 - deep] == start[1 - deep] { None } else { pecks[1 - deep] };
-        if step_mm.is_none() && end[1 - deep] != start[1 - deep] {
-            let cure = format!("add {} with the step along {}", char::from(steps[1 - deep]), names[1 - deep]);
-            return self.turning_word_missing("step from groove to groove", &cure);
-        }
-        let turning = &self.settings.turning;
-        let stated = self.state.turning.groove_return_mm.or(turning.groove_return_mm);
-        let return_mm = self.turning_default(1, stated, "groove_return_mm", ESCAPE_MM);
-        let groove = Groove { deep, end, peck_mm, step_mm, relief_mm: relief.unwrap_or(0.0), return_mm, feed };
-        let columns = step_mm.map_or(1.0, |step| ((end[1 - deep] - start[1 - deep]).abs() / step).ceil() + 1.0);
-        let strokes = ((end[deep] - start[deep]).abs() / peck_mm).ceil() * columns;
+        let Some(groove) = self.groove_words(along, letters, start) else { return };
+        let columns = groove.step_mm.map_or(1.0, |step| (groove.travel(start, 1 - groove.deep) / step).ceil() + 1.0);
+        let strokes = (groove.travel(start, groove.deep) / groove.peck_mm).ceil() * columns;
         if strokes > MAX_STROKES {
             let span = self.block.span();
             return self.findings.push_with(code::TURNING_LIMIT, |code| {
@@ -112,6 +66,72 @@ impl Execution<'_> {
         let modal = std::mem::replace(&mut self.state.path_control, PathControl::ExactPath);
         self.cut_groove(&groove, start);
         self.state.path_control = modal;
+    }
+
+    /// The first of two lines: `R` alone, for all that follow.
+    fn groove_return(&mut self) {
+        match self.turning_length(b'R', "return", &LENGTHS_MM, SCALED) {
+            Some(Some(return_mm)) => self.state.turning.groove_return_mm = Some(return_mm),
+            Some(None) => {
+                self.turning_word_missing("words", "write R with the return, or X, Z, P and Q of the groove");
+            }
+            None => {}
+        }
+    }
+
+    /// The groove that the words of a block describe; nothing after a finding.
+    fn groove_words(&mut self, along: Axis, letters: u32, start: [f64; 2]) -> Option<Groove> {
+        let one_line = letters & letters_of(b"IKD") != 0;
+        if one_line && letters & letters_of(b"PQR") != 0 {
+            self.used = u32::MAX;
+            self.turning_finding(
+                code::TURNING_FORM,
+                "the words of this grooving cycle belong to two of its forms",
+                "in two lines: R, then X Z P Q R F; in one line: X Z I K D F",
+            );
+            return None;
+        }
+        let (steps, relief_letter, read) =
+            if one_line { ([b'I', b'K'], b'D', SCALED) } else { ([b'P', b'Q'], b'R', THOUSANDTHS) };
+        // Δd of FANUC's two lines is a length like any other, D of its one line counts in least increments.
+        let read_relief = match self.settings.drilling.style {
+            DrillingStyle::Fanuc if one_line => THOUSANDTHS,
+            _ => SCALED,
+        };
+        let along_x = self.turning_length(steps[0], "step_along_x", &DEPTHS_MM, read);
+        let along_z = self.turning_length(steps[1], "step_along_z", &DEPTHS_MM, read);
+        let relief = self.turning_length(relief_letter, "relief", &LENGTHS_MM, read_relief);
+        let (end, _) = self.turning_end()?;
+        if let Some(on) = self.state.compensation.on {
+            self.compensation_refused(self.block.span(), "a grooving cycle", on.line);
+            return None;
+        }
+        let feed = self.cutting_feed(0);
+        let (along_x, along_z, relief, feed) = (along_x?, along_z?, relief?, feed?);
+        let deep = usize::from(along == Axis::Z);
+        let pecks = [along_x, along_z];
+        let names = ["X", "Z"];
+        if end[deep] == start[deep] {
+            let message = format!("the groove ends at the {} where it starts", names[deep]);
+            let cure = "check the end point and the position before it";
+            self.turning_finding(code::TURNING_START, &message, cure);
+            return None;
+        }
+        let Some(peck_mm) = pecks[deep] else {
+            let cure = format!("add {} with the peck along {}", char::from(steps[deep]), names[deep]);
+            self.turning_word_missing("peck", &cure);
+            return None;
+        };
+        let step_mm = if end[1 - deep] == start[1 - deep] { None } else { pecks[1 - deep] };
+        if step_mm.is_none() && end[1 - deep] != start[1 - deep] {
+            let cure = format!("add {} with the step along {}", char::from(steps[1 - deep]), names[1 - deep]);
+            self.turning_word_missing("step from groove to groove", &cure);
+            return None;
+        }
+        let turning = &self.settings.turning;
+        let stated = self.state.turning.groove_return_mm.or(turning.groove_return_mm);
+        let return_mm = self.turning_default(1, stated, "groove_return_mm", ESCAPE_MM);
+        Some(Groove { deep, end, peck_mm, step_mm, relief_mm: relief.unwrap_or(0.0), return_mm, feed })
     }
 
     fn cut_groove(&mut self, groove: &Groove, start: [f64; 2]) {

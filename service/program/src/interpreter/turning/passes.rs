@@ -1,7 +1,7 @@
 //! From a job and its contour to the moves of the passes. The same job and contour always give the same moves, so that they need
 //! not be remembered: who goes on in the middle of a cycle makes them again.
 
-use super::contour::{Piece, parts, turns_back};
+use super::contour::{Part, Piece, parts, turns_back};
 use super::frame::{Frame, moved};
 use super::linuxcnc;
 use super::pockets::{self, Stock};
@@ -167,6 +167,9 @@ fn finish_return(contour: Contour<'_>) -> Plan {
     Plan { steps: path.steps, ..Plan::default() }
 }
 
+/// Names of the axes of a point.
+const NAMES: [&str; 2] = ["Z", "X"];
+
 /// Passes parallel to an axis.
 fn rough(
     contour: Contour<'_>,
@@ -177,50 +180,16 @@ fn rough(
     allowance: Point,
 ) -> Result<Plan, Refusal> {
     let [across, along] = if facing { [0, 1] } else { [1, 0] };
-    let names = ["Z", "X"];
-    if !contour.named[across] {
-        let message = format!("the first block of the contour does not move {}", names[across]);
-        let cure = "let the first block go to the start of the contour across the passes: X for G71, Z for G72";
-        return Err(Refusal::new(code::TURNING_CONTOUR, &message, cure).at(approach.span));
-    }
-    let Some(last) = pieces.last() else {
-        let message = "the contour has no block behind its first one";
-        return Err(Refusal::new(code::TURNING_CONTOUR, message, "write its lines and arcs").at(approach.span));
-    };
-    if contour.start[across] == approach.curve.to[across] {
-        let message = format!(
-            "the cycle starts at the {} where the contour starts, so that the side of the stock is not known",
-            names[across]
-        );
-        let cure = "move the tool to the corner of the stock, clear of it, before the cycle";
-        return Err(Refusal::new(code::TURNING_START, &message, cure));
-    }
+    let last = checked(contour, approach, pieces, across)?;
     let progress = last.curve.to[along] - approach.curve.to[along];
     let progress = if progress == 0.0 { -1.0 } else { progress.signum() };
     let frame = Frame { swaps: facing, signs: [progress, outward(contour, across)] };
     let curves: Vec<_> = pieces.iter().map(|piece| frame.curve(&piece.curve)).collect();
-    let exact_parts = parts(&curves);
     let has_both = contour.named[along];
-    let refuse = |block: usize, axis: usize| {
-        let name = names[if axis == 0 { along } else { across }];
-        let message = format!("the contour turns back along {name} here");
-        let cure = if axis == 1 {
-            "where it is a pocket, name both axes in the first block of the contour, such as W0"
-        } else {
-            "let the contour go one way along the passes"
-        };
-        Refusal::new(code::TURNING_MONOTONY, &message, cure).at(pieces[block].span)
-    };
-    if let Some(block) = turns_back(&exact_parts, 0) {
-        return Err(refuse(block, 0));
-    }
-    let falls = turns_back(&exact_parts, 1);
-    if let (Some(block), false) = (falls, has_both) {
-        return Err(refuse(block, 1));
-    }
+    let has_pockets = has_pockets(&parts(&curves), pieces, [along, across], has_both)?;
     let shift = frame.to(allowance);
-    if falls.is_some() && shift[0] != 0.0 {
-        let message = format!("an allowance along {} cuts into the far walls of the pockets", names[along]);
+    if has_pockets && shift[0] != 0.0 {
+        let message = format!("an allowance along {} cuts into the far walls of the pockets", NAMES[along]);
         let cure = "leave it out, and let the finishing cycle cut the walls";
         return Err(Refusal::new(code::TURNING_VALUE, &message, cure));
     }
@@ -243,7 +212,54 @@ fn rough(
     }
     // Away from the part is against the passes along them, and outward across.
     let cuts_in = shift[1] < 0.0 || shift[0] > 0.0;
-    Ok(Plan { steps: path.steps, has_pockets: falls.is_some(), cuts_in })
+    Ok(Plan { steps: path.steps, has_pockets, cuts_in })
+}
+
+/// The last block of a contour whose start says on which side of it the stock is, across the passes.
+fn checked<'a>(
+    contour: Contour<'_>,
+    approach: &Piece,
+    pieces: &'a [Piece],
+    across: usize,
+) -> Result<&'a Piece, Refusal> {
+    let name = NAMES[across];
+    if !contour.named[across] {
+        let message = format!("the first block of the contour does not move {name}");
+        let cure = "let the first block go to the start of the contour across the passes: X for G71, Z for G72";
+        return Err(Refusal::new(code::TURNING_CONTOUR, &message, cure).at(approach.span));
+    }
+    let Some(last) = pieces.last() else {
+        let message = "the contour has no block behind its first one";
+        return Err(Refusal::new(code::TURNING_CONTOUR, message, "write its lines and arcs").at(approach.span));
+    };
+    if contour.start[across] == approach.curve.to[across] {
+        let message = format!(
+            "the cycle starts at the {name} where the contour starts, so that the side of the stock is not known"
+        );
+        let cure = "move the tool to the corner of the stock, clear of it, before the cycle";
+        return Err(Refusal::new(code::TURNING_START, &message, cure));
+    }
+    Ok(last)
+}
+
+/// Whether a contour turns back across the passes, which it may where its first block names both axes; along them it must not.
+fn has_pockets(parts: &[Part], pieces: &[Piece], axes: [usize; 2], may_have: bool) -> Result<bool, Refusal> {
+    let refuse = |block: usize, axis: usize| {
+        let message = format!("the contour turns back along {} here", NAMES[axes[axis]]);
+        let cure = if axis == 1 {
+            "where it is a pocket, name both axes in the first block of the contour, such as W0"
+        } else {
+            "let the contour go one way along the passes"
+        };
+        Refusal::new(code::TURNING_MONOTONY, &message, cure).at(pieces[block].span)
+    };
+    if let Some(block) = turns_back(parts, 0) {
+        return Err(refuse(block, 0));
+    }
+    match turns_back(parts, 1) {
+        Some(block) if !may_have => Err(refuse(block, 1)),
+        falls => Ok(falls.is_some()),
+    }
 }
 
 /// Passes along the contour, each nearer to it.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::execute::Execution;
 use super::follow::ContourRun;
-use super::{DEPTHS_MM, LENGTHS_MM, Reading, SIGNED_MM};
+use super::{DEPTHS_MM, LENGTHS_MM, Reading, SCALED, SIGNED_MM, THOUSANDTHS};
 use crate::code;
 use crate::dialect::letter_bit;
 use crate::settings::ESCAPE_MM;
@@ -61,9 +61,7 @@ pub(super) struct Request {
     pub(super) tool: [f64; 2],
 }
 
-const SCALED: Reading = |this, word| this.scaled(word, true);
 const RADIUS: Reading = |this, word| this.radius(word);
-const THOUSANDTHS: Reading = |this, word| this.thousandths(word);
 
 impl Execution<'_> {
     /// A block with `G70` to `G73` of a FANUC or Haas lathe.

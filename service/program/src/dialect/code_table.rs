@@ -1,0 +1,138 @@
+//! The codes of one interpreter: those of its dialect with those of the machine profile, found by their numbers.
+
+#[cfg(test)]
+mod tests;
+
+use super::lathe::system_codes;
+use super::tables::code;
+use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
+use crate::{DialectName, Function, FunctionCodes, LanguageSettings};
+
+/// Codes from this number of tenths on are unknown.
+const CODE_TENTHS: usize = 10_000;
+
+/// Marks a number without a code.
+const NO_CODE: u8 = u8::MAX;
+
+/// The codes of one interpreter: its dialect's, with the profile's function codes merged in, found by index.
+#[derive(Clone, Debug)]
+pub(crate) struct CodeTable {
+    pub(crate) dialect: &'static Dialect,
+    /// Mask of the letters that name an axis.
+    pub(crate) axis_letters: u32,
+    codes: Vec<Code>,
+    /// M codes of the machine, ascending.
+    machine: Vec<MachineRule>,
+    /// Place in `codes` by number in tenths, G codes first, then M codes.
+    index: Box<[u8]>,
+}
+
+impl CodeTable {
+    pub(crate) fn new(settings: &LanguageSettings) -> Self {
+        let dialect = Dialect::of(settings);
+        let thread_vibration = Meaning::FunctionSwitch(Function::ThreadVibration);
+        let functions = function_codes(Function::PathVibration, settings.path_vibration)
+            .chain(function_codes(Function::ToolOscillation, settings.tool_oscillation))
+            .chain(function_code(settings.thread_vibration.code, thread_vibration));
+        let thins = dialect.has_tool_control();
+        let switches = function_codes(Function::Thinning, settings.thinning).filter(move |_| thins);
+        let angles = if settings.plain_drawing_words { letter_bit(b'A') | letter_bit(b'C') } else { 0 };
+        let mut table = Self {
+            dialect,
+            axis_letters: dialect.axis_letters() & !angles,
+            codes: Vec::new(),
+            machine: machine_codes::rules(settings),
+            index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
+        };
+        // The profile's own codes come last, so that they win over a dialect's.
+        let system = system_codes(settings).iter().copied();
+        table.add(b'G', dialect.g_codes().copied().chain(system).chain(functions));
+        table.add(b'M', dialect.m_codes().copied().chain(switches));
+        table
+    }
+
+    fn add(&mut self, letter: u8, codes: impl Iterator<Item = Code>) {
+        for code in codes {
+            self.index[first_index(letter) + usize::from(code.tenths)] = self.codes.len() as u8;
+            self.codes.push(code);
+        }
+    }
+
+    /// Place of the code `G` or `M` with this number, for [`CodeTable::code`].
+    #[inline]
+    pub(crate) fn find(&self, letter: u8, number: f64) -> Option<u8> {
+        let place = self.index[first_index(letter) + tenths(number)?];
+        (place != NO_CODE).then_some(place)
+    }
+
+    /// The code at a place that [`CodeTable::find`] gave.
+    #[inline]
+    pub(crate) fn code(&self, place: u8) -> &Code {
+        &self.codes[usize::from(place)]
+    }
+
+    /// The M code of the machine with this number.
+    pub(crate) fn machine_rule(&self, number: f64) -> Option<&MachineRule> {
+        let place = self.machine.binary_search_by(|rule| f64::from(rule.number).total_cmp(&number)).ok()?;
+        Some(&self.machine[place])
+    }
+
+    /// A code of a group as it is written, such as `G28`.
+    pub(crate) fn name(&self, group: Group, place: u8) -> String {
+        let number = f64::from(self.code(place).tenths) / 10.0;
+        let letter = if matches!(group, Group::ToolChange | Group::Overrides | Group::Subprogram) { 'M' } else { 'G' };
+        format!("{letter}{number}")
+    }
+
+    /// The supported codes of this letter, ascending, for suggestions.
+    pub(crate) fn supported(&self, letter: u8) -> String {
+        let places = &self.index[first_index(letter)..][..CODE_TENTHS];
+        let known = places.iter().filter_map(|&place| self.codes.get(usize::from(place)));
+        let supported = known.filter(|code| code.meaning.is_carried_out());
+        let names = supported.map(|code| format!("{}{}", char::from(letter), f64::from(code.tenths) / 10.0));
+        names.collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Whether a dialect, apart from the profile's function codes, carries out the G code of this number.
+pub(crate) fn carries_out_g_code(settings: &LanguageSettings, number: f64) -> bool {
+    let codes = Dialect::of(settings).g_codes().chain(system_codes(settings));
+    let Some(number) = tenths(number) else { return false };
+    let last = codes.filter(|code| usize::from(code.tenths) == number).last();
+    last.is_some_and(|code| code.meaning.is_carried_out())
+}
+
+/// The codes by which a profile switches a machining function.
+fn function_codes(function: Function, codes: FunctionCodes) -> impl Iterator<Item = Code> {
+    [(codes.on, true), (codes.off, false)]
+        .into_iter()
+        .filter_map(move |(number, on)| function_code(number, Meaning::Function { function, on }))
+}
+
+/// A profile's code, which may have come through arithmetic; the nearest tenth is meant.
+fn function_code(number: f64, meaning: Meaning) -> Option<Code> {
+    let number = (number * 10.0).round() / 10.0;
+    tenths(number).map(|tenths| code(tenths as u16, Group::Function, meaning))
+}
+
+/// Whether a dialect, apart from any profile's function codes, knows the M code of this number.
+pub(crate) fn knows_m_code(dialect: DialectName, number: f64) -> bool {
+    let mut codes = Dialect::of(&LanguageSettings { dialect, ..LanguageSettings::default() }).m_codes();
+    tenths(number).is_some_and(|number| codes.any(|code| usize::from(code.tenths) == number))
+}
+
+/// Where the codes of a letter begin in the index.
+#[inline]
+const fn first_index(letter: u8) -> usize {
+    if letter == b'G' { 0 } else { CODE_TENTHS }
+}
+
+/// A code number in tenths, if it has at most one decimal place and is in range.
+#[inline]
+fn tenths(number: f64) -> Option<usize> {
+    // (k/10)·10 = k exactly for every whole k, as 10 is a sum of two powers of two.
+    let scaled = number * 10.0;
+    let whole = scaled as u32;
+    let index = whole as usize;
+    (f64::from(whole) == scaled && index < CODE_TENTHS).then_some(index)
+}

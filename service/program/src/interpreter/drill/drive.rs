@@ -1,0 +1,105 @@
+//! What makes the tool of a cycle cut: the feed, or the spindle.
+
+use super::super::execute::Execution;
+use super::Drive;
+use crate::Finding;
+use crate::code;
+use crate::consequence::JUDGED_BY;
+use crate::dialect::FeedUnit;
+use crate::state::Cycle;
+
+/// Leads of taps, mm.
+const LEADS_MM: core::ops::RangeInclusive<f64> = 1e-4..=500.0;
+
+impl Execution<'_> {
+    /// Whether the taps of this place are synchronised with the spindle.
+    pub(super) fn taps_rigidly(&self) -> bool {
+        !self.is_linuxcnc() && (self.state.machine.rigid_tapping || self.settings.drilling.rigid_tapping)
+    }
+
+    /// What makes the tool cut; nothing after a finding.
+    pub(super) fn drive(&mut self, cycle: Cycle) -> Option<Drive> {
+        if self.state.feed_unit == FeedUnit::InverseTime {
+            let span = self.block.span();
+            self.findings.push_with(code::CYCLE_FEED, |code| {
+                Finding::new(code, span, "a drilling cycle under inverse time feed, G93")
+                    .suggest("switch to feed per minute before the cycle, G94")
+            });
+            return None;
+        }
+        if !matches!(cycle, Cycle::Tap | Cycle::TapLeft) {
+            if cycle == Cycle::BoreStop && self.is_linuxcnc() {
+                self.check_spindle(cycle)?;
+            }
+            return self.cutting_feed(0).map(Drive::Feed);
+        }
+        if !self.taps_rigidly() {
+            let feed = self.cutting_feed(0);
+            self.check_spindle(cycle)?;
+            return feed.map(Drive::Feed);
+        }
+        self.rigid_drive()
+    }
+
+    /// Lead of a rigid tap: the feed per revolution, or the feed per minute over the speed.
+    fn rigid_drive(&mut self) -> Option<Drive> {
+        let (feed, speed) = (self.state.feed, self.state.rev_per_min);
+        if self.state.surface_speed || speed <= 0.0 {
+            if self.state.unread & JUDGED_BY == 0 {
+                self.spindle_finding("a rigid tap needs a constant spindle speed", "write M29 S500 before it");
+            }
+            return None;
+        }
+        if feed <= 0.0 || self.state.unread & JUDGED_BY != 0 {
+            // Reports a missing feed.
+            self.cutting_feed(0);
+            return None;
+        }
+        let lead_mm = if self.state.feed_unit == FeedUnit::PerMinute { feed / speed } else { feed };
+        if LEADS_MM.contains(&lead_mm) {
+            return Some(Drive::Spindle { lead_mm });
+        }
+        let span = self.block.span();
+        self.findings.push_with(code::CYCLE_VALUE, |code| {
+            let message = format!("the lead of the tap is {lead_mm} mm, but must be 0.0001 to 500 mm");
+            Finding::new(code, span, message)
+                .with_value("lead", lead_mm, "mm")
+                .suggest("in G95 F is the pitch, in G94 pitch times speed")
+        });
+        None
+    }
+
+    /// Whether the spindle turns as the cycle needs it.
+    fn check_spindle(&mut self, cycle: Cycle) -> Option<()> {
+        use crate::SpindleDirection::{Clockwise, CounterClockwise};
+        if self.state.unread & JUDGED_BY != 0 {
+            return None;
+        }
+        let name = self.cycle_name();
+        if !self.state.spindle_turns() {
+            let cure = if cycle == Cycle::TapLeft {
+                "start it before, such as M4 S500"
+            } else {
+                "start it before, such as M3 S500"
+            };
+            self.spindle_finding(&format!("the spindle does not turn in {name}"), cure);
+            return None;
+        }
+        let wrong = match (cycle, self.state.spindle_direction) {
+            (Cycle::Tap, CounterClockwise) => Some(("counter-clockwise", "M3, or G74 for a left-hand thread")),
+            (Cycle::TapLeft, Clockwise) => Some(("clockwise", "M4, or G84 for a right-hand thread")),
+            _ => None,
+        };
+        let Some((sense, cure)) = wrong else { return Some(()) };
+        self.spindle_finding(&format!("the spindle turns {sense} in {name}"), &format!("write {cure}"));
+        None
+    }
+
+    fn spindle_finding(&mut self, message: &str, cure: &str) {
+        let span = self.block.span();
+        let speed = self.state.rev_per_min;
+        self.findings.push_with(code::CYCLE_SPINDLE, |code| {
+            Finding::new(code, span, message).with_value("speed", speed, "rev/min").suggest(cure)
+        });
+    }
+}

@@ -1,0 +1,123 @@
+//! Where a program begins and ends: files that are none, the end, and what is behind it.
+
+use super::{Interpreter, angle, corner};
+use crate::code;
+use crate::foreign::{self, Foreign};
+use crate::lexer::{Lexer, TokenKind};
+use crate::state::Phase;
+use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
+
+impl Interpreter {
+    /// Whether the first line with something in it is that of a file which is no program; that is then reported.
+    pub(super) fn is_foreign_start(
+        &mut self,
+        line: &[u8],
+        number: u32,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        self.state.content_seen = line.iter().any(|byte| !byte.is_ascii_whitespace());
+        if !self.state.content_seen {
+            return false;
+        }
+        let Some(foreign) = foreign::recognise(line, true) else {
+            return false;
+        };
+        self.refuse_file(foreign, line.len(), number, operations, findings);
+        true
+    }
+
+    /// Reports that the file is no program, in place of everything found in it before, and ends it.
+    #[cold]
+    pub(super) fn refuse_file(
+        &mut self,
+        Foreign { what, cure }: Foreign,
+        length: usize,
+        line: u32,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
+        findings.withdraw(0, |finding| code::is_of_language(finding.code));
+        let span = SourceSpan { program: self.state.place.program, line, column: 1, length: length as u32 };
+        findings.push_with(code::NOT_A_PROGRAM, |code| {
+            let message = format!("this is {what}, not a program of this language; nothing else of it is reported");
+            Finding::new(code, span, message).suggest(cure)
+        });
+        self.state.nurbs = None;
+        self.state.reported.trailing = true;
+        self.end(span, operations, findings);
+    }
+
+    /// Ends the program at this place.
+    pub(super) fn end(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        if let Some(nurbs) = self.state.nurbs.take() {
+            findings.push_with(code::NURBS_UNFINISHED, |code| {
+                Finding::new(code, nurbs.span, "the program ends before this NURBS is closed")
+                    .suggest("close it with G5.3")
+            });
+        }
+        if self.state.skipping_data.take().is_some() {
+            findings.push_with(code::DATA_OPEN, |code| {
+                Finding::new(code, span, "the data of the control has no G11 at its end")
+                    .suggest("add G11 behind the data")
+            });
+        }
+        corner::interrupted(&mut self.state, span, operations, findings);
+        if let Some(line) = self.state.angle_line.take() {
+            angle::unfinished(&line, findings);
+        }
+        self.state.phase = Phase::Ended;
+        operations.push(Operation { span, kind: OperationKind::End });
+    }
+
+    /// Ends the program where its input ends.
+    pub(super) fn finish(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        if self.state.has_ended() {
+            return;
+        }
+        if self.ends_called_file(operations, findings) {
+            return;
+        }
+        // A line that is too long and has no end has not been counted yet.
+        self.state.lines = self.state.lines.saturating_add(u32::from(self.state.skipping_line));
+        let column = self.state.last_line_bytes.saturating_add(1);
+        let span = SourceSpan { program: self.state.place.program, line: self.state.lines.max(1), column, length: 0 };
+        let code = if self.table.dialect.is_linuxcnc { code::NO_END_REFUSED } else { code::NO_END };
+        findings.push_with(code, |code| {
+            Finding::new(code, span, "the program just stops here").suggest("end it with M30 (or M2) and %")
+        });
+        self.state.skipping_line = false;
+        self.end(span, operations, findings);
+    }
+
+    /// Says once that there is text after the end; blanks and a closing `%` belong there.
+    pub(super) fn report_trailing(&mut self, line: &[u8], number: u32, findings: &mut FindingLog) {
+        if self.state.flow.has_jumped() || self.begins_program(line) {
+            // Further programs and blocks, which are read where they are called.
+            self.state.reported.trailing = true;
+            return;
+        }
+        let text = |byte: &u8| !byte.is_ascii_whitespace() && !matches!(byte, b'%' | 0);
+        if Lexer::new(line).all(|token| matches!(token.kind, TokenKind::Comment | TokenKind::Percent | TokenKind::Nul))
+        {
+            return;
+        }
+        let (Some(first), Some(last)) = (line.iter().position(text), line.iter().rposition(text)) else {
+            return;
+        };
+        let span = SourceSpan {
+            program: self.state.place.program,
+            line: number,
+            column: first as u32 + 1,
+            length: (last - first) as u32 + 1,
+        };
+        self.push_trailing(span, findings);
+    }
+
+    pub(super) fn push_trailing(&mut self, span: SourceSpan, findings: &mut FindingLog) {
+        self.state.reported.trailing = true;
+        findings.push_with(code::TRAILING, |code| {
+            Finding::new(code, span, "text after the end of the program is not read")
+        });
+    }
+}
