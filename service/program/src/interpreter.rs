@@ -11,6 +11,7 @@ mod drill;
 mod execute;
 mod flow;
 mod framing;
+mod function;
 mod length;
 mod lines;
 mod machine_code;

@@ -1,13 +1,17 @@
 //! A contour between `G41` and the move behind `G40`: operations in, the path of the tool out.
 
-use core::f64::consts::{PI, TAU};
+mod ends;
+
+use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::geometry::{Circle, Curve, Point, Side, along, angle_between, distance, dot, length, minus, plus};
+use ends::is_lead;
+
+use super::geometry::{Circle, Curve, Point, Side, angle_between, dot, minus, plus};
 use super::joint::{Corner, Joint, Meeting};
 use super::window::{Place, Window, is_same};
-use super::{CompensationEntry, CompensationMode, CompensationRules, report};
+use super::{CompensationMode, CompensationRules, report};
 use crate::{
     ArcGeometry, Axis, Feed, FindingLog, Move, MoveKind, Operation, OperationKind, Plane, Position, SourceSpan,
 };
@@ -56,7 +60,7 @@ struct Pending {
     place: Place,
 }
 
-/// See the module.
+/// A contour in work: what of it is not handed on yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Contour {
     mode: CompensationMode,
@@ -249,53 +253,6 @@ impl Contour {
         self.place(&mut step.end, point);
     }
 
-    fn rest_before_entry(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) {
-        if self.mode.rules == CompensationRules::LinuxCnc && !self.reported {
-            self.reported = true;
-            report::entry_short(span, 0.0, self.mode.radius_mm, sink.findings);
-        }
-        self.displace(&mut step);
-        sink.push(span, step);
-    }
-
-    /// The first move in the plane.
-    fn enter(&mut self, mut block: Block, sink: &mut Sink) {
-        let Block { span, curve, .. } = block;
-        self.phase = Phase::On;
-        self.reported = false;
-        self.at = plus(curve.from, self.displacement);
-        let radius = self.mode.radius_mm;
-        let reach = distance(curve.from, curve.to);
-        let is_arc = curve.circle.is_some();
-        let mut is_broken = true;
-        resolve_feed(&mut block, self.mode.plane);
-        match (self.mode.rules, &curve.circle) {
-            (CompensationRules::LinuxCnc, _) if reach <= radius => {
-                report::entry_short(span, reach, radius, sink.findings);
-            }
-            (CompensationRules::LinuxCnc, Some(_)) => match entry_arc(self.side(), &curve) {
-                Some(arc) => (block.curve, is_broken) = (arc, false),
-                None => report::arc_too_small(span, curve.radius(), radius, sink.findings),
-            },
-            (CompensationRules::Fanuc { .. }, Some(_)) => report::entry_arc(span, sink.findings),
-            (_, None) => is_broken = false,
-        }
-        let is_type_c = matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::C, .. });
-        let is_beside = is_type_c && line_of(span) != line_of(self.span) && !is_broken;
-        let mut from = curve.from;
-        let mut place = Place::LINK;
-        if is_beside {
-            from = plus(from, self.side().offset(curve.start_tangent()));
-            place = self.window.advance(&curve, 0.0);
-            report::gouges(span, self.window.add(curve, radius, place, span.line), sink.findings);
-        }
-        if is_beside || is_arc {
-            // The reference point moves along an arc only once it is beside the centre of the nose.
-            self.piece(&block, from, None, sink);
-        }
-        self.pending = Some(Pending { block, from, lost_rad: 0.0, is_entry: !is_beside, is_beside, is_broken, place });
-    }
-
     /// A further move in the plane.
     fn go_on(&mut self, mut block: Block, sink: &mut Sink) {
         let side = self.side();
@@ -449,95 +406,11 @@ impl Contour {
             self.hand_on(pending, &joint, sink);
         }
     }
-
-    /// `G40`: whether the tool is on the programmed path.
-    pub(super) fn leave(&mut self, span: SourceSpan, sink: &mut Sink) -> bool {
-        if let Some(pending) = &mut self.pending
-            && is_lead(&pending.block.curve)
-        {
-            pending.place = pending.place.linking(true);
-        }
-        if !matches!(self.mode.rules, CompensationRules::Fanuc { entry: CompensationEntry::B, .. }) {
-            self.stand(sink);
-        }
-        self.span = span;
-        self.phase = Phase::Leaving;
-        self.reported = false;
-        self.pending.is_none() && self.displacement == [0.0; 2]
-    }
-
-    /// The move behind `G40`.
-    fn exit(&mut self, mut block: Block, sink: &mut Sink) {
-        let Block { span, curve, .. } = block;
-        if curve.circle.is_some() {
-            report::exit_curve(span, self.span, sink.findings);
-            self.stand(sink);
-        }
-        if let Some(pending) = self.pending.take() {
-            let is_rapid = block.step.kind == MoveKind::Rapid;
-            let joint = Meeting::new(self.side(), &pending.block.curve, &curve, is_rapid).exit(self.mode.rules);
-            let place = pending.place;
-            self.hand_on(pending, &joint, sink);
-            self.corner(&joint, &block, place, sink);
-        } else {
-            self.at = plus(curve.from, self.displacement);
-        }
-        let path = Curve::line(minus(self.at, self.mode.reference_mm), curve.to);
-        report::gouges(span, self.window.pass(path, self.mode.radius_mm, Place::LINK, span.line), sink.findings);
-        self.place(&mut block.step.start, self.at);
-        sink.push(span, block.step);
-    }
-
-    /// A block behind `G40` that rests in the plane: whether the tool is on the programmed path behind it.
-    fn rest_before_exit(&mut self, mut step: Move, span: SourceSpan, sink: &mut Sink) -> bool {
-        if self.pending.is_some() {
-            self.wait(Operation { span, kind: OperationKind::Move(step) }, sink);
-            return false;
-        }
-        let goes = self.mode.rules == CompensationRules::LinuxCnc;
-        if !self.reported {
-            self.reported = true;
-            report::exit_elsewhere(span, self.span, goes, self.displacement, sink.findings);
-        }
-        let end = self.in_plane(&step.end);
-        self.displace(&mut step);
-        if goes {
-            self.place(&mut step.end, end);
-        }
-        sink.push(span, step);
-        goes
-    }
-}
-
-/// Whether a block next to the entry or the exit of a contour leads to it or away from it: an arc of less than half a turn, which
-/// most programs have there so that the tool leaves no mark. It is no wall of the part.
-fn is_lead(curve: &Curve) -> bool {
-    curve.circle.is_some_and(|circle| circle.sweep_rad.abs() < PI - ROUNDING)
 }
 
 /// Which block of which program.
 const fn line_of(span: SourceSpan) -> (u32, u32) {
     (span.program, span.line)
-}
-
-/// The arc of an entry as LinuxCNC changes it: from where the tool is to beside the programmed end, where it has the
-/// programmed direction. `None` where there is none.
-fn entry_arc(side: Side, arc: &Curve) -> Option<Curve> {
-    let circle = arc.circle?;
-    if side.offset_radius(arc) <= ROUNDING {
-        return None;
-    }
-    let beside = plus(arc.to, side.offset(arc.end_tangent()));
-    let (chord, toward) = (minus(arc.from, beside), minus(circle.center, beside));
-    // The centre is on the line from the end to the programmed centre, as far from the start as from the end.
-    let along_line = dot(chord, toward);
-    if along_line <= 1e-4 * length(chord) * length(toward) {
-        return None;
-    }
-    let center = along(beside, toward, dot(chord, chord) / (2.0 * along_line));
-    let is_clockwise = circle.is_clockwise();
-    let sweep_rad = angle_between(minus(arc.from, center), minus(beside, center), is_clockwise);
-    Some(Curve::arc(arc.from, arc.to, center, if is_clockwise { -sweep_rad } else { sweep_rad }))
 }
 
 /// Inverse time is that of the programmed length, as the compensated one is longer or shorter; rotary axes keep it.
