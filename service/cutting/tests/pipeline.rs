@@ -5,6 +5,7 @@ mod common;
 use common::{resume, run, run_in_pieces, snapshots, validate};
 use feedwave_cutting::{Frame, GenerationMode, MachineProfile, PipelineConfig};
 use feedwave_motion::CarriedBy;
+use feedwave_program::Severity;
 use proptest::prelude::*;
 
 fn mill() -> PipelineConfig {
@@ -258,4 +259,23 @@ fn impossible_programs_are_refused_with_numbers() {
     assert!(codes("G1 X50.001 F1000\nM30\n", &limited).contains(&"AXIS-TRAVEL".to_owned()));
     assert!(codes("G1 X10 F0.0001\nM30\n", &mill()).contains(&"PLAN-TOO-LONG".to_owned()));
     assert!(codes("M3 S90000\nG1 X10 F100\nM30\n", &mill()).contains(&"SPINDLE-SPEED".to_owned()));
+}
+
+#[test]
+fn an_axis_that_a_lathe_lacks_may_be_a_word_of_the_drawing() {
+    let program = "M3 S500\nG0 X20 Z2\nG1 Z-10 R2 F0.2\nX40 C-1\nZ-30\nM30\n";
+    let mut config = lathe();
+    let report = validate(program, &config);
+    let missing = report.findings.iter().find(|finding| finding.code == "AXIS-MISSING").expect("it has no C");
+    assert!(
+        missing.suggestions.iter().any(|cure| cure.message.contains("language.plain_drawing_words")),
+        "{missing:?}"
+    );
+    config.profile.language.plain_drawing_words = true;
+    let report = validate(program, &config);
+    assert!(!report.findings.iter().any(|finding| finding.severity == Severity::Error), "{:?}", report.findings);
+    // On a mill they are axes.
+    let report = validate("G1 X10 C5 F100\nM30\n", &mill());
+    let missing = report.findings.iter().find(|finding| finding.code == "AXIS-MISSING").expect("it has no C");
+    assert_eq!(missing.suggestions.len(), 1);
 }

@@ -127,7 +127,7 @@ fn text(action: &Action) -> String {
     if let Some(feed) = &action.feed {
         let unit = match feed.mode() {
             ActionFeedMode::PerRevolution => "/rev",
-            ActionFeedMode::InverseTime => "1/min",
+            ActionFeedMode::InverseTime => " 1/min",
             _ => "/min",
         };
         line.push_str(&format!("  F{}{unit}", number(feed.value)));

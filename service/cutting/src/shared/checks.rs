@@ -1,6 +1,6 @@
 //! Checks of every move, whatever carries it out: axes, travel and time.
 
-use feedwave_motion::{Curve, Element, Machine, travel_exceeded};
+use feedwave_motion::{Curve, Element, Machine, MachineKind, travel_exceeded};
 use feedwave_program::{Axis, Finding, FindingLog, SourceSpan};
 
 use super::code;
@@ -14,10 +14,15 @@ pub(crate) fn is_rotary_only(element: &Element) -> bool {
         && Axis::ALL.into_iter().all(|axis| axis.is_rotary() || !element.moves(axis))
 }
 
-pub(crate) fn missing(axis: Axis, span: SourceSpan) -> Finding {
+pub(crate) fn missing(axis: Axis, span: SourceSpan, machine: &Machine) -> Finding {
     let letter = axis.letter();
-    Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
-        .suggest("remove the word, or add the axis to the machine profile")
+    let finding = Finding::new(code::AXIS_MISSING, span, format!("the machine has no {letter} axis"))
+        .suggest("remove the word, or add the axis to the machine profile");
+    if machine.kind == MachineKind::Lathe && matches!(axis, Axis::A | Axis::C) {
+        let cure = "where A is the angle of a line and C a chamfer, set language.plain_drawing_words of the machine profile to true";
+        return finding.suggest(cure);
+    }
+    finding
 }
 
 pub(crate) fn check_travel(element: &Element, machine: &Machine, findings: &mut FindingLog) {

@@ -84,13 +84,22 @@ impl CodeTable {
         format!("{letter}{number}")
     }
 
-    /// The supported codes of this letter, ascending, for suggestions.
+    /// The codes of this letter that are carried out, ascending, for suggestions.
     pub(crate) fn supported(&self, letter: u8) -> String {
         let places = &self.index[first_index(letter)..][..CODE_TENTHS];
-        let known = places.iter().filter_map(|&place| self.codes.get(usize::from(place)));
-        let supported = known.filter(|code| code.meaning.is_carried_out());
-        let names = supported.map(|code| format!("{}{}", char::from(letter), f64::from(code.tenths) / 10.0));
-        names.collect::<Vec<_>>().join(" ")
+        let is_carried_out =
+            |place: u8| self.codes.get(usize::from(place)).is_some_and(|it| it.meaning.is_carried_out());
+        let known = (0_u32..).zip(places).filter(|(_, place)| is_carried_out(**place)).map(|(tenths, _)| tenths);
+        let of_machine = self.machine.iter().filter(|_| letter == b'M').map(|rule| rule.number.saturating_mul(10));
+        let mut numbers: Vec<_> = known.chain(of_machine).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let name = |tenths: u32| format!("{}{}", char::from(letter), f64::from(tenths) / 10.0);
+        let runs = numbers.chunk_by(|code, next| next - code == 10).flat_map(|run| match run {
+            [first, _, _, .., last] => vec![format!("{} to {}", name(*first), name(*last))],
+            few => few.iter().map(|code| name(*code)).collect(),
+        });
+        runs.collect::<Vec<_>>().join(", ")
     }
 }
 

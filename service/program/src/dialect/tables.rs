@@ -99,7 +99,17 @@ pub(super) const COMMON_G_CODES: &[Code] = &[
 pub(super) const FANUC_G_CODES: &[Code] = &[
     code(80, Group::NonModal, Meaning::LookAhead),
     code(90, Group::NonModal, Meaning::ExactStop),
+    code(22, Group::Motion, Meaning::Unsupported("involute interpolation, clockwise")),
+    code(32, Group::Motion, Meaning::Unsupported("involute interpolation, counter-clockwise")),
+    code(62, Group::Motion, Meaning::Unsupported("NURBS interpolation of FANUC controls")),
+    code(70, Group::NonModal, Meaning::Unsupported("hypothetical axis interpolation")),
+    code(71, Group::NonModal, Meaning::Unsupported("cylindrical interpolation")),
+    code(121, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
+    code(131, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
+    code(220, Group::NonModal, Meaning::Unsupported("stored stroke check")),
+    code(230, Group::NonModal, Meaning::Unsupported("the end of stored stroke check")),
     code(270, Group::NonModal, Meaning::Unsupported("reference position check")),
+    code(661, Group::NonModal, Meaning::Unsupported("a macro call behind every block")),
     code(110, Group::NonModal, Meaning::DataSettingEnd),
     code(290, Group::NonModal, Meaning::ReferenceReturn),
     code(310, Group::NonModal, Meaning::Skip),
@@ -218,11 +228,8 @@ pub(super) static MILL: Dialect = Dialect {
 };
 
 const MILL_G_CODES: &[Code] = &[
-    code(71, Group::NonModal, Meaning::Unsupported("cylindrical interpolation")),
     code(120, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, clockwise")),
-    code(121, Group::NonModal, Meaning::Unsupported("polar coordinate interpolation")),
     code(130, Group::NonModal, Meaning::Unsupported("circular pocket milling of Haas controls, counter-clockwise")),
-    code(131, Group::NonModal, Meaning::Unsupported("the end of polar coordinate interpolation")),
     code(700, Group::NonModal, Meaning::Unsupported("the bolt hole circle of Haas controls")),
     code(710, Group::NonModal, Meaning::Unsupported("the bolt hole arc of Haas controls")),
     code(720, Group::NonModal, Meaning::Unsupported("bolt holes along an angle of Haas controls")),

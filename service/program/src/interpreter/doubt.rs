@@ -27,7 +27,8 @@ impl Doubt {
 const GROUPS: [Group; 4] = [Group::Distance, Group::FeedUnit, Group::Units, Group::Cycle];
 
 /// What settles every doubt about the G-code system.
-const SYSTEM_CURE: &str = "set language.g_code_system of the machine profile to the system of the control";
+pub(super) const SYSTEM_CURE: &str = "set language.g_code_system of the machine profile to the system of the control: \
+     G_CODE_SYSTEM_A, G_CODE_SYSTEM_B or G_CODE_SYSTEM_C";
 
 /// Words that a threading cycle has and no setting of coordinates.
 const THREAD_LETTERS: u32 = letter_bit(b'F') | letter_bit(b'E') | letter_bit(b'Q') | letter_bit(b'R');

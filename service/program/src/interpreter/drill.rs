@@ -193,7 +193,7 @@ impl Execution<'_> {
                 Cycle::BoreDwell => Some((Cycle::BoreDwell, Axis::X)),
                 _ => {
                     let message = format!("{} is no cycle of a FANUC lathe", cycle.name());
-                    let cure = "where the control has it as a mill does, set language.drilling.style of the machine profile to haas";
+                    let cure = "where the control has it as a mill does, set language.drilling.style of the machine profile to DRILLING_STYLE_HAAS";
                     self.refuse_cycle(code::CYCLE_UNDEFINED, &message, cure);
                     None
                 }

@@ -20,6 +20,7 @@ pub(super) use passes::Step;
 
 use core::ops::RangeInclusive;
 
+use super::doubt::SYSTEM_CURE;
 use super::execute::Execution;
 use super::motion::{Frame, set_bits};
 use crate::block::Word;
@@ -232,7 +233,7 @@ impl Execution<'_> {
         };
         self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             Finding::new(code, span, format!("with these words the code is {here} and {elsewhere}"))
-                .suggest("set language.g_code_system of the machine profile to the system of the control")
+                .suggest(SYSTEM_CURE)
         });
         true
     }
@@ -245,8 +246,7 @@ impl Execution<'_> {
         let Some((_, span)) = self.code(Group::Motion) else { return };
         self.findings.push_with(code::CODE_AMBIGUOUS, |code| {
             let message = format!("this is {what}, but the machine profile names no G-code system");
-            Finding::new(code, span, message)
-                .suggest("set language.g_code_system of the machine profile to the system of the control")
+            Finding::new(code, span, message).suggest(SYSTEM_CURE)
         });
     }
 }

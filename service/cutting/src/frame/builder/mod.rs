@@ -229,7 +229,7 @@ impl Builder {
             return;
         };
         if let Some(axis) = missing_axis(&element, machine) {
-            findings.push(missing(axis, span));
+            findings.push(missing(axis, span, machine));
             return;
         }
         check_travel(&element, machine, findings);

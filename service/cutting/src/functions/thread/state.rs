@@ -303,7 +303,7 @@ impl Pass {
         let first = blocks.first()?;
         let path = PassPath::new(blocks, machine, findings)?;
         if let Some(axis) = path.missing_axis(first, machine) {
-            findings.push(missing(axis, first.span));
+            findings.push(missing(axis, first.span, machine));
             return None;
         }
         Some(path)

@@ -35,7 +35,7 @@ impl TapRun {
         findings: &mut FindingLog,
     ) -> Option<Self> {
         if let Some(axis) = missing_axis(&element, machine) {
-            findings.push(missing(axis, span));
+            findings.push(missing(axis, span, machine));
             return None;
         }
         check_travel(&element, machine, findings);

@@ -1,6 +1,6 @@
 //! Work coordinate systems and shifts: `G54` to `G59.3` and the extended ones, `G52`, the family of `G92`, and `G50` of lathes.
 
-use super::Execution;
+use super::{Execution, HAAS_STYLE};
 use crate::code;
 use crate::coordinates::WorkSystem;
 use crate::dialect::{Group, Meaning, letter_bit};
@@ -89,12 +89,7 @@ impl Execution<'_> {
         if self.is_haas() {
             return false;
         }
-        self.coord(
-            code::COORD_SETTING,
-            span,
-            message,
-            "set language.coordinates.style of the machine profile to haas if this is such a control",
-        );
+        self.coord(code::COORD_SETTING, span, message, format!("set {HAAS_STYLE} if this is such a control"));
         true
     }
 

@@ -2,10 +2,10 @@
 
 use super::super::motion::Frame;
 use super::super::tool_control::{GuidedPath, ROTARY_LETTERS};
-use super::Execution;
+use super::{Execution, HAAS_STYLE};
 use crate::code;
 use crate::coordinates::Intermediate;
-use crate::dialect::letter_bit;
+use crate::dialect::{Letter, letter_bit};
 use crate::state::ToolMode;
 use crate::{Axis, AxisSet, DialectName, Feed, Finding, MoveKind, Position, SourceSpan};
 
@@ -69,10 +69,12 @@ impl Execution<'_> {
     /// `G28` without axes.
     fn bare_reference(&mut self, span: SourceSpan, reference: &Position) {
         if !self.is_linuxcnc_dialect() && !self.is_haas() {
+            let has_increments = self.table.dialect.letters.iter().any(|letter| matches!(letter, Letter::Increment(_)));
+            let such_as = if has_increments { "U0 W0" } else { "G91 G28 Z0, with G90 behind it" };
             return self.findings.push_with(code::REFERENCE_AXIS, |code| {
                 Finding::new(code, span, "the return to the reference position names no axis")
-                    .suggest("name the axes with their intermediate point, such as U0 W0")
-                    .suggest("set language.coordinates.style of the machine profile to haas if it sends all axes home")
+                    .suggest(format!("name the axes with their intermediate point, such as {such_as}"))
+                    .suggest(format!("set {HAAS_STYLE} if the control sends all axes home"))
             });
         }
         self.go_home(ALL, reference);

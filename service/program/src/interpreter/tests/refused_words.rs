@@ -35,6 +35,40 @@ fn cycles_of_haas_mills_are_named() {
 }
 
 #[test]
+fn codes_of_fanuc_that_are_not_carried_out_are_named() {
+    for settings in [mill(), lathe()] {
+        for program in [
+            "G66.1 P100 A1.",
+            "G6.2 P4 X1. K0",
+            "G2.2 X1. Y1. I1. J1. R5. F100",
+            "G7.1 C20.",
+            "G12.1",
+            "G13.1",
+            "G22 X10.",
+            "G23",
+        ] {
+            assert_eq!(codes(&settings, program)[0], "PRG-UNSUPPORTED-CODE", "{program}");
+        }
+    }
+    // The modal macro stays what it was.
+    let (_, findings) = interpret(b"G66 P100\nG66.1 P200\nG0 X1\nM30\nO100\nG67\nM99\n", mill());
+    assert_eq!(findings.count(Severity::Error), 1, "{findings:?}");
+}
+
+#[test]
+fn a_bare_return_is_cured_with_words_of_its_dialect() {
+    for (settings, such_as, cured) in
+        [(mill(), "G91 G28 Z0, with G90 behind it", "G91 G28 Z0\nG90"), (lathe(), "U0 W0", "G28 U0 W0")]
+    {
+        let (_, findings) = interpret(b"G28\nM30\n", settings.clone());
+        let cures: Vec<_> = findings.findings()[0].suggestions.iter().map(|cure| cure.message.as_str()).collect();
+        assert_eq!(cures[0], format!("name the axes with their intermediate point, such as {such_as}"));
+        assert!(cures[1].contains("COORDINATE_STYLE_HAAS"), "{cures:?}");
+        assert_eq!(codes(&settings, cured), [""; 0]);
+    }
+}
+
+#[test]
 fn a_start_angle_beyond_a_turn_is_in_thousandths() {
     let angle = |program: &str| {
         let (operations, findings) = interpret(format!("M3 S500\nG0 X20. Z5.\n{program}\nM30").as_bytes(), lathe());
