@@ -8,3 +8,6 @@ mod clock;
 mod data;
 mod disk;
 mod library;
+mod methods;
+mod mixed;
+mod scaling;
