@@ -235,7 +235,7 @@ impl Certificates {
             Ok(false) => {}
             Ok(true) => tracing::info!("the changed file of known clients or keys is used from now on"),
             Err(error) => {
-                tracing::error!(%error, "the changed file of known clients or keys cannot be used, the former stays")
+                tracing::error!(%error, "the changed file of known clients or keys cannot be used, the former stays");
             }
         }
         let apart = self.http.iter().filter(|http| !self.grpc.as_ref().is_some_and(|grpc| Arc::ptr_eq(grpc, http)));

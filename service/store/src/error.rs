@@ -150,9 +150,9 @@ pub enum StoreError {
     #[error("the upload was discarded: its bytes hash to {actual}, not to the announced {expected}")]
     HashMismatch {
         /// The SHA-256 announced when the upload began.
-        expected: ProgramId,
+        expected: Box<ProgramId>,
         /// The SHA-256 of the bytes received.
-        actual: ProgramId,
+        actual: Box<ProgramId>,
     },
     /// The job is in none of the states from which the change is allowed.
     #[error("job {job_id} is {actual}, the change needs {}", names(.expected))]

@@ -232,7 +232,7 @@ impl SqliteStore {
         if actual != info.expected {
             tracing::warn!(upload = %id, expected = %info.expected, %actual, "upload discarded: wrong hash");
             self.discard(id).await?;
-            return Err(StoreError::HashMismatch { expected: info.expected, actual });
+            return Err(StoreError::HashMismatch { expected: Box::new(info.expected), actual: Box::new(actual) });
         }
         let (program, superfluous) = self
             .write(0, move |tx| {

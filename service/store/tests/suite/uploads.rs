@@ -136,7 +136,7 @@ async fn a_wrong_hash_discards_the_upload() {
     store.append_upload(upload.id, 0, "wrong".into()).await.unwrap();
     match store.finish_upload(upload.id).await {
         Err(StoreError::HashMismatch { expected: named, actual }) => {
-            assert_eq!((named, actual), (expected, ProgramId::of(b"wrong")));
+            assert_eq!((*named, *actual), (expected, ProgramId::of(b"wrong")));
         }
         other => panic!("{other:?}"),
     }
