@@ -171,7 +171,7 @@ impl Interpreter {
         };
         findings.push_with(code::ENDLESS, |code| {
             let place = looped.map_or(span, Repeated::place);
-            let within = looped.map_or(String::new(), |it| format!(" in {}", it.name(language)));
+            let within = looped.map_or(String::new(), |it| format!(" in {}, round {}", it.name(language), it.round()));
             let finding = Finding::new(code, place, format!("{count} {what}{within}, more than the limit of {limit}"))
                 .with_value("blocks", count as f64, "")
                 .with_value("limit", limit as f64, "")

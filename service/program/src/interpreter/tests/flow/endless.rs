@@ -87,6 +87,7 @@ fn the_loop_in_which_a_bound_is_reached_is_named_with_its_first_block() {
         assert_eq!(value(&finding, "limit"), 1_000.0, "{program}");
         let round = value(&finding, "iteration");
         assert!((50.0..=1_001.0).contains(&round), "{program}: round {round}");
+        assert!(finding.message.contains(&format!("{name}, round {round}, ")), "{program}: {}", finding.message);
         assert_eq!(finding.first.as_ref().map(|first| first.number as f64), Some(round), "{program}");
         let related: Vec<_> = finding.related.iter().filter(|place| !place.is_call).map(|it| it.span.line).collect();
         assert_eq!(related.contains(&first), first != place, "{program}: {related:?}");
