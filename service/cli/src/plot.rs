@@ -11,6 +11,7 @@ mod five_axis;
 mod layout;
 mod lobes;
 mod motion;
+mod path_deviation;
 mod path_vibration;
 mod rapids;
 mod run;
@@ -32,6 +33,8 @@ use figure::Figure;
 pub use five_axis::{FiveAxisPlots, FiveAxisSetup, ThinningShown};
 pub use lobes::{LobesPicture, write_lobes};
 use motion::{FeedPicture, MotionCurves, PositionPicture};
+use path_deviation::PathDeviationPicture;
+pub use path_deviation::{CloseView, PathDeviations};
 use path_vibration::ChipPicture;
 pub use path_vibration::Cut;
 pub use rapids::RapidLines;
@@ -67,6 +70,7 @@ pub struct Plots {
     curves: MotionCurves,
     dynamics: PathDynamics,
     chips: Vec<ChipPicture>,
+    deviations: Option<PathDeviations>,
     five_axis: Option<FiveAxisPlots>,
 }
 
@@ -90,6 +94,7 @@ impl Plots {
             axes,
             dynamics: PathDynamics::new(command_period_s),
             chips: Vec::new(),
+            deviations: None,
             five_axis: None,
         }
     }
@@ -97,6 +102,11 @@ impl Plots {
     /// The tool path and the lines that move rapidly. Call before setpoints and commands are pushed.
     pub fn set_path(&mut self, trace: PathTrace, rapids: RapidLines) {
         (self.trace, self.rapids) = (trace, rapids);
+    }
+
+    /// Adds a picture of the path as programmed and as run.
+    pub fn set_deviations(&mut self, deviations: PathDeviations) {
+        self.deviations = Some(deviations);
     }
 
     /// Says that what is superposed on the path is a tool oscillation.
@@ -161,6 +171,9 @@ impl Plots {
             FeedPicture { program, curves }.figure(),
             DynamicsPicture { program, dynamics, curves, axes }.figure(),
         ];
+        if let Some(deviations) = &self.deviations {
+            figures.insert(1, PathDeviationPicture { program, deviations, turning }.figure());
+        }
         figures.extend(self.chips.iter().map(ChipPicture::figure));
         if let Some(pictures) = &self.five_axis {
             figures.extend(pictures.figures(program));

@@ -21,7 +21,10 @@ pub use frame::profile::{
     MAX_CORNER_DIRECTION_TOLERANCE_DEG, MAX_LOOK_AHEAD_BLOCKS, MAX_POLE_TOLERANCE_DEG, MAX_SERVO_SUBSTEPS,
     MIN_LOOK_AHEAD_BLOCKS, MachineProfile, PlanQuality,
 };
-pub use frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+pub use frame::report::{
+    AxisLimitTimes, AxisSummary, LimitTimes, PathDeviation, PeakPlace, ProgramSummary, Slowdown, SlowdownCause,
+    SlowdownCure, ValidationReport,
+};
 pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPathSink};
 pub use frame::validation::Validation;
 pub use functions::path_vibration::*;

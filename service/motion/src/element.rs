@@ -143,6 +143,15 @@ impl Element {
         parts
     }
 
+    /// Upper bound of the memory that its curve takes besides itself, bytes.
+    pub(crate) fn curve_bytes(&self) -> usize {
+        match &self.curve {
+            Curve::Line | Curve::Arc(_) => 0,
+            Curve::Spline(spline) => spline.bytes(),
+            Curve::FiveAxis(five_axis) => five_axis.bytes(),
+        }
+    }
+
     /// Position at arc length `s`; the exact start for `s` ≤ 0, the exact programmed end for `s` ≥ `length`.
     #[must_use]
     pub fn position(&self, s: f64) -> Position {

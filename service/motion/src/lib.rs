@@ -29,8 +29,8 @@ pub use machine::{CarriedBy, Machine, MachineAxis, MachineKind, ProfileProblem};
 pub use planner::{
     Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch, Planner, PlannerSettings, TooFast,
 };
-pub use profile::{PhaseTimes, Profile, ProfilePart, StretchProfile};
-pub use smoothing::{Carried, CornerSpeed, Joining, PathSmoother, Smoothed};
+pub use profile::{PhaseKind, PhaseTimes, Profile, ProfilePart, StretchProfile};
+pub use smoothing::{Carried, CornerSpeed, Deviation, Joining, Origin, PathSmoother, Smoothed};
 pub use speed::{Course, Governor};
 pub use tolerance::TANGENT_TOLERANCE_RAD;
 pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

@@ -1,9 +1,10 @@
 //! The feed planner: bounded look-ahead over the path, and a jerk-limited profile for all of it.
 //!
 //! Elements arrive in order. Where two of them cannot be passed at speed, and at every barrier, the path rests; what
-//! lies between two rests is a chain. A chain is planned when its end is known or when the window is full: then the
-//! path is assumed to rest at the window's end, which is always safe, and about the first half of the window is
-//! released. All planning happens when something is pushed, so the result does not depend on when it is taken out.
+//! lies between two rests is a chain. A chain is planned when its end is known or when the window is full, by elements or by the
+//! memory that they take: then the path is assumed to rest at the window's end, which is always safe, and about the first half
+//! of the window is released. The first time it is planned earlier, as soon as a second of it no longer depends on what
+//! follows ([`start`]). All planning happens when something is pushed, so the result does not depend on when it is taken out.
 //!
 //! Planning in runs has two steps. First neighbouring stretches are gathered into runs ([`runs`]) that share one set of limits,
 //! so that acceleration carries on from one short block into the next. Then a backward and a forward pass over the
@@ -17,6 +18,7 @@ mod change;
 mod refine;
 mod request;
 mod runs;
+mod start;
 
 use std::collections::VecDeque;
 
@@ -24,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::junction::{Junction, JunctionRules};
 use crate::speed::AxisLimits;
-use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE};
+use crate::tolerance::{FIRST_PLAN, LARGEST_RESERVE, LEAST_START, WINDOW_BYTES};
 use crate::{Machine, Stretch};
 
 use refine::{Released, Row};
@@ -36,6 +38,8 @@ use runs::{Node, Plan, Stop};
 pub struct PlannerSettings {
     /// Elements looked ahead.
     window: usize,
+    /// Memory that they take at the most, bytes.
+    window_bytes: usize,
     junctions: JunctionRules,
     /// Limits of the axes where the speed is planned for the least time.
     limits: Option<AxisLimits>,
@@ -46,7 +50,20 @@ impl PlannerSettings {
     /// within one period, and the axes must follow them within their limits.
     #[must_use]
     pub fn new(machine: &Machine, window: usize, period_s: f64) -> Self {
-        Self { window: window.max(4), junctions: JunctionRules::new(machine, period_s), limits: None }
+        Self {
+            window: window.max(4),
+            window_bytes: WINDOW_BYTES,
+            junctions: JunctionRules::new(machine, period_s),
+            limits: None,
+        }
+    }
+
+    /// Bounds the memory that the window takes, by [`MotionRequest::bytes`], whatever its elements are; twice as much where all of it
+    /// brakes, so that there is no place to divide it. Several elements have to fit.
+    #[must_use]
+    pub const fn with_window_bytes(mut self, bytes: usize) -> Self {
+        self.window_bytes = bytes;
+        self
     }
 
     /// Plans close to the least time, with the limits of the axes place by place, instead of runs under one set of limits.
@@ -86,6 +103,11 @@ pub struct Planner<B> {
     runs_before: Vec<usize>,
     /// Chain length at which it is planned next.
     next_plan: usize,
+    /// Memory that the chain takes, and with which it is planned next, bytes.
+    chain_bytes: usize,
+    next_plan_bytes: usize,
+    /// Chain length at which a start is tried next; none is once the first part of a chain was released.
+    next_start: Option<usize>,
     /// What comes after the place where no speed is commanded; there is such a place where this is not `None`.
     held: Option<VecDeque<PathItem<B>>>,
     /// Whether nothing follows what was pushed.
@@ -121,6 +143,9 @@ impl<B> Planner<B> {
             overspeed: 0.0,
             runs_before: Vec::new(),
             next_plan: settings.window.min(FIRST_PLAN),
+            chain_bytes: 0,
+            next_plan_bytes: settings.window_bytes,
+            next_start: Some(LEAST_START),
             held: None,
             finished: false,
             too_fast: false,
@@ -169,10 +194,27 @@ impl<B> Planner<B> {
         }
         let passed_reserve = if self.entry_speed > 0.0 { request.entry_reserve } else { 0.0 };
         let entry = junction.unwrap_or(Junction { reserve: passed_reserve, ..Junction::REST });
+        self.chain_bytes += request.bytes();
         self.chain.push_back(Waiting { request, entry });
-        if self.chain.len() >= self.next_plan {
-            self.release_window();
+        if self.is_restarting() {
+            return;
         }
+        if self.chain.len() >= self.next_plan || self.chain_bytes >= self.next_plan_bytes {
+            self.release_window();
+        } else if self.next_start.is_some_and(|count| self.chain.len() >= count) {
+            self.start();
+        }
+    }
+
+    /// Memory that the part of the path takes that waits for more to be known, bytes ([`MotionRequest::bytes`]).
+    #[must_use]
+    pub const fn window_bytes(&self) -> usize {
+        self.chain_bytes
+    }
+
+    /// Counts anew what the chain takes, after a part of it has gone.
+    fn count_bytes(&mut self) {
+        self.chain_bytes = self.chain.iter().map(|waiting| waiting.request.bytes()).sum();
     }
 
     /// Adds a barrier; the path rests there.
@@ -210,6 +252,7 @@ impl<B> Planner<B> {
     pub fn withdraw(&mut self) -> Vec<PathItem<B>> {
         self.row = Row::default();
         let ready = self.ready.drain(..).map(|released| PathItem::from(released.planned));
+        self.chain_bytes = 0;
         let chain = self.chain.drain(..).map(|waiting| PathItem::Motion(waiting.request));
         ready.chain(chain).chain(self.held.take().into_iter().flatten()).collect()
     }
@@ -227,6 +270,7 @@ impl<B> Planner<B> {
         self.runs_before.clear();
         // What is known is planned as a whole.
         self.next_plan = usize::MAX;
+        self.next_start = None;
         for item in path {
             match item {
                 PathItem::Motion(request) => self.push_motion(request),
@@ -235,7 +279,7 @@ impl<B> Planner<B> {
         }
         if self.finished {
             self.release_chain();
-        } else if self.chain.len() >= self.settings.window {
+        } else if self.chain.len() >= self.settings.window || self.chain_bytes >= self.settings.window_bytes {
             self.release_window();
         } else if self.entry_speed > 0.0 && self.plan(LARGEST_RESERVE) {
             match self.scratch.stop {
@@ -244,6 +288,7 @@ impl<B> Planner<B> {
             }
         }
         self.next_plan = self.settings.window.max(self.chain.len() + 1);
+        self.next_plan_bytes = self.settings.window_bytes.max(self.chain_bytes + 1);
         if self.too_fast || self.chain.is_empty() && self.entry_speed > 0.0 { Err(TooFast) } else { Ok(()) }
     }
 
@@ -273,7 +318,7 @@ impl<B> Planner<B> {
             return;
         }
         if !self.plan(Junction::REST.reserve) {
-            return self.chain.clear();
+            return self.clear_chain();
         }
         if let Some(stop) = self.scratch.stop {
             return self.release_until(stop);
@@ -281,6 +326,12 @@ impl<B> Planner<B> {
         self.release(self.chain.len());
         self.entry_speed = 0.0;
         self.overspeed = 0.0;
+        self.next_start = self.next_start.map(|_| LEAST_START);
+    }
+
+    fn clear_chain(&mut self) {
+        self.chain.clear();
+        self.chain_bytes = 0;
     }
 
     /// Releases about half of the chain, which goes on.
@@ -290,18 +341,25 @@ impl<B> Planner<B> {
         }
         // What the next junction will need is not known yet.
         if !self.plan(LARGEST_RESERVE) {
-            return self.chain.clear();
+            return self.clear_chain();
         }
         if let Some(stop) = self.scratch.stop {
             return self.release_until(stop);
         }
-        let window = self.settings.window;
-        let is_overdue = self.chain.len() >= 2 * window;
-        let enough = if is_overdue { window / 2 } else { 1 };
+        let (window, window_bytes) = (self.settings.window, self.settings.window_bytes);
+        let (is_too_long, is_too_large) = (self.chain.len() >= 2 * window, self.chain_bytes >= 2 * window_bytes);
+        let is_overdue = is_too_long || is_too_large;
+        let enough = match (is_too_long, is_too_large) {
+            (true, _) => window / 2,
+            // Fewer would soon have to be planned again.
+            (false, true) => (self.chain.len() / 4).max(1),
+            (false, false) => 1,
+        };
         match self.scratch.cut(self.chain.len() / 2).filter(|&(count, _)| count >= enough) {
             Some((count, speed)) => {
                 self.release(count);
                 self.entry_speed = speed;
+                self.next_start = None;
             }
             // All of it brakes: with more of the path known there will be a place to divide it.
             None if !is_overdue => self.runs_before = self.scratch.run_lengths(0),
@@ -311,6 +369,7 @@ impl<B> Planner<B> {
             }
         }
         self.next_plan = window.max(self.chain.len() + window / 4);
+        self.next_plan_bytes = window_bytes.max(self.chain_bytes + window_bytes / 4);
     }
 
     /// Plans the whole chain, from its entry speed to rest at its end, where the junction after it takes the share
@@ -386,6 +445,7 @@ impl<B> Planner<B> {
         self.entry_speed = 0.0;
         self.overspeed = 0.0;
         self.runs_before.clear();
+        self.count_bytes();
         self.held = Some(VecDeque::new());
     }
 
@@ -404,5 +464,7 @@ impl<B> Planner<B> {
         }
         self.runs_before = self.scratch.run_lengths(node);
         self.next_plan = self.settings.window;
+        self.next_plan_bytes = self.settings.window_bytes;
+        self.count_bytes();
     }
 }

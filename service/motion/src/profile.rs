@@ -5,7 +5,7 @@ mod stretch;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::part::{PhaseTimes, ProfilePart};
+pub use self::part::{PhaseKind, PhaseTimes, ProfilePart};
 pub use self::stretch::StretchProfile;
 use crate::PathLimits;
 use crate::tolerance::{SOLVER_PRECISION, SOLVER_SLACK, SOLVER_STEPS, TIME_PRECISION};

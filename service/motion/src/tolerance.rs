@@ -143,6 +143,10 @@ pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 /// What a stop in a corner has to gain to be preferred to rounding it, as the ratio of the times: a tool that stops may leave a mark.
 pub(crate) const CORNER_STOP_GAIN: f64 = 1.03;
 
+/// Difference of the bends between three blocks, as a share of the larger one, within which they are taken for chords of an arc: the
+/// first and the last block of an arc in chords are often shorter.
+pub(crate) const EVEN_TURN_SHARE: f64 = 0.3;
+
 /// Most tries for the cut between curves.
 pub(crate) const MAX_CORNER_TRIES: usize = 12;
 
@@ -150,6 +154,28 @@ pub(crate) const MAX_CORNER_TRIES: usize = 12;
 /// window: they come within milliseconds. In the first half of these, which is released, a path from rest has the
 /// length to stop in the second half from whatever speed it has reached.
 pub(crate) const FIRST_PLAN: usize = 1_000;
+/// Elements after which a start is tried before [`FIRST_PLAN`], where elements are long: merged blocks.
+pub(crate) const LEAST_START: usize = 32;
+/// Time of what such a start releases at the least, s: one start costs the plan of least time some milliseconds, as it then has
+/// the speed of the plan of runs once.
+pub(crate) const START_S: f64 = 1.0;
+
+/// Memory that a window takes at the most before a part of it is released, bytes: 100 000 straight blocks, or fewer of splines.
+pub(crate) const WINDOW_BYTES: usize = 128 << 20;
+/// Bounds of what is kept in memory, bytes, the same on every platform, so that plans are: an element with its request, each
+/// stretch of it while it is planned, what a spline or five axes need besides, a piece of a spline (X, Y and Z of degree 9), and
+/// one power of a five-axis piece. Lists may have grown to twice what they hold.
+pub(crate) const ELEMENT_BYTES: usize = 640;
+/// See [`ELEMENT_BYTES`].
+pub(crate) const STRETCH_BYTES: usize = 640;
+/// See [`ELEMENT_BYTES`].
+pub(crate) const CURVE_BYTES: usize = 1_024;
+/// See [`ELEMENT_BYTES`].
+pub(crate) const SPLINE_PIECE_BYTES: usize = 2 * 264;
+/// See [`ELEMENT_BYTES`].
+pub(crate) const FIVE_AXIS_PIECE_BYTES: usize = 2 * 40;
+/// See [`ELEMENT_BYTES`].
+pub(crate) const FIVE_AXIS_POWER_BYTES: usize = 2 * 40;
 
 /// Directions closer to the first rotary axis than this are taken along it, rad: no tool shows 0.02″, and the first axis need
 /// not turn half a turn within nanometres for them. The tool centre point is exact all the same.

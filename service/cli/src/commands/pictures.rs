@@ -1,5 +1,6 @@
 //! What the pictures of a program show: its moves, its vibration close up, its chip.
 
+mod deviation;
 mod five_axis;
 mod path_vibration;
 mod thread;
@@ -73,6 +74,9 @@ pub(super) fn prepare(
     }
     let (Traced { trace, rapids }, guided) = Traced::read(source, config)?;
     plots.set_path(trace, rapids);
+    if let Some(deviations) = deviation::trace(source, config, report)? {
+        plots.set_deviations(deviations);
+    }
     if let Some(five_axis) = five_axis::prepare(source, config, report, guided)? {
         plots.set_five_axis(five_axis);
     }
@@ -160,16 +164,25 @@ impl ToolPathSink for Traced {
 impl Traced {
     /// Of the whole program, with its cuts with a guided tool.
     fn read(source: &mut Source, config: &PipelineConfig) -> Result<(Self, GuidedCuts), CliError> {
-        let mut path = ToolPath::new(config);
         let mut traced = Self::default();
-        while let Some(place) = path.read(&mut traced) {
-            match source.read(place)? {
-                [] => path.finish_input(),
-                piece => path.push(piece),
-            }
-        }
-        let cuts = path.finish(&mut traced);
+        let cuts = read_path(source, config, &mut traced)?;
         traced.rapids.finish();
         Ok((traced, cuts))
     }
+}
+
+/// Reads the path of a whole program; its cuts with a guided tool.
+fn read_path(
+    source: &mut Source,
+    config: &PipelineConfig,
+    sink: &mut impl ToolPathSink,
+) -> Result<GuidedCuts, CliError> {
+    let mut path = ToolPath::new(config);
+    while let Some(place) = path.read(sink) {
+        match source.read(place)? {
+            [] => path.finish_input(),
+            piece => path.push(piece),
+        }
+    }
+    Ok(path.finish(sink))
 }

@@ -1,6 +1,7 @@
 //! A validation report for people: findings, a part for each machining function, summary. The same text whether the report
 //! came from this machine or from a service.
 
+mod motion;
 mod offsets;
 mod path_vibration;
 mod thinning;
@@ -9,7 +10,7 @@ mod tool_oscillation;
 
 pub(super) use thread::text as thread_text;
 
-use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, PlanQuality, ProgramSummary, ValidationReport};
+use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 
 use super::CliError;
 use super::findings;
@@ -174,14 +175,12 @@ fn summary_text(summary: &ProgramSummary, style: Style) -> String {
         if let Some(times) = &summary.limit_times {
             rows.row("governed by", governed_by(times, summary.duration_s));
         }
-        match summary.plan_quality() {
-            PlanQuality::LeastTime => rows.row("plan", "close to the least time"),
-            PlanQuality::Fast | PlanQuality::Unspecified => {}
-        }
+        motion::rows(&mut rows, summary);
         let period_ms = f64::from(summary.interpolation_period_us) / 1e3;
         rows.row("setpoints", format!("{} every {} ms", count(summary.setpoint_count), number(period_ms, 6)));
     }
     axis_rows(&mut rows, &summary.axes);
+    motion::slowdown_table(&mut rows, summary);
     rows.text.push('\n');
     rows.text
 }

@@ -39,9 +39,9 @@ pub type Point = [f64; 3];
 
 /// A run of one kind.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Run {
+pub struct Run<K = Stretch> {
     /// What the tool does.
-    pub stretch: Stretch,
+    pub stretch: K,
     /// Corners, with everything straight between them left out.
     pub points: Vec<Point>,
 }
@@ -50,25 +50,26 @@ pub struct Run {
 const MAX_POINTS: usize = 60_000;
 
 /// Collects the tool path. Points closer to the drawn line than a tolerance are left out; the tolerance starts
-/// near zero and grows only when the path has more corners than a picture can show.
+/// near zero and grows only when the path has more corners than a picture can show. Kinds of runs are those of a [`Stretch`], or
+/// others.
 #[derive(Clone, Debug)]
-pub struct PathTrace {
-    runs: Vec<Run>,
+pub struct PathTrace<K = Stretch> {
+    runs: Vec<Run<K>>,
     points: usize,
     tolerance_mm: f64,
     /// What left-out points of the current line have already taken of the tolerance.
     spent_mm: f64,
 }
 
-impl Default for PathTrace {
+impl<K> Default for PathTrace<K> {
     fn default() -> Self {
         Self { runs: Vec::new(), points: 0, tolerance_mm: 1e-6, spent_mm: 0.0 }
     }
 }
 
-impl PathTrace {
+impl<K: Copy + PartialEq> PathTrace<K> {
     /// Continues the path in a straight line from `from` to `to`.
-    pub fn line(&mut self, stretch: Stretch, from: Point, to: Point) {
+    pub fn line(&mut self, stretch: K, from: Point, to: Point) {
         let continues = self.runs.last().is_some_and(|run| run.stretch == stretch && run.points.last() == Some(&from));
         if !continues {
             self.runs.push(Run { stretch, points: vec![from] });
@@ -87,7 +88,7 @@ impl PathTrace {
 
     /// The path, in order.
     #[must_use]
-    pub fn runs(&self) -> &[Run] {
+    pub fn runs(&self) -> &[Run<K>] {
         &self.runs
     }
 

@@ -1,6 +1,9 @@
 //! Validation reports: from the pipeline to the contract.
 
-use feedwave_cutting::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
+use feedwave_cutting::{
+    AxisLimitTimes, AxisSummary, LimitTimes, PathDeviation, PeakPlace, ProgramSummary, Slowdown, SlowdownCause,
+    SlowdownCure, ValidationReport,
+};
 use feedwave_program::{Finding, NamedValue, Occurrence, RelatedPlace, Severity, Suggestion};
 
 use super::action::file_name;
@@ -14,7 +17,7 @@ use crate::proto;
 pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     let mut shown = proto::ValidationReport {
         findings: report.findings.iter().map(|finding| finding_to_proto(finding, &report.programs)).collect(),
-        summary: Some(summary_to_proto(&report.summary)),
+        summary: Some(summary_to_proto(&report.summary, &report.programs)),
         offsets: initial_offsets_to_proto(&report.offsets),
         ..proto::ValidationReport::default()
     };
@@ -22,9 +25,14 @@ pub fn report_to_proto(report: &ValidationReport) -> proto::ValidationReport {
     shown
 }
 
-/// A summary as the contract has it.
+/// A summary as the contract has it; `programs` are the names of the job's further files.
 #[must_use]
-pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
+pub fn summary_to_proto(summary: &ProgramSummary, programs: &[String]) -> proto::ProgramSummary {
+    let is_planned = summary.setpoint_count > 0;
+    let own_time = proto::QualityTime {
+        plan_quality: plan_quality_to_proto(summary.plan_quality).into(),
+        duration_s: summary.duration_s,
+    };
     proto::ProgramSummary {
         errors: summary.errors,
         warnings: summary.warnings,
@@ -54,6 +62,53 @@ pub fn summary_to_proto(summary: &ProgramSummary) -> proto::ProgramSummary {
             .spindle_rev_per_min
             .map(|[min_rev_per_min, max_rev_per_min]| proto::SpindleSpeedRange { min_rev_per_min, max_rev_per_min }),
         limit_times: Some(limit_times(&summary.limit_times)),
+        axis_limit_times: summary.axis_limit_times.iter().map(axis_limit_times).collect(),
+        path_deviation: summary.path_deviation.as_ref().map(|deviation| path_deviation(deviation, programs)),
+        slowdown_time_s: summary.slowdown_time_s,
+        slowdowns: summary.slowdowns.iter().map(|at| slowdown(at, programs)).collect(),
+        quality_times: is_planned.then_some(own_time).into_iter().collect(),
+    }
+}
+
+fn axis_limit_times(times: &AxisLimitTimes) -> proto::AxisLimitTimes {
+    let AxisLimitTimes { axis, velocity_s, acceleration_s, jerk_s } = times.clone();
+    proto::AxisLimitTimes { axis, velocity_s, acceleration_s, jerk_s }
+}
+
+fn path_deviation(deviation: &PathDeviation, programs: &[String]) -> proto::PathDeviation {
+    let place = |(axis, position): &(String, f64)| proto::ColumnPosition { axis: axis.clone(), position: *position };
+    proto::PathDeviation {
+        largest_mm: deviation.largest_mm,
+        line: deviation.source.line,
+        file: file_name(deviation.source, programs),
+        axes: deviation.axes.iter().map(place).collect(),
+    }
+}
+
+fn slowdown(at: &Slowdown, programs: &[String]) -> proto::Slowdown {
+    let cause = match at.cause {
+        SlowdownCause::ExactStop => proto::SlowdownCause::ExactStop,
+        SlowdownCause::Corner => proto::SlowdownCause::Corner,
+        SlowdownCause::RoundedCorner => proto::SlowdownCause::RoundedCorner,
+        SlowdownCause::ShortBlocks => proto::SlowdownCause::ShortBlocks,
+        SlowdownCause::Curve => proto::SlowdownCause::Curve,
+    };
+    let cure = match at.cure {
+        SlowdownCure::Tolerance => proto::SlowdownCure::Tolerance,
+        SlowdownCure::Arc => proto::SlowdownCure::Arc,
+        SlowdownCure::Velocity => proto::SlowdownCure::Velocity,
+        SlowdownCure::Acceleration => proto::SlowdownCure::Acceleration,
+        SlowdownCure::Jerk => proto::SlowdownCure::Jerk,
+    };
+    proto::Slowdown {
+        line: at.source.line,
+        file: file_name(at.source, programs),
+        lost_s: at.lost_s,
+        times: at.times,
+        slowest_mm_per_min: at.slowest_mm_per_min,
+        cause: cause.into(),
+        cure: cure.into(),
+        axis: at.axis.clone(),
     }
 }
 

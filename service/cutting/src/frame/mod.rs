@@ -8,6 +8,7 @@ pub(crate) mod pipeline;
 pub(crate) mod profile;
 pub(crate) mod report;
 mod scout;
+pub(crate) mod slowdown;
 mod timed;
 pub(crate) mod tool_path;
 pub(crate) mod validation;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_program::{Finding, InitialOffsets};
+use feedwave_program::{Finding, InitialOffsets, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::pipeline::PipelineConfig;
@@ -88,6 +88,15 @@ pub struct ProgramSummary {
     pub rest_time_s: f64,
     /// Which limit governs for how long; together [`ProgramSummary::duration_s`].
     pub limit_times: LimitTimes,
+    /// The time at a limit of the axes, by axis column.
+    pub axis_limit_times: Vec<AxisLimitTimes>,
+    /// Where the path that is run is farthest from the programmed one; `None` where it is that.
+    pub path_deviation: Option<PathDeviation>,
+    /// Time lost to slowdowns in cuts, s: what they take longer than at the commanded feed, without starts, ends and rests that
+    /// the program asks for.
+    pub slowdown_time_s: f64,
+    /// The lines where most of it is lost, at most ten, the worst first.
+    pub slowdowns: Vec<Slowdown>,
     /// Path length, mm.
     pub path_length_mm: f64,
     /// Path length of cutting moves, mm.
@@ -117,6 +126,98 @@ pub struct LimitTimes {
     pub jerk_s: f64,
     /// At rest.
     pub rest_s: f64,
+}
+
+/// For how long the limits of one machine axis govern the motion, s: the axis that takes the largest share of the limit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AxisLimitTimes {
+    /// Column name.
+    pub axis: String,
+    /// Its velocity.
+    pub velocity_s: f64,
+    /// Its acceleration: of the feed, or in curves at a constant speed.
+    pub acceleration_s: f64,
+    /// Its jerk, likewise.
+    pub jerk_s: f64,
+}
+
+impl AxisLimitTimes {
+    pub(crate) const fn of(&mut self, kind: LimitKind) -> &mut f64 {
+        match kind {
+            LimitKind::Velocity => &mut self.velocity_s,
+            LimitKind::Acceleration => &mut self.acceleration_s,
+            LimitKind::Jerk => &mut self.jerk_s,
+        }
+    }
+}
+
+/// A limit of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LimitKind {
+    Velocity,
+    Acceleration,
+    Jerk,
+}
+
+/// Where the path that is run is farthest from the programmed one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathDeviation {
+    /// Distance, mm: never less than the true one, and within the tolerance `P`. Where blocks were merged into a line before a
+    /// corner was rounded, the sum of both.
+    pub largest_mm: f64,
+    /// Block that is run there; of a corner the one behind it.
+    pub source: SourceSpan,
+    /// Machine position there on the path that is run, by axis column, mm or degrees.
+    pub axes: Vec<(String, f64)>,
+}
+
+/// Time lost at one line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slowdown {
+    /// Block at which the path is slowest; behind a corner.
+    pub source: SourceSpan,
+    /// Time lost, s; of all times that the line is run.
+    pub lost_s: f64,
+    /// How often the path slows down there.
+    pub times: u64,
+    /// Speed at its worst slowdown, mm/min.
+    pub slowest_mm_per_min: f64,
+    /// Why it is slow there.
+    pub cause: SlowdownCause,
+    /// What would save most of the time.
+    pub cure: SlowdownCure,
+    /// Axis column whose limit holds it back.
+    pub axis: String,
+}
+
+/// Why a path slows down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlowdownCause {
+    /// An exact stop is programmed.
+    ExactStop,
+    /// A corner, or a step of curvature, that is passed exactly.
+    Corner,
+    /// A corner that is rounded within the tolerance.
+    RoundedCorner,
+    /// Many short blocks, which are run as one curve within the tolerance.
+    ShortBlocks,
+    /// A programmed arc or spline.
+    Curve,
+}
+
+/// What would save time where a path slows down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlowdownCure {
+    /// A tolerance, or a larger one: `G64 P`.
+    Tolerance,
+    /// An arc instead of its chords.
+    Arc,
+    /// More velocity of the axis.
+    Velocity,
+    /// More acceleration of the axis.
+    Acceleration,
+    /// More jerk of the axis.
+    Jerk,
 }
 
 /// One machine axis over the whole program, from the setpoints themselves.

@@ -187,6 +187,10 @@ impl Validation {
         let refused = findings.has_errors();
         let shares = pipeline.interpolator.shares();
         let if_accepted = |value: f64| if refused { 0.0 } else { value };
+        let examination = pipeline.interpolator.examination.take().filter(|_| !refused);
+        let machine_axes = &config.profile.machine.axes;
+        let (slowdown_time_s, slowdowns) =
+            examination.as_ref().map_or_else(Default::default, |examination| examination.slowdowns.worst(machine_axes));
         let summary = ProgramSummary {
             errors: findings.count(Severity::Error),
             warnings: findings.count(Severity::Warning),
@@ -204,6 +208,10 @@ impl Validation {
             rapid_time_s: if_accepted(shares.rapid_s),
             rest_time_s: if_accepted(shares.limits.rest_s),
             limit_times: if refused { LimitTimes::default() } else { shares.limits },
+            axis_limit_times: examination.map_or_else(Vec::new, |examination| examination.axis_times),
+            path_deviation: analysis.deviation.filter(|_| !refused),
+            slowdown_time_s,
+            slowdowns,
             path_length_mm: analysis.path_length_mm,
             cutting_length_mm: analysis.cutting_length_mm,
             tools: analysis.tools.into_iter().collect(),

@@ -14,7 +14,9 @@ use super::Turning;
 use super::polynomial::{Bernstein, COEFFICIENTS, Part, bernstein, raise_to_largest, shifted};
 use crate::kinematics::TipPath;
 use crate::kinematics::{FiveAxisRefusal, KinematicsError, Setup};
-use crate::tolerance::{FIVE_AXIS_NOTHING, SAME_START_MM, SAME_START_RAD};
+use crate::tolerance::{
+    CURVE_BYTES, FIVE_AXIS_NOTHING, FIVE_AXIS_PIECE_BYTES, FIVE_AXIS_POWER_BYTES, SAME_START_MM, SAME_START_RAD,
+};
 
 /// Axes of a chain.
 pub(crate) const CHAIN: usize = 5;
@@ -164,6 +166,12 @@ impl FiveAxis {
     #[must_use]
     pub fn piece_count(&self) -> usize {
         self.pieces.len()
+    }
+
+    /// Upper bound of the memory that it takes, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        let piece = |piece: &FiveAxisPiece| FIVE_AXIS_PIECE_BYTES + FIVE_AXIS_POWER_BYTES * piece.powers.len();
+        CURVE_BYTES + self.tip.bytes() + self.pieces.iter().map(piece).sum::<usize>()
     }
 
     /// Place of an axis in the chain.

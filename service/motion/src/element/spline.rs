@@ -12,8 +12,8 @@ use super::bezier::{Bezier, Weighted};
 use super::fit;
 use super::polynomial::{Bernstein, COEFFICIENTS, Part, bernstein, halves, raise_to_largest, shifted};
 use crate::tolerance::{
-    MAX_SPLINE_DEGREE, MAX_SPLINE_PIECES, SAME_POINT_MM, SPLINE_BEND, SPLINE_BEND_ROUNDING, SPLINE_ROUNDING,
-    SPLINE_STRAIGHT_MM,
+    CURVE_BYTES, MAX_SPLINE_DEGREE, MAX_SPLINE_PIECES, SAME_POINT_MM, SPLINE_BEND, SPLINE_BEND_ROUNDING,
+    SPLINE_PIECE_BYTES, SPLINE_ROUNDING, SPLINE_STRAIGHT_MM,
 };
 
 /// A smooth curve over X, Y and Z by its arc length, mm.
@@ -273,6 +273,11 @@ impl Spline {
     #[must_use]
     pub fn piece_count(&self) -> usize {
         self.pieces.len()
+    }
+
+    /// Upper bound of the memory that it takes, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        CURVE_BYTES + SPLINE_PIECE_BYTES * self.pieces.len()
     }
 
     /// X, Y and Z at an arc length, mm.

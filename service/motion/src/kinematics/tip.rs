@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::vector::{Vec3, add, add_scaled, cross, dot, norm, scale, sub, unit};
 use crate::Spline;
+use crate::tolerance::CURVE_BYTES;
 
 /// Path of the tool centre point, work coordinates, mm, by the share of the block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +62,15 @@ pub enum TipCurve<'a> {
 }
 
 impl TipPath {
+    /// Upper bound of the memory that it takes besides itself, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            Self::Line(_) => 0,
+            Self::Arc(_) => CURVE_BYTES,
+            Self::Spline(tip) => CURVE_BYTES + tip.spline.bytes(),
+        }
+    }
+
     /// From one point to another along a circle; `None` where an end is on its axis.
     #[must_use]
     pub fn along(circle: &TipCircle, start: Vec3, end: Vec3) -> Option<Self> {

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 
-use crate::{Element, Stretch, StretchProfile, Stretches};
+use crate::tolerance::{ELEMENT_BYTES, STRETCH_BYTES};
+use crate::{Element, Origin, Stretch, StretchProfile, Stretches};
 
 /// An element to plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,8 @@ pub struct MotionRequest {
     /// Whether it has the limits of the machine's axes to itself: nothing is superposed. Only then its speed can be planned
     /// for the least time.
     pub has_full_limits: bool,
+    /// What of the program it carries out; the plan does not depend on it.
+    pub origin: Origin,
 }
 
 impl MotionRequest {
@@ -40,7 +43,14 @@ impl MotionRequest {
             passes_corners: true,
             follows_override: true,
             has_full_limits: true,
+            origin: Origin::Block,
         }
+    }
+
+    /// Upper bound of the memory that it takes while it is planned, bytes; the same on every platform.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        ELEMENT_BYTES + STRETCH_BYTES * self.stretches.len() + self.element.curve_bytes()
     }
 
     /// Commanded speed of a stretch at this feed override, mm/s.
@@ -81,6 +91,7 @@ pub struct PlannedMotion {
     passes_corners: bool,
     follows_override: bool,
     pub(super) has_full_limits: bool,
+    origin: Origin,
 }
 
 impl PlannedMotion {
@@ -92,9 +103,19 @@ impl PlannedMotion {
             passes_corners,
             follows_override,
             has_full_limits,
+            origin,
             ..
         } = request;
-        Self { element, stretches, entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits }
+        Self {
+            element,
+            stretches,
+            entry_reserve,
+            rest_at_end,
+            passes_corners,
+            follows_override,
+            has_full_limits,
+            origin,
+        }
     }
 
     /// Commanded speed of a stretch at this feed override, mm/s.
@@ -116,7 +137,7 @@ impl PlannedMotion {
     /// Asks again for the part of it that begins at arc length `start`, mm, inside or at the start of stretch `first`.
     #[must_use]
     pub fn request_from(&self, first: usize, start: f64) -> MotionRequest {
-        let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits, .. } = self;
+        let &Self { entry_reserve, rest_at_end, passes_corners, follows_override, has_full_limits, origin, .. } = self;
         let stretches = self.stretches[first..].iter().map(|planned| planned.stretch).collect();
         MotionRequest {
             element: self.element.clone(),
@@ -127,6 +148,7 @@ impl PlannedMotion {
             passes_corners,
             follows_override,
             has_full_limits,
+            origin,
         }
     }
 
@@ -165,6 +187,18 @@ impl PlannedMotion {
     #[must_use]
     pub const fn follows_override(&self) -> bool {
         self.follows_override
+    }
+
+    /// Whether it rests at its end whatever follows: exact stop.
+    #[must_use]
+    pub const fn rests_at_end(&self) -> bool {
+        self.rest_at_end
+    }
+
+    /// What of the program it carries out.
+    #[must_use]
+    pub const fn origin(&self) -> Origin {
+        self.origin
     }
 }
 

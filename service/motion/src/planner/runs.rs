@@ -80,7 +80,7 @@ pub(super) struct Run {
     /// Highest speed of the junction at its start, mm/s.
     junction_speed: f64,
     /// Speed at its start, mm/s.
-    entry: f64,
+    pub(super) entry: f64,
     profile: Option<Profile>,
 }
 
@@ -155,6 +155,11 @@ impl Run {
         let divides = self.length.max(node.length) >= cruising_mm
             && slower_travel_s > 2.0 * step * (step / jerk).sqrt() / velocity;
         (!divides).then_some(joined)
+    }
+
+    /// Highest speed of its limits, mm/s.
+    pub(super) const fn velocity(&self) -> f64 {
+        self.limits.velocity
     }
 
     /// The limits with the largest velocity whatever is commanded.
@@ -298,7 +303,12 @@ impl Plan {
     /// Highest speeds at the starts of the runs from which the path can rest at its end, at no more than `velocity` in
     /// every run.
     fn backward(&mut self, velocity: impl Fn(&Run) -> f64) {
-        let mut exit = 0.0;
+        self.backward_from(0.0, velocity);
+    }
+
+    /// [`Plan::backward`] with another speed than rest at the end.
+    pub(super) fn backward_from(&mut self, end_speed: f64, velocity: impl Fn(&Run) -> f64) {
+        let mut exit = end_speed;
         for index in (0..self.runs.len()).rev() {
             let run = &self.runs[index];
             let mut cap = velocity(run);
@@ -330,6 +340,11 @@ impl Plan {
         let profile = self.runs[run].solve(exit);
         self.runs[run].profile = Some(profile);
         profile
+    }
+
+    /// Whether a node is the first of an element, and not of all.
+    pub(super) fn starts_element(&self, node: usize) -> bool {
+        node > 0 && self.nodes[node].element != self.nodes[node - 1].element
     }
 
     /// The first node of an element.
@@ -382,7 +397,7 @@ impl Plan {
         }
         let profile = self.profile(run);
         let [from, to] = profile.cruise();
-        let starts_element = |index: usize| index > 0 && self.nodes[index].element != self.nodes[index - 1].element;
+        let starts_element = |index: usize| self.starts_element(index);
         let inside = || (first + 1..first + count).filter(|&index| starts_element(index));
         let cruising = inside().filter(|&index| (from..=to).contains(&self.nodes[index].offset));
         if let Some(index) = cruising.min_by_key(|&index| index.abs_diff(node))

@@ -92,25 +92,39 @@ impl ProfilePart {
         self.end.1 - self.start.1
     }
 
+    /// Its phases in order: what each is, when it starts by local time, s, and how long it lasts, s; together
+    /// [`ProfilePart::duration`]. Phases outside the part last no time.
+    pub fn phases(&self) -> impl Iterator<Item = (PhaseKind, f64, f64)> + '_ {
+        let Profile { rise, fall, cruise_s, .. } = self.profile;
+        let phases = [
+            (PhaseKind::Jerk, rise.ramp_s),
+            (PhaseKind::Acceleration, rise.hold_s),
+            (PhaseKind::Jerk, rise.ramp_s),
+            (PhaseKind::Cruise, cruise_s),
+            (PhaseKind::Jerk, fall.ramp_s),
+            (PhaseKind::Acceleration, fall.hold_s),
+            (PhaseKind::Jerk, fall.ramp_s),
+        ];
+        let mut start_s = 0.0;
+        phases.into_iter().map(move |(phase, duration_s)| {
+            let end_s = start_s + duration_s;
+            let inside_s = start_s.max(self.start.1);
+            start_s = end_s;
+            (phase, inside_s - self.start.1, (end_s.min(self.end.1) - inside_s).max(0.0))
+        })
+    }
+
     /// How its time divides among the phases of the profile; together [`ProfilePart::duration`].
     #[must_use]
     pub fn phase_times(&self) -> PhaseTimes {
-        let Profile { rise, fall, cruise_s, .. } = self.profile;
-        let mut start_s = 0.0;
-        let mut within_part = |duration_s: f64| {
-            let end_s = start_s + duration_s;
-            let time_s = (end_s.min(self.end.1) - start_s.max(self.start.1)).max(0.0);
-            start_s = end_s;
-            time_s
-        };
         let mut times = PhaseTimes::default();
-        times.jerk_s += within_part(rise.ramp_s);
-        times.acceleration_s += within_part(rise.hold_s);
-        times.jerk_s += within_part(rise.ramp_s);
-        times.cruise_s += within_part(cruise_s);
-        times.jerk_s += within_part(fall.ramp_s);
-        times.acceleration_s += within_part(fall.hold_s);
-        times.jerk_s += within_part(fall.ramp_s);
+        for (phase, _, time_s) in self.phases() {
+            *match phase {
+                PhaseKind::Jerk => &mut times.jerk_s,
+                PhaseKind::Acceleration => &mut times.acceleration_s,
+                PhaseKind::Cruise => &mut times.cruise_s,
+            } += time_s;
+        }
         times
     }
 
@@ -131,6 +145,17 @@ impl ProfilePart {
     pub fn fill(&self, first: u64, period_s: f64, offset_s: f64, out_s: &mut [f64], out_v: &mut [f64]) {
         self.profile.fill_part(first, period_s, offset_s - self.start.1, self.range(), out_s, out_v);
     }
+}
+
+/// What a phase of a profile is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PhaseKind {
+    /// The acceleration changes.
+    Jerk,
+    /// Constant acceleration other than zero.
+    Acceleration,
+    /// Constant speed.
+    Cruise,
 }
 
 /// Times spent in the phases of a profile, s.

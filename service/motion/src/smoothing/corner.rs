@@ -52,6 +52,8 @@ pub(super) type ControlPoints = [Vector; 6];
 pub(super) struct Rounding {
     /// What is cut from both elements where they meet, mm.
     pub(super) cut_mm: f64,
+    /// Largest distance of the curve from the path, mm.
+    pub(super) deviation_mm: f64,
     shape: Shape,
 }
 
@@ -104,9 +106,9 @@ impl Shape {
 }
 
 impl Rounding {
-    /// The same with less cut off.
+    /// The same between lines with less cut off.
     pub(super) fn with_cut(self, cut_mm: f64) -> Self {
-        Self { cut_mm, ..self }
+        Self { cut_mm, deviation_mm: self.deviation_mm * (cut_mm / self.cut_mm), ..self }
     }
 
     /// The curve from the end of one element, cut back already, to the start of the other.
@@ -180,7 +182,8 @@ fn line_rounding(
     let half_sine = 0.5 * norm(difference(to.tangent, from.tangent));
     let shape = Shape::at(speed, half_sine);
     let cut_mm = ((tolerance_mm - UNUSED_TOLERANCE_MM) / (shape.deviation() * half_sine)).min(most_cut_mm);
-    (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape })
+    let deviation_mm = shape.deviation() * half_sine * cut_mm;
+    (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, deviation_mm, shape })
 }
 
 /// Length cut for a corner between lines whose unit directions differ by `kink`, mm.
@@ -254,7 +257,8 @@ fn fitted(
     if kink <= TANGENT_TOLERANCE_RAD {
         for_lines = for_lines.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());
     }
-    let is_enough = |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, shape });
+    let is_enough =
+        |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, deviation_mm: 0.0, shape });
     let curvature = norm(from.curvature).max(norm(to.curvature));
     let most_turn_rad = if ramps { LARGEST_RAMP_TURN_RAD } else { LARGEST_CORNER_TURN_RAD };
     let most_cut_mm = most_cut_mm.min(most_turn_rad / curvature);
@@ -268,7 +272,7 @@ fn fitted(
         let deviation_mm =
             if is_forward(&points) { rounding.sampled_deviation(&points, before, after) } else { f64::INFINITY };
         if deviation_mm <= tolerance_mm {
-            good = Some(rounding);
+            good = Some(Rounding { deviation_mm, ..rounding });
             if cut_mm >= most_cut_mm || deviation_mm > 0.9 * tolerance_mm {
                 break;
             }

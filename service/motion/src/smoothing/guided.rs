@@ -7,14 +7,15 @@ use crate::kinematics::FiveAxisCorners;
 use crate::tolerance::{LEAST_CORNER_CUT_MM, MAX_CORNER_TRIES, TANGENT_TOLERANCE_RAD, USED_SAMPLED_TOLERANCE};
 use crate::{Curve, Element, FiveAxis, Spline};
 
-/// The block before, the corner and the block after, as they are run; `None` where the corner has to stay.
+/// The block before, the corner and the block after, as they are run, and the largest distance of the tool centre point from the
+/// programmed path, mm; `None` where the corner has to stay.
 pub(super) fn round(
     corners: &FiveAxisCorners<'_>,
     before: &Element,
     after: &Element,
     tolerance_mm: f64,
     most_cut_mm: f64,
-) -> Option<[Element; 3]> {
+) -> Option<([Element; 3], f64)> {
     let (Curve::FiveAxis(from), Curve::FiveAxis(to)) = (&before.curve, &after.curve) else { return None };
     if from.setup() != to.setup() || is_tangent(before, after) {
         return None;
@@ -39,7 +40,7 @@ pub(super) fn round(
         let deviation_rad = corners.deviation_rad([before, after], cut_mm, &turns);
         if deviation_rad <= tolerance_rad {
             let corner = corners.element(&short_before, &short_after, tip, turns)?;
-            return Some([short_before, corner, short_after]);
+            return Some(([short_before, corner, short_after], rounding.deviation_mm));
         }
         cut_mm *= (0.9 * tolerance_rad / deviation_rad).clamp(0.25, 0.9);
     }

@@ -2,19 +2,20 @@
 
 use feedwave_program::Position;
 
+use super::origin::Deviation;
 use super::trim::distance;
 use super::vector::{Vector, difference, dot, linear, norm, scaled};
 
-/// Largest distance of the points between from the line from `start` to `end`, mm; `None` where it is more than
+/// Largest distance of the points between from the line from `start` to `end`; `None` where it is more than
 /// `tolerance_mm`, or where the points do not follow each other along the line.
 ///
 /// With the points in order along it, the line and the polyline through them are nowhere farther apart either.
-pub(super) fn deviation(start: &Position, between: &[Vector], end: &Position, tolerance_mm: f64) -> Option<f64> {
+pub(super) fn deviation(start: &Position, between: &[Vector], end: &Position, tolerance_mm: f64) -> Option<Deviation> {
     let length = distance(start, end);
     let [start, end] = [linear(start), linear(end)];
     let along = scaled(difference(end, start), 1.0 / length);
     let mut reached = 0.0;
-    let mut largest = 0.0_f64;
+    let mut deviation = Deviation::default();
     for &point in between {
         let from_start = difference(point, start);
         let at = dot(from_start, along);
@@ -24,9 +25,11 @@ pub(super) fn deviation(start: &Position, between: &[Vector], end: &Position, to
             return None;
         }
         reached = at;
-        largest = largest.max(beside);
+        if beside > deviation.largest_mm {
+            deviation = Deviation { largest_mm: beside, at_mm: at };
+        }
     }
-    Some(largest)
+    Some(deviation)
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@ mod curve;
 mod guided;
 mod joint;
 mod merge;
+mod origin;
 mod stop;
 #[cfg(test)]
 mod test_path;
@@ -35,6 +36,7 @@ use serde::{Deserialize, Serialize};
 pub use self::corner::CornerSpeed;
 use self::curve::Open;
 use self::joint::Joint;
+pub use self::origin::{Deviation, Origin};
 use self::stop::Corner;
 use self::vector::Vector;
 use crate::kinematics::FiveAxisCorners;
@@ -65,6 +67,10 @@ pub struct Smoothed<T> {
     pub blocks: u32,
     /// Whether the path rests at its end, whatever follows (exact stop).
     pub rest_at_end: bool,
+    /// What it carries out.
+    pub origin: Origin,
+    /// How far it is from the programmed path.
+    pub deviation: Deviation,
 }
 
 /// Smooths a path in one pass. Its state can be stored between any two calls and continues bit for bit.
@@ -100,8 +106,8 @@ struct Entry<T> {
     control: PathControl,
     carried: T,
     blocks: u32,
-    /// Deviation used by merging, mm.
-    merged_within_mm: f64,
+    /// Deviation used by merging, and where along the element it is.
+    merged: Deviation,
     /// Length before its start was cut back, mm.
     full_length_mm: f64,
     /// Whether its start was cut back.
@@ -157,13 +163,12 @@ impl<T: Carried> PathSmoother<T> {
         let full_length_mm = element.length;
         let joins = joining.many_blocks && corners.is_none();
         let (start_is_cut, joint) = (false, Joint::Unknown);
-        let merged_within_mm = 0.0;
         let next = Entry {
             element,
             control,
             carried,
             blocks: 1,
-            merged_within_mm,
+            merged: Deviation::default(),
             full_length_mm,
             start_is_cut,
             joins,
@@ -201,8 +206,8 @@ impl<T: Carried> PathSmoother<T> {
             return false;
         }
         self.between.push(vector::linear(&run.element.end));
-        let used_mm = merge::deviation(&run.element.start, &self.between, &next.element.end, tolerance_mm);
-        let Some(used_mm) = used_mm else {
+        let merged = merge::deviation(&run.element.start, &self.between, &next.element.end, tolerance_mm);
+        let Some(merged) = merged else {
             self.between.pop();
             return false;
         };
@@ -210,7 +215,7 @@ impl<T: Carried> PathSmoother<T> {
         run.element.length = trim::distance(&run.element.start, &run.element.end);
         run.element.source = next.element.source;
         run.full_length_mm = run.element.length;
-        run.merged_within_mm = used_mm;
+        run.merged = merged;
         run.blocks = run.blocks.saturating_add(next.blocks);
         true
     }
@@ -329,7 +334,7 @@ impl<T: Carried> Entry<T> {
         if !may_be_passed {
             return Joint::Fixed;
         }
-        let left_mm = tolerance_mm - self.merged_within_mm.max(next.merged_within_mm);
+        let left_mm = tolerance_mm - self.merged_with(next);
         // Another control may have merged more behind it.
         let is_enough = left_mm >= LEAST_CURVE_SHARE * tolerance_mm;
         if !is_enough {
@@ -348,7 +353,8 @@ impl<T: Carried> Entry<T> {
         joining: Joining<'_>,
         corners: Option<FiveAxisCorners<'_>>,
     ) -> Option<Smoothed<T>> {
-        let tolerance_mm = self.corner_tolerance_mm()? - self.merged_within_mm.max(next.merged_within_mm);
+        let merged_mm = self.merged_with(next);
+        let tolerance_mm = self.corner_tolerance_mm()? - merged_mm;
         if !next.is_smoothable() || self.element.work_offset != next.element.work_offset {
             return None;
         }
@@ -358,9 +364,10 @@ impl<T: Carried> Entry<T> {
         if guided != [false; 2] {
             let corners = corners.filter(|_| guided == [true; 2])?;
             let rounded = guided::round(&corners, &self.element, &next.element, tolerance_mm, most_cut_mm)?;
-            let [before, element, after] = rounded;
+            let ([before, element, after], deviation_mm) = rounded;
             (self.element, next.element) = (before, after);
-            return Some(Smoothed { element, carried, blocks: 0, rest_at_end: false });
+            let fills_blocks = element.length >= ALMOST * 2.0 * most_cut_mm;
+            return Some(Smoothed::corner(element, carried, merged_mm + deviation_mm, fills_blocks));
         }
         let rounding = if self.joins && next.joins {
             corner::rounding_or_ramp(&self.element, &next.element, tolerance_mm, most_cut_mm, self.corner_speed)
@@ -383,9 +390,16 @@ impl<T: Carried> Entry<T> {
             }
         }
         self.element = before;
+        next.merged = next.merged.behind(rounding.cut_mm, after.length);
         next.element = after;
         next.start_is_cut = true;
-        Some(Smoothed { element, carried, blocks: 0, rest_at_end: false })
+        let fills_blocks = rounding.cut_mm >= ALMOST * most_cut_mm;
+        Some(Smoothed::corner(element, carried, merged_mm + rounding.deviation_mm, fills_blocks))
+    }
+
+    /// The larger deviation that merging has used, of two elements, mm.
+    fn merged_with(&self, next: &Self) -> f64 {
+        self.merged.largest_mm.max(next.merged.largest_mm)
     }
 
     fn rests_at_end(&self) -> bool {
@@ -393,10 +407,23 @@ impl<T: Carried> Entry<T> {
     }
 
     fn finish(self) -> Smoothed<T> {
-        let rest_at_end = self.rests_at_end();
-        Smoothed { element: self.element, carried: self.carried, blocks: self.blocks, rest_at_end }
+        let (rest_at_end, deviation) = (self.rests_at_end(), self.merged.behind(0.0, self.element.length));
+        let Self { element, carried, blocks, .. } = self;
+        Smoothed { element, carried, blocks, rest_at_end, origin: Origin::Block, deviation }
     }
 }
+
+impl<T> Smoothed<T> {
+    /// The curve at a corner, which is farthest from it in its middle.
+    fn corner(element: Element, carried: T, largest_mm: f64, fills_blocks: bool) -> Self {
+        let deviation = Deviation { largest_mm, at_mm: 0.5 * element.length };
+        let origin = Origin::Corner { fills_blocks };
+        Self { element, carried, blocks: 0, rest_at_end: false, origin, deviation }
+    }
+}
+
+/// A corner that takes this part of what it may is as long as it can be.
+const ALMOST: f64 = 0.999;
 
 #[cfg(test)]
 mod tests;

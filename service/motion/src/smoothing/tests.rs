@@ -62,7 +62,17 @@ fn exact_path_goes_straight_through() {
         for (element, control, cut) in blocks(sides(), control) {
             let mut smoothed = Vec::new();
             smoother.push(element.clone(), control, cut, each_corner(&mill), &mut |element| smoothed.push(element));
-            assert_eq!(smoothed, [Smoothed { element, carried: cut, blocks: 1, rest_at_end }]);
+            assert_eq!(
+                smoothed,
+                [Smoothed {
+                    element,
+                    carried: cut,
+                    blocks: 1,
+                    rest_at_end,
+                    origin: Origin::Block,
+                    deviation: Deviation::default()
+                }]
+            );
         }
         assert_eq!(smoother, PathSmoother::default());
     }

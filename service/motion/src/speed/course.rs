@@ -289,11 +289,11 @@ impl Course {
         }
     }
 
-    /// Times by what governs them.
-    pub fn governed(&self) -> impl Iterator<Item = (Governor, f64)> + '_ {
+    /// Its parts in order, of some milliseconds each: what governs it, when it starts, s, and how long it lasts, s.
+    pub fn governed(&self) -> impl Iterator<Item = (Governor, f64, f64)> + '_ {
         (0..self.segments.len()).map(|index| {
             let segment = &self.segments[index];
-            (segment.governor, self.end_of(index) - segment.start_s)
+            (segment.governor, segment.start_s, self.end_of(index) - segment.start_s)
         })
     }
 }

@@ -222,7 +222,7 @@ async fn conclude(engine: &Engine, id: Uuid, report: &ValidationReport) -> Resul
     let stored = NewReport {
         report: stored::to_stored(&report_to_proto(report))?,
         findings: FindingCounts { errors: summary.errors, warnings: summary.warnings, infos: summary.infos },
-        summary: Some(stored::to_stored(&summary_to_proto(summary))?),
+        summary: Some(stored::to_stored(&summary_to_proto(summary, &report.programs))?),
     };
     let (state, outcome, detail) = if report.is_accepted() {
         (JobState::Ready, "ready", String::new())

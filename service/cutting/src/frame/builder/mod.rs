@@ -9,8 +9,8 @@ mod threads;
 use std::collections::BTreeSet;
 
 use feedwave_motion::{
-    Element, Joining, LimitExceeded, Machine, MotionRequest, PathLimits, PathSmoother, Planner, Smoothed, missing_axis,
-    stretches,
+    Deviation, Element, Joining, LimitExceeded, Machine, MachineAxis, MotionRequest, PathLimits, PathSmoother, Planner,
+    Smoothed, missing_axis, stretches,
 };
 use feedwave_program::{
     DwellTime, Finding, FindingLog, MachineCommand, MachineEffect, Move, MoveKind, Operation, OperationKind,
@@ -23,9 +23,12 @@ use self::functions::Functions;
 use crate::code;
 use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
+use crate::frame::report::PathDeviation;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
 use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, spline_cusp, too_long};
+use crate::shared::columns::ColumnMap;
 use crate::shared::cut::Cut;
+use crate::shared::setpoint::Frame;
 
 /// Modal state between operations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,9 +55,24 @@ pub(crate) struct Analysis {
     pub(crate) cutting_length_mm: f64,
     pub(crate) tools: BTreeSet<u32>,
     pub(crate) spindle_rev_per_min: Option<[f64; 2]>,
+    pub(crate) deviation: Option<PathDeviation>,
 }
 
 impl Analysis {
+    /// An element is run that is so far from the programmed path.
+    fn deviates(&mut self, element: &Element, deviation: Deviation, machine: &Machine) {
+        let Deviation { largest_mm, at_mm } = deviation;
+        if largest_mm <= self.deviation.as_ref().map_or(0.0, |known| known.largest_mm) {
+            return;
+        }
+        let position = element.position(at_mm);
+        let axes = machine.axes.iter().zip(ColumnMap::of(machine, Frame::Machine));
+        let place = |(axis, column): (&MachineAxis, ColumnMap)| {
+            (axis.name.clone(), column.value(position[axis.axis.index()], &element.work_offset))
+        };
+        self.deviation = Some(PathDeviation { largest_mm, source: element.source, axes: axes.map(place).collect() });
+    }
+
     /// The spindle turns at this speed while cutting, rev/min.
     fn turns_at(&mut self, rev_per_min: f64) {
         let [least, most] = self.spindle_rev_per_min.get_or_insert([rev_per_min; 2]);
@@ -285,8 +303,11 @@ impl Builder {
         findings: &mut FindingLog,
     ) {
         let machine = &config.profile.machine;
-        let Smoothed { element, carried: cut, blocks, rest_at_end } = smoothed;
+        let Smoothed { element, carried: cut, blocks, rest_at_end, origin, deviation } = smoothed;
         let (cutting, span) = (!element.rapid, element.source);
+        if let Some(analysis) = &mut self.analysis {
+            analysis.deviates(&element, deviation, machine);
+        }
         if blocks == 0 {
             // The programmed blocks were checked as they came; the curve at a corner may swing out beside them.
             check_travel(&element, machine, findings);
@@ -327,6 +348,7 @@ impl Builder {
         request.rest_at_end = rest_at_end;
         request.passes_corners = passes_corners;
         request.has_full_limits = superposed.has_full_limits();
+        request.origin = origin;
         planner.push_motion(request);
     }
 

@@ -17,6 +17,9 @@ impl Interpolator {
             self.begin_stretch(index);
             return true;
         }
+        if let (Planned::Barrier(_), Some(examination)) = (item, &mut self.examination) {
+            examination.slowdowns.interrupt();
+        }
         match item {
             // Shown only.
             Planned::Motion(motion) if motion.stretches.is_empty() => return false,
@@ -49,6 +52,9 @@ impl Interpolator {
     }
 
     pub(super) fn hold(&mut self, kind: ActivityKind, duration_s: f64, after: After) {
+        if let Some(examination) = &mut self.examination {
+            examination.slowdowns.interrupt();
+        }
         let radius_mm = self.state.rest.position[0];
         let spindle_rev_per_s = match kind {
             // The vibration's spindle speed is that of the stretch before.

@@ -10,6 +10,7 @@ mod barrier;
 mod begin;
 mod clock;
 mod columns;
+mod examination;
 mod feed_override;
 mod functions;
 mod tapping;
@@ -26,6 +27,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::barrier::Barrier;
 use self::clock::Clock;
 use self::columns::Scratch;
+pub(crate) use self::examination::Examination;
 use self::functions::{FunctionActivity, FunctionStep, RunningFunctions};
 use self::time_shares::TimeShares;
 use crate::functions::path_vibration::{GenerationMode, SectionSamples};
@@ -54,6 +56,8 @@ pub(crate) struct Interpolator {
     settings: Settings,
     pub(crate) state: State,
     scratch: Scratch,
+    /// For a report of the whole program; while validating only.
+    pub(crate) examination: Option<Box<Examination>>,
 }
 
 #[derive(Clone, Debug)]
@@ -187,6 +191,7 @@ impl Interpolator {
             settings: Settings { period_s, mode, columns, tool: None, top_rev_per_s },
             state,
             scratch: Scratch::new(),
+            examination: None,
         }
     }
 
@@ -293,6 +298,9 @@ impl Interpolator {
             ActivityKind::Stretch(index) => {
                 if let Some(motion) = state.track.motion(state.track.current_index()) {
                     state.shares.add_stretch(motion, index, activity.duration_s, activity.feed_override);
+                    if let Some(examination) = &mut self.examination {
+                        examination.stretch(motion, index, activity.feed_override);
+                    }
                 }
             }
             ActivityKind::Hold { .. } | ActivityKind::VibratingHold | ActivityKind::FeedHold { .. } => {

@@ -1,7 +1,7 @@
 //! Where the time of a program goes.
 
 use feedwave_motion::{
-    Course, Curve, Governor, PhaseTimes, PlannedMotion, PlannedStretch, Profile, ProfilePart, StretchProfile,
+    Course, Curve, Governor, PhaseTimes, PlannedMotion, PlannedStretch, Profile, ProfilePart, Stretch, StretchProfile,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,11 +20,29 @@ pub(crate) struct TimeShares {
 /// A cruise within this share of a speed is at that speed.
 const SAME_SPEED: f64 = 1e-9;
 /// A cruise this short is what rounding leaves between two ramps, s.
-const ROUNDING_S: f64 = 1e-12;
+pub(super) const ROUNDING_S: f64 = 1e-12;
+
+/// What governs a part of a profile where its speed is constant: the feed, the velocity of an axis or the turning of the path;
+/// `None` where it is slower than all of them ask for, for the sake of corners and neighbouring blocks.
+pub(super) fn cruise_governor(
+    motion: &PlannedMotion,
+    stretch: &Stretch,
+    part: &ProfilePart,
+    feed_override: f64,
+) -> Option<Governor> {
+    let ratio = if motion.follows_override() { feed_override } else { 1.0 };
+    let reached = part.whole().cruise_velocity() * (1.0 + SAME_SPEED);
+    match motion.element.curve {
+        _ if !motion.element.rapid && reached >= stretch.speed_mm_per_s * ratio => Some(Governor::Feed),
+        _ if reached < stretch.limits.velocity => None,
+        Curve::Line => Some(Governor::Velocity),
+        Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => Some(Governor::Turning),
+    }
+}
 
 impl LimitTimes {
     fn add_course(&mut self, course: &Course) {
-        for (governor, time_s) in course.governed() {
+        for (governor, _, time_s) in course.governed() {
             *match governor {
                 Governor::Feed => &mut self.feed_s,
                 Governor::Velocity => &mut self.axis_velocity_s,
@@ -48,15 +66,13 @@ impl TimeShares {
         let PhaseTimes { jerk_s, acceleration_s, cruise_s } = part.phase_times();
         self.limits.jerk_s += jerk_s;
         self.limits.acceleration_s += acceleration_s;
-        let ratio = if motion.follows_override() { feed_override } else { 1.0 };
-        let reached = part.whole().cruise_velocity() * (1.0 + SAME_SPEED);
         let limits = &mut self.limits;
-        let governed_s = match element.curve {
+        let governed_s = match cruise_governor(motion, stretch, part, feed_override) {
             _ if cruise_s <= ROUNDING_S => &mut limits.jerk_s,
-            _ if !element.rapid && reached >= stretch.speed_mm_per_s * ratio => &mut limits.feed_s,
-            _ if reached < stretch.limits.velocity => &mut limits.corners_s,
-            Curve::Line => &mut limits.axis_velocity_s,
-            Curve::Arc(_) | Curve::Spline(_) | Curve::FiveAxis(_) => &mut limits.curvature_s,
+            None => &mut limits.corners_s,
+            Some(Governor::Feed) => &mut limits.feed_s,
+            Some(Governor::Velocity) => &mut limits.axis_velocity_s,
+            Some(_) => &mut limits.curvature_s,
         };
         *governed_s += cruise_s;
     }

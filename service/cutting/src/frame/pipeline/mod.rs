@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::code;
 use crate::frame::builder::{Analysis, Builder, BuilderState};
-use crate::frame::interpolator::{self, Barrier, Fill, Interpolator};
+use crate::frame::interpolator::{self, Barrier, Examination, Fill, Interpolator};
 use crate::frame::scout::Scout;
 use crate::frame::timed::TimedPlans;
 use crate::functions::five_axis::Guide;
@@ -36,7 +36,7 @@ const MAX_HELD_ITEMS: usize = 1 << 14;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
-const SNAPSHOT_VERSION: u8 = 28;
+const SNAPSHOT_VERSION: u8 = 29;
 
 /// What a call to [`Pipeline::next_block`] brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,6 +138,9 @@ impl Pipeline {
         let kinematics = config.profile.kinematics.as_ref().and_then(|it| Kinematics::new(it).ok()).map(Arc::new);
         if let (Frame::Work, Some(kinematics)) = (config.frame, &kinematics) {
             interpolator = interpolator.with_tool_direction(&config.profile.machine, kinematics);
+        }
+        if is_validation {
+            interpolator.examination = Some(Box::new(Examination::new(&config.profile.machine)));
         }
         let settings = config.profile.planner_settings(config.period_s());
         Self {

@@ -51,6 +51,11 @@ pub trait ToolPathSink {
     fn rapid(&mut self, line: u32);
     /// A line of the program cuts, at most this fast, mm/min; infinite where it is not bounded.
     fn cut(&mut self, line: u32, max_mm_per_min: f64);
+    /// A line of the program cuts straight, as it is written.
+    fn programmed(&mut self, _line: u32, _from: PathPoint, _to: PathPoint) {}
+    /// What comes next by [`ToolPathSink::line`] is run for a line of the program, at most `largest_mm` from the path as it is
+    /// written, which is here. Under tool centre point control it is not said.
+    fn deviates(&mut self, _line: u32, _largest_mm: f64, _here: PathPoint) {}
 }
 
 /// Reads a program for its path. What is wrong with it is not said: that is the business of validation.
@@ -153,8 +158,11 @@ impl Follower {
                 let cut = Cut::of(step, &element);
                 let cutting = self.cutting;
                 let joining = joining(self.cutting, &self.machine, self.corner_speed);
-                let mut draw = |smoothed: Smoothed<Cut>| chords(&smoothed.element, cutting, sink);
                 for part in element.smooth_parts() {
+                    if !part.rapid {
+                        each_chord(&part, |from, to| sink.programmed(span.line, from, to));
+                    }
+                    let mut draw = |smoothed| draw(&smoothed, cutting, sink);
                     self.smoother.push(part, step.path_control, cut, joining, &mut draw);
                 }
             }
@@ -185,7 +193,7 @@ impl Follower {
     fn flush(&mut self, sink: &mut impl ToolPathSink) {
         let cutting = self.cutting;
         let joining = joining(self.cutting, &self.machine, self.corner_speed);
-        self.smoother.flush(joining, &mut |smoothed| chords(&smoothed.element, cutting, sink));
+        self.smoother.flush(joining, &mut |smoothed| draw(&smoothed, cutting, sink));
     }
 
     /// Tells whether a line moves rapidly, and how fast it cuts.
@@ -237,14 +245,21 @@ fn chord_count(turn_rad: f64) -> u32 {
     (turn_rad / CHORD_RAD).ceil().clamp(1.0, MAX_CHORDS) as u32
 }
 
-/// An element: a line as such, a curve as chords.
-fn chords(element: &Element, cutting: ToolMotion, sink: &mut impl ToolPathSink) {
+/// An element as it is run, with how far it is from the programmed path.
+fn draw(smoothed: &Smoothed<Cut>, cutting: ToolMotion, sink: &mut impl ToolPathSink) {
+    let Smoothed { element, deviation, .. } = smoothed;
     let motion = if element.rapid { ToolMotion::Rapid } else { cutting };
+    sink.deviates(element.source.line, deviation.largest_mm, point(&element.position(deviation.at_mm)));
+    each_chord(element, |from, to| sink.line(motion, from, to));
+}
+
+/// An element: a line as such, a curve as chords.
+fn each_chord(element: &Element, mut line: impl FnMut(PathPoint, PathPoint)) {
     let count = chord_count(element.length * element.curvature());
     let mut from = point(&element.start);
     for chord in 1..=count {
         let to = point(&element.position(element.length * (f64::from(chord) / f64::from(count))));
-        sink.line(motion, from, to);
+        line(from, to);
         from = to;
     }
 }

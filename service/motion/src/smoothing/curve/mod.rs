@@ -20,6 +20,7 @@ use self::bezier::{Span, State};
 use self::fit::Fit;
 use self::path::Path;
 use super::joint::Joint;
+use super::origin::{Deviation, Origin, turn_evenly};
 use super::vector::{Vector, linear};
 use super::{Carried, Entry, Joining, PathSmoother, Smoothed};
 use crate::limits::travel_exceeded;
@@ -116,8 +117,10 @@ impl<T: Carried> PathSmoother<T> {
             && let (Some(before), Some(after)) =
                 (front.element.part(0.0, length - cut_mm), front.element.part(length - cut_mm, length))
         {
-            let carried = front.carried.clone();
-            emit(Smoothed { element: before, carried, blocks: 0, rest_at_end: false });
+            let (carried, deviation) = (front.carried.clone(), front.merged.behind(0.0, before.length));
+            front.merged = front.merged.behind(before.length, after.length);
+            let (blocks, rest_at_end, origin) = (0, false, Origin::Block);
+            emit(Smoothed { element: before, carried, blocks, rest_at_end, origin, deviation });
             front.element = after;
         }
         let is_free = !front.start_is_cut && front.element.length >= front.full_length_mm;
@@ -226,6 +229,7 @@ impl<T: Carried> PathSmoother<T> {
         if offset_mm > 0.0
             && let Some(part) = front.element.part(offset_mm, front.element.length)
         {
+            front.merged = front.merged.behind(offset_mm, part.length);
             front.element = part;
             front.start_is_cut = true;
         }
@@ -240,7 +244,7 @@ impl<T: Carried> PathSmoother<T> {
     /// The path of the elements up to and with `last`.
     fn path(&self, last: usize) -> Path<'_> {
         let entries = self.pending.iter().take(last + 1);
-        let merged_mm = entries.clone().map(|entry| entry.merged_within_mm).fold(0.0, f64::max);
+        let merged_mm = entries.clone().map(|entry| entry.merged.largest_mm).fold(0.0, f64::max);
         let tolerance_mm = self.pending.front().and_then(Entry::corner_tolerance_mm).unwrap_or(0.0);
         let mut path = Path::new(tolerance_mm - merged_mm);
         for (index, entry) in entries.enumerate() {
@@ -283,6 +287,16 @@ impl<T: Carried> PathSmoother<T> {
         }
         let [from, _] = path.range(leg);
         Ending::Within(if from > 0.5 * most { from } else { most })
+    }
+
+    /// What a part of a curve over an element carries out.
+    fn origin_in_curve(&self, index: usize) -> Origin {
+        let around = |first: usize| {
+            let [first, second, third] = [first, first + 1, first + 2].map(|index| self.pending.get(index));
+            Some(turn_evenly([first?, second?, third?]))
+        };
+        let before = index.checked_sub(2).and_then(around);
+        Origin::Blocks { like_chords: around(index).or(before).unwrap_or(false) }
     }
 
     /// The parts of a curve up to its ending, block by block; `None` where one of them is no curve or leaves the travel.
@@ -333,7 +347,11 @@ impl<T: Carried> PathSmoother<T> {
             }
             let rest_at_end = is_done && entry.rests_at_end();
             let blocks = if is_done { entry.blocks } else { 0 };
-            parts.push(Smoothed { element, carried: entry.carried.clone(), blocks, rest_at_end });
+            let (largest_mm, share) = path.deviation(spans, index, [from, to]);
+            let deviation =
+                Deviation { largest_mm: largest_mm + entry.merged.largest_mm, at_mm: share * element.length };
+            let (origin, carried) = (self.origin_in_curve(index), entry.carried.clone());
+            parts.push(Smoothed { element, carried, blocks, rest_at_end, origin, deviation });
             at = end;
             if is_last {
                 let (done, offset_mm) = if is_done { (index + 1, 0.0) } else { (index, offset_mm) };

@@ -62,7 +62,7 @@ impl<'a> Path<'a> {
         Self { legs: Vec::new(), turns: Vec::new(), tolerance_mm: tolerance_mm - UNUSED_TOLERANCE_MM }
     }
 
-    /// Adds an element and the turn behind it; `merged_within_mm` of the tolerance is used already.
+    /// Adds an element and the turn behind it.
     pub(super) fn push(&mut self, element: &'a Element, kink: f64) {
         let from = self.length();
         let to = from + element.length;
@@ -255,6 +255,23 @@ impl<'a> Path<'a> {
             samples[k].weight_mm = half;
             samples[k - 1].weight_mm += half;
         }
+    }
+
+    /// Largest distance of the curve from an element between two places of it, which is examined at the ends and in the middle of its
+    /// spans there, mm; and where, as a share of the way between the places.
+    pub(super) fn deviation(&self, spans: &[Span], leg: usize, [from, to]: [f64; 2]) -> (f64, f64) {
+        let mut largest = (0.0, 0.0);
+        let first = spans.partition_point(|span| span.to <= from);
+        for span in spans[first..].iter().take_while(|span| span.from < to) {
+            let [start, end] = [span.from.max(from), span.to.min(to)];
+            for s in [start, 0.5 * (start + end), end] {
+                let distance_mm = norm(difference(span.state(s).point, self.point(leg, s)));
+                if distance_mm > largest.0 {
+                    largest = (distance_mm, (s - from) / (to - from));
+                }
+            }
+        }
+        largest
     }
 
     /// Upper bounds of the deviation of the curve between the samples, as ratios to the tolerance at either end.

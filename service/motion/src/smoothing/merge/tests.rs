@@ -5,7 +5,7 @@ use crate::smoothing::test_path::at;
 fn largest_distance_counts() {
     let between = [[1.0, 0.01, 0.0], [2.0, 0.0, -0.02], [3.0, 0.003, 0.004]];
     let used = deviation(&at([0.0; 3]), &between, &at([4.0, 0.0, 0.0]), 0.02).expect("within");
-    assert!((used - 0.02).abs() < 1e-15);
+    assert!((used.largest_mm - 0.02).abs() < 1e-15 && used.at_mm == 2.0, "{used:?}");
     assert_eq!(deviation(&at([0.0; 3]), &between, &at([4.0, 0.0, 0.0]), 0.019), None);
 }
 

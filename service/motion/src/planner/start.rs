@@ -1,0 +1,74 @@
+//! The start of a path: its first part is released before the window is full, as soon as it no longer depends on what follows.
+//!
+//! The speeds between runs follow from what lies behind them, back from the end of what is known, where the path is assumed to rest,
+//! and from what lies before. Where the way back from rest and that from the highest speed permitted there meet, more of the path
+//! would change nothing: what lies before is released as it would be with all of it known. How far that is ahead is what a stop
+//! takes, so that the first setpoints do not wait for a count of elements, of which each may be many merged blocks.
+
+use super::Planner;
+use super::runs::Plan;
+use crate::tolerance::{LARGEST_RESERVE, START_S};
+
+impl<B> Planner<B> {
+    /// Releases the first part of a chain that comes from rest, where enough of it is settled; otherwise it is tried again with half
+    /// as many elements more.
+    pub(super) fn start(&mut self) {
+        self.next_start = Some(self.chain.len() + self.chain.len() / 2);
+        let comes_from_rest = self.entry_speed == 0.0 && self.overspeed == 0.0;
+        if self.is_held() || !comes_from_rest || !self.plan(LARGEST_RESERVE) || self.scratch.stop.is_some() {
+            return;
+        }
+        if let Some((count, speed)) = self.scratch.settled_cut() {
+            self.release(count);
+            self.entry_speed = speed;
+            self.next_start = None;
+        }
+    }
+}
+
+impl Plan {
+    /// Where to divide a planned chain that comes from rest so that its first part is as it would be with more of the path known, and
+    /// takes [`START_S`]: the number of elements, and the speed there, at which it has no acceleration.
+    fn settled_cut(&mut self) -> Option<(usize, f64)> {
+        for run in (0..self.settled_runs()?).rev() {
+            let cut = self.place_in_cruise(run).or_else(|| self.place_at_start(run));
+            if let Some((node, speed, time_s)) = cut {
+                let before_s: f64 = (0..run).map(|before| self.profile(before).duration()).sum();
+                return (before_s + time_s >= START_S).then(|| (self.element(node), speed));
+            }
+        }
+        None
+    }
+
+    /// How many runs at the start have entries that do not depend on where the known path ends. The plan is as it was.
+    fn settled_runs(&mut self) -> Option<usize> {
+        let entry_speed = self.runs.first()?.entry;
+        let last_velocity = self.runs.last()?.velocity();
+        self.backward_from(last_velocity, |run| run.velocity());
+        let from_speed: Vec<f64> = self.runs.iter().map(|run| run.entry).collect();
+        self.backward_from(0.0, |run| run.velocity());
+        let settled = self.runs.iter().zip(&from_speed).take_while(|(run, other)| run.entry == **other).count();
+        self.solve(entry_speed).then_some(settled)
+    }
+
+    /// The last start of an element where a run is at the highest speed of its limits: the node, that speed, and the time up to there.
+    fn place_in_cruise(&mut self, run: usize) -> Option<(usize, f64, f64)> {
+        let profile = self.profile(run);
+        let own = &self.runs[run];
+        let [from, to] = profile.cruise();
+        let speed = profile.cruise_velocity();
+        let is_highest = speed > 0.0 && speed >= own.velocity();
+        let node = (own.first + 1..own.first + own.count)
+            .rfind(|&index| self.starts_element(index) && (from..=to).contains(&self.nodes[index].offset))?;
+        is_highest.then(|| (node, speed, profile.time_at(self.nodes[node].offset)))
+    }
+
+    /// The start of a run that is one of an element.
+    fn place_at_start(&self, run: usize) -> Option<(usize, f64, f64)> {
+        let own = &self.runs[run];
+        (own.entry > 0.0 && self.starts_element(own.first)).then_some((own.first, own.entry, 0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,114 @@
+use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
+use proptest::prelude::*;
+
+use crate::{
+    Element, Machine, MachineAxis, MachineKind, MotionRequest, PathMotion, Planned, Planner, PlannerSettings,
+    limit_pieces, stretches,
+};
+
+fn machine() -> Machine {
+    let axes = [Axis::X, Axis::Y, Axis::Z].map(|axis| MachineAxis::new(axis, 200.0, 2_000.0, 30_000.0));
+    Machine { kind: MachineKind::Mill, axes: axes.to_vec(), max_spindle_rev_per_min: 20_000.0 }
+}
+
+/// Length of a line or radius and sweep of an arc, tangent to what is before; and the feed, mm/min.
+type Piece = (f64, Option<f64>, f64);
+
+fn request(
+    at: &mut Position,
+    heading: &mut f64,
+    (size, sweep, feed): Piece,
+    machine: &Machine,
+) -> Option<MotionRequest> {
+    let start = *at;
+    let arc = sweep.map(|sweep_rad: f64| {
+        let side = size * sweep_rad.signum();
+        let center = [at[0] - side * heading.sin(), at[1] + side * heading.cos()];
+        *heading += sweep_rad;
+        (at[0], at[1]) = (center[0] + side * heading.sin(), center[1] - side * heading.cos());
+        ArcGeometry { plane: Plane::Xy, center, clockwise: sweep_rad < 0.0, sweep_rad }
+    });
+    if arc.is_none() {
+        at[0] += size * heading.cos();
+        at[1] += size * heading.sin();
+    }
+    let mv = Move {
+        kind: MoveKind::Cutting,
+        start,
+        end: *at,
+        work_offset: [0.0; 9],
+        arc,
+        spline: None,
+        path_control: PathControl::default(),
+        feed: Feed::PerMinute(feed),
+        spindle: Spindle::STOPPED,
+        tool: 0,
+        cycle: None,
+    };
+    let element = Element::from_move(&mv, SourceSpan::default())?;
+    let pieces = limit_pieces(&element, machine, PathMotion::ZERO, f64::INFINITY).ok()?;
+    let stretches = stretches(&element, Feed::PerMinute(feed), &Spindle::STOPPED, machine, &pieces);
+    Some(MotionRequest::new(element, stretches))
+}
+
+/// Time of a path, and how many elements were pushed when the first ones came out.
+fn planned(pieces: &[Piece], starts: bool) -> (f64, usize) {
+    let machine = machine();
+    let mut planner: Planner<()> = Planner::new(PlannerSettings::new(&machine, 5_000, 1e-3));
+    if !starts {
+        planner.next_start = None;
+    }
+    let (mut at, mut heading) = ([0.0; 9], 0.2);
+    let (mut time_s, mut first) = (0.0, None);
+    let mut take = |planner: &mut Planner<()>, pushed: usize| {
+        while let Some(Planned::Motion(motion)) = planner.pop() {
+            first.get_or_insert(pushed);
+            time_s += motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum::<f64>();
+        }
+    };
+    for (index, &piece) in pieces.iter().enumerate() {
+        if let Some(request) = request(&mut at, &mut heading, piece, &machine) {
+            planner.push_motion(request);
+        }
+        take(&mut planner, index + 1);
+    }
+    planner.finish();
+    take(&mut planner, pieces.len());
+    (time_s, first.unwrap_or_default())
+}
+
+fn pieces() -> impl Strategy<Value = Vec<Piece>> {
+    let feed = prop_oneof![Just(1_200.0), Just(6_000.0), Just(30_000.0)];
+    let line = (0.05..8.0_f64).prop_map(|length| (length, None));
+    let arc = (0.5..40.0_f64, 0.02..1.5_f64, any::<bool>())
+        .prop_map(|(radius, sweep, left)| (radius, Some(if left { sweep } else { -sweep })));
+    let piece = prop_oneof![3 => line, 1 => arc];
+    (prop::collection::vec((piece, 0..6_u8), 40..400), feed).prop_map(|(pieces, feed)| {
+        // The feed changes now and then.
+        pieces
+            .into_iter()
+            .map(|((size, sweep), slow)| (size, sweep, if slow == 0 { 0.5 * feed } else { feed }))
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_start_takes_no_time(pieces in pieces()) {
+        let ((early_s, _), (whole_s, _)) = (planned(&pieces, true), planned(&pieces, false));
+        prop_assert!(early_s <= whole_s * 1.001, "{early_s} and {whole_s} s");
+    }
+}
+
+#[test]
+fn the_first_part_comes_when_a_stop_is_known_and_a_second_of_it() {
+    // 100 mm/s on lines of 5 mm: a second is 20 of them, a stop takes 6 mm.
+    let lines = vec![(5.0, None, 6_000.0); 400];
+    assert_eq!(planned(&lines, true).1, 32);
+    assert_eq!(planned(&lines, false).1, 400);
+    // Short ones take longer to make up a second.
+    let short = vec![(0.5, None, 6_000.0); 400];
+    assert_eq!(planned(&short, true).1, 243);
+}
