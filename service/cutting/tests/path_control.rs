@@ -2,8 +2,10 @@
 
 mod common;
 
-use common::{Setpoints, resume, run, snapshots, validate};
-use feedwave_cutting::{MachineProfile, PipelineConfig};
+use std::sync::Arc;
+
+use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
+use feedwave_cutting::{MachineProfile, Pipeline, PipelineConfig, PlanQuality, Step};
 use proptest::prelude::*;
 
 fn mill() -> PipelineConfig {
@@ -249,4 +251,49 @@ fn corners_are_passed_with_the_velocity_step_that_the_machine_permits() {
     // The axis with the smallest step decides, and one without any makes the path rest.
     config.profile.machine.axes[1].max_velocity_step_per_s = 0.0;
     assert_eq!(run(program, &config), resting);
+}
+
+/// How much of a program is read before its first setpoint but the start comes, as a share of its bytes, in pieces.
+fn read_before_the_first(program: &str, config: &PipelineConfig) -> f64 {
+    const PIECE: usize = 256;
+    let mut pipeline = Pipeline::new(Arc::new(config.clone()));
+    let mut block = pipeline.new_block();
+    let mut read = 0;
+    loop {
+        match pipeline.next_setpoints(&mut block, 2) {
+            Step::NeedInput(place) => {
+                read = (place.offset as usize + PIECE).min(program.len());
+                pipeline.supply(place, &program.as_bytes()[..read]);
+            }
+            Step::Block => return read as f64 / program.len() as f64,
+            step => panic!("{step:?}: {:#?}", pipeline.findings()),
+        }
+    }
+}
+
+/// Blocks of 0.05 mm along a gentle wave, sixteen of which lie in one line within a hundredth.
+fn merged_blocks(count: u32, control: &str) -> String {
+    let mut text = format!("G17 G21 G90 G94 F6000. {control}\nG1\n");
+    for k in 1..=count {
+        let x = 0.05 * f64::from(k);
+        text += &format!("X{x:.3} Y{:.4}\n", 4.0 * (0.2 * x).sin());
+    }
+    text + "M30\n"
+}
+
+#[test]
+fn merged_blocks_come_as_early_as_others_and_the_same_however_they_arrive() {
+    let program = merged_blocks(20_000, "G64 P0.02");
+    for quality in [PlanQuality::Fast, PlanQuality::LeastTime] {
+        let mut config = mill();
+        config.profile.plan_quality = quality;
+        let exact = read_before_the_first(&merged_blocks(20_000, "G64 P0.02 Q0"), &config);
+        let merged = read_before_the_first(&program, &config);
+        // A second of the path, what a stop takes, and a window of the curve; three quarters of the program before.
+        assert!(merged < 0.3 && exact < 0.3, "{merged} merged, {exact} not");
+        let whole = run_in_pieces(program.as_bytes(), &config, usize::MAX);
+        for piece in [97, 4_096] {
+            assert!(run_in_pieces(program.as_bytes(), &config, piece) == whole, "in pieces of {piece}");
+        }
+    }
 }

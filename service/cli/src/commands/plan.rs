@@ -30,7 +30,8 @@ Examples:
   feedwave plan shaft.nc --out shaft.csv
       Setpoints every millisecond as text.
   feedwave plan shaft.nc --out shaft.parquet --plots pictures
-      Compressed columns, and pictures (SVG and PNG): tool path, position over time with the
+      Compressed columns, and pictures (SVG and PNG): tool path; the path as programmed and as run
+      with its deviation in colour and the worst places close up; position over time with the
       vibration, feed, acceleration and jerk, chip thickness around the revolution; for each thread
       the unrolled work, X over the spindle angle and the section of the groove; of a five-axis
       program the rotary axes and tool directions, as programmed and thinned, and the deviation;

@@ -6,7 +6,7 @@ use feedwave_program::Axis;
 
 use super::canvas;
 use super::figure::Figure;
-use super::{AxisShown, Cut, PathTrace, Plots, RapidLines, RunTrace, Stretch};
+use super::{AxisShown, CloseView, Cut, PathDeviations, PathTrace, Plots, RapidLines, RunTrace, Stretch};
 
 mod rules;
 
@@ -77,6 +77,7 @@ fn plots() -> Plots {
     rapids.cut(3, 60.0);
     rapids.finish();
     plots.set_path(trace, rapids);
+    plots.set_deviations(deviations(true));
     plots.add_window("start of the vibration", 0.49..0.56);
     plots.add_override(3.0, 0.4);
     plots.add_override(4.0, 0.0);
@@ -103,6 +104,33 @@ fn plots() -> Plots {
     plots
 }
 
+/// A path with two corners, each run round as an arc would be; upright or lying.
+fn deviations(turning: bool) -> PathDeviations {
+    let place = |a: f64, b: f64| if turning { [10.0 + b, 0.0, a] } else { [a, b, 0.2 * a] };
+    let corners = [place(0.0, 0.0), place(20.0, 0.0), place(20.0, 20.0), place(0.0, 20.0)];
+    let view = |title: &str, center, deviation_mm| CloseView { title: title.to_owned(), center, deviation_mm };
+    let views =
+        vec![view("farthest apart, line 3", corners[1], 0.05), view("most time lost, line 4", corners[2], 0.02)];
+    let mut deviations = PathDeviations::new(0.05, views);
+    for pair in corners.windows(2) {
+        deviations.programmed(pair[0], pair[1]);
+    }
+    let cut = |along: f64, off: f64| [(along - off, 0.0), (along, off)].map(|(a, b)| place(a, b));
+    let [before, behind] = cut(20.0, 0.3);
+    deviations.deviates(0.0);
+    deviations.run(corners[0], before);
+    deviations.deviates(0.05);
+    deviations.run(before, behind);
+    deviations.deviates(0.0);
+    let [upper, last] = [place(20.0, 19.9), place(19.9, 20.0)];
+    deviations.run(behind, upper);
+    deviations.deviates(0.02);
+    deviations.run(upper, last);
+    deviations.deviates(0.03);
+    deviations.run(last, corners[3]);
+    deviations
+}
+
 fn run() -> RunTrace {
     let mut run = RunTrace::new("jobs/1 \u{b7} runs/2", Some([0.003, 0.01]));
     for step in 0..60 {
@@ -116,6 +144,32 @@ fn run() -> RunTrace {
     run.measure(1.165, 0.009);
     run.decide(1.165, 0.857);
     run
+}
+
+#[test]
+fn a_close_view_shows_what_colours_tell() {
+    for turning in [true, false] {
+        let deviations = deviations(turning);
+        let figure = super::PathDeviationPicture { program: "part.nc", deviations: &deviations, turning }.figure();
+        assert!(figure.subtitle.contains("at most 50 µm apart"), "{}", figure.subtitle);
+        let page = super::layout::Page::of(&figure);
+        let axes: Vec<_> =
+            page.panels.iter().map(|placed| [placed.panel.x.label.as_str(), placed.panel.y.label.as_str()]).collect();
+        let expected = if turning { ["Z", "X (radius)"] } else { ["X", "Y"] };
+        assert_eq!(axes, [expected; 3]);
+        // What is not off, what is within a quarter of the largest, and so on.
+        let names: Vec<_> = page.legend.iter().map(|entry| entry.name.as_ref()).collect();
+        for name in
+            ["as programmed", "as run, 0 to 12.5 µm off", "as run, 25 to 37.5 µm off", "as run, 37.5 to 50 µm off"]
+        {
+            assert!(names.contains(&name), "{name}: {names:?}");
+        }
+        // Close views are true to scale, and as large as what they show needs.
+        for placed in &page.panels[1..] {
+            let side = placed.panel.x.range.end - placed.panel.x.range.start;
+            assert!((0.4..1.3).contains(&side), "{side} mm");
+        }
+    }
 }
 
 #[test]

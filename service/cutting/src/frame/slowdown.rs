@@ -66,8 +66,49 @@ struct Dip {
     /// Time lost up to there, and since, s.
     lost_s: f64,
     since_s: f64,
+    /// While the speed falls: the slowest place before, and what was lost since, s.
+    fall: Option<(Lowest, f64)>,
     /// Whether it is the start of a path, or the feed changes there.
     is_start: bool,
+}
+
+impl Dip {
+    /// A slowdown from a place on, with what was lost on a way to it on which the speed fell.
+    const fn new(lowest: Lowest, lost_s: f64, falls: bool) -> Self {
+        let fall = if falls { Some((lowest, lost_s)) } else { None };
+        Self { lowest, highest: lowest.speed, lost_s, since_s: 0.0, fall, is_start: false }
+    }
+}
+
+impl Dip {
+    /// Goes on to the next place; what has ended where another slowdown begins.
+    fn reach(&mut self, lowest: Lowest, lost_s: f64, falls: bool) -> Option<Self> {
+        let speed = lowest.speed;
+        self.fall = match self.fall {
+            _ if !falls => None,
+            Some((before, fall_s)) => Some((before, fall_s + lost_s)),
+            None => Some((self.lowest, lost_s)),
+        };
+        self.since_s += lost_s;
+        let is_same = (speed - self.lowest.speed).abs() <= SAME_SPEED * speed;
+        if speed < self.lowest.speed && !is_same || is_same && lowest.turning >= self.lowest.turning {
+            self.lowest = lowest;
+            self.highest = speed;
+            self.lost_s += std::mem::take(&mut self.since_s);
+        } else if speed >= self.highest {
+            self.highest = speed;
+            self.lost_s += std::mem::take(&mut self.since_s);
+        } else if CLEARLY * speed < self.highest && CLEARLY * self.lowest.speed < self.highest {
+            let next = Self::new(lowest, self.since_s, true);
+            return Some(std::mem::replace(self, next));
+        }
+        None
+    }
+}
+
+#[inline]
+const fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// What was lost at a line.
@@ -95,14 +136,18 @@ pub(crate) struct Slowdowns {
     total_s: f64,
     dip: Option<Dip>,
     before: Option<Before>,
+    last_speed: f64,
 }
 
 impl Slowdowns {
     /// The path rests because the program asks for it, or is no cut.
     pub(crate) fn interrupt(&mut self) {
-        // A slowdown that ends in a rest was the way to it.
-        self.dip = None;
         self.before = None;
+        if let Some(dip) = self.dip.take() {
+            // The way to this rest is none of it.
+            let (lowest, fall_s) = dip.fall.unwrap_or((dip.lowest, 0.0));
+            self.add(&Dip { lowest, lost_s: dip.lost_s + dip.since_s - fall_s, ..dip });
+        }
     }
 
     /// Follows the speed along a stretch.
@@ -130,32 +175,29 @@ impl Slowdowns {
     /// The speed at the next place, with the time lost on the way to it.
     fn reach(&mut self, lowest: Lowest, lost_s: f64, at_feed: bool) {
         let speed = lowest.speed;
+        let last_speed = std::mem::replace(&mut self.last_speed, speed);
+        let is_same = |other: f64| (speed - other).abs() <= SAME_SPEED * larger(speed, other);
+        let (falls, rises) = (speed < last_speed && !is_same(last_speed), speed > last_speed && !is_same(last_speed));
         let Some(dip) = &mut self.dip else {
             if !at_feed {
                 // It begins below the feed where a path starts, and where the feed rises.
                 let is_start = lost_s == 0.0;
-                self.dip = Some(Dip { lowest, highest: speed, lost_s, since_s: 0.0, is_start });
+                self.dip = Some(Dip { is_start, ..Dip::new(lowest, lost_s, !is_start) });
             }
             return;
         };
-        dip.since_s += lost_s;
-        let is_same = (speed - dip.lowest.speed).abs() <= SAME_SPEED * speed;
-        if speed < dip.lowest.speed && !is_same || is_same && lowest.turning >= dip.lowest.turning {
-            dip.lowest = lowest;
-            dip.highest = speed;
-            dip.lost_s += std::mem::take(&mut dip.since_s);
-        } else if speed >= dip.highest {
-            dip.highest = speed;
-            dip.lost_s += std::mem::take(&mut dip.since_s);
-        } else if CLEARLY * speed < dip.highest && CLEARLY * dip.lowest.speed < dip.highest {
-            let next = Dip { lowest, highest: speed, lost_s: dip.since_s, since_s: 0.0, is_start: false };
-            let ended = *dip;
-            self.dip = Some(next);
-            return self.add(&ended);
+        if dip.is_start && !rises && lost_s > 0.0 {
+            // The start is over; what follows is slow by itself.
+            *dip = Dip::new(lowest, lost_s, falls);
+        } else {
+            let ended = dip.reach(lowest, lost_s, falls);
+            if let Some(ended) = ended {
+                self.add(&ended);
+            }
         }
         if at_feed && let Some(ended) = self.dip.take() {
             // It ends where it is slowest where the feed falls.
-            let is_start = ended.is_start || (speed - ended.lowest.speed).abs() <= SAME_SPEED * speed;
+            let is_start = ended.is_start || is_same(ended.lowest.speed);
             self.add(&Dip { lost_s: ended.lost_s + ended.since_s, is_start, ..ended });
         }
     }

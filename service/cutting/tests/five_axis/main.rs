@@ -8,6 +8,7 @@ mod corners;
 mod curves;
 mod freeform;
 mod hostile;
+mod least_time;
 mod machine;
 mod offsets;
 mod on_path;

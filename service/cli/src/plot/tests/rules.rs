@@ -11,6 +11,7 @@ use plotters::style::RGBColor;
 
 use crate::plot::figure::{Beyond, Figure, MILLISECONDS, Proportions, SECONDS, Shape};
 use crate::plot::layout::Page;
+use crate::plot::path_deviation::PathDeviationPicture;
 use crate::plot::theme::{self, Ink, Mark};
 use crate::plot::{FiveAxisPlots, FiveAxisSetup, LobesPicture, ThinningShown, canvas, tests};
 
@@ -23,6 +24,8 @@ static FIGURES: LazyLock<Vec<Figure>> = LazyLock::new(|| {
     figures.extend(five_axis(Some(0.5)));
     figures.push(tests::run().figure());
     figures.push(lobes());
+    let deviations = tests::deviations(false);
+    figures.push(PathDeviationPicture { program: "mould.nc", deviations: &deviations, turning: false }.figure());
     figures
 });
 
