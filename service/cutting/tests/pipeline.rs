@@ -185,6 +185,30 @@ fn a_tangent_chain_runs_through_without_stopping() {
 }
 
 #[test]
+fn a_plan_for_the_least_time_has_the_commanded_feed() {
+    let mut config = mill();
+    config.profile.plan_quality = feedwave_cutting::PlanQuality::LeastTime;
+    // A gentle curve of short blocks, which no axis limits.
+    let mut program = String::from("G17 G21 G90 G64 P0.01 G0 X0 Y0 Z0\nG1 F1200\n");
+    for k in 1..=400 {
+        let x = 0.1 * f64::from(k);
+        program += &format!("X{x:.4} Y{:.4}\n", 2.0 * (0.2 * x).sin());
+    }
+    for program in [
+        "G17 G21 G90 G0 X0 Y0 Z0\nG1 X20 F1200\nG3 X30 Y10 I0 J10\nG1 Y30\nM30\n".to_owned(),
+        program + "M30\n",
+    ] {
+        let setpoints = run(&program, &config);
+        let end = setpoints.path[setpoints.len() - 1];
+        let inside = (0..setpoints.len()).filter(|&k| (5.0..end - 5.0).contains(&setpoints.path[k]));
+        let slowest = inside.map(|k| setpoints.feed[k]).fold(f64::INFINITY, f64::min);
+        let cuts = (0..setpoints.len()).filter(|&k| setpoints.line[k] >= 2);
+        let fastest = cuts.map(|k| setpoints.feed[k]).fold(0.0, f64::max);
+        assert!((slowest - 1200.0).abs() < 1e-6 && (fastest - 1200.0).abs() < 1e-6, "{slowest} to {fastest}");
+    }
+}
+
+#[test]
 fn a_corner_is_a_rest_and_exact() {
     let program = "G17 G21 G90 G1 X20 F1200\nY20\nM30\n";
     let setpoints = run(program, &mill());

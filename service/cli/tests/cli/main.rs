@@ -344,6 +344,54 @@ fn pictures_are_drawn_of_a_mill_program_too() {
 }
 
 #[test]
+fn deviation_and_slowdowns_are_told_and_drawn() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, exact) = (directory.path().join("corner.nc"), directory.path().join("exact.nc"));
+    std::fs::write(&program, "G21 G90 G94 G17 F3000 G64 P0.05\nG1 X30\nY30\nX0\nG61.1 Y0\nM30\n").unwrap();
+    std::fs::write(&exact, "G21 G90 G94 G17 F3000 G61\nG1 X30\nY30\nM30\n").unwrap();
+    let mill = |command: &str, program: &std::path::Path, option: &str, value: Option<&std::path::Path>| {
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&command, &program, &"--machine-kind", &"mill", &option];
+        if let Some(value) = &value {
+            arguments.push(value);
+        }
+        run(&arguments)
+    };
+    let output = mill("validate", &program, "--compare-qualities", None);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    for said in [
+        "mm from the programmed path, line 3 at X 29.9",
+        "axis limits",
+        "slowdowns",
+        "rounded corner  a larger tolerance, G64 P",
+        "fast ",
+        "close to the least time ",
+    ] {
+        let words: Vec<_> = text.split_whitespace().collect();
+        let wanted: Vec<_> = said.split_whitespace().collect();
+        let last = wanted.len() - 1;
+        let is_said = words
+            .windows(wanted.len())
+            .any(|window| window[..last] == wanted[..last] && window[last].starts_with(wanted[last]));
+        assert!(is_said, "{said} is not in\n{text}");
+    }
+    assert!(stderr(&output).contains("s of machining per second"), "{}", stderr(&output));
+    let pictures = |program: &std::path::Path, name: &str| {
+        let folder = directory.path().join(name);
+        let output = mill("plan", program, "--plots", Some(&folder));
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        folder
+    };
+    let drawn = pictures(&program, "rounded");
+    let picture = std::fs::read_to_string(drawn.join("path-deviation.svg")).unwrap();
+    for said in ["Path as programmed and as run", "as programmed", "1: farthest apart, line", "2: most time lost, line"] {
+        assert!(picture.contains(said), "{said}");
+    }
+    assert!(drawn.join("path-deviation.png").is_file());
+    assert!(!pictures(&exact, "exact").join("path-deviation.svg").exists(), "an exact path needs no picture of it");
+}
+
+#[test]
 fn vibrating_threads_are_told_from_plain_ones_and_feeds_scaled_for_them() {
     let directory = tempfile::tempdir().unwrap();
     let output = run(&[&"plan", &fixture("thread-a.nc"), &"--plots", &directory.path()]);

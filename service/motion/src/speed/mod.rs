@@ -271,7 +271,11 @@ impl SpeedPlanner {
             return None;
         }
         // A first plan gives knots only.
-        let keeps = gap > GAPS[1] || self.keep_limits(path);
+        let is_last = gap <= GAPS[1];
+        let keeps = !is_last || self.keep_limits(path);
+        if keeps && is_last {
+            self.reach_caps(path);
+        }
         keeps.then(|| self.course(path, ramps, ends)).flatten()
     }
 
@@ -311,6 +315,35 @@ impl SpeedPlanner {
             }
         }
         false
+    }
+
+    /// Raises coefficients that are nearly at their caps to them, where all limits are kept then: the method stays a little inside
+    /// of every limit, and a commanded speed is one that the path has to have.
+    fn reach_caps(&mut self, path: &Path<'_>) {
+        let intervals = self.problem.knots.intervals();
+        self.before.clone_from(&self.c);
+        let mut changed: Option<Range<usize>> = None;
+        // Those at either end are given.
+        for index in 2..intervals {
+            let per_cap = self.problem.per_caps[index];
+            let share = self.c[index] * per_cap;
+            let above = (share - NEAR_CAP[0]) / (NEAR_CAP[1] - NEAR_CAP[0]);
+            if per_cap <= 0.0 || above <= 0.0 || share >= 1.0 {
+                continue;
+            }
+            let above = above.min(1.0);
+            let part = above * above * (3.0 - 2.0 * above);
+            let cap = 1.0 / per_cap;
+            self.c[index] = if part < 1.0 { self.c[index] + part * (cap - self.c[index]) } else { cap };
+            // A coefficient acts on three intervals, up to the one of its number.
+            let acts = index - 2..(index + 1).min(intervals);
+            changed = Some(changed.map_or(acts.clone(), |changed| changed.start..acts.end));
+        }
+        let Some(changed) = changed else { return };
+        let found = (&self.left[..], &mut self.worst[..]);
+        if !check::worst(path, &self.problem.knots, &self.c, found, changed) {
+            self.c.clone_from(&self.before);
+        }
     }
 
     /// Lowers the limits where they are exceeded, and holds them there; the intervals to be solved again.
@@ -444,6 +477,8 @@ const LEAST_OF_GUESS: f64 = 0.3;
 const MOST_FALL: f64 = 0.5;
 /// Part of a window above which it is solved again as a whole.
 const MOST_AGAIN: f64 = 0.7;
+/// Shares of its cap from which on a coefficient is raised towards it, and at which it is there.
+const NEAR_CAP: [f64; 2] = [0.997, 0.9994];
 /// How much further a limit is lowered than it was exceeded.
 const TIGHTENING: f64 = 0.98;
 
