@@ -194,10 +194,9 @@ fn a_plan_for_the_least_time_has_the_commanded_feed() {
         let x = 0.1 * f64::from(k);
         program += &format!("X{x:.4} Y{:.4}\n", 2.0 * (0.2 * x).sin());
     }
-    for program in [
-        "G17 G21 G90 G0 X0 Y0 Z0\nG1 X20 F1200\nG3 X30 Y10 I0 J10\nG1 Y30\nM30\n".to_owned(),
-        program + "M30\n",
-    ] {
+    for program in
+        ["G17 G21 G90 G0 X0 Y0 Z0\nG1 X20 F1200\nG3 X30 Y10 I0 J10\nG1 Y30\nM30\n".to_owned(), program + "M30\n"]
+    {
         let setpoints = run(&program, &config);
         let end = setpoints.path[setpoints.len() - 1];
         let inside = (0..setpoints.len()).filter(|&k| (5.0..end - 5.0).contains(&setpoints.path[k]));

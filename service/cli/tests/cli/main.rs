@@ -350,7 +350,8 @@ fn deviation_and_slowdowns_are_told_and_drawn() {
     std::fs::write(&program, "G21 G90 G94 G17 F3000 G64 P0.05\nG1 X30\nY30\nX0\nG61.1 Y0\nM30\n").unwrap();
     std::fs::write(&exact, "G21 G90 G94 G17 F3000 G61\nG1 X30\nY30\nM30\n").unwrap();
     let mill = |command: &str, program: &std::path::Path, option: &str, value: Option<&std::path::Path>| {
-        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&command, &program, &"--machine-kind", &"mill", &option];
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            vec![&command, &program, &"--machine-kind", &"mill", &option];
         if let Some(value) = &value {
             arguments.push(value);
         }
@@ -384,7 +385,8 @@ fn deviation_and_slowdowns_are_told_and_drawn() {
     };
     let drawn = pictures(&program, "rounded");
     let picture = std::fs::read_to_string(drawn.join("path-deviation.svg")).unwrap();
-    for said in ["Path as programmed and as run", "as programmed", "1: farthest apart, line", "2: most time lost, line"] {
+    for said in ["Path as programmed and as run", "as programmed", "1: farthest apart, line", "2: most time lost, line"]
+    {
         assert!(picture.contains(said), "{said}");
     }
     assert!(drawn.join("path-deviation.png").is_file());

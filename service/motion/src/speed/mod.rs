@@ -214,8 +214,7 @@ impl SpeedPlanner {
     ) -> Option<Course> {
         let (knots, squares) = place_knots(path, ramps, settled_s, interval_s, guess, window.knots)?;
         let intervals = knots.intervals();
-        self.middles.clear();
-        self.middles.resize(intervals, 0.5);
+        self.place_middles(path, &knots, gap <= GAPS[1]);
         self.left.clear();
         for index in 0..intervals {
             let (from, to) = (knots.0[index], knots.0[index + 1]);
@@ -315,6 +314,35 @@ impl SpeedPlanner {
             }
         }
         false
+    }
+
+    /// The places inside of intervals at which limits are held: where the path bends fastest, as far as that matters; steps of the
+    /// third derivative inside would otherwise be found to exceed the jerk only afterwards.
+    fn place_middles(&mut self, path: &Path<'_>, knots: &Knots, is_last: bool) {
+        let intervals = knots.intervals();
+        self.middles.clear();
+        self.middles.resize(intervals, 0.5);
+        if !is_last {
+            return;
+        }
+        let mut derivatives = vec![[0.0; 3]; path.axes.len()];
+        for (index, middle) in self.middles.iter_mut().enumerate() {
+            let (from, to) = (knots.0[index], knots.0[index + 1]);
+            let h = to - from;
+            let mut twist_at = |share: f64| {
+                path.derivatives(from + h * share, &mut derivatives);
+                let shares = path.axes.iter().zip(&derivatives).map(|(axis, [.., twist])| twist.abs() / axis.jerk);
+                shares.fold(0.0, f64::max)
+            };
+            let mut largest = twist_at(0.5) * CLEARLY_FASTER;
+            let inner = MIDDLES.into_iter().chain(path.middles_between(from, to).map(|s| (s - from) / h));
+            for share in inner {
+                let twist = twist_at(share);
+                if twist > largest {
+                    (largest, *middle) = (twist, share);
+                }
+            }
+        }
     }
 
     /// Raises coefficients that are nearly at their caps to them, where all limits are kept then: the method stays a little inside
@@ -479,6 +507,9 @@ const MOST_FALL: f64 = 0.5;
 const MOST_AGAIN: f64 = 0.7;
 /// Shares of its cap from which on a coefficient is raised towards it, and at which it is there.
 const NEAR_CAP: [f64; 2] = [0.997, 0.9994];
+/// Places of an interval that may be held instead of its middle, and how much faster the path has to bend there.
+const MIDDLES: [f64; 6] = [0.375, 0.625, 0.25, 0.75, 0.125, 0.875];
+const CLEARLY_FASTER: f64 = 1.001;
 /// How much further a limit is lowered than it was exceeded.
 const TIGHTENING: f64 = 0.98;
 
