@@ -156,9 +156,9 @@ pub(crate) const MAX_CORNER_TRIES: usize = 12;
 pub(crate) const FIRST_PLAN: usize = 1_000;
 /// Elements after which a start is tried before [`FIRST_PLAN`], where elements are long: merged blocks.
 pub(crate) const LEAST_START: usize = 32;
-/// Time of what such a start releases at the least, s: one start costs the plan of least time some milliseconds, as it then has
-/// the speed of the plan of runs once.
-pub(crate) const START_S: f64 = 1.0;
+/// Time of what such a start releases at the least, s; and where it costs some hundredths of a second, as the plan for the least time
+/// then has the speed of the plan of runs there, which is below that and the commanded one.
+pub(crate) const START_S: [f64; 2] = [1.0, 5.0];
 
 /// Memory that a window takes at the most before a part of it is released, bytes: 100 000 straight blocks, or fewer of splines.
 pub(crate) const WINDOW_BYTES: usize = 128 << 20;

@@ -26,7 +26,7 @@ const CLEARLY: f64 = 1.25;
 const SAME_SPEED: f64 = 1e-9;
 /// Speed below which the path rests, mm/s.
 const AT_REST: f64 = 1e-6;
-/// Least time that is counted, s: the rest is rounding.
+/// Least time that counts, s: the rest is rounding, where elements meet.
 const LEAST_LOSS_S: f64 = 1e-9;
 /// Least share of a limit that turning takes where the path itself is what it slows down for.
 const LEAST_TURNING: f64 = 0.05;
@@ -85,6 +85,8 @@ impl Dip {
     fn reach(&mut self, lowest: Lowest, lost_s: f64, falls: bool) -> Option<Self> {
         let speed = lowest.speed;
         self.fall = match self.fall {
+            // Where elements meet, nothing happens.
+            fall if !falls && lost_s <= LEAST_LOSS_S => fall,
             _ if !falls => None,
             Some((before, fall_s)) => Some((before, fall_s + lost_s)),
             None => Some((self.lowest, lost_s)),
@@ -186,7 +188,7 @@ impl Slowdowns {
             }
             return;
         };
-        if dip.is_start && !rises && lost_s > 0.0 {
+        if dip.is_start && !rises && lost_s > LEAST_LOSS_S {
             // The start is over; what follows is slow by itself.
             *dip = Dip::new(lowest, lost_s, falls);
         } else {

@@ -69,7 +69,7 @@ pub(super) struct Run {
     pub(super) count: usize,
     length: f64,
     limits: PathLimits,
-    hard_velocity: f64,
+    pub(super) hard_velocity: f64,
     target_velocity: f64,
     /// Time at every stretch's own target velocity, s.
     ideal_s: f64,
