@@ -182,6 +182,8 @@ fn every_picture_is_written_as_svg_and_png() {
         [
             "tool-path.svg",
             "tool-path.png",
+            "path-deviation.svg",
+            "path-deviation.png",
             "position.svg",
             "position.png",
             "feed.svg",

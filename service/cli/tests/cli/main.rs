@@ -349,7 +349,7 @@ fn deviation_and_slowdowns_are_told_and_drawn() {
     let (program, exact) = (directory.path().join("corner.nc"), directory.path().join("exact.nc"));
     std::fs::write(&program, "G21 G90 G94 G17 F3000 G64 P0.05\nG1 X30\nY30\nX0\nG61.1 Y0\nM30\n").unwrap();
     std::fs::write(&exact, "G21 G90 G94 G17 F3000 G61\nG1 X30\nY30\nM30\n").unwrap();
-    let mill = |command: &str, program: &std::path::Path, option: &str, value: Option<&std::path::Path>| {
+    let mill = |command: &str, program: &Path, option: &str, value: Option<&Path>| {
         let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
             vec![&command, &program, &"--machine-kind", &"mill", &option];
         if let Some(value) = &value {
@@ -377,7 +377,7 @@ fn deviation_and_slowdowns_are_told_and_drawn() {
         assert!(is_said, "{said} is not in\n{text}");
     }
     assert!(stderr(&output).contains("s of machining per second"), "{}", stderr(&output));
-    let pictures = |program: &std::path::Path, name: &str| {
+    let pictures = |program: &Path, name: &str| {
         let folder = directory.path().join(name);
         let output = mill("plan", program, "--plots", Some(&folder));
         assert_eq!(code(&output), 0, "{}", stderr(&output));
