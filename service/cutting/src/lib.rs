@@ -33,6 +33,7 @@ pub use functions::thinning::{DroppedRun, ProgramThinning};
 pub use functions::code;
 pub use functions::*;
 pub use shared::cut::Cut;
+pub use shared::following::{AxisDrive, AxisFollowing, DriveModel, FollowingContour, FollowingModel};
 pub use shared::setpoint::{BLOCK_LENGTH, Frame, ServoColumns, SetpointBlock, setpoint_index_at};
 pub use shared::tool::Tool;
 pub use shared::track::MAX_AMPLITUDE_MM;

@@ -229,7 +229,7 @@ mod tests {
         let text = r#"{"machine": {"kind": "MACHINE_KIND_MILL"}, "following": {"filterLengthS": 0.02}}"#;
         let profile = read("m.json", text).unwrap();
         assert_eq!(profile.language, MachineProfile::mill().language);
-        assert_eq!(profile.following.filter_length_s, Some(0.02));
+        assert_eq!(profile.following.common.filter_length_s, Some(0.02));
         // Nothing stated, nothing different.
         assert_eq!(read("m.toml", ""), Ok(MachineProfile::lathe()));
         assert_eq!(read_as(Some(Kind::Mill), "m.toml", "").unwrap().profile, MachineProfile::mill());

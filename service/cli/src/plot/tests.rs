@@ -445,6 +445,7 @@ mod tool_oscillation {
             cut,
             limits: OscillationLimits { plane: limits, axial: limits },
             max_feed_override: 1.0,
+            drives: None,
             floor: None,
             span: feedwave_program::SourceSpan {
                 line: 7,

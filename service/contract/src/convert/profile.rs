@@ -96,6 +96,11 @@ pub(super) fn axis_letter_from_proto(violations: &mut Violations, field: &str, l
     Axis::ALL.get((letter as usize).checked_sub(1)?).copied()
 }
 
+/// An axis letter as the contract has it: they are numbered from 1 in the order of `Axis::ALL`.
+pub(super) fn axis_letter_to_proto(axis: Axis) -> proto::AxisLetter {
+    proto::AxisLetter::try_from(axis.index() as i32 + 1).unwrap_or_default()
+}
+
 fn axis_from_proto(violations: &mut Violations, field: &str, axis: &proto::MachineAxis) -> Option<MachineAxis> {
     let letter = axis_letter_from_proto(violations, &format!("{field}.axis"), axis.axis);
     let carried_by = match enumeration(violations, &format!("{field}.carried_by"), axis.carried_by)? {

@@ -6,10 +6,11 @@ use feedwave_program::{Axis, LanguageSettings, MAX_PATH_TOLERANCE_MM, machine_co
 use serde::{Deserialize, Serialize};
 
 use crate::frame::pipeline::MAX_OVERRIDE_RATIO;
-use crate::functions::path_vibration::{FollowingModel, MIN_FREQUENCY_HZ, VibrationSettings};
+use crate::functions::path_vibration::{MIN_FREQUENCY_HZ, VibrationSettings};
 use crate::functions::thinning::ThinningSettings;
 use crate::functions::thread::ThreadVibrationSettings;
 use crate::functions::tool_oscillation::{FloorSettings, NamedCondition, condition_problems};
+use crate::shared::following::FollowingModel;
 use crate::shared::track::MAX_AMPLITUDE_MM;
 
 /// Largest limit of executed blocks.
@@ -95,6 +96,11 @@ impl MachineProfile {
         }
     }
 
+    /// The letters of its axes.
+    fn machine_letters(&self) -> Vec<Axis> {
+        self.machine.axes.iter().map(|axis| axis.axis).collect()
+    }
+
     /// A generic two-axis lathe.
     #[must_use]
     pub fn lathe() -> Self {
@@ -131,7 +137,7 @@ impl MachineProfile {
         problems.extend(prefixed("thread_vibration", self.thread_vibration.problems()));
         problems.extend(condition_problems(&self.tool_oscillation));
         problems.extend(prefixed("oscillation_floor", self.oscillation_floor.problems()));
-        problems.extend(prefixed("following", following_problems(&self.following)));
+        problems.extend(prefixed("following", self.following.problems(&self.machine_letters())));
         problems.extend(prefixed("thinning", self.thinning.validate()));
         if let Some(kinematics) = &self.kinematics {
             problems.extend(prefixed("kinematics", kinematics_problems(kinematics, &self.machine)));
@@ -324,17 +330,6 @@ fn vibration_problems(vibration: &VibrationSettings) -> Vec<ProfileProblem> {
     problems
 }
 
-fn following_problems(following: &FollowingModel) -> Vec<ProfileProblem> {
-    let mut problems = Vec::new();
-    if let Some(length_s) = following.filter_length_s {
-        require_positive(&mut problems, "filter_length_s", length_s);
-    }
-    if let Some(gain_per_s) = following.position_loop_gain_per_s {
-        require_positive(&mut problems, "position_loop_gain_per_s", gain_per_s);
-    }
-    problems
-}
-
 /// Largest tolerance within which the tool direction may be bent to lead through a pole, degrees.
 pub const MAX_POLE_TOLERANCE_DEG: f64 = 5.0;
 /// Largest angle between the programmed tool direction and the one that is taken at a corner, degrees.
@@ -406,7 +401,7 @@ mod tests {
         profile.vibration.servo_substeps = 0;
         profile.vibration.amplitude_follows_feed_up_to = Some(0.9);
         profile.thread_vibration.vibrations_per_rev = f64::NAN;
-        profile.following.filter_length_s = Some(-1.0);
+        profile.following.common.filter_length_s = Some(-1.0);
         profile.pole_tolerance_deg = 6.0;
         profile.machine.max_spindle_rev_per_min = 0.0;
         profile.max_feed_override = 0.9;

@@ -5,6 +5,7 @@ pub(crate) mod checks;
 pub(crate) mod code;
 pub(crate) mod columns;
 pub(crate) mod cut;
+pub(crate) mod following;
 pub(crate) mod listed;
 pub(crate) mod setpoint;
 pub(crate) mod superposition;

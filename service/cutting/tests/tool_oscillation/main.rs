@@ -62,6 +62,7 @@ fn job<'a>(tool: &'a ToolGeometry, condition: &'a OscillationCondition) -> Oscil
         cut: cut(),
         limits: limits(),
         max_feed_override: 1.0,
+        drives: None,
         floor: None,
         span: SourceSpan { line: 7, column: 1, length: 4, ..SourceSpan::default() },
     }

@@ -1,7 +1,7 @@
 //! Sections with vibration along the path for people: does the chip break, can the machine follow.
 
 use feedwave_contract::proto::{
-    AxisLoadReport, ChipReport, ChipSpan, FollowingReport, GenerationMode, Nearest, OverrideReport, PublishedEnds,
+    AxisLoadReport, ChipReport, ChipSpan, FollowingContour, FollowingReport, GenerationMode, Nearest, OverrideReport, PublishedEnds,
     SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
 };
 
@@ -284,14 +284,54 @@ fn machine_rows(rows: &mut Rows, section: &SectionReport) {
 }
 
 fn following_rows(rows: &mut Rows, following: &FollowingReport) {
-    if following.filter_gain == 1.0 && following.loop_gain == 1.0 {
+    if following.axes.is_empty() && following.filter_gain == 1.0 && following.loop_gain == 1.0 {
         return;
     }
     let command = following.amplitude_to_command_mm.map_or_else(
         || rows.style.bad("; nothing that could be commanded would"),
         |amplitude| format!("; command {} mm for the programmed amplitude", number(amplitude, 4)),
     );
-    rows.row("tool", format!("{} mm of the amplitude arrive{command}", number(following.arriving_amplitude_mm, 4)));
+    let ahead = match following.lag_deg {
+        0.0 => String::new(),
+        lag_deg => format!(", {} degrees ahead", number(lag_deg, 4)),
+    };
+    rows.row("tool", format!("{} mm of the amplitude arrive{command}{ahead}", number(following.arriving_amplitude_mm, 4)));
+    let axes: Vec<String> = following
+        .axes
+        .iter()
+        .map(|axis| {
+            let letter = axis.axis().as_str_name().trim_start_matches("AXIS_LETTER_").to_owned();
+            format!("{letter} passes {} and lags by {} degrees", percent(axis.gain), number(axis.lag_deg, 4))
+        })
+        .collect();
+    if !axes.is_empty() {
+        rows.row("", axes.join("; "));
+    }
+    if let Some(contour) = &following.contour {
+        contour_rows(rows, contour);
+    }
+}
+
+fn contour_rows(rows: &mut Rows, contour: &FollowingContour) {
+    if contour.together_mm > 0.0 {
+        let place = |mm: f64, line: u32| match line {
+            0 => "0".to_owned(),
+            line => format!("{} (line {line})", number(mm, 4)),
+        };
+        rows.row(
+            "contour",
+            format!(
+                "left by at most {} mm where the axes lag: by the feed {}, by the vibration {}",
+                number(contour.together_mm, 4),
+                place(contour.feed_mm, contour.feed_line),
+                place(contour.vibration_mm, contour.vibration_line)
+            ),
+        );
+    }
+    if contour.unjudged_mm > 0.0 {
+        let length = number(contour.unjudged_mm, 5);
+        rows.row("", format!("the lag of the drives is not judged on {length} mm of path on which rotary axes move"));
+    }
 }
 
 fn axis_table(rows: &mut Rows, axes: &[AxisLoadReport]) {

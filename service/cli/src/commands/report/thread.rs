@@ -1,7 +1,7 @@
 //! Threads for people: their passes, what becomes of their chips, what is left for the finishing pass.
 
 use feedwave_contract::proto::{
-    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadGeometry, ThreadPass, ThreadPassReport,
+    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadPass, ThreadPassReport,
     ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp, ValidationReport,
 };
 
@@ -65,7 +65,50 @@ pub(in super::super) fn text(heading: &str, thread: &Thread, report: &ThreadRepo
     if let Some(crests) = &report.crests {
         crest_rows(&mut rows, crests);
     }
+    if let Some(following) = &report.following {
+        following_rows(&mut rows, following);
+    }
     rows.text
+}
+
+/// What arrives at the tool.
+fn following_rows(rows: &mut Rows, following: &ThreadFollowing) {
+    rows.row(
+        "tool",
+        format!(
+            "{} of the vibration arrive, {} degrees late; the lead axis is {} mm behind the spindle",
+            percent(following.gain),
+            number(following.lag_deg, 4),
+            number(following.lead_lag_mm, 4)
+        ),
+    );
+    if following.contour_error_mm > 0.0 {
+        let beside = number(following.contour_error_mm, 4);
+        rows.row("contour", format!("the taper is cut {beside} mm beside, because the axes lag differently"));
+    }
+    let head = ["pass", "arrives, mm", "above its depth, mm", "command A, mm", "at depth, mm", "shift, deg", "chip"];
+    let mut table = vec![head.map(str::to_owned).to_vec()];
+    let passes = following.passes.iter().enumerate().filter(|(_, pass)| pass.arriving_amplitude_mm > 0.0);
+    let or_none = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| number(value, 4));
+    table.extend(passes.take(LISTED_PASSES).map(|(index, pass)| {
+        let chip = match (pass.depth_broken, pass.section_broken) {
+            (true, true) => "broken",
+            (true, false) => "in depth only",
+            (false, _) => "unbroken",
+        };
+        vec![
+            (index + 1).to_string(),
+            number(pass.arriving_amplitude_mm, 4),
+            number(pass.above_depth_mm, 4),
+            or_none(pass.amplitude_to_command_mm),
+            or_none(pass.depth_to_command_mm),
+            number(pass.phase_shift_to_command_deg, 5),
+            chip.to_owned(),
+        ]
+    }));
+    if table.len() > 1 {
+        rows.table(&table);
+    }
 }
 
 fn geometry_text(geometry: &ThreadGeometry) -> String {

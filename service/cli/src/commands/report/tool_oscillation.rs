@@ -2,7 +2,7 @@
 
 use feedwave_contract::proto::oscillation_roles::Rotation;
 use feedwave_contract::proto::{
-    OscillationDirection, OscillationEdge, OscillationFloor, OscillationLoad, OscillationRoles,
+    OscillationDirection, OscillationEdge, OscillationFloor, OscillationFollowing, OscillationLoad, OscillationRoles,
     OscillationSectionReport, RemovedLayer, ValidationReport,
 };
 
@@ -34,6 +34,9 @@ fn section_text(position: usize, section: &OscillationSectionReport, style: Styl
         ),
     );
     load_table(&mut rows, &section.loads);
+    if let Some(following) = &section.following {
+        following_rows(&mut rows, following);
+    }
     rows.text.push('\n');
     edge_table(&mut rows, section);
     if let Some(floor) = &section.floor {
@@ -120,17 +123,47 @@ fn moved_text(roles: &OscillationRoles) -> Option<String> {
     Some(format!("the lead moves on from edge {first} every {interval}: {changes} times in the {before} before"))
 }
 
+const fn direction_text(direction: OscillationDirection) -> &'static str {
+    match direction {
+        OscillationDirection::Axial => "axial",
+        OscillationDirection::Cross => "across",
+        OscillationDirection::Feed | OscillationDirection::Unspecified => "feed",
+    }
+}
+
+/// What arrives at the tool.
+fn following_rows(rows: &mut Rows, following: &OscillationFollowing) {
+    let head = ["at the tool", "axis", "gain", "lag, deg", "arrives, mm", "command, mm", "phase, deg"];
+    let mut table = vec![head.map(str::to_owned).to_vec()];
+    table.extend(following.directions.iter().map(|own| {
+        vec![
+            direction_text(own.direction()).to_owned(),
+            own.axis.clone(),
+            percent(own.gain),
+            number(own.lag_deg, 4),
+            number(own.arriving_amplitude_mm, 4),
+            own.amplitude_to_command_mm.map_or_else(|| "none".to_owned(), |command| number(command, 4)),
+            number(own.phase_to_command_deg, 4),
+        ]
+    }));
+    rows.table(&table);
+    let contour = following.contour_error_mm.map_or_else(
+        || "; how far it leaves its path is not judged: the axes differ, and the guided tool mixes them".to_owned(),
+        |error_mm| match error_mm {
+            0.0 => String::new(),
+            error_mm => format!("; at most {} mm across the feed, as the axes differ", number(error_mm, 4)),
+        },
+    );
+    let phase = number((following.phase_error_deg * 1e6).round() / 1e6, 4);
+    rows.row("tool", format!("protrudes {phase} degrees after the largest retreat{contour}"));
+}
+
 fn load_table(rows: &mut Rows, loads: &[OscillationLoad]) {
     let head = ["direction", "amplitude, mm", "mm/s", "mm/s²", "mm/s³", "step, mm/s²", "of the limit"];
     let mut table = vec![head.map(str::to_owned).to_vec()];
     table.extend(loads.iter().map(|load| {
-        let direction = match load.direction() {
-            OscillationDirection::Axial => "axial",
-            OscillationDirection::Cross => "across",
-            OscillationDirection::Feed | OscillationDirection::Unspecified => "feed",
-        };
         vec![
-            direction.to_owned(),
+            direction_text(load.direction()).to_owned(),
             number(load.amplitude_mm, 4),
             number(load.velocity_with_feed_mm_per_s, 4),
             number(load.acceleration_mm_per_s2, 4),

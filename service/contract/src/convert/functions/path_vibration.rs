@@ -2,10 +2,13 @@
 
 mod report;
 
-use feedwave_cutting::{FollowingModel, GenerationMode, MachineProfile, VibrationEnvelope, VibrationSettings};
+use feedwave_cutting::{
+    AxisDrive, DriveModel, FollowingModel, GenerationMode, MachineProfile, VibrationEnvelope, VibrationSettings,
+};
 
 use super::{Function, codes_from_proto, codes_to_proto};
 use crate::convert::enumeration;
+use crate::convert::profile::{axis_letter_from_proto, axis_letter_to_proto};
 use crate::proto;
 use crate::violations::Violations;
 
@@ -26,13 +29,74 @@ pub(super) const FUNCTION: Function = Function {
 };
 
 fn settings_from_proto(violations: &mut Violations, given: &proto::MachineProfile, profile: &mut MachineProfile) {
-    let following = given.following.unwrap_or_default();
-    profile.following = FollowingModel {
-        filter_length_s: following.filter_length_s,
-        position_loop_gain_per_s: following.position_loop_gain_per_s,
-    };
+    if let Some(following) = following_from_proto(violations, given.following.clone().unwrap_or_default()) {
+        profile.following = following;
+    }
     if let Some(vibration) = vibration_from_proto(violations, given.vibration.unwrap_or_default()) {
         profile.vibration = vibration;
+    }
+}
+
+/// The drives; whether they are possible is the model's to say.
+fn following_from_proto(violations: &mut Violations, given: proto::FollowingModel) -> Option<FollowingModel> {
+    let axes = given.axes.iter().enumerate().map(|(index, own)| {
+        let axis = axis_letter_from_proto(violations, &format!("following.axes[{index}].axis"), own.axis)?;
+        let drive = DriveModel {
+            filter_length_s: own.filter_length_s,
+            position_loop_gain_per_s: own.position_loop_gain_per_s,
+            velocity_loop_frequency_hz: own.velocity_loop_frequency_hz,
+            velocity_loop_damping: own.velocity_loop_damping,
+            velocity_feed_forward: own.velocity_feed_forward,
+        };
+        Some(AxisDrive { axis, drive })
+    });
+    // All of them, so that each one's violation is said.
+    let axes: Vec<Option<AxisDrive>> = axes.collect();
+    Some(FollowingModel {
+        common: DriveModel {
+            filter_length_s: given.filter_length_s,
+            position_loop_gain_per_s: given.position_loop_gain_per_s,
+            velocity_loop_frequency_hz: given.velocity_loop_frequency_hz,
+            velocity_loop_damping: given.velocity_loop_damping,
+            velocity_feed_forward: given.velocity_feed_forward,
+        },
+        axes: axes.into_iter().collect::<Option<_>>()?,
+    })
+}
+
+fn following_to_proto(model: &FollowingModel) -> proto::FollowingModel {
+    let DriveModel {
+        filter_length_s,
+        position_loop_gain_per_s,
+        velocity_loop_frequency_hz,
+        velocity_loop_damping,
+        velocity_feed_forward,
+    } = model.common;
+    proto::FollowingModel {
+        filter_length_s,
+        position_loop_gain_per_s,
+        velocity_loop_frequency_hz,
+        velocity_loop_damping,
+        velocity_feed_forward,
+        axes: model.axes.iter().map(axis_drive_to_proto).collect(),
+    }
+}
+
+fn axis_drive_to_proto(own: &AxisDrive) -> proto::AxisFollowingModel {
+    let DriveModel {
+        filter_length_s,
+        position_loop_gain_per_s,
+        velocity_loop_frequency_hz,
+        velocity_loop_damping,
+        velocity_feed_forward,
+    } = own.drive;
+    proto::AxisFollowingModel {
+        axis: axis_letter_to_proto(own.axis).into(),
+        filter_length_s,
+        position_loop_gain_per_s,
+        velocity_loop_frequency_hz,
+        velocity_loop_damping,
+        velocity_feed_forward,
     }
 }
 
@@ -65,10 +129,7 @@ fn settings_to_proto(profile: &MachineProfile, shown: &mut proto::MachineProfile
         servo_substeps: Some(vibration.servo_substeps),
         amplitude_follows_feed_up_to: vibration.amplitude_follows_feed_up_to,
     });
-    shown.following = Some(proto::FollowingModel {
-        filter_length_s: profile.following.filter_length_s,
-        position_loop_gain_per_s: profile.following.position_loop_gain_per_s,
-    });
+    shown.following = Some(following_to_proto(&profile.following));
 }
 
 /// The mode that a message names; `None` where it leaves it open.

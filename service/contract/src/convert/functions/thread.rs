@@ -5,7 +5,7 @@ mod request;
 
 use feedwave_cutting::MachineProfile;
 use feedwave_cutting::thread::{
-    CrestReport, GrooveProfile, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadGeometry, ThreadJob, ThreadPass,
+    CrestReport, GrooveProfile, PassFollowing, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadJob, ThreadPass,
     ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide, ThreadTextOptions,
     ThreadVibrationSettings, thread_program_text,
 };
@@ -232,6 +232,29 @@ pub fn thread_report_to_proto(report: &ThreadReport) -> proto::ThreadReport {
         run_up_travel_mm: report.run_up_mm,
         exact_length_mm: report.exact_length_mm,
         feasible: report.feasible,
+        following: report.following.as_ref().map(following),
+    }
+}
+
+fn following(report: &ThreadFollowing) -> proto::ThreadFollowing {
+    proto::ThreadFollowing {
+        gain: report.gain,
+        lag_deg: report.lag_deg,
+        lead_lag_mm: report.lead_lag_mm,
+        contour_error_mm: report.contour_error_mm,
+        passes: report.passes.iter().map(pass_following).collect(),
+    }
+}
+
+const fn pass_following(pass: &PassFollowing) -> proto::ThreadPassFollowing {
+    proto::ThreadPassFollowing {
+        arriving_amplitude_mm: pass.arriving_amplitude_mm,
+        above_depth_mm: pass.above_depth_mm,
+        amplitude_to_command_mm: pass.amplitude_to_command_mm,
+        depth_to_command_mm: pass.depth_to_command_mm,
+        phase_shift_to_command_deg: pass.phase_shift_to_command_deg,
+        depth_broken: pass.depth_broken,
+        section_broken: pass.section_broken,
     }
 }
 

@@ -55,7 +55,17 @@ fn profiles_survive_the_round_trip() {
     lathe.language.plain_drawing_words = true;
     lathe.language.compensation.entry = feedwave_program::CompensationEntry::C;
     lathe.language.compensation.corner = feedwave_program::CompensationCorner::Circular;
-    lathe.following.filter_length_s = Some(0.02);
+    lathe.following.common.filter_length_s = Some(0.02);
+    lathe.following.axes = vec![feedwave_cutting::AxisDrive {
+        axis: feedwave_program::Axis::X,
+        drive: feedwave_cutting::DriveModel {
+            filter_length_s: Some(0.004),
+            position_loop_gain_per_s: Some(80.0),
+            velocity_loop_frequency_hz: Some(60.0),
+            velocity_loop_damping: Some(0.7),
+            velocity_feed_forward: 0.9,
+        },
+    }];
     lathe.look_ahead_blocks = 100;
     lathe.plan_quality = PlanQuality::LeastTime;
     lathe.max_feed_override = 1.2;

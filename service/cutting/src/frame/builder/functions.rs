@@ -57,6 +57,7 @@ impl PipelineConfig {
         ThreadInputs {
             settings: &self.profile.thread_vibration,
             machine: &self.profile.machine,
+            following: &self.profile.following,
             period_s: self.period_s(),
         }
     }
@@ -259,6 +260,7 @@ impl Builder {
             floor: &config.profile.oscillation_floor,
             request: &config.oscillation,
             machine: &config.profile.machine,
+            following: &config.profile.following,
             max_feed_override: config.largest_override(),
             tools: &config.tools,
             tool: self.state.tool,

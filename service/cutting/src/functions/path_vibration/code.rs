@@ -173,6 +173,22 @@ feedwave_program::finding_codes! {
         example: on("lathe, following.filter_length_s = 0.02", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
+    "VIB-FOLLOWING-EXCESS" [VIB_FOLLOWING_EXCESS: Warning] {
+        meaning: "more of the vibration arrives at the tool than is commanded",
+        cause: "The drives resonate near its frequency, as the profile's `following` states them: more than eleven tenths of \
+              the amplitude arrive.",
+        cure: "Command the amplitude that the finding names, or choose another frequency.",
+        example: on("lathe, following.position_loop_gain_per_s = 200, following.velocity_loop_frequency_hz = 25", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 Z-20 F0.05\nG201\nM30"),
+    }
+
+    "VIB-FOLLOWING-CONTOUR" [VIB_FOLLOWING_CONTOUR: Warning] {
+        meaning: "the lag of the drives leaves the contour",
+        cause: "On a slope axes with different drives lag by different distances, and on a curve all of them cut inside it, by \
+              more than `vibration.contour_tolerance_mm`.",
+        cure: "Feed slower, give the axes the same position loop, or feed their velocity forward.",
+        example: on("lathe, following.axes = [{\"axis\":\"AXIS_LETTER_X\",\"positionLoopGainPerS\":100}]", "M3 S1000\nG0 X20 Z5\nG200 F25 A0.05\nG1 X40 Z-20 F0.05\nG201\nM30"),
+    }
+
     "VIB-ROTARY-ONLY" [VIB_ROTARY_ONLY: Error] {
         meaning: "only rotary axes move: there is no path to vibrate along",
         cause: "A block of a vibrating section turns the work or the tool while the tool centre point rests.",

@@ -6,7 +6,6 @@ use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
 use super::chip::CutCondition;
 use super::code;
-use super::following::FollowingModel;
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
@@ -17,6 +16,8 @@ use crate::shared::wording::{decimal, round_down, round_up, word};
 
 /// Share of the amplitude that has to arrive at the tool.
 const ARRIVING_SHARE: f64 = 0.9;
+/// Largest share of the amplitude that may arrive unmentioned.
+const EXCESSIVE_SHARE: f64 = 1.1;
 
 /// Everything known about a section at its end.
 pub(super) struct Evidence {
@@ -24,7 +25,7 @@ pub(super) struct Evidence {
     pub(super) on_span: SourceSpan,
     pub(super) words: VibrationWordSpans,
     pub(super) settings: VibrationSettings,
-    pub(super) following: FollowingModel,
+    pub(super) following_is_stated: bool,
     /// First element that the axes cannot follow, and its line.
     pub(super) exceeded: Option<(LimitExceeded, u32)>,
     pub(super) curve_line: Option<u32>,
@@ -300,9 +301,15 @@ impl Evidence {
     }
 
     fn following(&self, findings: &mut Vec<Finding>) {
-        if !self.following.is_stated() {
+        if !self.following_is_stated {
             return;
         }
+        self.following_loss(findings);
+        self.following_excess(findings);
+        self.following_contour(findings);
+    }
+
+    fn following_loss(&self, findings: &mut Vec<Finding>) {
         let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
         let following = &self.report.following;
         let arriving_mm = following.arriving_amplitude_mm;
@@ -338,6 +345,58 @@ impl Evidence {
             }
             None => finding.suggest("choose a lower frequency, or a stiffer position loop"),
         });
+    }
+
+    /// The drives resonate with the vibration.
+    fn following_excess(&self, findings: &mut Vec<Finding>) {
+        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition();
+        let arriving_mm = self.report.following.largest_arriving_amplitude_mm;
+        if arriving_mm <= EXCESSIVE_SHARE * amplitude_mm {
+            return;
+        }
+        let message = format!(
+            "of {} mm amplitude at {} Hz the drives make {} mm at the tool",
+            decimal(amplitude_mm, 4),
+            decimal(frequency_hz, 3),
+            decimal(arriving_mm, 5)
+        );
+        let command_mm = round_down(amplitude_mm * amplitude_mm / arriving_mm, 4);
+        let finding = Finding::new(code::VIB_FOLLOWING_EXCESS, self.amplitude_span(), message)
+            .at("line", self.report.first_line.into())
+            .ranked("", arriving_mm / amplitude_mm)
+            .with_value("arriving_amplitude", arriving_mm, "mm");
+        findings.push(if command_mm > 0.0 {
+            let cure =
+                format!("command {} mm, so that at most {} mm arrive", decimal(command_mm, 4), decimal(amplitude_mm, 4));
+            finding.suggest_value(cure, self.amplitude_cure(command_mm), "amplitude", command_mm, "mm")
+        } else {
+            finding.suggest("choose a frequency below the resonance of the drives")
+        });
+    }
+
+    /// The axes lag by different amounts on a slope, or all of them on a curve.
+    fn following_contour(&self, findings: &mut Vec<Finding>) {
+        let Some(contour) = &self.report.following.contour else { return };
+        let tolerance_mm = self.settings.contour_tolerance_mm;
+        if contour.together_mm <= tolerance_mm {
+            return;
+        }
+        let message = format!(
+            "the lag of the drives leaves the contour by {} mm, of which {} mm by the feed",
+            decimal(contour.together_mm, 5),
+            decimal(contour.feed_mm, 5)
+        );
+        let line = if contour.feed_mm > contour.vibration_mm { contour.feed_line } else { contour.vibration_line };
+        findings.push(
+            Finding::new(code::VIB_FOLLOWING_CONTOUR, self.on_span, message)
+                .at("line", line.into())
+                .ranked("", contour.together_mm)
+                .with_value("contour_error", contour.together_mm, "mm")
+                .with_value("by_feed", contour.feed_mm, "mm")
+                .with_value("by_vibration", contour.vibration_mm, "mm")
+                .with_value("tolerance", tolerance_mm, "mm")
+                .suggest("feed slower, give the axes the same position loop, or feed their velocity forward"),
+        );
     }
 }
 

@@ -1,102 +1,166 @@
-//! Filter and position loop between setpoints and tool, and what they leave of a vibration
-//! (docs/functions/path-vibration.md, "Will the machine follow?").
+//! What the drives leave of a vibration along the path (docs/functions/path-vibration.md, "Will the machine follow?").
 
-use core::f64::consts::{PI, TAU};
+use feedwave_motion::{Curve, Element};
+use feedwave_program::{AXIS_COUNT, Axis};
 
-use serde::{Deserialize, Serialize};
+use super::VibrationCondition;
+use crate::shared::following::{
+    AxisFollowing, DriveModel, FollowingContour, FollowingModel, PathPlace, Response, largest_between,
+};
 
-use feedwave_motion::sin_turns;
-
-/// What a machine profile states about the path from setpoints to the tool; `None` where it states nothing and
-/// nothing is predicted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct FollowingModel {
-    /// Length T_f of a moving-average filter behind interpolation, s.
-    pub filter_length_s: Option<f64>,
-    /// Gain K_v of the position loop, 1/s.
-    pub position_loop_gain_per_s: Option<f64>,
-}
+/// Tangents of an axis below this do not move it.
+const MOVES: f64 = 1e-9;
 
 /// What arrives at the tool of a vibration that was commanded.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FollowingReport {
-    /// Gain of the filter, |sin(π·f·T_f) / (π·f·T_f)|.
+    /// Gain of the filter, |sin(π·f·T_f) / (π·f·T_f)|, on the axis through which least arrives.
     pub filter_gain: f64,
-    /// Gain of the position loop, 1/√(1 + (2πf/K_v)²).
+    /// Gain of its position loop.
     pub loop_gain: f64,
-    /// Phase lag of the position loop, atan(2πf/K_v), rad.
+    /// Phase lag of its position loop, rad.
     pub phase_lag_rad: f64,
-    /// Amplitude at the tool, mm.
+    /// Amplitude along the path at the tool, mm, where it is least.
     pub arriving_amplitude_mm: f64,
-    /// Amplitude to command so that the programmed one arrives, mm; `None` when the filter erases the vibration.
+    /// Amplitude along the path at the tool, mm, where it is largest.
+    pub largest_arriving_amplitude_mm: f64,
+    /// Amplitude to command so that the programmed one arrives there, mm; `None` when the drives erase the vibration.
     pub amplitude_to_command_mm: Option<f64>,
+    /// By how much what arrives there lags, rad from 0 to 2π: the phase by which the command has to run ahead.
+    pub lag_rad: f64,
+    /// Each axis that the section moves.
+    pub axes: Vec<AxisFollowing>,
+    /// How far the drives leave the contour; `None` where nothing is stated of them.
+    pub contour: Option<FollowingContour>,
 }
 
-impl FollowingModel {
-    /// Whether the profile states anything that changes a vibration.
-    #[must_use]
-    pub const fn is_stated(&self) -> bool {
-        self.filter_length_s.is_some() || self.position_loop_gain_per_s.is_some()
-    }
-
-    /// What remains of a vibration of `amplitude_mm` at `frequency_hz`.
-    #[must_use]
-    pub fn predict(&self, frequency_hz: f64, amplitude_mm: f64) -> FollowingReport {
-        let filter_gain = self.filter_length_s.map_or(1.0, |length_s| sinc_gain(frequency_hz * length_s));
-        let detuning = self.position_loop_gain_per_s.map_or(0.0, |gain_per_s| TAU * frequency_hz / gain_per_s);
-        let loop_gain = 1.0 / (1.0 + detuning * detuning).sqrt();
-        let gain = filter_gain * loop_gain;
-        FollowingReport {
-            filter_gain,
-            loop_gain,
-            phase_lag_rad: libm::atan(detuning),
-            arriving_amplitude_mm: amplitude_mm * gain,
-            amplitude_to_command_mm: (gain > ERASED_GAIN).then(|| amplitude_mm / gain),
+impl FollowingReport {
+    /// Where nothing is stated, all of it arrives.
+    pub(super) const fn of_all(amplitude_mm: f64) -> Self {
+        Self {
+            filter_gain: 1.0,
+            loop_gain: 1.0,
+            phase_lag_rad: 0.0,
+            arriving_amplitude_mm: amplitude_mm,
+            largest_arriving_amplitude_mm: amplitude_mm,
+            amplitude_to_command_mm: Some(amplitude_mm),
+            lag_rad: 0.0,
+            axes: Vec::new(),
+            contour: None,
         }
     }
 }
 
-/// Below this gain nothing arrives: the rounding of f·T_f alone leaves this much of a vibration at a zero of the
-/// filter.
-const ERASED_GAIN: f64 = 1e-12;
-
-/// |sin(πx)/(πx)| with x = f·T_f: exactly 1 at 0 and exactly 0 at the other integers.
-fn sinc_gain(periods: f64) -> f64 {
-    if periods == 0.0 { 1.0 } else { (sin_turns(0.5 * periods) / (PI * periods)).abs() }
+/// Gathers it over the elements of a section.
+#[derive(Clone, Debug)]
+pub(super) struct FollowingLoss {
+    model: FollowingModel,
+    condition: VibrationCondition,
+    /// Largest |tangent| of every axis.
+    tangents: [f64; AXIS_COUNT],
+    /// Responses along the path with the least and the largest gain, where the axes differ.
+    mixed: Option<[Response; 2]>,
+    contour: FollowingContour,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_twenty_millisecond_filter_erases_fifty_hertz() {
-        let model = FollowingModel { filter_length_s: Some(0.02), position_loop_gain_per_s: None };
-        let report = model.predict(50.0, 0.03);
-        assert!(report.filter_gain < 1e-15, "gain {}", report.filter_gain);
-        assert_eq!(report.amplitude_to_command_mm, None);
-        let half = model.predict(25.0, 0.03);
-        assert!((half.filter_gain - 2.0 / PI).abs() < 1e-15);
-        assert!((half.amplitude_to_command_mm.unwrap() * half.filter_gain - 0.03).abs() < 1e-17);
+impl FollowingLoss {
+    pub(super) fn new(model: &FollowingModel, condition: VibrationCondition) -> Self {
+        Self {
+            model: model.clone(),
+            condition,
+            tangents: [0.0; AXIS_COUNT],
+            mixed: None,
+            contour: FollowingContour::default(),
+        }
     }
 
-    #[test]
-    fn the_position_loop_halves_the_power_at_its_corner() {
-        let gain_per_s = 100.0;
-        let model = FollowingModel { filter_length_s: None, position_loop_gain_per_s: Some(gain_per_s) };
-        let report = model.predict(gain_per_s / TAU, 1.0);
-        assert!((report.loop_gain - 0.5f64.sqrt()).abs() < 1e-15);
-        assert!((report.phase_lag_rad - PI / 4.0).abs() < 1e-15);
-        assert_eq!(report.filter_gain, 1.0);
+    /// Adds an element that is cut at `feed_mm_per_s`.
+    pub(super) fn add(&mut self, element: &Element, feed_mm_per_s: f64) {
+        let largest = element.largest_tangent();
+        for (tangent, largest) in self.tangents.iter_mut().zip(largest) {
+            *tangent = tangent.max(largest);
+        }
+        let moved = |axis: &Axis| largest[axis.index()] > MOVES;
+        if Axis::ALL.iter().any(|axis| axis.is_rotary() && moved(axis)) || matches!(element.curve, Curve::FiveAxis(_)) {
+            self.contour.unjudged_mm += element.length;
+            return;
+        }
+        let (model, frequency_hz) = (&self.model, self.condition.frequency_hz);
+        let shared = model.shared_by(Axis::ALL.into_iter().filter(moved));
+        let is_straight = matches!(element.curve, Curve::Line);
+        if let Some(drive) = shared {
+            keep(&mut self.mixed, drive.response(frequency_hz));
+        }
+        if shared.is_some() && is_straight {
+            // The axes lag alike: the tool is late, and on its line.
+            return;
+        }
+        let most = |value: &dyn Fn(&PathPlace) -> f64| {
+            if is_straight {
+                value(&PathPlace::of(element, 0.0))
+            } else {
+                largest_between(element.length, |at_mm| value(&PathPlace::of(element, at_mm))).0
+            }
+        };
+        let feed_mm = most(&|place| place.feed_error(model, feed_mm_per_s));
+        let mut vibration_mm = 0.0;
+        if shared.is_none() {
+            vibration_mm = self.condition.amplitude_mm * most(&|place| place.vibration_error(model, frequency_hz));
+            let along = |at_mm: f64| PathPlace::of(element, at_mm).arriving(model, frequency_hz);
+            let ends = if is_straight { [along(0.0); 2] } else { extremes(element.length, along) };
+            for response in ends {
+                keep(&mut self.mixed, response);
+            }
+        }
+        let (contour, line) = (&mut self.contour, element.source.line);
+        if feed_mm > contour.feed_mm {
+            (contour.feed_mm, contour.feed_line) = (feed_mm, line);
+        }
+        if vibration_mm > contour.vibration_mm {
+            (contour.vibration_mm, contour.vibration_line) = (vibration_mm, line);
+        }
+        contour.together_mm = contour.together_mm.max(feed_mm + vibration_mm);
     }
 
-    #[test]
-    fn nothing_stated_means_everything_arrives() {
-        let report = FollowingModel::default().predict(500.0, 0.1);
-        assert_eq!(report.arriving_amplitude_mm, 0.1);
-        assert_eq!(report.amplitude_to_command_mm, Some(0.1));
-        assert_eq!(report.phase_lag_rad, 0.0);
-        assert!(!FollowingModel::default().is_stated());
+    pub(super) fn into_report(self) -> FollowingReport {
+        let VibrationCondition { frequency_hz, amplitude_mm } = self.condition;
+        let moving = || Axis::ALL.into_iter().filter(|axis| self.tangents[axis.index()] > MOVES);
+        let axes: Vec<AxisFollowing> = moving().map(|axis| self.model.axis(axis, frequency_hz)).collect();
+        let worst = axes.iter().min_by(|a, b| a.gain.total_cmp(&b.gain));
+        let drive = worst.map_or(self.model.common, |worst| self.model.of(worst.axis));
+        let (least, largest, lag_rad) = match (&self.mixed, self.model.shared_by(moving())) {
+            (Some([least, largest]), None) => (least.magnitude(), largest.magnitude(), least.lag_rad()),
+            // Where rotary axes move and the drives differ, no more is known than what each of them does.
+            _ => {
+                let largest = axes.iter().map(|axis| axis.gain).fold(drive.gain(frequency_hz), f64::max);
+                (drive.gain(frequency_hz), largest, drive.lag_rad(frequency_hz))
+            }
+        };
+        FollowingReport {
+            filter_gain: drive.filter_gain(frequency_hz),
+            loop_gain: drive.loop_gain(frequency_hz),
+            phase_lag_rad: drive.loop_lag_rad(frequency_hz),
+            arriving_amplitude_mm: amplitude_mm * least,
+            largest_arriving_amplitude_mm: amplitude_mm * largest,
+            amplitude_to_command_mm: DriveModel::command_for(amplitude_mm, least),
+            lag_rad,
+            axes,
+            contour: Some(self.contour),
+        }
+    }
+}
+
+/// The responses with the least and the largest gain on a curve.
+fn extremes(length_mm: f64, response: impl Fn(f64) -> Response) -> [Response; 2] {
+    [-1.0, 1.0].map(|sign| response(largest_between(length_mm, |at_mm| sign * response(at_mm).magnitude()).1))
+}
+
+fn keep(mixed: &mut Option<[Response; 2]>, response: Response) {
+    let [least, largest] = mixed.get_or_insert([response; 2]);
+    if response.magnitude() < least.magnitude() {
+        *least = response;
+    }
+    if response.magnitude() > largest.magnitude() {
+        *largest = response;
     }
 }

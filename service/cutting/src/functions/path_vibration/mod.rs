@@ -32,7 +32,7 @@ pub(crate) use analysis::VibrationAnalysis;
 pub use chip::*;
 pub(crate) use envelope::VibrationDemand;
 pub use envelope::VibrationEnvelope;
-pub use following::{FollowingModel, FollowingReport};
+pub use following::FollowingReport;
 pub use report::{
     AxisLoadReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
 };

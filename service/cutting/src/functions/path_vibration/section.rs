@@ -9,12 +9,13 @@ use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, analyse};
 use super::chip_course::{ChipCourse, ChipVerdict, Piece};
 use super::chips::ChipBlock;
 use super::findings::Evidence;
-use super::following::FollowingModel;
+use super::following::FollowingLoss;
 use super::loads::AxisLoads;
 use super::{
-    GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
+    FollowingReport, GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans, sin_turns,
 };
+use crate::shared::following::FollowingModel;
 
 /// Pieces in which the radius of an arc counts as linear, for constant surface speed. The chord of a 32nd of
 /// a full circle leaves it by half a hundredth of its radius.
@@ -29,7 +30,7 @@ pub struct SectionAnalyzer {
     settings: VibrationSettings,
     machine_kind: MachineKind,
     max_rev_per_min: f64,
-    following: FollowingModel,
+    following: Option<FollowingLoss>,
     period_s: f64,
     drilling_cycle: Option<DrillingCycle>,
     first_line: Option<u32>,
@@ -89,7 +90,7 @@ impl SectionAnalyzer {
             settings: *settings,
             machine_kind: machine.kind,
             max_rev_per_min: machine.max_spindle_rev_per_min,
-            following: *following,
+            following: following.is_stated().then(|| FollowingLoss::new(following, condition)),
             period_s,
             drilling_cycle: None,
             first_line: None,
@@ -169,6 +170,9 @@ impl SectionAnalyzer {
             Feed::InverseTime(per_min) => element.length * per_min / 60.0,
         };
         self.loads.add(element, feed_mm_per_s, limits);
+        if let Some(following) = &mut self.following {
+            following.add(element, feed_mm_per_s);
+        }
         raise(&mut self.sharpest, element.curvature(), line);
 
         if !spindle.is_turning() {
@@ -262,7 +266,9 @@ impl SectionAnalyzer {
         let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
         let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted } =
             self.chips.finish(self.length_mm);
-        let following_amplitude = self.following.predict(frequency_hz, amplitude_mm);
+        let following_is_stated = self.following.is_some();
+        let following =
+            self.following.map_or_else(|| FollowingReport::of_all(amplitude_mm), FollowingLoss::into_report);
         let curvature = self.sharpest.map_or(0.0, |(curvature, _)| curvature);
         let corner = self.parts.corner.map_or(0.0, |(change, _)| change);
         let published = self.settings.envelope == VibrationEnvelope::Published;
@@ -297,7 +303,7 @@ impl SectionAnalyzer {
             chip_spans_not_listed: spans_not_listed,
             surface_speed,
             broken_share,
-            following: following_amplitude,
+            following,
             clamped_share: if total_samples > 0 { clamped_samples as f64 / total_samples as f64 } else { 0.0 },
             largest_amplitude_mm: self.loads.largest_amplitude_mm,
             highest_frequency_hz: self.loads.highest_frequency_hz,
@@ -308,7 +314,7 @@ impl SectionAnalyzer {
             on_span: self.on_span,
             words: self.words,
             settings: self.settings,
-            following: self.following,
+            following_is_stated,
             exceeded: self.loads.exceeded,
             curve_line: self.sharpest.map(|(_, line)| line),
             corner_line: self.parts.corner.map(|(_, line)| line).filter(|_| published),

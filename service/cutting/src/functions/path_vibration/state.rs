@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::{
-    FollowingModel, GenerationMode, SectionAnalyzer, SectionBarrier, SectionPart, SectionStart, VibrationAnalysis,
+    GenerationMode, SectionAnalyzer, SectionBarrier, SectionPart, SectionStart, VibrationAnalysis,
     VibrationCondition, VibrationDemand, VibrationEnvelope, VibrationSettings, VibrationWordSpans,
     condition_from_command,
 };
 use crate::functions::switch::{Modal, Switch};
+use crate::shared::following::FollowingModel;
 
 /// What a run of the pipeline gives this function.
 #[derive(Clone, Copy, Debug)]

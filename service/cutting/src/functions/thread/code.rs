@@ -291,6 +291,22 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X8\nG32 Z60 F2.5\nG0 X14\nG0 Z100\nG0 X7.9\nG32 Z60 F2.5 A0\nG0 X14\nG165 P0\nM30"),
     }
 
+    "THREAD-FOLLOWING-LOSS" [THREAD_FOLLOWING_LOSS: Warning] {
+        meaning: "too little of the vibration of a pass arrives at the tool",
+        cause: "The drive of the vibrating axis, as the profile's `following` states it, passes less than nine tenths of the \
+              amplitude, or too little to break the chip; the tool then stays above the depth, too.",
+        cure: "Command amplitude, depth and phase shift that the finding names, or turn slower.",
+        example: on("lathe, following.position_loop_gain_per_s = 60", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
+    }
+
+    "THREAD-FOLLOWING-DEEP" [THREAD_FOLLOWING_DEEP: Warning] {
+        meaning: "the drives make the vibration of a pass larger, so that it cuts too deep",
+        cause: "The drive of the vibrating axis, as the profile's `following` states it, resonates near the frequency of the \
+              vibration: the retreat is larger than commanded, and swings beyond the depth as well.",
+        cure: "Command amplitude, depth and phase shift that the finding names, or choose another spindle speed.",
+        example: on("lathe, following.position_loop_gain_per_s = 100, following.velocity_loop_frequency_hz = 10", "M3 S300\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9\nG32 Z60 F2.5\nG0 X14\nG165 P0\nM30"),
+    }
+
     "THREAD-PLAN-PASSES" [THREAD_PLAN_PASSES: Error] {
         meaning: "no plan of a thread with a permitted number of passes keeps all limits",
         cause: "The first depth is too small for the depth, or the limits of axes and tool are so low that more passes \

@@ -8,6 +8,7 @@ mod chip;
 pub(crate) mod code;
 mod findings;
 mod follower;
+mod following;
 mod geometry;
 mod infeed;
 mod job;
@@ -29,6 +30,7 @@ mod wave;
 
 pub use chip::{ChipLevel, Clearance, ThreadChip};
 pub use follower::{NotAnAngle, ThreadFollower};
+pub use following::{PassFollowing, ThreadDrives, ThreadFollowing};
 pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
 pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};

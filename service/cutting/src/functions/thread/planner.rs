@@ -14,7 +14,7 @@ use super::code;
 use super::parameters::refusal;
 use super::report::ThreadLimits;
 use super::{
-    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadGeometry,
+    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadDrives, ThreadGeometry,
     ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
 };
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
@@ -68,7 +68,7 @@ pub struct ThreadRequest {
 pub struct ThreadPlan {
     /// The passes.
     pub job: ThreadJob,
-    /// Their judgement; without errors and warnings.
+    /// Their judgement; without errors and warnings but of what the drives leave of it.
     pub report: ThreadReport,
 }
 
@@ -90,11 +90,14 @@ pub fn plan_thread(request: &ThreadRequest) -> Result<ThreadPlan, Vec<Finding>> 
     let Some(mut passes) = request.law.passes(rough_depth_mm, request.first_depth_mm, most) else {
         return Err(vec![too_many(request, most, None)]);
     };
+    // More passes do not help a drive.
+    let limits = ThreadLimits { drives: ThreadDrives::default(), ..request.limits };
     loop {
         let job = build(request, passes);
-        let report = judge_thread(&job, &request.limits);
+        let report = judge_thread(&job, &limits);
         let disturbing = || report.findings.iter().filter(|finding| finding.severity != Severity::Info);
         if disturbing().next().is_none() {
+            let report = judge_thread(&job, &request.limits);
             return Ok(ThreadPlan { job, report });
         }
         if !disturbing().all(is_cured_by_passes) {

@@ -6,7 +6,7 @@ use feedwave_program::{Finding, FindingLog};
 
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
-use super::{ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadJob, findings};
+use super::{ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadDrives, ThreadFollowing, ThreadJob, findings, following};
 use feedwave_motion::sin_turns;
 
 /// Most passes of one thread; more are refused.
@@ -37,6 +37,8 @@ pub struct ThreadLimits {
     /// Largest thickness on the radius that the finishing pass may find, mm; `None` compares the crests with the
     /// finishing infeed.
     pub finishing_thickness_mm: Option<f64>,
+    /// The drives of its axes.
+    pub drives: ThreadDrives,
 }
 
 impl Default for ThreadLimits {
@@ -53,6 +55,7 @@ impl Default for ThreadLimits {
             period_s: 0.0,
             thickness_mm: unlimited,
             finishing_thickness_mm: None,
+            drives: ThreadDrives::default(),
         }
     }
 }
@@ -145,6 +148,8 @@ pub struct ThreadReport {
     pub run_up_mm: f64,
     /// Length of thread with exact lead, mm, in the pass where it is shortest.
     pub exact_length_mm: f64,
+    /// What arrives at the tool; `None` where nothing is stated of the drives, and where the thread itself is impossible.
+    pub following: Option<ThreadFollowing>,
     /// Findings in the order of the first pass that each concerns.
     pub findings: Vec<Finding>,
     /// Whether nothing forbids to cut the thread.
@@ -167,6 +172,7 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         frequency_hz: job.frequency_hz(),
         run_up_mm: job.run_up.travel_mm(job.geometry.lead_mm),
         exact_length_mm: 0.0,
+        following: None,
         findings: Vec::new(),
         feasible: false,
     };
@@ -177,7 +183,9 @@ pub fn judge_thread(job: &ThreadJob, limits: &ThreadLimits) -> ThreadReport {
         report.crests = worst_crests(job);
         report.least_ratio = common_ratio(job, ChipLevel::Depth);
         report.least_section_ratio = common_ratio(job, ChipLevel::Section);
+        report.following = ThreadFollowing::of(job, &limits.drives);
         findings::thread(job, limits, &report, &mut findings);
+        following::findings(job, &report, &mut findings);
     }
     report.feasible = !findings.has_errors();
     report.findings = findings.into_findings();

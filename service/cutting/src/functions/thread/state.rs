@@ -16,6 +16,7 @@ use super::{
 };
 use crate::functions::switch::{Modal, Switch};
 use crate::shared::checks::missing;
+use crate::shared::following::FollowingModel;
 use crate::shared::listed::Listed;
 
 /// Reports kept in full; further threads are counted.
@@ -26,6 +27,7 @@ const MAX_THREAD_REPORTS: usize = 100;
 pub(crate) struct ThreadInputs<'a> {
     pub(crate) settings: &'a ThreadVibrationSettings,
     pub(crate) machine: &'a Machine,
+    pub(crate) following: &'a FollowingModel,
     pub(crate) period_s: f64,
 }
 

@@ -19,7 +19,7 @@ const AXIS_CODES: AxisCodes = [code::OSC_AXIS_VELOCITY, code::OSC_AXIS_ACCELERAT
 /// Most periods per revolution.
 const MAX_PERIODS_PER_REV: f64 = 1_000.0;
 /// Phase error from which on it is worth a warning, degrees.
-const PHASE_TOLERANCE_DEG: f64 = 1.0;
+pub(super) const PHASE_TOLERANCE_DEG: f64 = 1.0;
 /// Tolerance for the rounding of computed limits, which are often met exactly.
 pub(super) const ROUNDING: f64 = 1e-9;
 /// Longest hold that a waveform is suggested for: what is left is one ramp, a short retraction and the other ramp.

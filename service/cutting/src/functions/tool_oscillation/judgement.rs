@@ -11,7 +11,7 @@ use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE
 use super::state::ActiveOscillation;
 use super::{
     ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest, OscillationRun,
+    OscillationDrives, OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest, OscillationRun,
     OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge,
     known_names, ramp_mm, synchronise,
 };
@@ -39,6 +39,8 @@ struct Judgement {
     leading_edge: u32,
     cut: OscillationCut,
     limits: OscillationLimits,
+    /// Whether the tool is guided: what the drives do to it depends on that.
+    guided: bool,
     span: SourceSpan,
     report: Option<OscillationReport>,
     findings: Vec<Finding>,
@@ -53,11 +55,13 @@ impl Judgements {
         floor: &FloorSettings,
         found: &mut Vec<Finding>,
     ) -> Option<OscillationReport> {
+        let guided = job.drives.is_some_and(|drives| drives.guided);
         let like = self.known.iter().find(|known| {
             known.tool == tool
                 && known.leading_edge == job.leading_edge
                 && known.cut == job.cut
                 && known.limits == job.limits
+                && known.guided == guided
                 && known.condition == *job.condition
         });
         if let Some(known) = like {
@@ -97,6 +101,7 @@ impl Judgements {
                 leading_edge: job.leading_edge,
                 cut: job.cut,
                 limits: job.limits,
+                guided,
                 span: job.span,
                 report: report.clone(),
                 findings,
@@ -104,6 +109,14 @@ impl Judgements {
         }
         report
     }
+}
+
+/// Where a pass is judged.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    line: u32,
+    /// Whether the tool is guided.
+    guided: bool,
 }
 
 impl ActiveOscillation {
@@ -158,7 +171,8 @@ impl ActiveOscillation {
             engagement_deg: [-90.0, 90.0],
         };
         let limits = shares.map_or_else(|| machine_limits(inputs.machine), |shares| shares.limits(inputs.machine));
-        let mut report = self.judge(element.source.line, cutting, limits, inputs, judgements, found);
+        let place = Place { line: element.source.line, guided: shares.is_some() };
+        let mut report = self.judge(place, cutting, limits, inputs, judgements, found);
         let has_left = self.leave_limits(shares, inputs, found);
         if let Some(report) = report.as_mut().filter(|_| !has_left) {
             // What was judged is reported all the same.
@@ -210,7 +224,7 @@ impl ActiveOscillation {
 
     fn judge(
         &mut self,
-        line: u32,
+        Place { line, guided }: Place,
         mut cut: OscillationCut,
         limits: OscillationLimits,
         inputs: &OscillationInputs<'_>,
@@ -235,6 +249,7 @@ impl ActiveOscillation {
             cut,
             limits,
             max_feed_override,
+            drives: Some(OscillationDrives { model: inputs.following, guided }),
             floor: None,
             span,
         };

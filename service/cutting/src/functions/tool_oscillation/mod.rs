@@ -13,6 +13,7 @@ mod feed_range;
 mod findings;
 mod floor;
 mod floor_area;
+mod following;
 mod judgement;
 mod limits;
 mod motion;
@@ -35,6 +36,7 @@ pub use condition::{
 pub use engagement::{Engagement, WorkSide};
 pub use floor::{FloorArea, FloorError, HeightField, MAX_FLOOR_CELLS, Roughness};
 pub use floor_area::{FloorSettings, MAX_FLOOR_REVOLUTIONS};
+pub use following::{DirectionFollowing, OscillationDrives, OscillationFollowing};
 use judgement::Judgements;
 pub(crate) use limits::LeftOver;
 pub use motion::{DirectionMotion, DirectionPeaks, ToolOffset, ToolOscillation, ramp_mm};

@@ -7,8 +7,8 @@ use super::feed_range::feed_range;
 use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
-    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, RoleRotation, Roughness,
-    ToolGeometry, ToolOscillation, findings, ramp_mm,
+    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, OscillationDrives, OscillationFollowing, RoleRotation, Roughness,
+    ToolGeometry, ToolOscillation, findings, following, ramp_mm,
 };
 
 /// What one direction of the machine can do.
@@ -46,6 +46,8 @@ pub struct OscillationJob<'a> {
     pub limits: OscillationLimits,
     /// Largest feed override that is permitted, as a ratio of at least 1: the conditions are judged up to it.
     pub max_feed_override: f64,
+    /// The drives of its axes; none to leave out what arrives.
+    pub drives: Option<OscillationDrives<'a>>,
     /// The part of the floor to simulate; none to leave it out.
     pub floor: Option<FloorArea>,
     /// Where the oscillation is programmed.
@@ -146,6 +148,8 @@ pub struct OscillationReport {
     pub axial_reach_mm: f64,
     /// Largest height of material that meets the tool above an edge, mm: 0 where the stages leave none.
     pub above_edge_mm: f64,
+    /// What arrives at the tool; `None` where nothing is stated of the drives.
+    pub following: Option<OscillationFollowing>,
     /// The floor.
     pub floor: Option<FloorReport>,
     /// Whether no finding forbids the pass.
@@ -207,6 +211,7 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
         }
     }
     findings::conditions(job, &report, &mut found);
+    following::findings(job, &report, &mut found);
     report.feasible = found.iter().all(|finding| finding.severity != Severity::Error);
     (Some(report), found)
 }
@@ -276,6 +281,7 @@ fn figures(job: &OscillationJob<'_>, oscillation: &ToolOscillation) -> Oscillati
         plain_volume_mm3_per_rev: without.volume_mm3,
         axial_reach_mm: cut.depth_mm + 2.0 * condition.axial.amplitude_mm,
         above_edge_mm,
+        following: OscillationFollowing::of(job, oscillation, period_s),
         floor: None,
         feasible: true,
     }

@@ -17,6 +17,7 @@ use super::{
 };
 use crate::functions::switch::{Modal, Switch};
 use crate::shared::cut::Cut;
+use crate::shared::following::FollowingModel;
 use crate::shared::listed::Listed;
 use crate::shared::tool::Tool;
 use crate::shared::wording::decimal;
@@ -31,6 +32,7 @@ pub(crate) struct OscillationInputs<'a> {
     pub(crate) floor: &'a FloorSettings,
     pub(crate) request: &'a OscillationRequest,
     pub(crate) machine: &'a Machine,
+    pub(crate) following: &'a FollowingModel,
     /// Largest feed override that is permitted, a ratio.
     pub(crate) max_feed_override: f64,
     pub(crate) tools: &'a [Tool],

@@ -1,11 +1,12 @@
 //! What is said about sections with vibration along the path, for the contract.
 
 use feedwave_cutting::{
-    AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingReport, Nearest, OverrideReport, PublishedEnds,
+    AxisFollowing, AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingContour, FollowingReport, Nearest, OverrideReport, PublishedEnds,
     SectionReport, SurfaceSpeedReport, UnbrokenSpan,
 };
 
 use super::{generation_mode_to_proto, vibration_envelope_to_proto};
+use crate::convert::profile::axis_letter_to_proto;
 use crate::proto;
 
 /// A vibrating section of a program as the contract has it.
@@ -168,12 +169,29 @@ const fn unbroken_span(span: &UnbrokenSpan) -> proto::UnbrokenSpan {
     }
 }
 
-const fn following(report: &FollowingReport) -> proto::FollowingReport {
+fn following(report: &FollowingReport) -> proto::FollowingReport {
     proto::FollowingReport {
         filter_gain: report.filter_gain,
         loop_gain: report.loop_gain,
         phase_lag_deg: report.phase_lag_rad.to_degrees(),
         arriving_amplitude_mm: report.arriving_amplitude_mm,
+        largest_arriving_amplitude_mm: report.largest_arriving_amplitude_mm,
         amplitude_to_command_mm: report.amplitude_to_command_mm,
+        lag_deg: report.lag_rad.to_degrees(),
+        axes: report.axes.iter().map(axis_following).collect(),
+        contour: report.contour.as_ref().map(contour),
     }
+}
+
+fn axis_following(own: &AxisFollowing) -> proto::AxisFollowing {
+    proto::AxisFollowing {
+        axis: axis_letter_to_proto(own.axis).into(),
+        gain: own.gain,
+        lag_deg: own.lag_rad.to_degrees(),
+    }
+}
+
+const fn contour(contour: &FollowingContour) -> proto::FollowingContour {
+    let FollowingContour { feed_mm, feed_line, vibration_mm, vibration_line, together_mm, unjudged_mm } = *contour;
+    proto::FollowingContour { feed_mm, feed_line, vibration_mm, vibration_line, together_mm, unjudged_mm }
 }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
-    DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadGeometry, ThreadLimits,
+    DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadGeometry, ThreadDrives, ThreadLimits,
     ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
@@ -213,7 +213,8 @@ fn limits(
         period_s: checked.within("interpolation_period_us", f64::from(period_us), periods) * 1e-6,
         ..ThreadLimits::default()
     };
-    let machine = &profile?.machine;
+    let profile = profile?;
+    let machine = &profile.machine;
     let least = |letter: Axis, limit: fn(&MachineAxis) -> f64| {
         machine.axes.iter().filter(|axis| axis.axis == letter).map(limit).reduce(f64::min)
     };
@@ -233,6 +234,7 @@ fn limits(
         vibration_velocity_mm_per_s: x.0,
         vibration_acceleration_mm_per_s2: x.1,
         vibration_jerk_mm_per_s3: x.2,
+        drives: ThreadDrives { vibrating: profile.following.of(Axis::X), lead: profile.following.of(Axis::Z) },
         ..stated
     })
 }

@@ -1,7 +1,7 @@
 //! What is said about tool oscillations, for the contract.
 
 use feedwave_cutting::tool_oscillation::{
-    DirectionLoad, EdgeReport, FloorReport, OscillationDirection, OscillationSectionReport, PlainEdge, RemovedLayer,
+    DirectionFollowing, DirectionLoad, EdgeReport, FloorReport, OscillationDirection, OscillationFollowing, OscillationSectionReport, PlainEdge, RemovedLayer,
     RoleReport, RoleRotation, Roughness,
 };
 
@@ -47,6 +47,27 @@ pub(super) fn section_to_proto(section: &OscillationSectionReport) -> proto::Osc
         plane_deg: report.plane_deg,
         min_feed_mm_per_min: report.feed_range_mm_per_min[0],
         max_feed_mm_per_min: report.feed_range_mm_per_min[1],
+        following: report.following.as_ref().map(following),
+    }
+}
+
+fn following(report: &OscillationFollowing) -> proto::OscillationFollowing {
+    proto::OscillationFollowing {
+        directions: report.directions.iter().map(direction_following).collect(),
+        phase_error_deg: report.phase_error_deg,
+        contour_error_mm: report.contour_error_mm,
+    }
+}
+
+fn direction_following(own: &DirectionFollowing) -> proto::DirectionFollowing {
+    proto::DirectionFollowing {
+        direction: direction(own.direction).into(),
+        axis: own.axis.letter().to_string(),
+        gain: own.gain,
+        lag_deg: own.lag_deg,
+        arriving_amplitude_mm: own.arriving_amplitude_mm,
+        amplitude_to_command_mm: own.amplitude_to_command_mm,
+        phase_to_command_deg: own.phase_to_command_deg,
     }
 }
 
@@ -65,14 +86,17 @@ const fn roles(roles: &RoleReport) -> proto::OscillationRoles {
     }
 }
 
-fn load(load: &DirectionLoad) -> proto::OscillationLoad {
-    let direction = match load.direction {
+const fn direction(direction: OscillationDirection) -> proto::OscillationDirection {
+    match direction {
         OscillationDirection::Feed => proto::OscillationDirection::Feed,
         OscillationDirection::Axial => proto::OscillationDirection::Axial,
         OscillationDirection::Cross => proto::OscillationDirection::Cross,
-    };
+    }
+}
+
+fn load(load: &DirectionLoad) -> proto::OscillationLoad {
     proto::OscillationLoad {
-        direction: direction.into(),
+        direction: direction(load.direction).into(),
         amplitude_mm: load.amplitude_mm,
         velocity_mm_per_s: load.peaks.velocity_mm_per_s,
         acceleration_mm_per_s2: load.peaks.acceleration_mm_per_s2,

@@ -6,6 +6,7 @@ use feedwave_program::{
 use proptest::prelude::*;
 
 use super::*;
+use crate::shared::following::{AxisFollowing, DriveModel, FollowingContour};
 
 const ON: SourceSpan = SourceSpan { program: 0, line: 2, column: 1, length: 14 };
 const F_WORD: SourceSpan = SourceSpan { program: 0, line: 2, column: 6, length: 3 };
@@ -355,19 +356,27 @@ fn a_slow_spindle_leaves_little_room_for_its_speed() {
 
 #[test]
 fn losses_between_setpoint_and_tool_are_predicted() {
-    let filtered = FollowingModel { filter_length_s: Some(0.02), position_loop_gain_per_s: None };
+    let common = |drive| FollowingModel { common: drive, axes: Vec::new() };
+    let filtered = common(DriveModel { filter_length_s: Some(0.02), ..DriveModel::default() });
     let (report, findings) = Run { following: filtered, ..Run::example(175.0 / 3.0, 0.03) }.finish();
     assert_eq!(codes(&findings), ["VIB-FOLLOWING-LOSS"]);
     assert!(findings[0].message.contains("too little to break"), "{}", findings[0].message);
     assert!(report.following.arriving_amplitude_mm < 0.005);
-    let loop_only = FollowingModel { filter_length_s: None, position_loop_gain_per_s: Some(300.0) };
-    let (report, findings) = Run { following: loop_only, ..Run::example(125.0 / 3.0, 0.03) }.finish();
+    let loop_only = DriveModel { position_loop_gain_per_s: Some(300.0), ..DriveModel::default() };
+    let (report, findings) = Run { following: common(loop_only), ..Run::example(125.0 / 3.0, 0.03) }.finish();
     assert_eq!(codes(&findings), ["VIB-FOLLOWING-LOSS"]);
     assert!(!findings[0].message.contains("too little"));
     let command_mm = suggested(&findings[0], "amplitude")[0];
-    let arriving_mm = loop_only.predict(125.0 / 3.0, command_mm).arriving_amplitude_mm;
+    let arriving_mm = loop_only.gain(125.0 / 3.0) * command_mm;
     assert!((0.03..0.0301).contains(&arriving_mm));
-    assert_eq!(report.following, loop_only.predict(125.0 / 3.0, 0.03));
+    let following = report.following;
+    assert_eq!(following.arriving_amplitude_mm, 0.03 * loop_only.gain(125.0 / 3.0));
+    assert_eq!(following.phase_lag_rad, loop_only.loop_lag_rad(125.0 / 3.0));
+    assert_eq!((following.lag_rad, following.loop_gain), (following.phase_lag_rad, loop_only.loop_gain(125.0 / 3.0)));
+    let z = [AxisFollowing { axis: Axis::Z, gain: following.loop_gain, lag_rad: following.lag_rad }];
+    assert_eq!(following.axes, z);
+    // On a straight line the tool is late, and on its path.
+    assert_eq!(following.contour, Some(FollowingContour::default()));
 }
 
 #[test]
