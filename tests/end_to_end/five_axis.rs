@@ -20,7 +20,7 @@ pub(crate) type Vec3 = [f64; 3];
 pub(crate) const LENGTH_MM: f64 = 120.0;
 const A_POINT_MM: Vec3 = [0.0, 0.3, -560.0];
 pub(crate) const ORIGIN_MM: Vec3 = [-10.0, -5.0, -500.0];
-const TOLERANCE_MM: f64 = 0.01;
+pub(crate) const TOLERANCE_MM: f64 = 0.01;
 
 fn vector([x, y, z]: Vec3) -> Option<Vector> {
     Some(Vector { x, y, z })
@@ -91,7 +91,7 @@ pub(crate) async fn setpoints(clients: &mut Clients, job: &str, frame: Frame, fr
     stream(clients, request).await.unwrap_or_else(|status| panic!("{status:?}"))
 }
 
-fn freeform(directions: Directions) -> String {
+pub(crate) fn freeform(directions: Directions) -> String {
     let surface = Freeform { length_mm: 20.0, width_mm: 10.0, mesh_mm: 0.5, passes: 4, directions };
     surface.lines().collect()
 }
@@ -122,7 +122,7 @@ pub(crate) fn forward([x, y, z, a_deg, c_deg]: [f64; 5]) -> (Vec3, Vec3) {
 }
 
 /// What the blocks of a program say of each line: the modal place, and the direction words.
-fn places(program: &str) -> Vec<(Vec3, Vec3)> {
+pub(crate) fn places(program: &str) -> Vec<(Vec3, Vec3)> {
     let (mut place, mut direction) = ([0.0; 3], [0.0; 3]);
     let lines = program.lines().map(|line| {
         for word in line.split_whitespace() {
@@ -139,7 +139,7 @@ fn places(program: &str) -> Vec<(Vec3, Vec3)> {
     lines.collect()
 }
 
-fn unit(a: Vec3) -> Vec3 {
+pub(crate) fn unit(a: Vec3) -> Vec3 {
     a.map(|value| value / norm(a))
 }
 

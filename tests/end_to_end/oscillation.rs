@@ -19,7 +19,9 @@ use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 use crate::FEEDWAVE;
 
 /// The worked example of docs/functions/tool-oscillation.md.
-const PROGRAM: &str = "G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
+pub(crate) const PROGRAM: &str = "G21 G90 G17 G94 T4 M6\nM3 S600\nG0 X0 Y0 Z-1\nG202 P1 D1\nG1 X30 F600\nG203\nM30\n";
+/// Name of its tool.
+pub(crate) const CUTTER: &str = "cutter";
 /// Length of the cut, and over how much of it the oscillation is blended in and out, mm.
 const LENGTH_MM: f64 = 30.0;
 const RAMP_MM: f64 = 2.0;
@@ -40,7 +42,7 @@ fn condition(number: u32, name: &str, periods_per_rev: u32) -> OscillationCondit
 }
 
 /// Makes the machine and the tool of the worked example.
-async fn equip(clients: &mut Clients) {
+pub(crate) async fn equip(clients: &mut Clients) {
     let request = GetMachineRequest { name: "machines/mill".to_owned() };
     let mill = clients.machines.get_machine(request).await.expect("the mill is there").into_inner().machine;
     let mut machine = mill.expect("a machine");
@@ -57,7 +59,7 @@ async fn equip(clients: &mut Clients) {
         end_relief_deg: 0.0,
     };
     let tool = Tool { number: 4, geometry: Some(geometry), ..Tool::default() };
-    let request = CreateToolRequest { tool_id: "cutter".to_owned(), tool: Some(tool) };
+    let request = CreateToolRequest { tool_id: CUTTER.to_owned(), tool: Some(tool) };
     clients.tools.create_tool(request).await.expect("the tool is made");
 }
 
@@ -82,7 +84,7 @@ fn assert_near(value: f64, expected: f64, tolerance: f64) {
 }
 
 /// The axial waveform of docs/functions/tool-oscillation.md, "Worked example", mm away from the work.
-fn retraction_mm(turns: f64) -> f64 {
+pub(crate) fn retraction_mm(turns: f64) -> f64 {
     match turns - turns.floor() {
         part if part < 0.1 => 0.03 * (TAU * part / 0.4).sin(),
         part if part < 0.4 => 0.03,

@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_cutting::thinning::{CutPoint, DirectionInterpolation, Thinner, ThinningSettings};
+use feedwave_cutting::thinning::{CutPoint, DirectionInterpolation, Thinner, ThinningMethod, ThinningSettings};
 use feedwave_motion::kinematics::vector::unit;
 
 const BLOCKS: u32 = 100_000;
@@ -31,6 +31,7 @@ fn thinning(criterion: &mut Criterion) {
             distance_tolerance_mm: 0.01,
             group_blocks: 10_000,
             interpolated_direction_tolerance_deg,
+            method: ThinningMethod::Published,
         };
         let thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle);
         let Ok(mut thinner) = thinner else { continue };

@@ -28,7 +28,7 @@ pub use frame::report::{
 pub use frame::tool_path::{GuidedCuts, PathPoint, ToolMotion, ToolPath, ToolPathSink};
 pub use frame::validation::Validation;
 pub use functions::path_vibration::*;
-pub use functions::thinning::{DroppedRun, ProgramThinning};
+pub use functions::thinning::{DroppedRun, MethodFigures, ProgramThinning};
 // By name: the codes of one function must not hide those of all.
 pub use functions::code;
 pub use functions::*;

@@ -9,7 +9,7 @@ use std::ops::{Range, RangeInclusive};
 
 use deviation::DeviationPicture;
 use feedwave_cutting::SetpointBlock;
-use feedwave_cutting::thinning::{DeviationTrace, ThinningSettings};
+use feedwave_cutting::thinning::{DeviationTrace, ThinningMethod, ThinningSettings};
 use feedwave_motion::kinematics::vector::Vec3;
 use feedwave_motion::kinematics::{RotaryDirections, Setup, ToolPose};
 use rotary::RotaryPicture;
@@ -188,6 +188,8 @@ pub struct FiveAxisPlots {
     thinning: Option<ThinningShown>,
     /// Without thinning, where it makes a difference.
     as_programmed: Option<Plan>,
+    /// Thinned by the other method.
+    by_other_method: Option<Plan>,
     as_run: Plan,
     close: Close,
 }
@@ -197,7 +199,7 @@ impl FiveAxisPlots {
     #[must_use]
     pub fn new(setup: FiveAxisSetup, thinning: Option<ThinningShown>) -> Self {
         let close = Close::Lines(setup.close_lines.clone());
-        Self { setup, thinning, as_programmed: None, as_run: Plan::new(), close }
+        Self { setup, thinning, as_programmed: None, by_other_method: None, as_run: Plan::new(), close }
     }
 
     /// Takes in a block of the program with every block; before those of the program as it is run.
@@ -217,16 +219,37 @@ impl FiveAxisPlots {
         self.as_programmed = None;
     }
 
+    /// Takes in a block of the program thinned by the other method; behind those of the program with every block.
+    pub fn push_by_other_method(&mut self, block: &SetpointBlock) {
+        self.by_other_method.get_or_insert_with(Plan::new).push(block, &self.setup, &self.close);
+    }
+
+    /// Forgets the program thinned by the other method.
+    pub fn discard_by_other_method(&mut self) {
+        self.by_other_method = None;
+    }
+
     /// Takes in a block of the program as it is run.
     pub fn push(&mut self, block: &SetpointBlock) {
         self.as_run.push(block, &self.setup, &self.close);
     }
 
-    /// Both plans with their inks, the first one below and wider, so that neither hides the other.
+    /// The plans with their inks, the first one below and wider, so that none hides the others.
     fn plans(&self) -> impl Iterator<Item = (&Plan, Ink)> {
+        let method = self.thinning.as_ref().map(|thinning| thinning.settings.method);
+        let named = |method| match method {
+            ThinningMethod::Published => "published",
+            ThinningMethod::Fitted => "fitted",
+        };
         let before = self.as_programmed.iter().map(|plan| (plan, Ink::line("as programmed", theme::VIBRATION, 3.2)));
-        let name = if self.as_programmed.is_some() { "thinned" } else { "as run" };
-        before.chain([(&self.as_run, Ink::line(name, theme::COMMAND, 1.6))])
+        let other_name = method.map_or("other method", |method| named(method.other()));
+        let other = self.by_other_method.iter().map(move |plan| (plan, Ink::line(other_name, theme::GOOD, 2.4)));
+        let name = match method {
+            Some(method) if self.by_other_method.is_some() => named(method),
+            _ if self.as_programmed.is_some() => "thinned",
+            _ => "as run",
+        };
+        before.chain(other).chain([(&self.as_run, Ink::line(name, theme::COMMAND, 1.6))])
     }
 
     /// Every picture, as data.

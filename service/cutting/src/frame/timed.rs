@@ -1,4 +1,4 @@
-//! The machining time with and without thinning: the same blocks, planned twice by themselves.
+//! The machining time without thinning and with each method: the same blocks, planned by themselves.
 
 use feedwave_motion::{Planned, Planner};
 use feedwave_program::{FindingLog, Operation};
@@ -41,20 +41,20 @@ impl TimedPlan {
     }
 }
 
-/// Both plans, while thinning is on; gathered while validating only.
+/// All plans, while thinning is on; gathered while validating only.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimedPlans {
-    running: Option<Box<[TimedPlan; 2]>>,
-    /// Times so far, before and after thinning, s.
-    pub(crate) times_s: [f64; 2],
+    running: Option<Box<[TimedPlan; 3]>>,
+    /// Times so far: as programmed, thinned, and thinned by the other method, s.
+    pub(crate) times_s: [f64; 3],
 }
 
 impl TimedPlans {
-    /// Thinning is switched on: both plans begin at rest where the builder is.
+    /// Thinning is switched on: the plans begin at rest where the builder is.
     pub(crate) fn start(&mut self, builder: &Builder, config: &PipelineConfig) {
         let settings = config.profile.planner_settings(config.period_s());
         let plan = TimedPlan { builder: builder.beside(), planner: Planner::new(settings), time_s: 0.0 };
-        self.running = Some(Box::new([plan.clone(), plan]));
+        self.running = Some(Box::new([plan.clone(), plan.clone(), plan]));
     }
 
     /// An operation as programmed.
@@ -68,6 +68,13 @@ impl TimedPlans {
     pub(crate) fn after(&mut self, operation: &Operation, config: &PipelineConfig) {
         if let Some(plans) = &mut self.running {
             plans[1].operation(operation, config);
+        }
+    }
+
+    /// An operation that the other method has left.
+    pub(crate) fn after_other(&mut self, operation: &Operation, config: &PipelineConfig) {
+        if let Some(plans) = &mut self.running {
+            plans[2].operation(operation, config);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A freeform program as CAM systems make it: a gently concave surface cut into triangles, a block where the path crosses a
 //! triangle edge, the position on the chord surface, the direction averaged over the two triangles at the edge.
 
-use feedwave_cutting::thinning::{CutPoint, DirectionInterpolation, ThinningSettings};
+use feedwave_cutting::thinning::{CutPoint, DirectionInterpolation, ThinningMethod, ThinningSettings};
 use feedwave_motion::kinematics::vector::{Vec3, add, cross, sub, unit};
 
 /// Sides of the triangulated square, mm.
@@ -70,6 +70,7 @@ fn the_flicker_of_a_freeform_program_goes() {
         distance_tolerance_mm: 0.01,
         group_blocks: 10_000,
         interpolated_direction_tolerance_deg: None,
+        method: ThinningMethod::Published,
     };
     let (kept, report) = super::thinned(&points, settings, DirectionInterpolation::Angles(super::trunnion()));
     let rotary = report.rotary;

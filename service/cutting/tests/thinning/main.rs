@@ -1,11 +1,12 @@
 //! Block thinning (docs/functions/five-axis-thinning.md): the worked numbers, the result against a literal
 //! implementation of the algorithm, the cost in looks, the report, and a freeform program whose flicker goes.
 
+mod fitted;
 mod freeform;
 mod literal;
 
 use feedwave_cutting::thinning::{
-    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, Thinner, ThinningReport, ThinningSettings,
+    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, Thinner, ThinningMethod, ThinningReport, ThinningSettings,
 };
 use feedwave_motion::kinematics::vector::{Vec3, unit};
 use feedwave_motion::kinematics::{ChainAxis, Kinematics, KinematicsDescription, RotaryDirections, Wrap};
@@ -17,6 +18,7 @@ const SETTINGS: ThinningSettings = ThinningSettings {
     distance_tolerance_mm: 0.01,
     group_blocks: 100,
     interpolated_direction_tolerance_deg: None,
+    method: ThinningMethod::Published,
 };
 
 /// An A/C trunnion's rotary axes: A tilts, C turns.
@@ -179,6 +181,7 @@ fn invalid_settings_are_refused_by_field() {
         distance_tolerance_mm: 0.0,
         group_blocks: MAX_GROUP_BLOCKS + 1,
         interpolated_direction_tolerance_deg: Some(91.0),
+        method: ThinningMethod::Published,
     };
     let problems = Thinner::<()>::new(settings, DirectionInterpolation::GreatCircle).expect_err("invalid");
     let fields: Vec<&str> = problems.iter().map(|problem| problem.field.as_str()).collect();
@@ -305,6 +308,7 @@ proptest! {
             distance_tolerance_mm,
             group_blocks,
             interpolated_direction_tolerance_deg: tolerance,
+            method: ThinningMethod::Published,
         };
         let axes = trunnion();
         let interpolation =

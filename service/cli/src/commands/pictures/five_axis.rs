@@ -77,6 +77,18 @@ pub(super) fn prepare(
         bar.finish_and_clear();
         // A block that thinning drops may be one that the machine cannot reach.
         if is_whole { plots.finish_as_programmed() } else { plots.discard_as_programmed() }
+        let mut other = config.clone();
+        other.profile.thinning = config.profile.thinning.with_other_method();
+        let bar = progress("comparing", Unit::Setpoints, 0);
+        let is_whole = local::run_plan(source, Arc::new(other), |block| {
+            bar.inc(block.len() as u64);
+            plots.push_by_other_method(block);
+            Ok(Progress::Continue)
+        })?;
+        bar.finish_and_clear();
+        if !is_whole {
+            plots.discard_by_other_method();
+        }
     }
     Ok(Some(plots))
 }

@@ -1,6 +1,6 @@
 //! What thinning did, for people.
 
-use feedwave_contract::proto::{ThinningReport, ValidationReport};
+use feedwave_contract::proto::{ThinningMethod, ThinningReport, ValidationReport};
 
 use super::super::terminal::{Style, count, counted, number};
 use super::{Rows, lines, percent};
@@ -14,7 +14,11 @@ pub(super) fn text(report: &ValidationReport, style: Style) -> String {
 
 fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
     let mut rows = Rows::new(style);
-    rows.heading("Thinning");
+    let method = match thinning.method() {
+        ThinningMethod::Fitted => "Thinning, fitted",
+        ThinningMethod::Published | ThinningMethod::Unspecified => "Thinning",
+    };
+    rows.heading(method);
     let groups = counted(thinning.groups, "group");
     rows.row(
         "blocks",
@@ -49,6 +53,13 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
             ),
         );
     }
+    if thinning.direction_bound_deg > 0.0 {
+        let bound = number(thinning.direction_bound_deg, 3);
+        rows.row("", format!("the direction is nowhere more than {bound} degrees from the program, between blocks neither"));
+    }
+    if thinning.methods.len() > 1 {
+        method_table(&mut rows, thinning);
+    }
     if thinning.feeds_inherited + thinning.feeds_lost > 0 {
         let (inherited, lost) = (count(thinning.feeds_inherited), count(thinning.feeds_lost));
         rows.row("feeds", format!("{inherited} moved on to the next kept block, {lost} replaced before it"));
@@ -63,4 +74,32 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
         rows.more(thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed);
     }
     rows.text
+}
+
+/// Both methods side by side.
+fn method_table(rows: &mut Rows, thinning: &ThinningReport) {
+    let mut head = vec!["method".to_owned(), "kept".to_owned()];
+    head.extend(thinning.rotary_axes.iter().map(|axis| format!("reversals of {}", axis.letter)));
+    head.extend(["time, s", "position, mm", "direction, deg", "anywhere, deg"].map(str::to_owned));
+    let mut table = vec![head];
+    let mut programmed = vec!["as programmed".to_owned(), count(thinning.blocks_read)];
+    programmed.extend(thinning.rotary_axes.iter().map(|axis| count(axis.reversals_before)));
+    programmed.extend([number(thinning.time_before_s, 5), String::new(), String::new(), String::new()]);
+    table.push(programmed);
+    table.extend(thinning.methods.iter().map(|of| {
+        let (name, bound) = match of.method() {
+            ThinningMethod::Fitted => ("fitted", number(of.direction_bound_deg, 3)),
+            ThinningMethod::Published | ThinningMethod::Unspecified => ("published", "unbounded".to_owned()),
+        };
+        let mut row = vec![name.to_owned(), count(of.blocks_kept)];
+        row.extend(of.rotary_axes.iter().map(|axis| count(axis.reversals_after)));
+        row.extend([
+            number(of.time_s, 5),
+            number(of.position_deviation_mm, 3),
+            number(of.direction_deviation_deg, 3),
+            bound,
+        ]);
+        row
+    }));
+    rows.table(&table);
 }

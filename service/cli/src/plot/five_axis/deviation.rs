@@ -3,6 +3,7 @@
 use super::super::figure::{Axis, COUNT, DEGREES, Figure, Layout, Panel, Place, UM, Unit};
 use super::super::theme::{self, Ink};
 use super::ThinningShown;
+use feedwave_cutting::thinning::ThinningMethod;
 
 /// Space above the highest value.
 const HEADROOM: f64 = 1.18;
@@ -23,7 +24,11 @@ impl DeviationPicture<'_> {
         let distance = self.panel(title, ("distance", UM.along_a_path()), &position, tolerance_um);
         let direction: Vec<_> = deviations.stretches().map(|(line, of)| (f64::from(line), of.direction_deg)).collect();
         let title = "angle between the tool direction and the interpolated one";
-        let tolerance_deg = settings.interpolated_direction_tolerance_deg;
+        let is_fitted = settings.method == ThinningMethod::Fitted;
+        let tolerance_deg = match is_fitted {
+            true => Some(settings.fitted_tolerance_deg()),
+            false => settings.interpolated_direction_tolerance_deg,
+        };
         let mut angle = self.panel(title, ("angle", DEGREES), &direction, tolerance_deg);
         if tolerance_deg.is_none() {
             angle.note(format!(
@@ -41,7 +46,10 @@ impl DeviationPicture<'_> {
         let x = Axis::new("line of the program", COUNT, first - 1.0..last + 1.0);
         let y = Axis::new(label, unit, 0.0..(HEADROOM * highest).max(1e-6));
         let mut panel = Panel::new(title, x, y);
-        let name = "dropped blocks; kept ones, between them, have no deviation";
+        let name = match self.thinning.settings.method {
+            ThinningMethod::Published => "dropped blocks; kept ones, between them, have no deviation",
+            ThinningMethod::Fitted => "every block, dropped or kept",
+        };
         // Hills between kept blocks.
         for hill in points.split(|point| point.1 == 0.0).filter(|hill| !hill.is_empty()) {
             let half = 0.5 * f64::from(self.thinning.deviations.lines_per_stretch());

@@ -77,6 +77,8 @@ pub struct Pipeline {
     reader: Reader,
     operations: Vec<Operation>,
     pub(crate) thinning: ThinningStage,
+    /// The same by the other method; while validating only.
+    pub(crate) compared: Option<ThinningStage>,
     /// Operations that wait for the builder; empty between lines, but while more has to be known of what follows.
     waiting: VecDeque<Operation>,
     /// Looks ahead for the first of them. It is no part of the state: another one sees the same.
@@ -143,16 +145,14 @@ impl Pipeline {
             interpolator.examination = Some(Box::new(Examination::new(&config.profile.machine)));
         }
         let settings = config.profile.planner_settings(config.period_s());
+        let thinning =
+            ThinningStage::new(config.profile.thinning, !config.every_block, kinematics.clone(), is_validation);
         Self {
             pages: SourcePages::default(),
             reader: Reader::new(interpreter),
             operations: Vec::new(),
-            thinning: ThinningStage::new(
-                config.profile.thinning,
-                !config.every_block,
-                kinematics.clone(),
-                is_validation,
-            ),
+            compared: is_validation.then(|| thinning.by_other_method()),
+            thinning,
             waiting: VecDeque::new(),
             scout: None,
             timed: is_validation.then(TimedPlans::default),

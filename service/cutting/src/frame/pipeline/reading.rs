@@ -4,7 +4,7 @@ use feedwave_program::{Function, Operation, OperationKind, Reading};
 
 use super::Pipeline;
 use crate::frame::scout::Scout;
-use crate::functions::thinning::ProgramThinning;
+use crate::functions::thinning::{MethodFigures, ProgramThinning, ThinningMethod};
 
 impl Pipeline {
     /// Reads one line into the planner.
@@ -38,10 +38,13 @@ impl Pipeline {
 
     /// Passes an operation through the thinning stage.
     fn thin(&mut self, operation: Operation) {
-        let Self { config, thinning, waiting, timed, .. } = self;
+        let Self { config, thinning, compared, waiting, timed, .. } = self;
         let ends = operation.kind == OperationKind::End;
         if let Some(timed) = timed {
             timed.before(&operation, config);
+            if let Some(compared) = compared {
+                compared.operation(operation.clone(), &mut |operation| timed.after_other(&operation, config));
+            }
         }
         thinning.operation(operation, &mut |operation| {
             if let Some(timed) = timed {
@@ -84,9 +87,19 @@ impl Pipeline {
     pub(crate) fn thinning_report(&mut self) -> Option<ProgramThinning> {
         let figures = self.thinning.report()?;
         let dropped = self.thinning.dropped.take().unwrap_or_default();
-        let [time_before_s, time_after_s] = self.timed.as_ref().map_or([0.0; 2], |timed| timed.times_s);
+        let [time_before_s, time_after_s, time_other_s] = self.timed.as_ref().map_or([0.0; 3], |timed| timed.times_s);
+        let method = self.thinning.method();
+        let own = MethodFigures { method, figures, time_s: time_after_s };
+        let other = self.compared.as_ref().and_then(|compared| {
+            compared.report().map(|figures| MethodFigures { method: compared.method(), figures, time_s: time_other_s })
+        });
+        let mut methods = vec![own];
+        methods.extend(other);
+        methods.sort_by_key(|of| ThinningMethod::ALL.iter().position(|method| *method == of.method));
         Some(ProgramThinning {
+            method,
             figures,
+            methods,
             rotary_axes: self.thinning.rotary_letters(),
             dropped: dropped.runs,
             dropped_not_listed: dropped.not_listed,

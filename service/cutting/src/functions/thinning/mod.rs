@@ -4,22 +4,25 @@
 //!
 //! A streaming stage: a group of blocks goes in, the kept ones come out. Memory is one group; the results are those of
 //! the algorithm of that page, while trees of bounds over the group let the searches leap over blocks that cannot stop
-//! them.
+//! them. Besides that published method there is a fitted one, whose directions lie on a smooth curve and are bounded everywhere
+//! ("The fitted method").
 
 mod bounds;
 pub(crate) mod code;
+mod fitted;
 mod program_report;
 mod report;
 mod span;
 mod stage;
 mod thinner;
 mod trace;
+mod tube;
 
 pub(crate) use program_report::report_findings;
-pub use program_report::{DroppedRun, ProgramThinning};
+pub use program_report::{DroppedRun, MethodFigures, ProgramThinning};
 pub use report::{RotaryReport, ThinningReport};
 pub(crate) use stage::{StageState, ThinningStage};
 pub use thinner::{
-    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningSettings,
+    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningMethod, ThinningSettings,
 };
 pub use trace::{Deviation, DeviationTrace};

@@ -3,7 +3,7 @@
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
-use super::{DeviationTrace, ThinningReport, ThinningSettings};
+use super::{DeviationTrace, ThinningMethod, ThinningReport, ThinningSettings};
 
 /// Blocks dropped one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,11 +18,26 @@ pub struct DroppedRun {
     pub kept_line: u32,
 }
 
+/// What one method makes of a program.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MethodFigures {
+    /// The method.
+    pub method: ThinningMethod,
+    /// Counts, deviations and reversals.
+    pub figures: ThinningReport,
+    /// Time of the blocks that it leaves, planned by themselves from rest to rest, s.
+    pub time_s: f64,
+}
+
 /// Thinning over a whole program (docs/functions/five-axis-thinning.md, "Report").
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProgramThinning {
+    /// The method by which the program is run.
+    pub method: ThinningMethod,
     /// Counts, deviations and reversals.
     pub figures: ThinningReport,
+    /// Both methods side by side, in the order of [`ThinningMethod::ALL`]; the published and the fitted one.
+    pub methods: Vec<MethodFigures>,
     /// Letters of the two rotary axes, in the order of the figures: next to the work first.
     pub rotary_axes: Vec<char>,
     /// Runs of dropped blocks, in order; the first ones where there are very many.
@@ -56,7 +71,7 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
         );
     }
     let deviation_deg = report.direction_deviation_deg;
-    if deviation_deg > settings.angle_tolerance_deg {
+    if settings.method == ThinningMethod::Published && deviation_deg > settings.angle_tolerance_deg {
         let message = format!(
             "the interpolated direction is up to {deviation_deg:.3} degrees from that of a dropped block: the angle \
              tolerance of {} degrees compares with the last kept block only",
@@ -72,7 +87,8 @@ pub(crate) fn report_findings(report: &ThinningReport, settings: &ThinningSettin
                     "interpolated_direction_tolerance",
                     settings.angle_tolerance_deg,
                     "deg",
-                ),
+                )
+                .suggest("or choose the fitted method, which bounds the direction everywhere"),
         );
     }
     if report.feeds_lost > 0 {

@@ -85,15 +85,19 @@ pub struct ThinningReport {
     pub other_blocks: u64,
     /// Groups thinned.
     pub groups: u64,
-    /// Largest distance of a dropped block from the path that is left, mm; below the distance tolerance.
+    /// Largest distance of a dropped block from the path that is left, mm; below the distance tolerance. In the fitted method
+    /// the distance is to the same share of the path length, so that it bounds both paths' distance from each other everywhere.
     pub position_deviation_mm: f64,
     /// Program line of that block, 0 when the deviation is zero.
     pub position_deviation_line: u32,
-    /// Largest angle between a dropped block's direction and the interpolated one, degrees. The angle tolerance does not
-    /// bound it.
+    /// Largest angle between a block's direction and the one that is left there, degrees. The angle tolerance does not bound it
+    /// in the published method, where only dropped blocks deviate.
     pub direction_deviation_deg: f64,
     /// Program line of that block, 0 when the deviation is zero.
     pub direction_deviation_line: u32,
+    /// Most that the direction can be from the programmed one anywhere, between blocks as well, degrees; in the fitted
+    /// method, whose tolerance it never exceeds, else 0.
+    pub direction_bound_deg: f64,
     /// Kept blocks that run at the feed of a dropped one.
     pub feeds_inherited: u64,
     /// Feeds of dropped blocks that no block runs at, because another feed follows before the next kept block.

@@ -9,7 +9,8 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CutPoint, DeviationTrace, DirectionInterpolation, DroppedRun, Kept, Thinner, ThinningReport, ThinningSettings,
+    CutPoint, DeviationTrace, DirectionInterpolation, DroppedRun, Kept, Thinner, ThinningMethod, ThinningReport,
+    ThinningSettings,
 };
 
 /// Runs of dropped blocks listed; further ones are counted.
@@ -29,6 +30,8 @@ pub(crate) struct StageState {
     rotary_rad: [f64; 2],
     /// The work coordinates of the last work offset, for their directions.
     turned: Option<(Position, Setup)>,
+    /// Where the rotary axes are after the kept block before, rad, where vectors are fitted.
+    kept_rotary_rad: [f64; 2],
 }
 
 /// The stage.
@@ -52,7 +55,7 @@ pub(crate) struct DroppedRuns {
 }
 
 impl DroppedRuns {
-    fn add(&mut self, kept: &Kept<Waiting>) {
+    fn add<T>(&mut self, kept: &Kept<T>) {
         let Some([first_line, last_line]) = kept.dropped_lines else { return };
         if self.runs.len() < MAX_DROPPED_RUNS {
             let (blocks, kept_line) = (kept.dropped, kept.point.line);
@@ -78,6 +81,18 @@ impl ThinningStage {
             kinematics,
             dropped: for_report.then(DroppedRuns::default),
         }
+    }
+
+    /// A stage with nothing read yet that thins by the other method: what this one is compared with.
+    pub(crate) fn by_other_method(&self) -> Self {
+        let settings = self.settings.with_other_method();
+        let (is_wanted, kinematics) = (self.is_wanted, self.kinematics.clone());
+        Self { state: StageState::default(), settings, is_wanted, kinematics, dropped: None }
+    }
+
+    /// How it thins.
+    pub(crate) const fn method(&self) -> ThinningMethod {
+        self.settings.method
     }
 
     /// A stage in the same state that keeps no record.
@@ -152,9 +167,56 @@ impl ThinningStage {
 
     /// An operation that does anything else, or more, than cut straight.
     fn other(&mut self, out: &mut impl FnMut(Operation)) {
+        self.with_thinner(out, |thinner, out| thinner.push_other(out));
+    }
+
+    /// Does something with the thinner, and passes on what it keeps.
+    fn with_thinner(
+        &mut self,
+        out: &mut impl FnMut(Operation),
+        run: impl FnOnce(&mut Thinner<Waiting>, &mut dyn FnMut(Kept<Waiting>)),
+    ) {
         let Some(thinner) = &mut self.state.thinner else { return };
         let dropped = &mut self.dropped;
-        thinner.push_other(&mut |kept| pass_on(kept, dropped.as_mut(), out));
+        if self.settings.method == ThinningMethod::Published {
+            return run(thinner, &mut |kept| pass_on(kept, dropped.as_mut(), out));
+        }
+        let mut all = Vec::new();
+        run(thinner, &mut |kept| all.push(kept));
+        for kept in all {
+            let kept = self.turn(kept);
+            pass_on(kept, self.dropped.as_mut(), out);
+        }
+    }
+
+    /// Gives a block that the fitted method keeps its direction.
+    fn turn(&mut self, mut kept: Kept<Waiting>) -> Kept<Waiting> {
+        let Some(kinematics) = self.kinematics.as_deref() else { return kept };
+        let guided = &mut kept.payload.1;
+        match &mut guided.guide {
+            ToolGuide::Vector { end, .. } => {
+                if kept.is_turned {
+                    *end = Some(kept.point.direction);
+                }
+                let in_chain = self.state.turned.filter(|(offset, _)| *offset == guided.step.work_offset);
+                let rotary_rad = in_chain.and_then(|(_, setup)| {
+                    let pose = ToolPose { tip_mm: [0.0; 3], direction: kept.point.direction };
+                    kinematics.nearest_rotary(setup.to_chain(&pose).direction, self.state.kept_rotary_rad).ok()
+                });
+                self.state.kept_rotary_rad = rotary_rad.unwrap_or(self.state.kept_rotary_rad);
+                if let Some(thinner) = &mut self.state.thinner {
+                    thinner.is_kept_at(rotary_rad);
+                }
+            }
+            _ if kept.is_turned => {
+                for (axis, value_rad) in kinematics.letters().1.into_iter().zip(kept.point.rotary_rad.unwrap_or_default()) {
+                    let place = axis.index();
+                    guided.step.end[place] = value_rad.to_degrees() - guided.step.work_offset[place];
+                }
+            }
+            _ => {}
+        }
+        kept
     }
 
     fn thin(
@@ -168,11 +230,10 @@ impl ThinningStage {
         if self.state.feed != Some(feed) {
             point.feed_word = self.state.feed.replace(feed).map(|_| value_of(feed));
         }
-        let Some(thinner) = &mut self.state.thinner else { return };
-        let dropped = &mut self.dropped;
-        let mut out = |kept: Kept<Waiting>| pass_on(kept, dropped.as_mut(), out);
-        thinner.interpolate(interpolation, &mut out);
-        thinner.push(point, waiting, &mut out);
+        self.with_thinner(out, |thinner, out| {
+            thinner.interpolate(interpolation, out);
+            thinner.push(point, waiting, out);
+        });
     }
 
     /// What thinning looks at in a block; nothing for one that may not be dropped.

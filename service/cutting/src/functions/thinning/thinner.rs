@@ -8,6 +8,7 @@ use feedwave_motion::kinematics::vector::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::bounds::{RUN, Tree};
+use super::fitted::{Apart, FittedGroup, Turned, is_break};
 use super::report::{Largest, Reversals, RotaryReport, ThinningReport};
 use super::span::{Between, Group, Limits, angle_of, chord};
 use super::trace::{Deviation, DeviationTrace};
@@ -20,6 +21,34 @@ pub const MAX_GROUP_BLOCKS: u32 = 100_000;
 const ANGLE_RANGE_DEG: RangeInclusive<f64> = 1e-4..=90.0;
 /// Range of the distance tolerance, mm: from a hundredth of a micrometre to roughing.
 const DISTANCE_RANGE_MM: RangeInclusive<f64> = 1e-5..=10.0;
+
+/// Largest angle tolerance of the fitted method, degrees: its bounds are those of small angles.
+const MAX_FITTED_ANGLE_DEG: f64 = 10.0;
+
+/// How blocks are thinned out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ThinningMethod {
+    /// As published: blocks are dropped, those that are kept are as programmed.
+    #[default]
+    Published,
+    /// The directions of the kept blocks lie on a smooth curve; position and direction are within the tolerances everywhere.
+    Fitted,
+}
+
+impl ThinningMethod {
+    /// Both, in the order of reports.
+    pub const ALL: [Self; 2] = [Self::Published, Self::Fitted];
+
+    /// The one that it is compared with.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Published => Self::Fitted,
+            Self::Fitted => Self::Published,
+        }
+    }
+}
 
 /// Tolerances and group size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +63,9 @@ pub struct ThinningSettings {
     /// Where given, a span also shrinks while a dropped block's direction is this far from the interpolated one, degrees.
     #[serde(default)]
     pub interpolated_direction_tolerance_deg: Option<f64>,
+    /// The method.
+    #[serde(default)]
+    pub method: ThinningMethod,
 }
 
 impl Default for ThinningSettings {
@@ -45,6 +77,7 @@ impl Default for ThinningSettings {
             distance_tolerance_mm: 0.01,
             group_blocks: 1_000,
             interpolated_direction_tolerance_deg: None,
+            method: ThinningMethod::Published,
         }
     }
 }
@@ -67,7 +100,31 @@ impl ThinningSettings {
         if let Some(tolerance) = self.interpolated_direction_tolerance_deg {
             check("interpolated_direction_tolerance_deg", tolerance, ANGLE_RANGE_DEG, " degrees");
         }
+        if self.method == ThinningMethod::Fitted && self.fitted_tolerance_deg() > MAX_FITTED_ANGLE_DEG {
+            let message = format!(
+                "must be at most {MAX_FITTED_ANGLE_DEG} degrees in the fitted method, is {}",
+                self.fitted_tolerance_deg()
+            );
+            problems.push(ProfileProblem { field: "angle_tolerance_deg".to_owned(), message });
+        }
         problems
+    }
+
+    /// Tolerance of the direction in the fitted method, degrees: the stricter one where both are given.
+    #[must_use]
+    pub fn fitted_tolerance_deg(&self) -> f64 {
+        self.interpolated_direction_tolerance_deg.unwrap_or(f64::INFINITY).min(self.angle_tolerance_deg)
+    }
+
+    /// The same with the other method, at a tolerance that this one permits.
+    #[must_use]
+    pub fn with_other_method(&self) -> Self {
+        let method = self.method.other();
+        let angle_tolerance_deg = match method {
+            ThinningMethod::Published => self.angle_tolerance_deg,
+            ThinningMethod::Fitted => self.angle_tolerance_deg.min(MAX_FITTED_ANGLE_DEG),
+        };
+        Self { method, angle_tolerance_deg, ..*self }
     }
 }
 
@@ -119,6 +176,15 @@ pub struct Kept<T> {
     pub dropped: u32,
     /// Program lines of the first and the last of them.
     pub dropped_lines: Option<[u32; 2]>,
+    /// Whether direction and rotary values are those of the fit instead of the program's.
+    pub is_turned: bool,
+}
+
+impl<T> Kept<T> {
+    /// The first block of a group, as programmed.
+    const fn first(point: CutPoint, payload: T) -> Self {
+        Self { point, payload, inherited_feed: false, dropped: 0, dropped_lines: None, is_turned: false }
+    }
 }
 
 /// The stage. Its whole state is one serialisable value, like that of every machining function.
@@ -128,10 +194,14 @@ pub struct Thinner<T> {
     interpolation: DirectionInterpolation,
     points: Vec<CutPoint>,
     payloads: Vec<T>,
+    /// In the fitted method, directions of the first points as the group before has left them; the first point is kept already.
+    carried: Vec<Turned>,
     figures: ThinningReport,
     position: Largest,
     /// Square of a chord.
     direction: Largest,
+    /// Bound of the direction between points, rad; in the fitted method.
+    bound: Largest,
     rotary: Largest,
     before: Reversals,
     after: Reversals,
@@ -162,9 +232,11 @@ impl<T> Thinner<T> {
             interpolation,
             points: Vec::new(),
             payloads: Vec::new(),
+            carried: Vec::new(),
             figures: ThinningReport::default(),
             position: Largest::default(),
             direction: Largest::default(),
+            bound: Largest::default(),
             rotary: Largest::default(),
             before: Reversals::default(),
             after: Reversals::default(),
@@ -189,23 +261,26 @@ impl<T> Thinner<T> {
 
     /// Reads a pure cutting block. When it fills its group, the kept blocks of the group go to `out` in order. A block with a
     /// coordinate that is not a number is kept, and a group of its own.
-    pub fn push(&mut self, point: CutPoint, payload: T, out: &mut impl FnMut(Kept<T>)) {
+    pub fn push(&mut self, point: CutPoint, payload: T, out: &mut (impl FnMut(Kept<T>) + ?Sized)) {
         let finite = point.is_finite();
-        if !finite {
+        if !finite || self.is_broken_by(&point) {
             self.flush(out);
         }
         self.figures.blocks_read += 1;
         self.before.add(point.rotary_rad);
         self.points.push(point);
         self.payloads.push(payload);
-        if !finite || self.points.len() >= self.settings.group_blocks as usize {
+        let is_full = self.points.len() >= self.settings.group_blocks as usize;
+        if is_full && finite && self.settings.method == ThinningMethod::Fitted {
+            self.settle(false, out);
+        } else if !finite || is_full {
             self.flush(out);
         }
     }
 
     /// Reads a block that does anything else, or more: the group before it is thinned, the block itself is the caller's to
     /// keep, and the next block starts a group.
-    pub fn push_other(&mut self, out: &mut impl FnMut(Kept<T>)) {
+    pub fn push_other(&mut self, out: &mut (impl FnMut(Kept<T>) + ?Sized)) {
         self.flush(out);
         self.figures.blocks_read += 1;
         self.figures.other_blocks += 1;
@@ -214,9 +289,12 @@ impl<T> Thinner<T> {
     }
 
     /// Thins what has been read of the group: at the end of the mode or of the program.
-    pub fn flush(&mut self, out: &mut impl FnMut(Kept<T>)) {
+    pub fn flush(&mut self, out: &mut (impl FnMut(Kept<T>) + ?Sized)) {
         if self.points.is_empty() {
             return;
+        }
+        if self.settings.method == ThinningMethod::Fitted {
+            return self.settle(true, out);
         }
         self.figures.groups += 1;
         if self.points.len() > RUN {
@@ -229,7 +307,7 @@ impl<T> Thinner<T> {
         if let Some(payload) = rest.next() {
             let point = self.points[0];
             self.after.add(point.rotary_rad);
-            out(Kept { point, payload, inherited_feed: false, dropped: 0, dropped_lines: None });
+            out(Kept::first(point, payload));
         }
         let mut start = 0;
         while start + 1 < self.points.len() {
@@ -250,13 +328,109 @@ impl<T> Thinner<T> {
     }
 
     /// Another form of direction follows: the group before it is thinned.
-    pub fn interpolate(&mut self, interpolation: DirectionInterpolation, out: &mut impl FnMut(Kept<T>)) {
+    pub fn interpolate(&mut self, interpolation: DirectionInterpolation, out: &mut (impl FnMut(Kept<T>) + ?Sized)) {
         if interpolation != self.interpolation {
             self.flush(out);
             self.before.interrupt();
             self.after.interrupt();
             self.interpolation = interpolation;
         }
+    }
+
+    /// Whether the fit cannot go on from the last block to this one.
+    fn is_broken_by(&self, point: &CutPoint) -> bool {
+        let Some(before) = self.points.last().filter(|_| self.settings.method == ThinningMethod::Fitted) else {
+            return false;
+        };
+        let has_angles = point.rotary_rad.is_some();
+        let by_angles = has_angles && matches!(self.interpolation, DirectionInterpolation::Angles(_));
+        before.rotary_rad.is_some() != has_angles || is_break(before, point, by_angles)
+    }
+
+    /// The rotary axes whose angles are interpolated between the points of the group.
+    fn fitted_angles(&self) -> Option<RotaryDirections> {
+        match self.interpolation {
+            DirectionInterpolation::Angles(directions) => {
+                self.points.iter().all(|point| point.rotary_rad.is_some()).then_some(directions)
+            }
+            DirectionInterpolation::GreatCircle => None,
+        }
+    }
+
+    /// Fits the group and hands on what is kept of it: all of it where nothing follows, else three quarters, so that what
+    /// follows has its part in the rest.
+    fn settle(&mut self, is_last: bool, out: &mut (impl FnMut(Kept<T>) + ?Sized)) {
+        self.figures.groups += 1;
+        let directions = self.fitted_angles();
+        let points = std::mem::take(&mut self.points);
+        let carried = std::mem::take(&mut self.carried);
+        let tolerances =
+            [self.settings.fitted_tolerance_deg().to_radians(), self.settings.distance_tolerance_mm];
+        let group = FittedGroup::fit(&points, directions.as_ref(), tolerances, &carried, is_last);
+        let last = points.len() - 1;
+        let limit = if is_last { last } else { (points.len() * 3 / 4).clamp(1, last - 1) };
+        let mut payloads = std::mem::take(&mut self.payloads).into_iter();
+        if carried.is_empty()
+            && let Some(payload) = payloads.next()
+        {
+            if directions.is_some() {
+                self.after.add(points[0].rotary_rad);
+            }
+            out(Kept::first(points[0], payload));
+        }
+        let mut start = 0;
+        while start < limit {
+            let mut looks = 0;
+            let end = group.end_of_span(start, limit, &mut looks);
+            self.looks += looks;
+            self.measure_fitted(&group, start, end);
+            if let Some(payload) = payloads.by_ref().nth(end - start - 1) {
+                let is_turned = !(is_last && end == last);
+                let mut point = points[end];
+                if is_turned {
+                    let turned = group.turned[end];
+                    point.direction = group.direction(turned);
+                    point.rotary_rad = directions.map(|_| [turned[0], turned[1]]);
+                }
+                if directions.is_some() {
+                    self.after.add(point.rotary_rad);
+                }
+                out(Kept { is_turned, ..self.with_feeds(&points[start + 1..end], point, payload) });
+            }
+            start = end;
+        }
+        if !is_last {
+            self.carried = group.turned[start..].iter().take(2).copied().collect();
+            self.points = points[start..].to_vec();
+            self.payloads = payloads.collect();
+        }
+    }
+
+    /// The deviations between two blocks that the fitted method keeps.
+    fn measure_fitted(&mut self, group: &FittedGroup<'_>, start: usize, end: usize) {
+        let Some(span) = group.span(start, end) else { return };
+        let mut before = span.apart(start);
+        for at in start + 1..=end {
+            let here = span.apart(at);
+            let line = group.points[at].line;
+            let Apart { position_mm, direction_rad, rotary_rad } = here;
+            self.position.add(position_mm, line);
+            let chord = chord(direction_rad);
+            self.direction.add(chord * chord, line);
+            self.bound.add(span.bound_rad(at - 1, before, here), line);
+            self.rotary.add(rotary_rad, line);
+            self.figures.rotary.off_blocks += u64::from(rotary_rad > group.angle_tolerance_rad);
+            if let Some(trace) = &mut self.trace {
+                trace.add(line, Deviation { position_mm, direction_deg: direction_rad.to_degrees() });
+            }
+            before = here;
+        }
+    }
+
+    /// A block that is kept by itself moves the rotary axes there; for directions along great circles, whose angles only the
+    /// caller knows.
+    pub(crate) fn is_kept_at(&mut self, rotary_rad: Option<[f64; 2]>) {
+        self.after.add(rotary_rad);
     }
 
     fn group(&self) -> Group<'_> {
@@ -307,8 +481,15 @@ impl<T> Thinner<T> {
 
     /// The kept block at the end of a span, with the modal words of those dropped before it.
     fn keep(&mut self, start: usize, end: usize, payload: T) -> Kept<T> {
-        let mut point = self.points[end];
-        let dropped = &self.points[start + 1..end];
+        let points = std::mem::take(&mut self.points);
+        let kept = self.with_feeds(&points[start + 1..end], points[end], payload);
+        self.points = points;
+        self.after.add(kept.point.rotary_rad);
+        kept
+    }
+
+    /// A kept block with the modal words of those dropped before it.
+    fn with_feeds(&mut self, dropped: &[CutPoint], mut point: CutPoint, payload: T) -> Kept<T> {
         let mut feeds = dropped.iter().filter_map(|point| point.feed_word);
         let last_feed = feeds.next_back();
         let inherited_feed = point.feed_word.is_none() && last_feed.is_some();
@@ -318,9 +499,8 @@ impl<T> Thinner<T> {
         if inherited_feed {
             point.feed_word = last_feed;
         }
-        self.after.add(point.rotary_rad);
         let dropped_lines = dropped.first().zip(dropped.last()).map(|(first, last)| [first.line, last.line]);
-        Kept { point, payload, inherited_feed, dropped: dropped.len() as u32, dropped_lines }
+        Kept { point, payload, inherited_feed, dropped: dropped.len() as u32, dropped_lines, is_turned: false }
     }
 
     /// What has been done so far; blocks of a group that is not full yet are read, and neither kept nor dropped.
@@ -334,6 +514,7 @@ impl<T> Thinner<T> {
             position_deviation_line,
             direction_deviation_deg: angle_of(libm::sqrt(square)).to_degrees(),
             direction_deviation_line,
+            direction_bound_deg: self.bound.get().0.to_degrees(),
             rotary: RotaryReport {
                 reversals_before: self.before.count(),
                 reversals_after: self.after.count(),
