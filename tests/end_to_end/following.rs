@@ -210,7 +210,11 @@ async fn an_oscillation_arrives_with_all_its_harmonics() {
                 sum.0 += 2.0 / f64::from(samples) * retraction_mm(turns) * angle.cos();
                 sum.1 += 2.0 / f64::from(samples) * retraction_mm(turns) * angle.sin();
             }
-            (f64::from(harmonic), sum, if sum.0.hypot(sum.1) > 1e-7 { simulated(true, 10.0 * f64::from(harmonic)) } else { (0.0, 0.0) })
+            (
+                f64::from(harmonic),
+                sum,
+                if sum.0.hypot(sum.1) > 1e-7 { simulated(true, 10.0 * f64::from(harmonic)) } else { (0.0, 0.0) },
+            )
         })
         .collect();
     let arriving = (0..2_000).map(|place| {
@@ -221,7 +225,8 @@ async fn an_oscillation_arrives_with_all_its_harmonics() {
         });
         terms.sum::<f64>()
     });
-    let (least, most) = arriving.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (value.min(least), value.max(most)));
+    let (least, most) =
+        arriving.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (value.min(least), value.max(most)));
     assert_near(following.directions[2].arriving_amplitude_mm, 0.5 * (most - least), 1e-5);
     let error_deg = (axial_lag - plane_lag).to_degrees();
     assert_near(following.phase_error_deg, error_deg, 1e-4);

@@ -84,9 +84,8 @@ fn farthest(program: &str, machine: &Setpoints, directions: Directions) -> (f64,
             // Within a block of a degree the great circle is its chord to 1e-6 rad.
             Directions::Vectors => unit(mix(unit(places[block - 1].1), unit(places[block].1))),
             Directions::Angles => {
-                let [a, c] = [0, 1].map(|axis| {
-                    angles[block - 1][axis] + within * (angles[block][axis] - angles[block - 1][axis])
-                });
+                let [a, c] = [0, 1]
+                    .map(|axis| angles[block - 1][axis] + within * (angles[block][axis] - angles[block - 1][axis]));
                 forward([0.0, 0.0, 0.0, a, c]).1
             }
         };

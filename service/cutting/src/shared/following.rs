@@ -112,10 +112,9 @@ impl FollowingModel {
             };
             problems.extend(message.map(|message| ProfileProblem { field: format!("axes[{index}].axis"), message }));
             let own = own.drive.problems().into_iter();
-            problems.extend(own.map(|problem| ProfileProblem {
-                field: format!("axes[{index}].{}", problem.field),
-                ..problem
-            }));
+            problems.extend(
+                own.map(|problem| ProfileProblem { field: format!("axes[{index}].{}", problem.field), ..problem }),
+            );
         }
         problems
     }

@@ -107,7 +107,8 @@ fn sharp_turn() -> Vec<CutPoint> {
 #[test]
 fn no_flicker_is_left_around_a_sharp_turn() {
     for by_angles in [true, false] {
-        let points: Vec<_> = sharp_turn().into_iter().map(|point| if by_angles { point } else { vector(point) }).collect();
+        let points: Vec<_> =
+            sharp_turn().into_iter().map(|point| if by_angles { point } else { vector(point) }).collect();
         let (kept, report) = check(&points, SETTINGS, by_angles);
         let published = ThinningSettings { method: ThinningMethod::Published, ..SETTINGS };
         let interpolation =
@@ -125,8 +126,7 @@ fn no_flicker_is_left_around_a_sharp_turn() {
 fn a_freeform_program_is_smooth_and_within_both_tolerances_everywhere() {
     let points = super::freeform::program(40, 205);
     for by_angles in [true, false] {
-        let points: Vec<_> =
-            points.iter().map(|point| if by_angles { *point } else { vector(*point) }).collect();
+        let points: Vec<_> = points.iter().map(|point| if by_angles { *point } else { vector(*point) }).collect();
         let settings = ThinningSettings { group_blocks: 1_000, ..SETTINGS };
         let (kept, report) = check(&points, settings, by_angles);
         let published = ThinningSettings { method: ThinningMethod::Published, ..settings };
@@ -167,8 +167,9 @@ fn a_group_is_settled_by_three_quarters_and_what_is_carried_over_is_enough_to_go
 
 #[test]
 fn blocks_where_the_tool_rests_or_turns_far_at_once_are_as_programmed() {
-    let mut points: Vec<CutPoint> =
-        (0..30).map(|block| vector(at(block + 1, [0.5 * f64::from(block), 0.0, 0.0], -20.0 + 0.2 * f64::from(block % 2)))).collect();
+    let mut points: Vec<CutPoint> = (0..30)
+        .map(|block| vector(at(block + 1, [0.5 * f64::from(block), 0.0, 0.0], -20.0 + 0.2 * f64::from(block % 2))))
+        .collect();
     // At rest from block 10 to 11, and turned by 75 degrees in block 20.
     points[11].tip_mm = points[10].tip_mm;
     for point in &mut points[20..] {
@@ -193,15 +194,11 @@ fn the_feed_of_a_dropped_block_moves_on_as_in_the_published_method() {
 
 #[test]
 fn its_tolerance_is_a_small_angle() {
-    let fields = |settings: ThinningSettings| {
-        settings.validate().into_iter().map(|problem| problem.field).collect::<Vec<_>>()
-    };
+    let fields =
+        |settings: ThinningSettings| settings.validate().into_iter().map(|problem| problem.field).collect::<Vec<_>>();
     assert_eq!(fields(ThinningSettings { angle_tolerance_deg: 11.0, ..SETTINGS }), ["angle_tolerance_deg"]);
-    let stricter = ThinningSettings {
-        angle_tolerance_deg: 11.0,
-        interpolated_direction_tolerance_deg: Some(0.5),
-        ..SETTINGS
-    };
+    let stricter =
+        ThinningSettings { angle_tolerance_deg: 11.0, interpolated_direction_tolerance_deg: Some(0.5), ..SETTINGS };
     assert_eq!(fields(stricter), [""; 0]);
     assert_eq!(stricter.fitted_tolerance_deg(), 0.5);
     // The other method of a coarse published one is the fitted one at what it permits.

@@ -1,8 +1,8 @@
 //! Sections with vibration along the path for people: does the chip break, can the machine follow.
 
 use feedwave_contract::proto::{
-    AxisLoadReport, ChipReport, ChipSpan, FollowingContour, FollowingReport, GenerationMode, Nearest, OverrideReport, PublishedEnds,
-    SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
+    AxisLoadReport, ChipReport, ChipSpan, FollowingContour, FollowingReport, GenerationMode, Nearest, OverrideReport,
+    PublishedEnds, SectionReport, SpeedTolerance, SurfaceSpeedReport, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};
@@ -295,7 +295,10 @@ fn following_rows(rows: &mut Rows, following: &FollowingReport) {
         0.0 => String::new(),
         lag_deg => format!(", {} degrees ahead", number(lag_deg, 4)),
     };
-    rows.row("tool", format!("{} mm of the amplitude arrive{command}{ahead}", number(following.arriving_amplitude_mm, 4)));
+    rows.row(
+        "tool",
+        format!("{} mm of the amplitude arrive{command}{ahead}", number(following.arriving_amplitude_mm, 4)),
+    );
     let axes: Vec<String> = following
         .axes
         .iter()

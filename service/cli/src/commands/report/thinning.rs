@@ -55,7 +55,10 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
     }
     if thinning.direction_bound_deg > 0.0 {
         let bound = number(thinning.direction_bound_deg, 3);
-        rows.row("", format!("the direction is nowhere more than {bound} degrees from the program, between blocks neither"));
+        rows.row(
+            "",
+            format!("the direction is nowhere more than {bound} degrees from the program, between blocks neither"),
+        );
     }
     if thinning.methods.len() > 1 {
         method_table(&mut rows, thinning);

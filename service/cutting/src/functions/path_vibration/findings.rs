@@ -366,8 +366,11 @@ impl Evidence {
             .ranked("", arriving_mm / amplitude_mm)
             .with_value("arriving_amplitude", arriving_mm, "mm");
         findings.push(if command_mm > 0.0 {
-            let cure =
-                format!("command {} mm, so that at most {} mm arrive", decimal(command_mm, 4), decimal(amplitude_mm, 4));
+            let cure = format!(
+                "command {} mm, so that at most {} mm arrive",
+                decimal(command_mm, 4),
+                decimal(amplitude_mm, 4)
+            );
             finding.suggest_value(cure, self.amplitude_cure(command_mm), "amplitude", command_mm, "mm")
         } else {
             finding.suggest("choose a frequency below the resonance of the drives")

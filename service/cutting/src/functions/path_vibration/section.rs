@@ -12,8 +12,8 @@ use super::findings::Evidence;
 use super::following::FollowingLoss;
 use super::loads::AxisLoads;
 use super::{
-    FollowingReport, GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
-    VibrationWordSpans, sin_turns,
+    FollowingReport, GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope,
+    VibrationSettings, VibrationWordSpans, sin_turns,
 };
 use crate::shared::following::FollowingModel;
 

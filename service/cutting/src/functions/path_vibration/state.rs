@@ -10,9 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::{
-    GenerationMode, SectionAnalyzer, SectionBarrier, SectionPart, SectionStart, VibrationAnalysis,
-    VibrationCondition, VibrationDemand, VibrationEnvelope, VibrationSettings, VibrationWordSpans,
-    condition_from_command,
+    GenerationMode, SectionAnalyzer, SectionBarrier, SectionPart, SectionStart, VibrationAnalysis, VibrationCondition,
+    VibrationDemand, VibrationEnvelope, VibrationSettings, VibrationWordSpans, condition_from_command,
 };
 use crate::functions::switch::{Modal, Switch};
 use crate::shared::following::FollowingModel;

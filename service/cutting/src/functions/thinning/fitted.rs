@@ -120,7 +120,8 @@ impl<'a> FittedGroup<'a> {
         }
         let width = ANGLE_SHARE * tolerance_rad;
         let last = self.points.len() - 1;
-        let lever = (at.saturating_sub(1)..(at + 1).min(last)).map(|block| self.lever(block, width)).fold(0.0, f64::max);
+        let lever =
+            (at.saturating_sub(1)..(at + 1).min(last)).map(|block| self.lever(block, width)).fold(0.0, f64::max);
         // Near the pole the first axis could be anywhere; it follows its angles within the tolerance there.
         [width / lever.max(ANGLE_SHARE), width, 0.0]
     }
@@ -233,7 +234,10 @@ impl Span<'_> {
         let [first, second] = if self.circle.is_none() { self.beside_rad(at).map(f64::abs) } else { [0.0; 2] };
         Apart {
             position_mm: if at == self.end { 0.0 } else { norm(sub(points[at].tip_mm, tip_mm)) },
-            direction_rad: angle(self.group.direction(self.turned(at)), self.group.direction(self.group.programmed(at))),
+            direction_rad: angle(
+                self.group.direction(self.turned(at)),
+                self.group.direction(self.group.programmed(at)),
+            ),
             rotary_rad: first.max(second),
         }
     }

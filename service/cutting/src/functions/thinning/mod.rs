@@ -23,6 +23,7 @@ pub use program_report::{DroppedRun, MethodFigures, ProgramThinning};
 pub use report::{RotaryReport, ThinningReport};
 pub(crate) use stage::{StageState, ThinningStage};
 pub use thinner::{
-    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningMethod, ThinningSettings,
+    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningMethod,
+    ThinningSettings,
 };
 pub use trace::{Deviation, DeviationTrace};

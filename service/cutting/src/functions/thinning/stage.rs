@@ -209,7 +209,9 @@ impl ThinningStage {
                 }
             }
             _ if kept.is_turned => {
-                for (axis, value_rad) in kinematics.letters().1.into_iter().zip(kept.point.rotary_rad.unwrap_or_default()) {
+                for (axis, value_rad) in
+                    kinematics.letters().1.into_iter().zip(kept.point.rotary_rad.unwrap_or_default())
+                {
                     let place = axis.index();
                     guided.step.end[place] = value_rad.to_degrees() - guided.step.work_offset[place];
                 }

@@ -364,8 +364,7 @@ impl<T> Thinner<T> {
         let directions = self.fitted_angles();
         let points = std::mem::take(&mut self.points);
         let carried = std::mem::take(&mut self.carried);
-        let tolerances =
-            [self.settings.fitted_tolerance_deg().to_radians(), self.settings.distance_tolerance_mm];
+        let tolerances = [self.settings.fitted_tolerance_deg().to_radians(), self.settings.distance_tolerance_mm];
         let group = FittedGroup::fit(&points, directions.as_ref(), tolerances, &carried, is_last);
         let last = points.len() - 1;
         let limit = if is_last { last } else { (points.len() * 3 / 4).clamp(1, last - 1) };

@@ -214,8 +214,12 @@ mod tests {
     }
 
     fn reversals(values: &[f64]) -> usize {
-        let senses: Vec<bool> =
-            values.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| step.abs() > 1e-9).map(|step| step > 0.0).collect();
+        let senses: Vec<bool> = values
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .filter(|step| step.abs() > 1e-9)
+            .map(|step| step > 0.0)
+            .collect();
         senses.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }
 

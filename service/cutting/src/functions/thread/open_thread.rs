@@ -7,8 +7,8 @@ use super::code;
 use super::pass::{PassPath, TAPER_SHARE, ThreadBlock, axis_limits};
 use super::state::{Mode, ThreadInputs};
 use super::{
-    GrooveProfile, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadDrives, ThreadGeometry, ThreadJob, ThreadLimits,
-    ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
+    GrooveProfile, MAX_THREAD_PASSES, PathVibration, SpindleRotation, ThreadDrives, ThreadGeometry, ThreadJob,
+    ThreadLimits, ThreadPass, ThreadSectionReport, ThreadSide, judge_thread,
 };
 
 /// Lengths, leads and tapers that differ by less are the same.
@@ -193,10 +193,7 @@ impl OpenThread {
             period_s: inputs.period_s,
             thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
             finishing_thickness_mm: settings.max_finishing_thickness_mm,
-            drives: ThreadDrives {
-                vibrating: inputs.following.of(Axis::X),
-                lead: inputs.following.of(Axis::Z),
-            },
+            drives: ThreadDrives { vibrating: inputs.following.of(Axis::X), lead: inputs.following.of(Axis::Z) },
         };
         let report = judge_thread(&job, &limits);
         ThreadSectionReport {

@@ -14,8 +14,8 @@ use super::code;
 use super::parameters::refusal;
 use super::report::ThreadLimits;
 use super::{
-    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadDrives, ThreadGeometry,
-    ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
+    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadDrives,
+    ThreadGeometry, ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
 };
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 

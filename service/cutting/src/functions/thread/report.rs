@@ -6,7 +6,9 @@ use feedwave_program::{Finding, FindingLog};
 
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
-use super::{ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadDrives, ThreadFollowing, ThreadJob, findings, following};
+use super::{
+    ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadDrives, ThreadFollowing, ThreadJob, findings, following,
+};
 use feedwave_motion::sin_turns;
 
 /// Most passes of one thread; more are refused.

@@ -69,9 +69,10 @@ impl OscillationFollowing {
         let mut directions = Vec::new();
         for (direction, motion, axes) in moving.into_iter().chain(cross).filter(|it| it.1.amplitude_mm > 0.0) {
             let harmonics = Harmonics::of(|turns| motion.offset_mm(turns));
-            directions.extend(axes.iter().map(|&axis| {
-                arrival(direction, axis, motion, &harmonics, &drives.model.of(axis), 1.0 / period_s)
-            }));
+            directions.extend(
+                axes.iter()
+                    .map(|&axis| arrival(direction, axis, motion, &harmonics, &drives.model.of(axis), 1.0 / period_s)),
+            );
         }
         Some(Self {
             phase_error_deg: worst_phase_error_deg(oscillation, &directions),
@@ -110,7 +111,8 @@ fn worst_phase_error_deg(oscillation: &ToolOscillation, directions: &[DirectionF
     let errors = of(OscillationDirection::Axial).flat_map(|axial| {
         of(OscillationDirection::Feed).map(move |feed| within_half_turn(commanded_deg + axial.lag_deg - feed.lag_deg))
     });
-    errors.fold(None, |worst: Option<f64>, error| Some(worst.filter(|worst| worst.abs() >= error.abs()).unwrap_or(error)))
+    errors
+        .fold(None, |worst: Option<f64>, error| Some(worst.filter(|worst| worst.abs() >= error.abs()).unwrap_or(error)))
         .unwrap_or(0.0)
 }
 

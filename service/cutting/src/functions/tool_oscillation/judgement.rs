@@ -11,9 +11,9 @@ use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE
 use super::state::ActiveOscillation;
 use super::{
     ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
-    OscillationDrives, OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest, OscillationRun,
-    OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition, judge,
-    known_names, ramp_mm, synchronise,
+    OscillationDrives, OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest,
+    OscillationRun, OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition,
+    judge, known_names, ramp_mm, synchronise,
 };
 use crate::shared::cut::Cut;
 

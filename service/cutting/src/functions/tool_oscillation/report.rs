@@ -7,8 +7,8 @@ use super::feed_range::feed_range;
 use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
-    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, OscillationDrives, OscillationFollowing, RoleRotation, Roughness,
-    ToolGeometry, ToolOscillation, findings, following, ramp_mm,
+    DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, OscillationDrives,
+    OscillationFollowing, RoleRotation, Roughness, ToolGeometry, ToolOscillation, findings, following, ramp_mm,
 };
 
 /// What one direction of the machine can do.

@@ -141,8 +141,7 @@ impl DriveModel {
     /// |G| of the position loop.
     #[must_use]
     pub fn loop_gain(&self, frequency_hz: f64) -> f64 {
-        self.position_loop(TAU * frequency_hz)
-            .map_or(1.0, |it| it.numerator.magnitude() / it.denominator.magnitude())
+        self.position_loop(TAU * frequency_hz).map_or(1.0, |it| it.numerator.magnitude() / it.denominator.magnitude())
     }
 
     /// Lag of the position loop, rad from 0 to 3π/2.
@@ -200,7 +199,8 @@ impl DriveModel {
     #[must_use]
     pub fn steady_lag_s(&self) -> f64 {
         let filter_s = 0.5 * self.filter_length_s.unwrap_or(0.0);
-        filter_s + self.position_loop_gain_per_s.map_or(0.0, |gain_per_s| (1.0 - self.velocity_feed_forward) / gain_per_s)
+        filter_s
+            + self.position_loop_gain_per_s.map_or(0.0, |gain_per_s| (1.0 - self.velocity_feed_forward) / gain_per_s)
     }
 
     /// What to command so that `wanted` arrives where this much of it does; `None` where nothing does.
@@ -216,10 +216,9 @@ impl DriveModel {
         let mut refuse = |field: &str, message: String| {
             problems.push(ProfileProblem { field: field.to_owned(), message });
         };
-        for (field, value) in [
-            ("filter_length_s", self.filter_length_s),
-            ("position_loop_gain_per_s", self.position_loop_gain_per_s),
-        ] {
+        for (field, value) in
+            [("filter_length_s", self.filter_length_s), ("position_loop_gain_per_s", self.position_loop_gain_per_s)]
+        {
             if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
                 refuse(field, format!("must be a positive finite number, is {value}"));
             }
@@ -243,7 +242,9 @@ impl DriveModel {
             ("velocity_loop_frequency_hz", self.velocity_loop_frequency_hz.is_some()),
             ("velocity_feed_forward", self.velocity_feed_forward != 0.0),
         ];
-        for (field, _) in needs_loop.into_iter().filter(|(_, stated)| *stated && self.position_loop_gain_per_s.is_none()) {
+        for (field, _) in
+            needs_loop.into_iter().filter(|(_, stated)| *stated && self.position_loop_gain_per_s.is_none())
+        {
             refuse(field, "needs position_loop_gain_per_s".to_owned());
         }
         if problems.is_empty()

@@ -67,14 +67,18 @@ fn rates(drive: &DriveModel, [x, v, a]: [f64; 3], (r, r_rate): (f64, f64)) -> [f
     match (rad_per_s, drive.velocity_loop_damping) {
         (None, _) => [wanted, 0.0, 0.0],
         (Some(rad_per_s), None) => [v, (wanted - v) * rad_per_s, 0.0],
-        (Some(rad_per_s), Some(damping)) => {
-            [v, a, rad_per_s * (rad_per_s * (wanted - v) - 2.0 * damping * a)]
-        }
+        (Some(rad_per_s), Some(damping)) => [v, a, rad_per_s * (rad_per_s * (wanted - v) - 2.0 * damping * a)],
     }
 }
 
 /// Positions of a drive at every step from `from` to `steps` of a simulation by Runge and Kutta's method of fourth order.
-fn simulate(drive: &DriveModel, command: impl Fn(f64) -> (f64, f64), step_s: f64, from: usize, steps: usize) -> Vec<f64> {
+fn simulate(
+    drive: &DriveModel,
+    command: impl Fn(f64) -> (f64, f64),
+    step_s: f64,
+    from: usize,
+    steps: usize,
+) -> Vec<f64> {
     let mut state = [0.0; 3];
     let mut positions = Vec::with_capacity(steps - from);
     for step in 0..steps {
@@ -286,7 +290,10 @@ fn every_problem_is_named_with_its_field() {
         axes: vec![
             AxisDrive { axis: Axis::X, drive: unstable },
             AxisDrive { axis: Axis::X, drive: drive(-1.0, 0.0, None, 0.0) },
-            AxisDrive { axis: Axis::C, drive: DriveModel { velocity_loop_damping: Some(0.7), ..drive(0.0, 50.0, None, 0.0) } },
+            AxisDrive {
+                axis: Axis::C,
+                drive: DriveModel { velocity_loop_damping: Some(0.7), ..drive(0.0, 50.0, None, 0.0) },
+            },
         ],
     };
     let fields = |axes: &[Axis]| model.problems(axes).into_iter().map(|problem| problem.field).collect::<Vec<_>>();

@@ -1,8 +1,8 @@
 //! What is said about sections with vibration along the path, for the contract.
 
 use feedwave_cutting::{
-    AxisFollowing, AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingContour, FollowingReport, Nearest, OverrideReport, PublishedEnds,
-    SectionReport, SurfaceSpeedReport, UnbrokenSpan,
+    AxisFollowing, AxisLoadReport, ChipReport, ChipSpan, FeedCoupling, FollowingContour, FollowingReport, Nearest,
+    OverrideReport, PublishedEnds, SectionReport, SurfaceSpeedReport, UnbrokenSpan,
 };
 
 use super::{generation_mode_to_proto, vibration_envelope_to_proto};

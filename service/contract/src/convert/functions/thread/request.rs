@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
-    DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadGeometry, ThreadDrives, ThreadLimits,
-    ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
+    DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry,
+    ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
 use feedwave_motion::{MachineAxis, MachineKind};

@@ -1,8 +1,8 @@
 //! What is said about tool oscillations, for the contract.
 
 use feedwave_cutting::tool_oscillation::{
-    DirectionFollowing, DirectionLoad, EdgeReport, FloorReport, OscillationDirection, OscillationFollowing, OscillationSectionReport, PlainEdge, RemovedLayer,
-    RoleReport, RoleRotation, Roughness,
+    DirectionFollowing, DirectionLoad, EdgeReport, FloorReport, OscillationDirection, OscillationFollowing,
+    OscillationSectionReport, PlainEdge, RemovedLayer, RoleReport, RoleRotation, Roughness,
 };
 
 use crate::proto;
