@@ -238,11 +238,11 @@ impl FiveAxisPlots {
     fn plans(&self) -> impl Iterator<Item = (&Plan, Ink)> {
         let method = self.thinning.as_ref().map(|thinning| thinning.settings.method);
         let named = |method| match method {
-            ThinningMethod::Published => "published",
-            ThinningMethod::Fitted => "fitted",
+            ThinningMethod::Published => "thinned as published",
+            ThinningMethod::Fitted => "thinned by a fit",
         };
         let before = self.as_programmed.iter().map(|plan| (plan, Ink::line("as programmed", theme::VIBRATION, 3.2)));
-        let other_name = method.map_or("other method", |method| named(method.other()));
+        let other_name = method.map_or("thinned otherwise", |method| named(method.other()));
         let other = self.by_other_method.iter().map(move |plan| (plan, Ink::line(other_name, theme::GOOD, 2.4)));
         let name = match method {
             Some(method) if self.by_other_method.is_some() => named(method),

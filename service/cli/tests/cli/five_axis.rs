@@ -118,6 +118,15 @@ fn the_report_says_what_thinning_did_and_has_units_of_rotary_axes() {
     assert!(after * 10 < before, "{before} reversals before, {after} after");
     let deviation_mm = thinning["positionDeviationMm"].as_f64().unwrap();
     assert!(deviation_mm > 0.005 && deviation_mm < 0.01, "{deviation_mm}");
+    // Both methods with the same tolerances, whichever the program is run by.
+    assert!(text.contains("published") && text.contains("fitted") && text.contains("unbounded"), "{text}");
+    let methods = thinning["methods"].as_array().unwrap();
+    let of = |place: usize, name: &str| methods[place][name].as_f64().unwrap();
+    assert_eq!(methods[0]["method"], "THINNING_METHOD_PUBLISHED");
+    assert_eq!((methods.len(), number(&methods[0]["blocksKept"])), (2, number(&thinning["blocksKept"])));
+    assert_eq!(methods[1]["method"], "THINNING_METHOD_FITTED");
+    assert!(of(1, "positionDeviationMm") < 0.01 && of(1, "directionBoundDeg") <= 1.0, "{methods:?}");
+    assert!(of(1, "directionDeviationDeg") <= of(1, "directionBoundDeg"), "{methods:?}");
     let rotary: Vec<_> = report["summary"]["axes"].as_array().unwrap().iter().map(|axis| &axis["rotary"]).collect();
     assert_eq!(rotary, [false, false, false, true, true]);
 }

@@ -207,6 +207,35 @@ fn its_tolerance_is_a_small_angle() {
     assert_eq!(coarse.with_other_method().angle_tolerance_deg, 10.0);
 }
 
+#[test]
+fn groups_of_ten_thousand_cost_near_linear() {
+    let path = |tip: fn(f64) -> Vec3, direction: fn(f64) -> Vec3| -> Vec<CutPoint> {
+        let point = |line: u32| {
+            let direction = unit(direction(f64::from(line))).expect("a direction");
+            CutPoint { line, tip_mm: tip(f64::from(line)), direction, rotary_rad: None, feed_word: None }
+        };
+        (0..10_000).map(point).collect()
+    };
+    let still: fn(f64) -> Vec3 = |_| [0.0, 0.0, 1.0];
+    let programs = [
+        ("straight", path(|t| [t, 0.3 * t, 0.1 * t], still)),
+        ("zigzag", path(|t| [t, if t % 2.0 == 0.0 { 0.0 } else { 0.2 }, 0.0], still)),
+        ("circle", path(|t| [100.0 * libm::cos(t * 1e-3), 100.0 * libm::sin(t * 1e-3), 0.0], still)),
+        ("wave", path(|t| [t * 0.1, libm::sin(t * 0.01), 0.0], |t| [0.02 * libm::sin(t), 0.0, 1.0])),
+    ];
+    let looks_per_block = |points: &[CutPoint]| {
+        let settings = ThinningSettings { group_blocks: 10_000, ..SETTINGS };
+        let mut thinner = Thinner::new(settings, DirectionInterpolation::GreatCircle).expect("valid");
+        points.iter().for_each(|point| thinner.push(*point, (), &mut |_| {}));
+        thinner.flush(&mut |_| {});
+        thinner.looks() as f64 / points.len() as f64
+    };
+    for (name, points) in &programs {
+        let (looks, quarter) = (looks_per_block(points), looks_per_block(&points[..2_500]));
+        assert!(looks < 60.0 && looks < 1.5 * quarter + 10.0, "{name}: {quarter:.1} to {looks:.1} looks per block");
+    }
+}
+
 /// A block further on: how far, to the side, and by how much both rotary axes turn, degrees.
 fn steps() -> impl Strategy<Value = Vec<(f64, f64, f64, f64)>> {
     let turn = prop_oneof![8 => -0.6..0.6f64, 2 => -4.0..4.0f64, 1 => -40.0..40.0f64];

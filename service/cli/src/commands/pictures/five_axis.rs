@@ -77,9 +77,9 @@ pub(super) fn prepare(
         bar.finish_and_clear();
         // A block that thinning drops may be one that the machine cannot reach.
         if is_whole {
-            plots.finish_as_programmed()
+            plots.finish_as_programmed();
         } else {
-            plots.discard_as_programmed()
+            plots.discard_as_programmed();
         }
         let mut other = config.clone();
         other.profile.thinning = config.profile.thinning.with_other_method();

@@ -80,6 +80,7 @@ fn five_axis(interpolated_direction_tolerance_deg: Option<f64>) -> Vec<Figure> {
     };
     plots.push_as_programmed(&block(0.5));
     plots.finish_as_programmed();
+    plots.push_by_other_method(&block(0.2));
     plots.push(&block(0.0));
     plots.figures("five.nc")
 }

@@ -56,8 +56,9 @@ fn profiles_survive_the_round_trip() {
     lathe.language.compensation.entry = feedwave_program::CompensationEntry::C;
     lathe.language.compensation.corner = feedwave_program::CompensationCorner::Circular;
     lathe.following.common.filter_length_s = Some(0.02);
+    lathe.thinning.method = feedwave_cutting::thinning::ThinningMethod::Fitted;
     lathe.following.axes = vec![feedwave_cutting::AxisDrive {
-        axis: feedwave_program::Axis::X,
+        axis: Axis::X,
         drive: feedwave_cutting::DriveModel {
             filter_length_s: Some(0.004),
             position_loop_gain_per_s: Some(80.0),
