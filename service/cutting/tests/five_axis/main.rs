@@ -20,7 +20,7 @@ mod refusals;
 use std::collections::BTreeSet;
 
 use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
-use feedwave_cutting::thinning::ThinningSettings;
+use feedwave_cutting::thinning::{ThinningMethod, ThinningSettings};
 use feedwave_cutting::{Frame, PipelineConfig};
 use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, dot, norm, sub};
 use feedwave_motion::kinematics::{BranchPreference, Kinematics, Setup, ToolPose};
@@ -98,6 +98,38 @@ fn figure_13_from_program_text() {
     // Without it everything is cut.
     let all = run(&FIGURE_13.replace("N2 M33", "N2").replace("N10 M34", "N10"), &config);
     assert_eq!(lines(&all), [1, 3, 4, 5, 6, 7, 8, 9, 11]);
+}
+
+#[test]
+fn another_work_offset_divides_the_group() {
+    // Lines 4 to 7 are on one line in program coordinates, but G55 is 8 mm to the side: it alone makes no move.
+    let program = "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nM33\nG1 X1 F1000\nX2\nX3\nG55\nX4\nX5\nX6\nM34\nM30\n";
+    for method in ThinningMethod::ALL {
+        let mut config = with_thinning(ThinningSettings { method, ..ThinningSettings::default() });
+        config.profile.language.work_offsets[1] = config.profile.language.work_offsets[0];
+        config.profile.language.work_offsets[1][1] += 8.0;
+        assert_eq!(lines(&run(program, &config)), [1, 3, 5, 7, 9], "{method:?}");
+    }
+}
+
+#[test]
+fn a_fitted_stream_may_start_in_the_middle_of_a_group() {
+    let settings = ThinningSettings { group_blocks: 50, method: ThinningMethod::Fitted, ..ThinningSettings::default() };
+    let config = with_thinning(settings);
+    let program = freeform::program(3, 60);
+    let program = program.as_bytes();
+    let whole = run_in_pieces(program, &config, usize::MAX);
+    assert_eq!(run_in_pieces(program, &config, 977), whole);
+    let taken = snapshots(program, &config);
+    assert!(taken.len() > 5, "{}", taken.len());
+    for (index, offset, snapshot) in taken.iter().step_by(taken.len() / 5) {
+        let (first, rest) = resume(program, &config, *offset, snapshot);
+        assert_eq!(first, *index);
+        for place in 0..rest.len() {
+            assert_eq!(rest.bits(place), whole.bits(first as usize + place), "setpoint {place} from {first}");
+        }
+        assert_eq!(first as usize + rest.len(), whole.len());
+    }
 }
 
 #[test]
