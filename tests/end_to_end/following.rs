@@ -134,7 +134,8 @@ async fn a_taper_an_arc_and_a_thread_arrive_as_the_differential_equation_says() 
     let apart = (x_gain * x_lag.cos() - z_gain * z_lag.cos()).hypot(x_gain * x_lag.sin() - z_gain * z_lag.sin());
     assert_eq!((contour.vibration_line, contour.feed_line, contour.unjudged_mm), (8, 8, 0.0));
     assert_near(contour.vibration_mm, 0.5 * 0.04 * apart, 1e-6);
-    let (feed_mm_per_s, lag_s) = (0.02 * 1_000.0 / 60.0, 0.5 / 120.0 - (0.002 + 1.0 / 80.0));
+    let feed_mm_per_s = 0.02 * 1_000.0 / 60.0;
+    let lag_s: f64 = 0.5 / 120.0 - (0.002 + 1.0 / 80.0);
     assert_near(contour.feed_mm, 0.5 * feed_mm_per_s * lag_s.abs(), 1e-5);
     assert_near(contour.together_mm, contour.feed_mm + contour.vibration_mm, 1e-6);
     let codes: Vec<&str> = report.findings.iter().map(|finding| finding.code.as_str()).collect();
@@ -160,7 +161,8 @@ async fn a_taper_an_arc_and_a_thread_arrive_as_the_differential_equation_says() 
         assert_near(arriving.phase_shift_to_command_deg, shift_deg, 1e-4);
     }
     // A taper of 1 mm on 30 mm at 10 mm/s along Z.
-    let (taper, lead_mm_per_s) = (1.0 / 30.0, 2.0 * 5.0);
+    let taper: f64 = 1.0 / 30.0;
+    let lead_mm_per_s = 2.0 * 5.0;
     assert_near(arriving.contour_error_mm, lag_s.abs() * taper * lead_mm_per_s / (1.0 + taper * taper).sqrt(), 1e-9);
     assert_near(arriving.lead_lag_mm, (0.002 + 1.0 / 80.0) * lead_mm_per_s, 1e-9);
 }
