@@ -12,6 +12,7 @@ pub(crate) mod code;
 mod fitted;
 mod program_report;
 mod report;
+mod settings;
 mod span;
 mod stage;
 mod thinner;
@@ -21,9 +22,7 @@ mod tube;
 pub(crate) use program_report::report_findings;
 pub use program_report::{DroppedRun, MethodFigures, ProgramThinning};
 pub use report::{RotaryReport, ThinningReport};
+pub use settings::{MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, ThinningMethod, ThinningSettings};
 pub(crate) use stage::{StageState, ThinningStage};
-pub use thinner::{
-    CutPoint, DirectionInterpolation, Kept, MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, Thinner, ThinningMethod,
-    ThinningSettings,
-};
+pub use thinner::{CutPoint, DirectionInterpolation, Kept, Thinner};
 pub use trace::{Deviation, DeviationTrace};
