@@ -6,14 +6,18 @@
 //! Methods, SIAM 1997, chapter 5). It starts in the middle of the tube and every iterate is inside, so that wherever it ends
 //! the bounds hold; what is left to more steps is smoothness only. Only + − × ÷ are used: the same to the bit everywhere.
 
-/// Steps: the gap falls by [`CENTERING`] in each, to 1e-11 of the tube.
-const STEPS: usize = 16;
+/// Steps: the gap falls by about [`CENTERING`] in each, to 1e-9 of the curve's energy.
+const STEPS: usize = 18;
 /// Share of the gap that a step aims at.
 const CENTERING: f64 = 0.2;
 /// Share of the way to the wall of the tube that a step may go.
 const TO_THE_WALL: f64 = 0.95;
 /// Least distance from a wall that counts, as a share of the half width: beyond, rounding would make it none.
 const NEAREST: f64 = 1e-12;
+/// Least weight of a value against the largest of the curve, and least pivot: between bounds that do not touch, a straight
+/// curve may be moved at no cost, and rounding must not move it.
+const LEAST_WEIGHT: f64 = 1e-11;
+const LEAST_PIVOT: f64 = 1e-15;
 /// Weight that keeps a value where it is, against those of the curve.
 const FIXED: f64 = 1e30;
 /// Lengths between two values are taken within these shares of their mean: what is beside them says nothing of the rest.
@@ -69,6 +73,11 @@ impl Band {
         band
     }
 
+    /// The largest of its diagonal, against which everything else is small or large.
+    fn scale(&self) -> f64 {
+        self.diagonal.iter().copied().fold(0.0, f64::max)
+    }
+
     fn times(&self, x: &[f64]) -> Vec<f64> {
         let count = x.len();
         let mut product: Vec<f64> = x.iter().zip(&self.diagonal).map(|(x, diagonal)| x * diagonal).collect();
@@ -87,7 +96,7 @@ impl Band {
 
     /// Solves (self + diag(added))·x = right by LDLᵀ in place of `right`.
     fn solve(&self, added: &[f64], right: &mut [f64]) {
-        let count = right.len();
+        let (count, least) = (right.len(), LEAST_PIVOT * self.scale());
         let (mut pivots, mut lower, mut further) = (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
         for row in 0..count {
             let (mut pivot, mut beside) = (self.diagonal[row] + added[row], self.first[row]);
@@ -98,6 +107,7 @@ impl Band {
             if row >= 2 {
                 pivot -= further[row - 2] * further[row - 2] * pivots[row - 2];
             }
+            let pivot = pivot.max(least);
             pivots[row] = pivot;
             lower[row] = beside / pivot;
             further[row] = self.second[row] / pivot;
@@ -134,7 +144,9 @@ impl Tube {
         let free = is_free.iter().filter(|free| **free).count() as f64;
         // Distances from the given values, and the multipliers of the lower and the upper wall.
         let mut moved = vec![0.0; count];
-        let mut walls: Vec<[f64; 2]> = self.widths.iter().map(|width| [width.max(f64::MIN_POSITIVE); 2]).collect();
+        let scale = bending.scale();
+        let mut walls: Vec<[f64; 2]> =
+            self.widths.iter().map(|width| [scale * width.max(f64::MIN_POSITIVE); 2]).collect();
         for _ in 0..STEPS {
             let gap: f64 = (0..count)
                 .filter(|at| is_free[*at])
@@ -162,7 +174,7 @@ impl Tube {
 
     /// One step of Newton's method towards the point where every product of a wall's multiplier and distance is `aim`.
     fn step(&self, bending: &Band, is_free: &[bool], aim: f64, moved: &mut [f64], walls: &mut [[f64; 2]]) {
-        let count = moved.len();
+        let (count, least) = (moved.len(), LEAST_WEIGHT * bending.scale());
         let values: Vec<f64> = self.values.iter().zip(&*moved).map(|(value, moved)| value + moved).collect();
         let mut change = bending.times(&values);
         let mut added = vec![FIXED; count];
@@ -170,7 +182,7 @@ impl Tube {
             let (low, high) = self.distances(at, moved[at]);
             if is_free[at] {
                 change[at] = aim / low - aim / high - change[at];
-                added[at] = walls[at][0] / low + walls[at][1] / high;
+                added[at] = (walls[at][0] / low + walls[at][1] / high).max(least);
             } else {
                 change[at] = 0.0;
             }
