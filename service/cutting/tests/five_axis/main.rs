@@ -101,18 +101,6 @@ fn figure_13_from_program_text() {
 }
 
 #[test]
-fn another_work_offset_divides_the_group() {
-    // Lines 4 to 7 are on one line in program coordinates, but G55 is 8 mm to the side: it alone makes no move.
-    let program = "G43.4 H1 G0 X0 Y0 Z20 A-20 C0\nM33\nG1 X1 F1000\nX2\nX3\nG55\nX4\nX5\nX6\nM34\nM30\n";
-    for method in ThinningMethod::ALL {
-        let mut config = with_thinning(ThinningSettings { method, ..ThinningSettings::default() });
-        config.profile.language.work_offsets[1] = config.profile.language.work_offsets[0];
-        config.profile.language.work_offsets[1][1] += 8.0;
-        assert_eq!(lines(&run(program, &config)), [1, 3, 5, 7, 9], "{method:?}");
-    }
-}
-
-#[test]
 fn a_fitted_stream_may_start_in_the_middle_of_a_group() {
     let settings = ThinningSettings { group_blocks: 50, method: ThinningMethod::Fitted, ..ThinningSettings::default() };
     let config = with_thinning(settings);

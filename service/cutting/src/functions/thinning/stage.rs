@@ -30,8 +30,6 @@ pub(crate) struct StageState {
     rotary_rad: [f64; 2],
     /// The work coordinates of the last work offset, for their directions.
     turned: Option<(Position, Setup)>,
-    /// Work offset and tool length of the block before, on which its coordinates depend.
-    coordinates: Option<(Position, u32)>,
     /// Where the rotary axes are after the kept block before, rad, where vectors are fitted.
     kept_rotary_rad: [f64; 2],
 }
@@ -234,14 +232,7 @@ impl ThinningStage {
         if self.state.feed != Some(feed) {
             point.feed_word = self.state.feed.replace(feed).map(|_| value_of(feed));
         }
-        let coordinates = Some((waiting.1.step.work_offset, waiting.1.length_offset));
-        // A block that changes them does nothing else, and leaves no operation behind: it divides the group.
-        let is_divided = self.state.coordinates != coordinates;
-        self.state.coordinates = coordinates;
         self.with_thinner(out, |thinner, out| {
-            if is_divided {
-                thinner.flush(out);
-            }
             thinner.interpolate(interpolation, out);
             thinner.push(point, waiting, out);
         });

@@ -283,7 +283,8 @@ impl<T> Thinner<T> {
             start = end;
         }
         if !is_last {
-            self.carried = group.turned[start..].iter().take(2).copied().collect();
+            // Behind the last point the block is not known yet that its tube has to be narrow enough for.
+            self.carried = group.turned[start..last].iter().take(2).copied().collect();
             self.points = points[start..].to_vec();
             self.payloads = payloads.collect();
         }
