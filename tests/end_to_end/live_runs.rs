@@ -179,7 +179,7 @@ async fn a_live_run_survives_kills_at_any_moment() {
         assert!(column.iter().eq(known.setpoints.iter().map(|row| &row[index])), "column {index}, seed {seed}");
     }
     assert_eq!(whole.len(), known.setpoints.len());
-    let request = ReplayRunRequest { run: known.run };
+    let request = ReplayRunRequest { run: known.run, start_index: 0 };
     let replayed = RunsClient::new(clients.channel).replay_run(request).await.expect("a replay").into_inner();
     assert!(replayed.identical, "seed {seed}: {replayed:?}");
     assert_eq!((replayed.setpoint_count, replayed.decision_count), (known.setpoints.len() as u64, listed.len() as u64));

@@ -130,7 +130,7 @@ async fn monitored(server: &Server, program: &str, config: MonitoringConfig) -> 
 }
 
 async fn is_replayed(server: &Server, run: &str) {
-    let request = ReplayRunRequest { run: run.to_owned() };
+    let request = ReplayRunRequest { run: run.to_owned(), start_index: 0 };
     let replayed = RunsClient::new(server.connect().await.channel).replay_run(request).await;
     let replayed = replayed.expect("a replay").into_inner();
     assert!(replayed.identical && replayed.decision_count > 0, "{replayed:?}");

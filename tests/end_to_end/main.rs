@@ -22,6 +22,7 @@ mod jobs;
 mod lifecycle;
 mod live_runs;
 mod live_threads;
+mod long_runs;
 mod memory;
 mod offsets;
 mod oscillation;

@@ -227,7 +227,7 @@ async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad
     assert_eq!(run.gaps, run_of(&server, &whole.run).await.gaps);
     assert!(run.gaps.contains(&BatchGap { first: 153, last: 156 }), "{:?}", run.gaps);
     for run in [&heard.run, &whole.run] {
-        let request = ReplayRunRequest { run: run.clone() };
+        let request = ReplayRunRequest { run: run.clone(), start_index: 0 };
         let mut runs = RunsClient::new(server.connect().await.channel);
         let replayed = runs.replay_run(request).await.expect("a replay").into_inner();
         assert!(replayed.identical && replayed.decision_count == log.len() as u64, "{replayed:?}");

@@ -5,9 +5,14 @@ use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::Duration;
 
+use feedwave_contract::proto::grouping::By;
 use feedwave_contract::proto::stream_setpoints_request::Start;
-use feedwave_contract::proto::{GetJobRequest, Job, JobState, ListJobsRequest, StreamSetpointsRequest};
-use feedwave_tests::{Chance, Clients, Home, Server, long_dwell, patiently, stream};
+use feedwave_contract::proto::telemetry_client::TelemetryClient;
+use feedwave_contract::proto::{
+    GetJobRequest, Grouping, Job, JobState, ListJobsRequest, MonitoringConfig, RunCommandKind, RunSettings,
+    SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest,
+};
+use feedwave_tests::{Chance, Clients, Home, LiveClient, Server, long_dwell, patiently, stream};
 use rustix::process::Signal;
 use sqlx::Connection as _;
 use sqlx::sqlite::SqliteConnection;
@@ -99,6 +104,54 @@ async fn a_damaged_checkpoint_is_made_again_and_nobody_notices() {
     patiently(rebuilt).await;
     assert_exit("check", server.home().path(), &[], 0, "intact").await;
     assert!(!server.log().contains("ERROR"), "{}", server.log());
+}
+
+/// A run that was broken off behind its first checkpoint: its job, its name, and the setpoints from the checkpoint on.
+async fn broken_off(server: &Server) -> (String, String, Vec<Vec<u64>>) {
+    let clients = &mut server.connect().await;
+    let job = clients.submit(&long_dwell(300)).await.job.name;
+    let mut telemetry = TelemetryClient::new(clients.channel.clone());
+    let config = MonitoringConfig {
+        sample_rate_hz: Some(1_000.0),
+        tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Sensors::default() }),
+        grouping: Some(Grouping { by: Some(By::SamplesPerPoint(10)) }),
+        ..MonitoringConfig::default()
+    };
+    let request = SetMonitoringRequest { job: job.clone(), config: Some(config) };
+    telemetry.set_monitoring(request).await.expect("the configuration is valid");
+    let mut run = LiveClient::begin(clients.channel.clone(), &job, RunSettings::default()).await.expect("a run");
+    run.reach(140_000).await.expect("setpoints");
+    run.setpoints.drain(..139_000);
+    // A hold is durable before it is told, and what was sent with it.
+    run.command(RunCommandKind::Hold).await.expect("a hold");
+    (job, run.started.run, run.setpoints)
+}
+
+#[tokio::test]
+async fn a_run_with_a_damaged_checkpoint_goes_on_and_nobody_notices() {
+    let server = Server::start(FEEDWAVE).await;
+    let (_, name, setpoints) = broken_off(&server).await;
+    let home = damaged(server, "UPDATE run_checkpoints SET snapshot = x'00'").await;
+    assert_exit("check", home.path(), &[], 1, "it is made again when it is needed").await;
+    let server = home.start().await;
+    let channel = server.connect().await.channel;
+    let mut run = LiveClient::take_up(channel, &name, 139_000).await.expect("it is taken up");
+    run.reach(140_000).await.expect("setpoints");
+    assert!(run.setpoints == setpoints && run.started.held);
+    assert!(server.log().contains("damaged checkpoint of a run"), "{}", server.log());
+}
+
+#[tokio::test]
+async fn a_run_goes_no_further_where_what_was_sent_does_not_come_again() {
+    let server = Server::start(FEEDWAVE).await;
+    let (_, name, _) = broken_off(&server).await;
+    let home = damaged(server, "UPDATE runs SET setpoints_digest = zeroblob(32)").await;
+    let server = home.start().await;
+    let channel = server.connect().await.channel;
+    let mut run = LiveClient::take_up(channel, &name, 139_000).await.expect("it is taken up");
+    let refused = run.reach(141_000).await.unwrap_err();
+    assert_eq!(refused.code(), Code::DataLoss, "{refused:?}");
+    assert!(run.next_index < 140_000, "nothing that was not sent before");
 }
 
 #[tokio::test]

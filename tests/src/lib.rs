@@ -4,6 +4,7 @@
 mod chance;
 mod client;
 mod freeform;
+mod live;
 mod memory;
 mod patience;
 mod programs;
@@ -14,6 +15,7 @@ mod web;
 pub use chance::Chance;
 pub use client::{Clients, Outcome, sha256_hex, upload, upload_messages};
 pub use freeform::{Directions, Freeform};
+pub use live::LiveClient;
 pub use memory::{MemoryUse, measure_memory};
 pub use patience::{PATIENCE, patiently, within_a_deadline};
 pub use programs::{SHAFT, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, long_dwell, many_blocks};

@@ -219,6 +219,71 @@ fn run_appending(program: &str, config: &PipelineConfig, overrides: &[(u64, f64)
     }
 }
 
+/// A pipeline that ran so far, and the changes that it knew.
+struct Known {
+    next: u64,
+    changes: usize,
+    offset: u64,
+    snapshot: Vec<u8>,
+}
+
+/// Runs a program, appends each change as late as can be, and keeps the state at every end of a block.
+fn known_states(program: &str, config: &PipelineConfig, overrides: &[OverrideChange], most: usize) -> Vec<Known> {
+    let mut pipeline = Pipeline::new(Arc::new(PipelineConfig { overrides: Vec::new(), ..config.clone() }));
+    let mut block = pipeline.new_block();
+    pipeline.push(program.as_bytes());
+    pipeline.finish_input();
+    let mut states = Vec::new();
+    let mut changes = 0;
+    loop {
+        let next = pipeline.next_index();
+        while let Some(change) = overrides.get(changes).filter(|change| change.index <= next) {
+            pipeline.append_override(*change).unwrap();
+            changes += 1;
+        }
+        let before_next = overrides.get(changes).map_or(most, |change| most.min((change.index - next) as usize));
+        match pipeline.next_setpoints(&mut block, before_next) {
+            Step::Block => states.push(Known {
+                next: pipeline.next_index(),
+                changes,
+                offset: pipeline.place().offset,
+                snapshot: pipeline.snapshot().unwrap(),
+            }),
+            Step::Finished => return states,
+            other => panic!("{other:?}: {:?}", pipeline.findings()),
+        }
+    }
+}
+
+#[test]
+fn a_state_that_knows_some_changes_goes_on_with_the_others_bit_for_bit() {
+    let given = [(150, 0.5), (400, 0.0), (1_000, 1.2), (1_001, 0.3), (1_500, 2.0), (1_503, 0.0), (2_600, 1.0)];
+    let config = config(&given);
+    let whole = run(PART, &config);
+    for most in [64, 333] {
+        for state in known_states(PART, &config, &config.overrides, most) {
+            let (known, others) = config.overrides.split_at(state.changes);
+            let plain = PipelineConfig { overrides: known.to_vec(), ..config.clone() };
+            let mut pipeline = Pipeline::restore(Arc::new(plain), &state.snapshot).unwrap();
+            for change in others {
+                pipeline.append_override(*change).unwrap();
+            }
+            pipeline.push(&PART.as_bytes()[state.offset as usize..]);
+            pipeline.finish_input();
+            let mut block = pipeline.new_block();
+            let mut index = state.next as usize;
+            while pipeline.next_block(&mut block) == Step::Block {
+                for k in 0..block.len() {
+                    let found: Vec<u64> = block.axes.iter().map(|column| column[k].to_bits()).collect();
+                    assert_eq!(found, whole.bits(index)[..3], "setpoint {index} from {}", state.next);
+                    index += 1;
+                }
+            }
+            assert_eq!(index, whole.len(), "from {}", state.next);
+        }
+    }
+}
+
 fn assert_same_bits(left: &Setpoints, right: &Setpoints) {
     assert_eq!(left.len(), right.len());
     for k in 0..left.len() {

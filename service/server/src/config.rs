@@ -146,6 +146,9 @@ pub struct Limits {
     pub concurrent_streams: usize,
     /// Runs in progress at once, live ones and those of telemetry only.
     pub concurrent_runs: usize,
+    /// How long a live run waits for the client's receipt of setpoints that were sent, s: then its stream ends, and the run can
+    /// be taken up.
+    pub receipt_s: u64,
     /// Streams that one connection may have open at once.
     pub streams_per_connection: u32,
     /// Programs validated at once.
@@ -173,6 +176,7 @@ impl Default for Limits {
             concurrent_requests: 1_024,
             concurrent_streams: 64,
             concurrent_runs: 64,
+            receipt_s: 3_600,
             streams_per_connection: 128,
             validation_workers: std::thread::available_parallelism()
                 .map_or(2, |cores| cores.get().saturating_sub(1).max(2)),
@@ -189,6 +193,12 @@ impl Limits {
     #[must_use]
     pub const fn validation_turn(&self) -> Duration {
         Duration::from_millis(self.validation_turn_ms)
+    }
+
+    /// [`Limits::receipt_s`]
+    #[must_use]
+    pub const fn receipt_patience(&self) -> Duration {
+        Duration::from_secs(self.receipt_s)
     }
 
     /// [`Limits::drain_s`]
@@ -446,6 +456,7 @@ impl Config {
         range("limits.concurrent_requests", limits.concurrent_requests as u64, 1, 1_000_000);
         range("limits.concurrent_streams", limits.concurrent_streams as u64, 1, 10_000);
         range("limits.concurrent_runs", limits.concurrent_runs as u64, 1, 10_000);
+        range("limits.receipt_s", limits.receipt_s, 1, 31_536_000);
         range("limits.streams_per_connection", u64::from(limits.streams_per_connection), 1, 100_000);
         range("limits.validation_workers", limits.validation_workers as u64, 1, 1_024);
         range("limits.validation_turn_ms", limits.validation_turn_ms, 1, 60_000);

@@ -248,11 +248,13 @@ pub(crate) async fn until(instant: Option<impl Into<Instant>>) {
 
 /// Which stored checkpoints fit a run of the pipeline over a job.
 fn checkpoint_set(job_id: Uuid, config: &PipelineConfig) -> CheckpointSet {
+    let interpolation_period_us = config.interpolation_period_us;
+    CheckpointSet { job_id, interpolation_period_us, generation_key: generation_key(config) }
+}
+
+/// What a checkpoint depends on besides job, interpolation period and changes of the feed.
+fn generation_key(config: &PipelineConfig) -> String {
     let mode = convert::generation_mode_to_proto(config.generation_mode).as_str_name();
-    CheckpointSet {
-        job_id,
-        interpolation_period_us: config.interpolation_period_us,
-        // Another version may plan otherwise: its checkpoints are not ours.
-        generation_key: format!("{mode}/{VERSION}"),
-    }
+    // Another version may plan otherwise: its checkpoints are not ours.
+    format!("{mode}/{VERSION}")
 }

@@ -52,7 +52,8 @@ pub use programs::{
 pub use retention::{Removed, Retention, RetentionPolicy};
 pub use runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewDecision, NewRun, Run,
-    RunCommit, RunCondition, RunKind, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap, UnknownName,
+    RunCheckpoint, RunCommit, RunCondition, RunKind, RunMark, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
+    UnknownName,
 };
 pub use settings::{NoObserver, Observer, StoreSettings, StoreStats};
 pub use store::{Database, Store};

@@ -1,6 +1,7 @@
 //! Runs: the telemetry of a job as far as it is durable, the decisions made from it, and what a live run did.
 
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 use async_trait::async_trait;
@@ -217,6 +218,29 @@ pub struct RunOverride {
     pub cause: String,
 }
 
+/// The state of the generator of a live run before it produces one setpoint. Derived data: losing it costs time, never
+/// content.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunCheckpoint {
+    /// What of the run it is the state at.
+    pub mark: RunMark,
+    /// Changes of the feed override, from the first one on, that the generator knew.
+    pub change_count: u64,
+    /// Names everything else that the snapshot depends on, the version of the generator included.
+    pub generation_key: String,
+    /// State of the generator.
+    pub snapshot: Bytes,
+}
+
+/// A setpoint of a run with the running digest of all before it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunMark {
+    /// Index of the setpoint produced next.
+    pub setpoint_index: u64,
+    /// State of the digest of the setpoints before.
+    pub digest_state: Bytes,
+}
+
 /// What happened in a run since the last commit; all of it becomes durable at once.
 #[derive(Debug, Clone, Default)]
 pub struct RunCommit {
@@ -326,6 +350,37 @@ pub trait Runs {
     /// # Errors
     /// `Unavailable`.
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>>;
+
+    /// Keeps a checkpoint of a run, in place of one at the same setpoint, and removes those whose setpoints are in one of
+    /// `removed`.
+    ///
+    /// # Errors
+    /// `NotFound` if the run was deleted, `Detached` if another connection resumed it, `RunEnded`, `TooLarge`,
+    /// `Unavailable`.
+    async fn put_run_checkpoint(
+        &self,
+        id: Uuid,
+        attachment: u64,
+        checkpoint: RunCheckpoint,
+        removed: Vec<Range<u64>>,
+    ) -> Result<()>;
+
+    /// The last checkpoint of a run with this generation key at or before a setpoint.
+    ///
+    /// # Errors
+    /// `Corrupt`, `Unavailable`.
+    async fn nearest_run_checkpoint(
+        &self,
+        id: Uuid,
+        generation_key: &str,
+        setpoint_index: u64,
+    ) -> Result<Option<RunCheckpoint>>;
+
+    /// Setpoints of the checkpoints of a run with their running digests, by index, whatever generated them.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn run_marks(&self, id: Uuid) -> Result<Vec<RunMark>>;
 
     /// Missing batches of a run, by number, at most [`MAX_LISTED`].
     ///

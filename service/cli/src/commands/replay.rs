@@ -15,12 +15,17 @@ use super::{CliError, EXIT_REFUSED};
 
 Examples:
   feedwave replay runs/0197b3c2-…
+  feedwave replay runs/0197b3c2-… --from 30000000
+      Proves the end of a run of hours only, from the checkpoint before setpoint 30 000 000.
   feedwave decisions \"$job\" | tail -1
       Names the run of the last decision.")]
 pub struct Args {
     /// The run, `runs/{run}` or the part after the slash
     #[arg(value_name = "RUN")]
     run: String,
+    /// Generate setpoints from the run's last checkpoint at or before this one only
+    #[arg(long, value_name = "SETPOINT", default_value_t = 0)]
+    from: u64,
     #[command(flatten)]
     server: ServerArgs,
     /// Form of the answer
@@ -35,7 +40,7 @@ pub struct Args {
 pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
     let client = args.server.connect().await?;
     let run = if args.run.contains('/') { args.run } else { format!("runs/{}", args.run) };
-    let request = ReplayRunRequest { run: run.clone() };
+    let request = ReplayRunRequest { run: run.clone(), start_index: args.from };
     let replayed = client.runs().replay_run(request).await;
     let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
     if args.format == Format::Json {
@@ -49,7 +54,9 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
 /// The verdict, and what differs.
 fn text(run: &str, replayed: &ReplayRunResponse) -> String {
     let style = Style::stdout();
-    let counts = format!("{} decisions and {} setpoints", replayed.decision_count, replayed.setpoint_count);
+    let first = replayed.first_index;
+    let from = if first > 0 { format!(" from {first} on") } else { String::new() };
+    let counts = format!("{} decisions and {} setpoints{from}", replayed.decision_count, replayed.setpoint_count);
     if replayed.identical {
         let digest = if replayed.digest.is_empty() { String::new() } else { format!(", SHA-256 {}", replayed.digest) };
         return format!("{run}: {}: {counts}{digest}\n", style.good("identical"));

@@ -116,7 +116,7 @@ impl Api {
         violations.finish()?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
         let plan = LivePlan { config, columns, first_index: start.start_index, sensor_time_ns: start.sensor_time_ns };
-        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard)?;
+        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard).await?;
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));
         let started = stream::once(std::future::ready(Ok(started)));
@@ -206,7 +206,7 @@ impl Api {
             RunKind::Live => Some(pipeline_config(&detail, &run_settings(&run)?)?),
             RunKind::Telemetry => None,
         };
-        self.engine.replay(&detail, run, config).await
+        self.engine.replay(&detail, run, config, request.start_index).await
     }
 }
 

@@ -4,7 +4,9 @@
 //! Invariants: a change of the feed is durable before a setpoint under it is handed out, and setpoints are a function of
 //! program, profile and the changes alone; so any setpoint can be had again, and a replay gives the same bits.
 
+mod checkpoint;
 mod feed;
+mod receipts;
 mod replay;
 mod setpoints;
 mod worker;
@@ -16,11 +18,12 @@ use std::time::Instant;
 
 use feed::Feed;
 use feedwave_cutting::{OverrideChange, PipelineConfig};
-use feedwave_store::{AttachedRun, JobDetail};
+use feedwave_store::{AttachedRun, JobDetail, RunSetpoints};
 use futures_util::Stream;
 use tokio::runtime::Handle;
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_util::sync::{CancellationToken, DropGuard};
+use uuid::Uuid;
 
 use super::columns::ColumnSet;
 use super::telemetry::RunWork;
@@ -30,6 +33,7 @@ use crate::observability::metrics::GaugeGuard;
 pub(crate) use feed::feed_change_to_proto;
 use feedwave_contract::proto;
 use proto::run_response::Message;
+use receipts::Receipts;
 use setpoints::Setpoints;
 use worker::Worker;
 
@@ -118,8 +122,8 @@ impl Engine {
     /// Goes on with a live run that `guard` registers work on its job for.
     ///
     /// # Errors
-    /// [`Error::Overloaded`] when too many runs are in progress.
-    pub(crate) fn drive(
+    /// [`Error::Overloaded`] when too many runs are in progress, and those of the store.
+    pub(crate) async fn drive(
         &self,
         detail: &JobDetail,
         attached: &AttachedRun,
@@ -129,14 +133,20 @@ impl Engine {
         let inner = &self.inner;
         let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
         let feed = Feed::new(&attached.overrides)?;
-        let generator = self.generator(detail, plan, feed.changes())?;
+        let first_index = plan.first_index;
+        let mut generator = self.generator(detail, attached.run.id, plan, &feed.changes()).await?;
+        let RunSetpoints { received, sent, digest } = attached.run.setpoints;
+        if let Some(digest) = digest {
+            generator = generator.expecting(sent, digest);
+        }
         let (sender, input) = mpsc::channel(INPUTS_IN_FLIGHT);
         let (outlet, outgoing) = mpsc::channel(MESSAGES_IN_FLIGHT);
         let error = Arc::new(Mutex::new(None));
         let told = error.clone();
         let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
-        let received = attached.run.setpoints.received;
-        let mut worker = Worker::new(session, generator, feed, received, input, outlet, ends, runtime, metrics);
+        // The client says that it has the setpoints before the first that it asks for.
+        let receipts = Receipts::new(received.max(first_index), inner.limits.receipt_patience());
+        let mut worker = Worker::new(session, generator, feed, receipts, input, outlet, ends, runtime, metrics);
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);
@@ -149,9 +159,17 @@ impl Engine {
         Ok((intake, LiveRun { outgoing, error, _left: left.drop_guard() }))
     }
 
-    /// The setpoints of a run, from the first on. Call inside a runtime.
-    fn generator(&self, detail: &JobDetail, plan: LivePlan, changes: Vec<OverrideChange>) -> Result<Setpoints> {
-        let config = PipelineConfig { overrides: changes, ..plan.config };
-        Ok(Setpoints::new(config, self.job_source(detail)?, plan.columns, plan.first_index))
+    /// The setpoints of a run, from the nearest checkpoint before the first one to hand out. Call inside a runtime.
+    async fn generator(
+        &self,
+        detail: &JobDetail,
+        run: Uuid,
+        plan: LivePlan,
+        changes: &[OverrideChange],
+    ) -> Result<Setpoints> {
+        // One setpoint at least is generated: whether the path rests there decides whether a run that was given up has ended.
+        let before = plan.first_index.saturating_sub(1);
+        let start = self.run_near(run, &plan.config, changes, before).await?;
+        Ok(Setpoints::new(start, self.job_source(detail)?, plan.columns, plan.first_index))
     }
 }

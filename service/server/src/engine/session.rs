@@ -4,6 +4,7 @@
 //! Invariant: a decision, the batches it was made from and the monitor's state after them become durable in one
 //! transaction, so that a run that is taken up after a kill makes every decision once.
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use feedwave_contract::convert::{action_name, decision_to_proto, state_to_proto, timestamp};
@@ -11,7 +12,7 @@ use feedwave_contract::{names, proto};
 use feedwave_monitoring::{
     Batch, BatchError, Decision, Event, Monitor, Overrides, Pair, Reason, Receipt, SnapshotError, State,
 };
-use feedwave_store::{AttachedRun, NewDecision, RunCommit, Store, TelemetryGap};
+use feedwave_store::{AttachedRun, NewDecision, RunCheckpoint, RunCommit, Store, StoreError, TelemetryGap};
 use prost::Message as _;
 use proto::machine_event::Event as ProtoEvent;
 use uuid::Uuid;
@@ -246,6 +247,27 @@ impl Session {
     /// When what can wait, wants to be committed next.
     pub(super) const fn next_commit(&self) -> Instant {
         self.next_commit
+    }
+
+    /// Name of the run.
+    pub(super) fn run_name(&self) -> String {
+        names::run(self.run)
+    }
+
+    /// Keeps a checkpoint of the run's generator, and removes those in `removed`. One that is too large is left out: it is
+    /// derived data.
+    ///
+    /// # Errors
+    /// Those of the store; [`Error::TakenUp`] when another connection goes on with the run.
+    pub(super) async fn put_checkpoint(&self, checkpoint: RunCheckpoint, removed: Vec<Range<u64>>) -> Result<()> {
+        let index = checkpoint.mark.setpoint_index;
+        match self.store.put_run_checkpoint(self.run, self.attachment, checkpoint, removed).await {
+            Err(error @ StoreError::TooLarge { .. }) => {
+                tracing::warn!(run = %self.run, index, %error, "no checkpoint");
+                Ok(())
+            }
+            stored => Ok(stored?),
+        }
     }
 
     /// Makes everything durable, together with what else happened in the run.

@@ -14,6 +14,7 @@ use feedwave_cutting::{BLOCK_LENGTH, Pipeline, PipelineConfig, Step};
 use feedwave_program::Severity;
 use feedwave_store::{JobDetail, StoreError};
 use futures_util::Stream;
+use prometheus::IntCounter;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -193,8 +194,9 @@ impl Engine {
         let (sender, chunks) = mpsc::channel(CHUNKS_IN_FLIGHT);
         let outlet = Outlet { sender, ends: generator_ends, runtime: Handle::current() };
         let (engine, id, runtime) = (self.clone(), detail.job.id, Handle::current());
-        let mut run = Run { pipeline, source, plan, first_block_index, outlet };
         let metrics = &inner.metrics;
+        let regenerated = metrics.regenerated_setpoints.clone();
+        let mut run = Run { pipeline, source, plan, first_block_index, regenerated, outlet };
         let active = (GaugeGuard::new(&metrics.active_streams), metrics.streams_by_tenant.enter(detail.job.tenant));
         let finished = complete.clone();
         inner.tasks.spawn_blocking(move || {
@@ -213,10 +215,12 @@ impl Engine {
 
     /// A pipeline at or before a setpoint, as near as a checkpoint allows.
     async fn pipeline_near(&self, detail: &JobDetail, config: Arc<PipelineConfig>, index: u64) -> Result<Pipeline> {
-        // Checkpoints are of the plan without overrides.
-        if !config.overrides.is_empty() {
-            return Ok(Pipeline::new(config));
-        }
+        // Checkpoints are of the plan without overrides, which holds as far as the first of them.
+        let index = config.overrides.first().map_or(index, |first| index.min(first.index));
+        let plain = match config.overrides.is_empty() {
+            true => config.clone(),
+            false => Arc::new(PipelineConfig { overrides: Vec::new(), ..(*config).clone() }),
+        };
         let set = checkpoint_set(detail.job.id, &config);
         let checkpoint = match self.inner.store.nearest_checkpoint(&set, index).await {
             Ok(Some(checkpoint)) => checkpoint,
@@ -228,8 +232,13 @@ impl Engine {
             }
             Err(error) => return Err(error.into()),
         };
-        match Pipeline::restore(config.clone(), &checkpoint.snapshot) {
-            Ok(pipeline) => Ok(pipeline),
+        match Pipeline::restore(plain, &checkpoint.snapshot) {
+            Ok(mut pipeline) => {
+                for change in &config.overrides {
+                    pipeline.append_override(*change).map_err(Error::internal)?;
+                }
+                Ok(pipeline)
+            }
             Err(error) => {
                 // Derived data: without it the stream only begins later.
                 let index = checkpoint.setpoint_index;
@@ -248,6 +257,8 @@ struct Run {
     plan: StreamPlan,
     /// Setpoints of the interpolation before this one are skipped.
     first_block_index: u64,
+    /// Counts them.
+    regenerated: IntCounter,
     outlet: Outlet,
 }
 
@@ -281,6 +292,7 @@ impl Run {
                 Step::Block => {
                     most = BLOCK_LENGTH;
                     if block.first_index + block.len() as u64 <= self.first_block_index {
+                        self.regenerated.inc_by(block.len() as u64);
                         end = stream_index(block.first_index + block.len() as u64 - 1, plan.expand) + 1;
                         continue;
                     }

@@ -29,6 +29,8 @@ pub struct Metrics {
     pub streams_by_tenant: OpenByTenant,
     /// Setpoints sent.
     pub setpoints: IntCounter,
+    /// Setpoints that were generated only to reach the one that was asked for.
+    pub regenerated_setpoints: IntCounter,
     /// Runs in progress.
     pub active_runs: IntGauge,
     /// Telemetry samples taken in.
@@ -127,6 +129,10 @@ impl Metrics {
             active_streams: registrar.gauge("feedwave_active_streams", "Setpoint streams open."),
             streams_by_tenant: OpenByTenant::default(),
             setpoints: registrar.counter("feedwave_setpoints_total", "Setpoints sent."),
+            regenerated_setpoints: registrar.counter(
+                "feedwave_setpoints_regenerated_total",
+                "Setpoints generated only to reach the one that was asked for.",
+            ),
             active_runs: registrar.gauge("feedwave_active_runs", "Runs in progress."),
             telemetry_samples: registrar.counter("feedwave_telemetry_samples_total", "Telemetry samples taken in."),
             decisions: registrar.counters("feedwave_decisions_total", "Decisions made durable.", &["action"]),

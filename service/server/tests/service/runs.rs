@@ -160,7 +160,7 @@ async fn streamed(server: &TestServer, job: &str, changes: &[RunFeedChange]) -> 
 }
 
 async fn replay(client: &mut RunsClient<Channel>, run: &str) -> ReplayRunResponse {
-    client.replay_run(ReplayRunRequest { run: run.to_owned() }).await.unwrap().into_inner()
+    client.replay_run(ReplayRunRequest { run: run.to_owned(), start_index: 0 }).await.unwrap().into_inner()
 }
 
 #[tokio::test]

@@ -1,6 +1,9 @@
 //! Runs and their decisions in SQLite.
 
+mod checkpoints;
 mod commit;
+
+use std::ops::Range;
 
 use async_trait::async_trait;
 use sqlx::sqlite::SqliteRow;
@@ -17,8 +20,8 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::runs::{
-    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run, RunCommit,
-    RunCondition, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run,
+    RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
 };
 use crate::tenant::Tenant;
 
@@ -356,6 +359,29 @@ impl Runs for SqliteStore {
 
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
         find_overrides(&mut *self.reader().await?, id).await
+    }
+
+    async fn put_run_checkpoint(
+        &self,
+        id: Uuid,
+        attachment: u64,
+        checkpoint: RunCheckpoint,
+        removed: Vec<Range<u64>>,
+    ) -> Result<()> {
+        checkpoints::put(self, id, attachment, checkpoint, removed).await
+    }
+
+    async fn nearest_run_checkpoint(
+        &self,
+        id: Uuid,
+        generation_key: &str,
+        setpoint_index: u64,
+    ) -> Result<Option<RunCheckpoint>> {
+        checkpoints::nearest(self, id, generation_key, setpoint_index).await
+    }
+
+    async fn run_marks(&self, id: Uuid) -> Result<Vec<RunMark>> {
+        checkpoints::marks(self, id).await
     }
 
     async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>> {

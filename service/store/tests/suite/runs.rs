@@ -1,8 +1,8 @@
 //! Runs and their decisions.
 
 use feedwave_store::{
-    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCommit, RunKind, RunOverride,
-    RunSetpoints, RunState, Store, StoreError, TelemetryGap,
+    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCheckpoint, RunCommit, RunKind,
+    RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap,
 };
 use uuid::Uuid;
 
@@ -228,4 +228,48 @@ async fn runs_page_newest_first() {
     let foreign = store.list_runs(None, None, &page).await.err();
     assert!(matches!(foreign, Some(StoreError::InvalidPageToken)), "{foreign:?}");
     assert_eq!(store.list_runs(None, None, &PageRequest::default()).await.unwrap().items.len(), 7);
+}
+
+#[tokio::test]
+async fn checkpoints_of_a_run_are_found_replaced_and_removed() {
+    let place = Place::new();
+    let (store, AttachedRun { run, attachment, .. }) = with_run(&place).await;
+    let checkpoint = |setpoint_index: u64| RunCheckpoint {
+        mark: RunMark { setpoint_index, digest_state: vec![setpoint_index as u8; 105].into() },
+        change_count: setpoint_index / 100,
+        generation_key: "v1".to_owned(),
+        snapshot: vec![7; 20_000].into(),
+    };
+    let indices = async |store: &Store| -> Vec<u64> {
+        store.run_marks(run.id).await.unwrap().iter().map(|mark| mark.setpoint_index).collect()
+    };
+    for index in [100, 200, 300, 300, 400] {
+        store.put_run_checkpoint(run.id, attachment, checkpoint(index), Vec::new()).await.unwrap();
+    }
+    drop(store);
+    let store = open(&place).await;
+    assert_eq!(indices(&store).await, [100, 200, 300, 400]);
+    for (wanted, expected) in [(99, None), (100, Some(100)), (399, Some(300)), (u64::MAX, Some(400))] {
+        let found = store.nearest_run_checkpoint(run.id, "v1", wanted).await.unwrap();
+        assert_eq!(found, expected.map(checkpoint), "at {wanted}");
+    }
+    // Another version's are not found, but marked.
+    let other = RunCheckpoint { generation_key: "v2".to_owned(), ..checkpoint(500) };
+    store.put_run_checkpoint(run.id, attachment, other, vec![100..101, 250..400]).await.unwrap();
+    assert_eq!(indices(&store).await, [200, 400, 500]);
+    let found = store.nearest_run_checkpoint(run.id, "v1", u64::MAX).await.unwrap();
+    assert_eq!(found, Some(checkpoint(400)));
+    // Who was replaced writes no more, and nothing is written to a run that has ended.
+    let newer = store.attach_run(run.id).await.unwrap().attachment;
+    let detached = store.put_run_checkpoint(run.id, attachment, checkpoint(600), vec![0..1_000]).await;
+    assert!(matches!(detached, Err(StoreError::Detached { .. })), "{detached:?}");
+    let limit = StoreSettings::default().max_snapshot_bytes as usize;
+    let large = RunCheckpoint { snapshot: vec![0; limit + 1].into(), ..checkpoint(600) };
+    let large = store.put_run_checkpoint(run.id, newer, large, Vec::new()).await;
+    assert!(matches!(large, Err(StoreError::TooLarge { .. })), "{large:?}");
+    let end = RunCommit { end: Some((RunState::Finished, String::new())), ..RunCommit::default() };
+    store.commit_run(run.id, newer, end).await.unwrap();
+    let ended = store.put_run_checkpoint(run.id, newer, checkpoint(600), Vec::new()).await;
+    assert!(matches!(ended, Err(StoreError::RunEnded { .. })), "{ended:?}");
+    assert_eq!(indices(&store).await, [200, 400, 500]);
 }

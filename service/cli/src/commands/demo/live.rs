@@ -119,7 +119,7 @@ fn loop_is_closed(stage: &mut Stage, heard: &[Decision]) -> Result<(), CliError>
 }
 
 async fn prove(stage: &mut Stage, client: &Client, run: &Drive, heard: &[Decision]) -> Result<(), CliError> {
-    let request = ReplayRunRequest { run: run.name.clone() };
+    let request = ReplayRunRequest { run: run.name.clone(), start_index: 0 };
     let replayed = client.runs().replay_run(request).await;
     let replayed = replayed.map_err(|status| client.failed(&status))?.into_inner();
     let end = run.summary.end.clone().unwrap_or_default();

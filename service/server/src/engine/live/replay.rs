@@ -1,17 +1,18 @@
 //! Replay: decisions made again from their inputs, setpoints generated again from the log, both compared.
 
+use std::ops::Range;
+
 use feedwave_contract::convert::decision_from_proto;
 use feedwave_contract::proto;
 use feedwave_cutting::PipelineConfig;
 use feedwave_monitoring::decide;
-use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunOverride, Store};
+use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunMark, RunOverride, Store};
 use proto::ReplayRunResponse;
 
-use super::LivePlan;
 use super::feed::{Cause, Feed};
 use super::setpoints::{Next, Setpoints};
 use crate::api::decision_from_record;
-use crate::engine::{ColumnSet, Engine};
+use crate::engine::{ColumnSet, Engine, beyond_end};
 use crate::error::{Error, Result, Violations};
 
 /// Differences reported at most.
@@ -30,7 +31,8 @@ impl Differences {
 }
 
 impl Engine {
-    /// Replays a run; a live one with the configuration that its pipeline had.
+    /// Replays a run; a live one with the configuration that its pipeline had, from the nearest checkpoint at or before
+    /// `start_index` on.
     ///
     /// # Errors
     /// [`Error::Overloaded`] when too many streams are open, and those of the store.
@@ -39,6 +41,7 @@ impl Engine {
         detail: &JobDetail,
         run: Run,
         config: Option<PipelineConfig>,
+        start_index: u64,
     ) -> Result<ReplayRunResponse> {
         let inner = &self.inner;
         let limit = inner.limits.concurrent_streams as u64;
@@ -63,21 +66,35 @@ impl Engine {
                 false,
                 proto::Encoding::PackedDouble,
             );
-            let plan = LivePlan { config, columns, first_index: run.setpoints.sent, sensor_time_ns: None };
-            let setpoints = self.generator(detail, plan, Feed::new(&overrides)?.changes())?;
+            let sent = run.setpoints.sent;
+            if start_index > sent {
+                return Err(beyond_end(start_index, sent));
+            }
+            let changes = Feed::new(&overrides)?.changes();
+            let start = self.run_near(run.id, &config, &changes, start_index).await?;
+            let first = start.pipeline.next_index();
+            let marks = inner.store.run_marks(run.id).await?;
+            let marks = marks.into_iter().filter(|mark| (first + 1..=sent).contains(&mark.setpoint_index)).collect();
+            let setpoints = Setpoints::new(start, self.job_source(detail)?, columns, sent);
             let draining = inner.draining.clone();
             let generated = inner.tasks.spawn_blocking(move || {
                 let _place = place;
-                generate(setpoints, run.setpoints.sent, || draining.is_cancelled())
+                generate(setpoints, marks, sent, || draining.is_cancelled())
             });
-            let (count, digest) = generated.await.map_err(Error::internal)??;
+            let Generated { count, digest, differs } = generated.await.map_err(Error::internal)??;
+            if let Some(Range { start, end }) = differs {
+                differences.require(false, || {
+                    format!("the setpoints from {start} to {} are not those that were sent", end - 1)
+                });
+            }
             differences.require(count == run.setpoints.sent, || {
                 format!("{count} setpoints came out, {} were sent", run.setpoints.sent)
             });
             differences.require(stored_digest.is_none_or(|stored| stored == digest), || {
                 format!("the digest of the first {count} setpoints differs")
             });
-            response.setpoint_count = count;
+            response.first_index = first;
+            response.setpoint_count = count.saturating_sub(first);
             response.digest = hex(digest);
         }
         response.identical = differences.0.is_empty();
@@ -90,17 +107,43 @@ fn hex(digest: [u8; 32]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Generates the first `count` setpoints; how many there were, and their digest.
-fn generate(mut setpoints: Setpoints, count: u64, cancelled: impl Fn() -> bool) -> Result<(u64, [u8; 32])> {
+/// Setpoints that came out again.
+struct Generated {
+    /// Index behind the last one.
+    count: u64,
+    /// Digest of all before it.
+    digest: [u8; 32],
+    /// The setpoints between two running digests of the run of which the second was not met first.
+    differs: Option<Range<u64>>,
+}
+
+/// Generates the setpoints before `count`, and compares their running digest with those that the run has.
+fn generate(
+    mut setpoints: Setpoints,
+    marks: Vec<RunMark>,
+    count: u64,
+    cancelled: impl Fn() -> bool,
+) -> Result<Generated> {
+    let mut differs = None;
+    let mut proved = setpoints.next_index();
+    let mut marks = marks.into_iter().peekable();
     while setpoints.next_index() < count {
         if cancelled() {
             return Err(Error::Draining);
         }
+        setpoints.generate_to(marks.peek().map_or(count, |mark| mark.setpoint_index));
         if matches!(setpoints.next(count)?, Next::End) {
             break;
         }
+        let next = setpoints.next_index();
+        if let Some(mark) = marks.next_if(|mark| mark.setpoint_index == next) {
+            if mark.digest_state != setpoints.digest_state() {
+                differs = differs.or(Some(proved..next));
+            }
+            proved = next;
+        }
     }
-    Ok((setpoints.next_index(), setpoints.digest()))
+    Ok(Generated { count: setpoints.next_index(), digest: setpoints.digest(), differs })
 }
 
 /// Makes every decision again; how many there were, and the feed after each.

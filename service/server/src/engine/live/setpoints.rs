@@ -1,10 +1,12 @@
 //! The setpoints of a run, chunk by chunk, with the digest of all that were handed out.
 
 use feedwave_contract::proto;
-use feedwave_cutting::{BLOCK_LENGTH, OverrideChange, Pipeline, PipelineConfig, SetpointBlock, Step};
+use feedwave_cutting::{BLOCK_LENGTH, OverrideChange, Pipeline, SetpointBlock, Step};
 use feedwave_program::Severity;
+use feedwave_store::RunCheckpoint;
 use sha2::{Digest as _, Sha256};
 
+use super::checkpoint::{self, Start};
 use crate::engine::columns::{ChunkWriter, ColumnSet, FIRST_CHUNK_SIZE};
 use crate::engine::source::Source;
 use crate::error::{Error, Result};
@@ -32,14 +34,36 @@ pub(super) struct Setpoints {
     digest: Sha256,
     /// Whether the path rests at the last setpoint.
     at_rest: bool,
+    /// A setpoint with the digest that those before it have to have: what was handed out once.
+    expected: Option<(u64, [u8; 32])>,
+    /// Index from which on the next checkpoint is taken.
+    checkpoint_due: u64,
+    /// One that was taken and not asked for.
+    checkpoint: Option<RunCheckpoint>,
 }
 
 impl Setpoints {
-    pub(super) fn new(config: PipelineConfig, source: Source, columns: ColumnSet, first_index: u64) -> Self {
-        let pipeline = Pipeline::new(config.into());
-        let block = pipeline.new_block();
-        let digest = Sha256::new();
-        Self { pipeline, source, columns, first_index, block, rows: Vec::new(), digest, at_rest: true }
+    pub(super) fn new(start: Start, source: Source, columns: ColumnSet, first_index: u64) -> Self {
+        let Start { pipeline, digest } = start;
+        Self {
+            source,
+            columns,
+            first_index,
+            block: pipeline.new_block(),
+            rows: Vec::new(),
+            digest,
+            at_rest: true,
+            expected: None,
+            checkpoint_due: checkpoint::due_after(pipeline.next_index()),
+            checkpoint: None,
+            pipeline,
+        }
+    }
+
+    /// Proves on the way that the first `count` setpoints have this digest.
+    pub(super) fn expecting(self, count: u64, digest: [u8; 32]) -> Self {
+        let ahead = count > self.next_index();
+        Self { expected: ahead.then_some((count, digest)), ..self }
     }
 
     /// Index of the next setpoint: so many were generated.
@@ -73,6 +97,26 @@ impl Setpoints {
         self.digest.clone().finalize().into()
     }
 
+    /// State of that digest.
+    pub(super) fn digest_state(&self) -> Vec<u8> {
+        checkpoint::digest_state(&self.digest)
+    }
+
+    /// Whether there is one that was not asked for.
+    pub(super) const fn has_checkpoint(&self) -> bool {
+        self.checkpoint.is_some()
+    }
+
+    /// The newest checkpoint that was taken since this was asked last.
+    pub(super) fn take_checkpoint(&mut self) -> Option<RunCheckpoint> {
+        self.checkpoint.take()
+    }
+
+    /// Hands nothing out before this setpoint, where blocks end then.
+    pub(super) const fn generate_to(&mut self, index: u64) {
+        self.first_index = index;
+    }
+
     /// Changes the feed.
     pub(super) fn append(&mut self, change: OverrideChange) -> Result<()> {
         self.pipeline.append_override(change).map_err(Error::internal)
@@ -84,6 +128,7 @@ impl Setpoints {
         // What the client has is passed over in large blocks.
         let (end, most) =
             if next < self.first_index { (self.first_index, BLOCK_LENGTH) } else { (end, FIRST_CHUNK_SIZE) };
+        let end = self.expected.map_or(end, |(count, _)| end.min(count));
         let most = usize::try_from(end - next).map_or(most, |left| left.min(most));
         loop {
             match self.pipeline.next_setpoints(&mut self.block, most) {
@@ -92,6 +137,7 @@ impl Setpoints {
                     None => self.pipeline.finish_input(),
                 },
                 Step::Block => break,
+                Step::Finished if self.expected.is_some() => return Err(self.differs()),
                 Step::Finished => return Ok(Next::End),
                 Step::Refused => return Err(self.refused()),
             }
@@ -100,6 +146,15 @@ impl Setpoints {
         add_rows(block, &mut self.rows);
         self.digest.update(&self.rows);
         self.at_rest = block.feed_mm_per_min.last() == Some(&0.0);
+        if self.expected.is_some_and(|(count, digest)| count == self.next_index() && digest != self.digest()) {
+            return Err(self.differs());
+        }
+        self.expected = self.expected.filter(|(count, _)| *count > self.next_index());
+        if self.next_index() >= self.checkpoint_due {
+            self.checkpoint_due = checkpoint::due_after(self.next_index());
+            self.checkpoint = Some(checkpoint::checkpoint(&self.pipeline, &self.digest)?);
+        }
+        let block = &self.block;
         if next < self.first_index {
             return Ok(Next::Passed);
         }
@@ -107,6 +162,14 @@ impl Setpoints {
         let mut writer = ChunkWriter::new(&self.columns, block.len(), block.first_index);
         writer.write(block, 0..block.len(), |full| chunk.replace(full).is_none());
         chunk.map(Next::Chunk).ok_or_else(|| Error::internal("a block did not become a chunk"))
+    }
+
+    /// What was handed out once does not come again: by another version, or from damaged data.
+    fn differs(&self) -> Error {
+        let count = self.expected.map_or(0, |(count, _)| count);
+        Error::Damaged(format!(
+            "the first {count} setpoints of this run do not come again as they were sent: begin a new run"
+        ))
     }
 
     fn refused(&self) -> Error {

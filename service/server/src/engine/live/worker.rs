@@ -11,6 +11,8 @@ use tokio::runtime::Handle;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
 use super::feed::{Cause, Feed, feed_change_to_proto};
+use super::checkpoint;
+use super::receipts::Receipts;
 use super::setpoints::{Next, Setpoints};
 use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
 use crate::engine::session::Session;
@@ -29,6 +31,8 @@ enum Wake {
     /// Another chunk may be sent.
     Slot(OwnedSemaphorePermit),
     Silence,
+    /// Setpoints have waited too long for a receipt.
+    Overdue,
     Commit,
     Ended(Error),
 }
@@ -48,8 +52,8 @@ pub(super) struct Worker {
     metrics: Arc<Metrics>,
     /// Setpoints before this index may be handed out.
     credit: u64,
-    /// Setpoints that the client has taken.
-    received: u64,
+    /// What the client has taken.
+    receipts: Receipts,
     /// Number of setpoints of the run, once the last one was generated.
     total: Option<u64>,
     /// Setpoints as they became durable last.
@@ -62,7 +66,7 @@ impl Worker {
         session: Session,
         setpoints: Setpoints,
         feed: Feed,
-        received: u64,
+        receipts: Receipts,
         input: mpsc::Receiver<LiveInput>,
         outlet: mpsc::Sender<Outgoing>,
         ends: RunEnds,
@@ -70,7 +74,7 @@ impl Worker {
         metrics: Arc<Metrics>,
     ) -> Self {
         let slots = Arc::new(Semaphore::new(CHUNKS_IN_FLIGHT));
-        let durable = RunSetpoints { received, ..RunSetpoints::default() };
+        let durable = RunSetpoints { received: receipts.received(), ..RunSetpoints::default() };
         Self {
             session,
             setpoints,
@@ -83,7 +87,7 @@ impl Worker {
             runtime,
             metrics,
             credit: 0,
-            received,
+            receipts,
             total: None,
             durable,
         }
@@ -97,8 +101,9 @@ impl Worker {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
                 Wake::Input(None) => self.open = false,
                 Wake::Slot(place) => self.hand_out(place)?,
+                Wake::Overdue => ended = Some(self.overdue()),
                 Wake::Silence => {
-                    self.session.cut_thread(self.setpoints.cuts_thread(self.received))?;
+                    self.session.cut_thread(self.cuts_thread())?;
                     self.session.fall_silent()?;
                 }
                 Wake::Commit => {}
@@ -120,6 +125,9 @@ impl Worker {
             let end = self.end();
             let last = ended.is_some() || end.is_some() || (!self.open && self.session.silence_at().is_none());
             let due = self.commit_at().is_some_and(|at| last || at <= Instant::now());
+            if due || end.is_some() {
+                self.keep_checkpoint()?;
+            }
             if due || change.is_some() || end.is_some() {
                 self.commit(change, end, cause)?;
             }
@@ -139,17 +147,18 @@ impl Worker {
             }
             Some(_) if rests => Some((RunState::Aborted, "given up by the client".to_owned())),
             Some(_) => None,
-            None => self.total.filter(|total| self.received >= *total).map(|_| (RunState::Finished, String::new())),
+            None => self.total.filter(|total| self.receipts.received() >= *total).map(|_| (RunState::Finished, String::new())),
         }
     }
 
     fn progress(&self) -> RunSetpoints {
-        RunSetpoints { received: self.received, sent: self.setpoints.next_index(), digest: None }
+        RunSetpoints { received: self.receipts.received(), sent: self.setpoints.next_index(), digest: None }
     }
 
     /// When something wants to be committed.
     fn commit_at(&self) -> Option<Instant> {
-        let progress = (self.progress() != self.durable && self.is_past_start()).then(|| self.session.next_commit());
+        let waits = self.progress() != self.durable || self.setpoints.has_checkpoint();
+        let progress = (waits && self.is_past_start()).then(|| self.session.next_commit());
         self.session.commit_at().into_iter().chain(progress).min()
     }
 
@@ -165,6 +174,8 @@ impl Worker {
             return Wake::Input(Some(input));
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
+        // A client that is gone owes nothing: it says what it has when it takes the run up.
+        let overdue = until(self.receipts.overdue_at().filter(|_| self.open));
         let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
         let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
         self.runtime.block_on(async {
@@ -174,6 +185,7 @@ impl Worker {
                 input = input.recv(), if open => Wake::Input(input),
                 () = silence => Wake::Silence,
                 () = commit => Wake::Commit,
+                () = overdue => Wake::Overdue,
                 Ok(place) = slots.acquire_owned(), if generates => Wake::Slot(place),
             }
         })
@@ -191,7 +203,7 @@ impl Worker {
             match next {
                 Some(LiveInput::Batch(batch, arrival)) => {
                     self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
-                    self.session.cut_thread(self.setpoints.cuts_thread(self.received))?;
+                    self.session.cut_thread(self.cuts_thread())?;
                     self.session.take(&batch, arrival, true)?;
                     if !self.session.waiting_decisions().is_empty() {
                         return Ok(Some(arrival));
@@ -240,18 +252,47 @@ impl Worker {
             let why = format!("is {received}, but only {sent} setpoints were sent");
             return Err(Error::invalid("receipt.received", why));
         }
-        self.received = self.received.max(received);
+        self.receipts.receive(received, sent, Instant::now());
         Ok(())
+    }
+
+    /// Whether the client may be cutting a thread.
+    fn cuts_thread(&self) -> bool {
+        self.setpoints.cuts_thread(self.receipts.received())
+    }
+
+    /// The client has what it was sent, or not: without receipts nobody knows, and the run is not its to keep.
+    fn overdue(&self) -> Error {
+        let received = self.receipts.received();
+        let message = format!(
+            "{} setpoints were sent and {received} acknowledged for {} s: say what was taken (RunReceipt), and take the run \
+             up at the first setpoint that is missing",
+            self.setpoints.next_index(),
+            self.receipts.patience().as_secs()
+        );
+        Error::Precondition { reason: "RECEIPTS_MISSING", subject: self.session.run_name(), message }
+    }
+
+    /// Stores a checkpoint that was taken.
+    fn keep_checkpoint(&mut self) -> Result<()> {
+        let Some(taken) = self.setpoints.take_checkpoint() else { return Ok(()) };
+        let removed = checkpoint::outdated(taken.mark.setpoint_index);
+        self.runtime.block_on(self.session.put_checkpoint(taken, removed))
     }
 
     /// Generates the next setpoints and hands them out.
     fn hand_out(&mut self, place: OwnedSemaphorePermit) -> Result<()> {
+        let before = self.setpoints.next_index();
         match self.setpoints.next(self.credit_end())? {
             Next::Chunk(chunk) => {
                 self.metrics.setpoints.inc_by(u64::from(chunk.count));
+                self.receipts.owes(Instant::now());
                 self.tell(Message::Chunk(chunk), Some(place))
             }
-            Next::Passed => Ok(()),
+            Next::Passed => {
+                self.metrics.regenerated_setpoints.inc_by(self.setpoints.next_index() - before);
+                Ok(())
+            }
             Next::End => {
                 let total = self.setpoints.next_index();
                 if total < self.setpoints.first_index() {

@@ -41,6 +41,7 @@ pub(crate) async fn check(path: &Path) -> Result<CheckReport> {
     check.jobs().await?;
     check.reports().await?;
     check.checkpoints().await?;
+    check.run_checkpoints().await?;
     check.documents().await?;
     check.runs().await?;
     check.events().await?;
@@ -225,6 +226,16 @@ impl Check {
             let sql = "SELECT snapshot_bytes, snapshot FROM job_checkpoints WHERE rowid = CAST(? AS INTEGER)";
             let result = self.packed(sql, &place).await.map(drop);
             self.note("checkpoint", id, result, NOTHING);
+        }
+        Ok(())
+    }
+
+    async fn run_checkpoints(&mut self) -> Result<()> {
+        for row in self.ids("run checkpoint", "SELECT CAST(rowid AS TEXT) AS place, run_id FROM run_checkpoints").await {
+            let (place, id): (String, String) = (row.try_get("place")?, row.try_get("run_id")?);
+            let sql = "SELECT snapshot_bytes, snapshot FROM run_checkpoints WHERE rowid = CAST(? AS INTEGER)";
+            let result = self.packed(sql, &place).await.map(drop);
+            self.note("run checkpoint", format!("runs/{id}"), result, NOTHING);
         }
         Ok(())
     }
