@@ -232,6 +232,66 @@ async fn setpoints_follow_the_spindle_angle_in_lead_and_phase() {
 }
 
 #[tokio::test]
+async fn a_vibration_that_starts_in_the_middle_of_its_wave_starts_from_rest() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let (from, shifts) = ("A3.6 R120", [120.0, 33.0, 90.0, 270.0, 359.0]);
+    assert!(PROGRAM_B.contains(from));
+    for shift_deg in shifts {
+        let outcome = clients.submit(&PROGRAM_B.replace(from, &format!("A3.6 R{shift_deg}"))).await;
+        assert_eq!(outcome.job.state(), JobState::Ready, "{:?}", outcome.report.findings);
+        let thread = only_thread(&outcome).thread.clone().expect("a thread");
+        let setpoints = work_setpoints(&mut clients, &outcome.job.name).await;
+        let rad_per_s = std::f64::consts::TAU * thread.vibrations_per_rev * thread.spindle_rev_per_min / 60.0;
+        let pass = thread.passes[1];
+        assert_near(pass.phase_shift_deg, shift_deg, 1e-9);
+        let points = of_line(&setpoints, pass.line);
+        // The taper is zero: X is the vibration alone, from its prepared position on.
+        let prepared_mm = 5.0 - pass.depth_mm + 0.5 * pass.amplitude_mm * (1.0 - shift_deg.to_radians().cos());
+        let rests = points.iter().position(|point| (point[1] - prepared_mm).abs() < 1e-9);
+        let from = rests.expect("X comes to its prepared position");
+        let period_s = 1e-3;
+        let peak = 0.5 * pass.amplitude_mm * rad_per_s * rad_per_s;
+        for three in points[from..].windows(3) {
+            let bend = (three[2][1] - 2.0 * three[1][1] + three[0][1]) / (period_s * period_s);
+            // The finite difference of a full wave is a little below its peak, so there is room for rounding.
+            assert!(bend.abs() <= peak, "{bend} of {peak} at {} with {shift_deg}", three[0][0]);
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_pass_is_followed_from_the_checkpoint_before_it() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let near = clients.submit(PROGRAM_A).await;
+    let (start, wait) = ("G0 X14.0 Z100.0 M8\n", "G0 X14.0 Z100.0 M8\nG4 P300000\n");
+    assert!(PROGRAM_A.contains(start));
+    let far = clients.submit(&PROGRAM_A.replace(start, wait)).await;
+    assert_eq!(far.job.state(), JobState::Ready, "{:?}", far.codes());
+    let regenerated = async || -> u64 {
+        let answer = server.web().get("/metrics").await;
+        let line = answer.text().lines().find_map(|line| line.strip_prefix("feedwave_setpoints_regenerated_total "));
+        line.expect("the figure is shown").parse().expect("a number")
+    };
+    let angles_deg: Vec<f64> = (-50..700).map(|step| 7.3 * f64::from(step)).collect();
+    for pass in 0..4 {
+        let followed = async |clients: &mut Clients, job: &str| {
+            let angle_kind = SpindleAngleKind::Unwrapped.into();
+            let start = FollowSpindleStart { job: job.to_owned(), pass, angle_kind, ..FollowSpindleStart::default() };
+            let angles = SpindleAngles { angles_deg: angles_deg.clone() };
+            follow(clients, vec![Follow::Start(start), Follow::Angles(angles)]).await.expect("it is followed").1
+        };
+        let expected = followed(&mut clients, &near.job.name).await;
+        let before = regenerated().await;
+        assert_eq!(followed(&mut clients, &far.job.name).await, expected, "to the last bit");
+        // Of more than 300 000 setpoints only those behind the second checkpoint are made again.
+        let again = regenerated().await - before;
+        assert!((30_000..70_000).contains(&again), "{again} for pass {pass}");
+    }
+}
+
+#[tokio::test]
 async fn contradictions_are_refused_before_anything_moves() {
     let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;

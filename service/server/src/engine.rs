@@ -12,6 +12,7 @@ mod session;
 mod source;
 mod stream;
 mod telemetry;
+mod thread_path;
 mod turns;
 mod validation;
 mod worker;

@@ -8,7 +8,6 @@ use crate::frame::builder::Analysis;
 use crate::frame::pipeline::{Pipeline, PipelineConfig, Step};
 use crate::frame::report::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};
 use crate::functions::thinning::report_findings;
-use crate::functions::thread::ThreadPath;
 use crate::shared::setpoint::{Frame, SetpointBlock};
 
 /// Lines read per step once setpoints have stopped at an error.
@@ -74,21 +73,6 @@ impl Validation {
         let pipeline = Pipeline::with_analysis(config, Some(Analysis::default()));
         let block = pipeline.new_block();
         Self { pipeline, block, axes, stopped: false, ended: false, setpoint_count: 0 }
-    }
-
-    /// Keeps the path of one pass: both numbers count from 0, in the order of the report's threads and of their passes.
-    #[must_use]
-    pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
-        if let Some(analysis) = &mut self.pipeline.builder.analysis {
-            analysis.functions.threads.wanted_pass = Some((thread, pass));
-        }
-        self
-    }
-
-    /// The path that is kept, as soon as its pass is planned, which is before its setpoints come.
-    #[must_use]
-    pub fn kept_path(&self) -> Option<&ThreadPath> {
-        self.pipeline.builder.analysis.as_ref()?.functions.threads.wanted_path.as_ref()
     }
 
     /// See [`Pipeline::push`].

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use feedwave_cutting::thread::ThreadPath;
 use feedwave_cutting::{Pipeline, PipelineConfig, Step, Validation, ValidationReport};
-use feedwave_store::JobDetail;
 
 use super::source::Source;
 use super::turns::{Next, Turn};
@@ -13,7 +11,7 @@ use crate::observability::metrics::GaugeGuard;
 
 /// Setpoints between the first checkpoints: what a stream generates in vain when it starts in between, some
 /// milliseconds.
-const CHECKPOINT_INTERVAL: u64 = 1 << 17;
+pub(super) const CHECKPOINT_INTERVAL: u64 = 1 << 17;
 /// Later ones lie further apart, by this share of the index, so that their number grows with the logarithm of the
 /// program's length only: at most 500 for the longest program there can be.
 const CHECKPOINT_SHARE: u64 = 64;
@@ -88,45 +86,6 @@ impl super::Engine {
             work()
         });
         run.await.map_err(Error::internal)
-    }
-
-    /// The path of one pass of a stored job's thread: the program is planned up to it, as for its report. Both numbers
-    /// count from 0, in the order of the report's threads and of their passes. Dropping the future ends the work.
-    ///
-    /// # Errors
-    /// [`Error::Draining`] when the service ends first, those of the store, and [`Error::Internal`] where the program has no
-    /// such pass.
-    pub async fn thread_path(&self, detail: &JobDetail, thread: u32, pass: u32) -> Result<ThreadPath> {
-        let config = Arc::new(super::job_config(detail)?);
-        let source = self.job_source(detail)?;
-        let place = self.inner.validation_places.clone().acquire_owned().await.map_err(Error::internal)?;
-        let token = self.inner.draining.child_token();
-        let cancel_when_dropped = token.clone().drop_guard();
-        let run = self.inner.tasks.spawn_blocking(move || {
-            let _held = place;
-            let mut validation = Validation::new(config).keeping_path(u64::from(thread), pass as usize);
-            loop {
-                if let Some(path) = validation.kept_path() {
-                    return Ok(path.clone());
-                }
-                if token.is_cancelled() {
-                    return Err(Error::Draining);
-                }
-                match validation.step() {
-                    Step::NeedInput(place) => match source.read(place)? {
-                        Some(bytes) => validation.push(&bytes),
-                        None => validation.finish_input(),
-                    },
-                    Step::Block => {}
-                    Step::Finished | Step::Refused => {
-                        return Err(Error::internal(format!("no pass {pass} of thread {thread} was planned")));
-                    }
-                }
-            }
-        });
-        let path = run.await.map_err(Error::internal)?;
-        drop(cancel_when_dropped);
-        path
     }
 
     /// Validates a program of `program_bytes` bytes for `client` without storing anything; it has turns as the validations

@@ -25,6 +25,7 @@ use crate::frame::interpolator::Barrier;
 use crate::frame::pipeline::PipelineConfig;
 use crate::frame::report::PathDeviation;
 use crate::functions::five_axis::{Ahead, Chosen, Guide, GuideState};
+use crate::functions::thread::WantedPass;
 use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, missing, spline_cusp, too_long};
 use crate::shared::columns::ColumnMap;
 use crate::shared::cut::Cut;
@@ -86,6 +87,8 @@ impl Analysis {
 pub(crate) struct Builder {
     pub(crate) state: BuilderState,
     pub(crate) analysis: Option<Analysis>,
+    /// A pass whose path is requested.
+    pub(crate) wanted_pass: Option<WantedPass>,
     /// From the tool to the axes, on machines that have kinematics.
     guide: Option<Guide>,
     /// The inverse solution for the next operation, where it was looked ahead for.
@@ -112,13 +115,18 @@ impl BuilderState {
 
 impl Builder {
     pub(crate) fn new(state: BuilderState, analysis: Option<Analysis>, guide: Option<Guide>) -> Self {
-        Self { state, analysis, guide, chosen: None, smoothed: Vec::new() }
+        Self { state, analysis, wanted_pass: None, guide, chosen: None, smoothed: Vec::new() }
     }
 
     /// A builder in the same state for times alone: it analyses nothing, looks nowhere ahead, and its rotary axes never run
     /// out.
     pub(crate) fn beside(&self) -> Self {
         Self::new(self.state.clone(), None, self.guide.as_ref().map(Guide::without_ranges))
+    }
+
+    /// See [`crate::Pipeline::next_thread_pass`].
+    pub(crate) fn next_thread_pass(&self) -> (u64, usize) {
+        self.state.functions.threads.next_pass()
     }
 
     /// What to look ahead for before an operation; nothing for most.

@@ -22,6 +22,7 @@ use crate::frame::timed::TimedPlans;
 use crate::functions::five_axis::Guide;
 use crate::functions::path_vibration::GenerationMode;
 use crate::functions::thinning::{StageState, ThinningStage};
+use crate::functions::thread::{ThreadPath, WantedPass};
 use crate::shared::setpoint::{BLOCK_LENGTH, Frame, SetpointBlock};
 
 pub use overrides::AppendError;
@@ -224,6 +225,27 @@ impl Pipeline {
     #[must_use]
     pub fn last_thread_pass(&self) -> Option<(u64, u64)> {
         self.interpolator.last_thread_pass()
+    }
+
+    /// Keeps the path of one pass: its thread and its number there count from 0, in the order of the report's threads and of
+    /// their passes. It must not have been planned yet ([`Pipeline::next_thread_pass`]).
+    #[must_use]
+    pub fn keeping_path(mut self, thread: u64, pass: usize) -> Self {
+        self.builder.wanted_pass = Some(WantedPass { place: (thread, pass), path: None });
+        self
+    }
+
+    /// The path that is kept, as soon as its pass is planned, which is before its setpoints come.
+    #[must_use]
+    pub fn kept_path(&self) -> Option<&ThreadPath> {
+        self.builder.wanted_pass.as_ref()?.path.as_ref()
+    }
+
+    /// Thread and number, counted from 0, of the first pass that was not planned yet, where it belongs to the last thread; it
+    /// may be the first of the next thread as well.
+    #[must_use]
+    pub fn next_thread_pass(&self) -> (u64, usize) {
+        self.builder.next_thread_pass()
     }
 
     /// The configuration.

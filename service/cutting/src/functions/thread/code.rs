@@ -219,9 +219,9 @@ feedwave_program::finding_codes! {
     }
 
     "THREAD-VIBRATION-LATE" [THREAD_VIBRATION_LATE: Warning] {
-        meaning: "with the delayed start-up the vibration of a pass begins in the work already",
-        cause: "The delay until the phase of the vibration is reached takes longer than the approach to the work.",
-        cure: "Use the start-up with preparatory movement, or start further before the work.",
+        meaning: "the vibration of a pass comes into its phase in the work already",
+        cause: "The delay of the vibration, or its start from rest in the middle of the wave over two vibrations, takes longer than the approach to the work.",
+        cure: "Start further before the work, or use the start-up with preparatory movement and a phase shift of 0 or 180 degrees.",
         example: on("lathe, thread_vibration.start_up = THREAD_START_UP_DELAYED, thread_vibration.approach_mm = 0.6", "M3 S100\nG165 P3 X10 Q1.2\nG0 X14 Z100\nG0 X9.6\nG32 Z60 F2.5 R270\nG0 X14\nG165 P0\nM30"),
     }
 

@@ -10,7 +10,7 @@ use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
 use super::report::{CrestReport, ThreadPassReport};
-use super::{RunUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport};
+use super::{RunUp, START_JERK, StartUp, ThreadJob, ThreadLimits, ThreadPass, ThreadReport};
 use crate::functions::axis_load::{AxisCodes, AxisLoad};
 use crate::functions::sampling::{FINE_SAMPLES, Sampling, suggest_period};
 use crate::shared::wording::{decimal, round_down, round_up};
@@ -172,7 +172,10 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
     let velocity = 0.5 * pass.amplitude_mm * rad_per_s;
     // On a taper X follows the lead as well.
     let taper = job.geometry.taper.abs() * job.geometry.lead_mm * job.spindle_rev_per_min / 60.0;
-    let demanded = [velocity + taper, velocity * rad_per_s, velocity * rad_per_s * rad_per_s];
+    // A start in the middle of the wave adds to the jerk only.
+    let starts_within = job.start_up == StartUp::Preparatory && job.wave(pass).starts_within();
+    let start_jerk = if starts_within { 1.0 + START_JERK } else { 1.0 };
+    let demanded = [velocity + taper, velocity * rad_per_s, start_jerk * velocity * rad_per_s * rad_per_s];
     let limits =
         [limits.vibration_velocity_mm_per_s, limits.vibration_acceleration_mm_per_s2, limits.vibration_jerk_mm_per_s3];
     for load in AxisLoad::of_linear(demanded, limits).into_iter().filter(|load| load.exceeds(ROUNDING)) {

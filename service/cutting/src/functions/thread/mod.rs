@@ -43,7 +43,8 @@ pub use report::{
 };
 pub use run_up::RunUp;
 pub use settings::ThreadVibrationSettings;
-pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass};
+pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass, WantedPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
 pub(crate) use tap::{TapRun, straight};
+pub(crate) use wave::START_JERK;
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

@@ -172,7 +172,7 @@ impl ThreadPath {
         let PathVibration { wave, start_up, outwards } = vibration;
         let rest_deg = if wave.amplitude_mm > 0.0 {
             // The vibration goes on until its retreat is zero at a whole turn of its phase, where its speed is, too.
-            let from_deg = lead_end_deg.max(wave.start_deg(start_up));
+            let from_deg = lead_end_deg.max(wave.in_phase_deg(start_up));
             let turns = (wave.phase_deg(from_deg) / 360.0).ceil();
             lead_end_deg.max((360.0 * turns + wave.phase_shift_deg) / wave.vibrations_per_rev)
         } else {
@@ -315,9 +315,12 @@ impl ThreadPath {
     }
 
     fn fill_retreat(&self, angles_deg: &[f64], retreat_mm: &mut [f64]) {
-        let Range { start, end } = self.vibrating(angles_deg);
-        if let Some(first_deg) = angles_deg.first() {
-            retreat_mm[..start].fill(self.retreat_mm(first_deg.min(self.wave.start_deg(self.start_up))));
+        if self.outwards == 0.0 {
+            return retreat_mm.fill(0.0);
+        }
+        let Range { start, end } = self.in_phase(angles_deg);
+        for (retreat_mm, angle_deg) in retreat_mm[..start].iter_mut().zip(angles_deg) {
+            *retreat_mm = self.retreat_mm(*angle_deg);
         }
         for (retreat_mm, angle_deg) in retreat_mm[start..end].iter_mut().zip(&angles_deg[start..end]) {
             *retreat_mm = self.wave.at_phase_mm(self.wave.phase_deg(*angle_deg));
@@ -325,14 +328,11 @@ impl ThreadPath {
         retreat_mm[end..].fill(0.0);
     }
 
-    /// The angles between start and end of the vibration.
-    fn vibrating(&self, angles_deg: &[f64]) -> Range<usize> {
+    /// The angles between the place from which on the vibration has its phase and its end.
+    fn in_phase(&self, angles_deg: &[f64]) -> Range<usize> {
         let end = angles_deg.partition_point(|angle_deg| *angle_deg < self.rest_deg);
-        if self.outwards == 0.0 {
-            return end..end;
-        }
-        let start_deg = self.wave.start_deg(self.start_up);
-        angles_deg[..end].partition_point(|angle_deg| *angle_deg < start_deg)..end
+        let in_phase_deg = self.wave.in_phase_deg(self.start_up);
+        angles_deg[..end].partition_point(|angle_deg| *angle_deg < in_phase_deg)..end
     }
 }
 

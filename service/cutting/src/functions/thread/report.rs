@@ -1,7 +1,5 @@
 //! The judgement of a thread before it is cut (docs/functions/thread-vibration.md, "Findings").
 
-use core::f64::consts::TAU;
-
 use feedwave_program::{Finding, FindingLog};
 
 use super::chip::{Clearance, chip, least_ratio};
@@ -79,9 +77,9 @@ pub struct ThreadPassReport {
     pub prepared_retreat_mm: f64,
     /// Spindle angle at which start-up B starts the vibration, degrees.
     pub delay_deg: f64,
-    /// Step of X' velocity where the vibration starts, mm/s on the radius: start-up A starts in the middle of the wave
-    /// where the phase shift is not a multiple of 180°.
-    pub start_step_mm_per_s: f64,
+    /// Spindle angle from which on the vibration has its phase, degrees: start-up A takes two vibrations to come into it where
+    /// it starts in the middle of the wave.
+    pub in_phase_deg: f64,
     /// The chip, looking at the depth only.
     pub depth: ThreadChip,
     /// The chip, looking at the full section.
@@ -205,13 +203,7 @@ fn pass_report(job: &ThreadJob, index: usize) -> ThreadPassReport {
         prepared_phase_deg: wave.prepared_phase_deg(),
         prepared_retreat_mm: wave.at_phase_mm(wave.prepared_phase_deg()),
         delay_deg: wave.delay_deg(),
-        start_step_mm_per_s: match job.start_up {
-            StartUp::Preparatory => {
-                let peak_mm_per_s = 0.5 * pass.amplitude_mm * TAU * job.frequency_hz();
-                peak_mm_per_s * sin_turns(wave.prepared_phase_deg() / 360.0).abs()
-            }
-            StartUp::Delayed => 0.0,
-        },
+        in_phase_deg: wave.in_phase_deg(job.start_up),
         depth: chip(job, index, ChipLevel::Depth),
         section: chip(job, index, ChipLevel::Section),
     }

@@ -40,6 +40,8 @@ pub(crate) struct Threads {
     /// Blocks of one pass, as long as more may follow.
     blocks: Vec<ThreadBlock>,
     open: Option<Box<OpenThread>>,
+    /// Threads that were closed: the reports there are while validating.
+    closed: u64,
     /// That the feed override does not act on taps was said.
     taps_reported: bool,
 }
@@ -68,10 +70,15 @@ impl Modal for Mode {
 pub(crate) struct ThreadAnalysis {
     pub(crate) reports: Listed<ThreadSectionReport>,
     pub(crate) passes: u64,
-    /// Thread and pass whose path is requested, counted from 0.
-    pub(crate) wanted_pass: Option<(u64, usize)>,
-    /// That path.
-    pub(crate) wanted_path: Option<ThreadPath>,
+}
+
+/// A pass whose path is requested.
+#[derive(Clone, Debug)]
+pub(crate) struct WantedPass {
+    /// Its thread and its number there, counted from 0 as in the report.
+    pub(crate) place: (u64, usize),
+    /// Its path, once it is planned.
+    pub(crate) path: Option<ThreadPath>,
 }
 
 /// What waits for the next operation: a rapid, and the blocks of a pass.
@@ -236,15 +243,13 @@ impl Threads {
         let run = pass.path.run(blocks, pass.vibration, inputs.settings, prepares, inputs.machine, findings)?;
         if let Some(analysis) = analysis {
             analysis.passes += 1;
-            let place = self
-                .open
-                .as_ref()
-                .and_then(|open| Some((analysis.reports.count, open.job.passes.len().checked_sub(1)?)));
-            if place.is_some() && place == analysis.wanted_pass {
-                analysis.wanted_path = Some(run.path.clone());
-            }
         }
         Some(run)
+    }
+
+    /// Thread and number of the pass that is planned next, counted from 0, where it belongs to the thread in hand.
+    pub(crate) fn next_pass(&self) -> (u64, usize) {
+        (self.closed, self.open.as_ref().map_or(0, |open| open.job.passes.len()))
     }
 
     /// A stroke of a rigid tap; nothing after a finding that forbids it.
@@ -274,7 +279,9 @@ impl Threads {
         analysis: Option<&mut ThreadAnalysis>,
         findings: &mut FindingLog,
     ) {
-        let (Some(open), Some(analysis)) = (self.open.take(), analysis) else { return };
+        let Some(open) = self.open.take() else { return };
+        self.closed += 1;
+        let Some(analysis) = analysis else { return };
         let report = open.judge(inputs);
         for finding in &report.report.findings {
             findings.push(finding.clone());

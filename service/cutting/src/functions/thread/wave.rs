@@ -10,12 +10,17 @@ use feedwave_motion::sin_turns;
 #[serde(rename_all = "snake_case")]
 pub enum StartUp {
     /// Start-up A: X moves to the vibration position of the corrected phase beforehand, the vibration starts at the
-    /// thread-start reference point.
+    /// thread-start reference point. In the middle of the wave it starts from rest and falls one vibration behind, over two
+    /// of them ([`RetreatWave::in_phase_deg`]).
     #[default]
     Preparatory,
     /// Start-up B: the vibration starts from phase 0 where its phase shift has passed since the reference point.
     Delayed,
 }
+
+/// By how much the jerk of a start-up in the middle of the wave may exceed the peak of the vibration, a share: 0.01323 where
+/// the rate of the phase has nearly risen.
+pub(crate) const START_JERK: f64 = 0.0133;
 
 /// Retreat of the tool in one pass: r(ψ) = (A/2)·(1 − cos ψ), ψ = D·θ − Δ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,13 +53,52 @@ impl RetreatWave {
     /// Retreat at a spindle angle from the reference point, mm; the start-up included.
     #[must_use]
     pub fn retreat_mm(&self, start_up: StartUp, spindle_angle_deg: f64) -> f64 {
-        if self.amplitude_mm == 0.0 {
+        if self.amplitude_mm == 0.0 || start_up == StartUp::Delayed && spindle_angle_deg < self.delay_deg() {
             return 0.0;
         }
+        self.at_phase_mm(self.started_phase_deg(start_up, spindle_angle_deg))
+    }
+
+    /// Phase at a spindle angle from the reference point, degrees, not reduced; the start-up included, where the vibration has
+    /// begun.
+    ///
+    /// In the middle of the wave a vibration cannot begin at its full rate: X would have to jump to its speed. The rate of
+    /// the phase rises from 0 to D as the quintic 6s⁵ − 15s⁴ + 10s³ over two vibrations, s their share. Its mean is a half, so
+    /// that the phase is one whole vibration behind then: the same one. Nowhere are velocity or acceleration higher than in
+    /// the vibration itself, and the jerk only by [`START_JERK`].
+    fn started_phase_deg(&self, start_up: StartUp, spindle_angle_deg: f64) -> f64 {
+        let Self { vibrations_per_rev, phase_shift_deg, .. } = *self;
+        let in_phase_deg = self.in_phase_deg(start_up);
+        if start_up == StartUp::Delayed || spindle_angle_deg >= in_phase_deg {
+            return self.phase_deg(spindle_angle_deg.max(0.0));
+        }
+        let s = (spindle_angle_deg / in_phase_deg).max(0.0);
+        let risen = s * s * s * s * ((s - 3.0) * s + 2.5);
+        vibrations_per_rev * in_phase_deg * risen - phase_shift_deg
+    }
+
+    /// Whether start-up A starts in the middle of the wave, where the speed of the vibration is not zero.
+    #[must_use]
+    pub fn starts_within(&self) -> bool {
+        reduce_deg(2.0 * self.phase_shift_deg) != 0.0
+    }
+
+    /// Spindle angle from the reference point from which on the vibration has its phase, degrees.
+    #[must_use]
+    pub fn in_phase_deg(&self, start_up: StartUp) -> f64 {
         match start_up {
-            StartUp::Preparatory => self.at_phase_mm(self.phase_deg(spindle_angle_deg.max(0.0))),
-            StartUp::Delayed if spindle_angle_deg < self.delay_deg() => 0.0,
-            StartUp::Delayed => self.at_phase_mm(self.phase_deg(spindle_angle_deg)),
+            StartUp::Preparatory if self.starts_within() => 2.0 * 360.0 / self.vibrations_per_rev,
+            StartUp::Preparatory => 0.0,
+            StartUp::Delayed => self.delay_deg(),
+        }
+    }
+
+    /// Spindle angle at which the vibration starts to move X, degrees.
+    #[must_use]
+    pub fn start_deg(&self, start_up: StartUp) -> f64 {
+        match start_up {
+            StartUp::Preparatory => 0.0,
+            StartUp::Delayed => self.delay_deg(),
         }
     }
 
@@ -68,15 +112,6 @@ impl RetreatWave {
     #[must_use]
     pub fn delay_deg(&self) -> f64 {
         reduce_deg(self.phase_shift_deg) / self.vibrations_per_rev
-    }
-
-    /// Spindle angle from which the vibration runs, degrees.
-    #[must_use]
-    pub fn start_deg(&self, start_up: StartUp) -> f64 {
-        match start_up {
-            StartUp::Preparatory => 0.0,
-            StartUp::Delayed => self.delay_deg(),
-        }
     }
 }
 

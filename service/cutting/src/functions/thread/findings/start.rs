@@ -133,25 +133,41 @@ fn turn_phase(job: &ThreadJob, index: usize, report: &ThreadPassReport, findings
     }
 }
 
-/// A vibration that starts later than the lead axis starts before the work.
+/// A vibration that has its phase later than the lead axis comes to the work.
 fn late(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPassReport, findings: &mut FindingLog) {
     let (pass, number) = (&job.passes[index], number(index));
-    let still_deg = report.delay_deg - pass.start_angle_deg;
-    if job.start_up == StartUp::Delayed && pass.vibrates() && still_deg > 0.0 {
-        let still_mm = job.run_up.synchronous_deg(still_deg) * job.geometry.lead_mm / 360.0;
-        if still_mm > limits.approach_mm - pass.start_travel_mm {
-            let message = format!(
-                "the vibration of pass {number} starts {} degrees after the lead axis, in the work already",
-                decimal(still_deg, 3)
-            );
-            findings.push(
-                Finding::new(code::THREAD_VIBRATION_LATE, pass.span, message)
-                    .at("pass", number)
-                    .ranked("", still_mm + pass.start_travel_mm)
-                    .with_value("delay", report.delay_deg, "deg")
-                    .with_value("travel", still_mm, "mm")
-                    .suggest("use the start-up with preparatory movement, or start further before the work"),
-            );
-        }
+    let late_deg = report.in_phase_deg - pass.start_angle_deg;
+    if !pass.vibrates() || late_deg <= 0.0 {
+        return;
     }
+    let late_mm = job.run_up.synchronous_deg(late_deg) * job.geometry.lead_mm / 360.0;
+    if late_mm <= limits.approach_mm - pass.start_travel_mm {
+        return;
+    }
+    let is_delayed = job.start_up == StartUp::Delayed;
+    let what = if is_delayed { "starts" } else { "has come into its phase" };
+    let message = format!(
+        "the vibration of pass {number} {what} {} degrees after the lead axis starts, in the work already",
+        decimal(late_deg, 3)
+    );
+    let needed_mm = round_up(late_mm + pass.start_travel_mm, 3);
+    let finding = Finding::new(code::THREAD_VIBRATION_LATE, pass.span, message)
+        .at("pass", number)
+        .ranked("", late_mm + pass.start_travel_mm)
+        .with_value("delay", report.in_phase_deg, "deg")
+        .with_value("travel", late_mm, "mm")
+        .suggest_value(
+            format!("start the thread {} mm before the work", decimal(needed_mm, 3)),
+            None,
+            "approach",
+            needed_mm,
+            "mm",
+        );
+    // At a turning point of the wave the vibration starts from rest by itself.
+    let cure = if is_delayed {
+        "use the start-up with preparatory movement and a phase shift of 0 or 180 degrees"
+    } else {
+        "use a phase shift of 0 or 180 degrees, with which the vibration is in phase from the start"
+    };
+    findings.push(finding.suggest(cure));
 }

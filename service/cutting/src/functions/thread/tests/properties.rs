@@ -64,19 +64,64 @@ proptest! {
     }
 
     #[test]
-    fn both_start_ups_agree_after_the_start(pass in any_pass(), after_deg in 0.0..5_000.0_f64) {
+    fn both_start_ups_agree_after_the_start(mut pass in any_pass(), turning in any::<bool>(), after_deg in 0.0..5_000.0_f64) {
+        // At a turning point of the wave start-up A is in phase from the reference point on.
+        if turning {
+            pass.phase_shift_deg = 180.0 * (pass.phase_shift_deg / 180.0).round();
+        }
         let prepared = job(vec![pass]);
         let delayed = ThreadJob { start_up: StartUp::Delayed, ..prepared.clone() };
         let wave = prepared.wave(&pass);
         let start_deg = wave.start_deg(StartUp::Delayed);
         prop_assert!((0.0..360.0 / prepared.vibrations_per_rev).contains(&start_deg));
-        let angle_deg = start_deg + after_deg;
+        let prepared_deg = wave.in_phase_deg(StartUp::Preparatory);
+        prop_assert_eq!(prepared_deg, if wave.starts_within() { 720.0 / prepared.vibrations_per_rev } else { 0.0 });
+        let angle_deg = start_deg.max(prepared_deg) + after_deg;
         prop_assert_eq!(prepared.position(&pass, angle_deg), delayed.position(&pass, angle_deg));
         // And it starts from phase 0, without a step.
         prop_assert!(wave.retreat_mm(StartUp::Delayed, start_deg + 1e-6) < 1e-6);
         // The prepared position is where the vibration starts.
         let before_mm = wave.retreat_mm(StartUp::Preparatory, -1.0);
         prop_assert_eq!(before_mm, wave.retreat_mm(StartUp::Preparatory, 0.0));
+    }
+
+    #[test]
+    fn a_vibration_starts_from_rest_whatever_its_shift(
+        amplitude_mm in 0.01..3.0_f64,
+        vibrations_per_rev in 0.3..8.0_f64,
+        phase_shift_deg in -720.0..720.0_f64,
+        delayed in any::<bool>(),
+    ) {
+        let start_up = if delayed { StartUp::Delayed } else { StartUp::Preparatory };
+        let wave = RetreatWave { amplitude_mm, vibrations_per_rev, phase_shift_deg };
+        // Peaks of the vibration for one radian of the spindle, and differences over a thousandth of a vibration.
+        let rate = vibrations_per_rev;
+        let step_deg = 0.36 / vibrations_per_rev;
+        let step = step_deg.to_radians();
+        let (velocity, acceleration) = (0.5 * amplitude_mm * rate, 0.5 * amplitude_mm * rate * rate);
+        let at = |k: i32| wave.retreat_mm(start_up, f64::from(k) * step_deg);
+        for k in -20..3_000 {
+            let [p0, p1, p2] = [at(k), at(k + 1), at(k + 2)];
+            prop_assert!((0.0..=amplitude_mm).contains(&p0));
+            prop_assert!((p1 - p0).abs() <= velocity * step * (1.0 + 1e-9) + 1e-13, "velocity at {k}");
+            let bend = (p2 - 2.0 * p1 + p0).abs();
+            prop_assert!(bend <= acceleration * step * step * (1.0 + 1e-9) + 1e-13, "acceleration at {k}");
+        }
+    }
+
+    #[test]
+    fn a_start_in_the_middle_of_the_wave_takes_little_more_jerk(
+        vibrations_per_rev in 0.3..8.0_f64,
+        phase_shift_deg in 1.0..179.0_f64,
+    ) {
+        let wave = RetreatWave { amplitude_mm: 1.0, vibrations_per_rev, phase_shift_deg };
+        let step_deg = 3.6 / vibrations_per_rev;
+        let jerk = 0.5 * (vibrations_per_rev * step_deg.to_radians()).powi(3);
+        let at = |k: i32| wave.retreat_mm(StartUp::Preparatory, f64::from(k) * step_deg);
+        for k in -5..300 {
+            let found = (at(k + 3) - 3.0 * at(k + 2) + 3.0 * at(k + 1) - at(k)).abs();
+            prop_assert!(found <= jerk * (1.0 + START_JERK), "{} of {jerk} at {k}", found);
+        }
     }
 
     #[test]
