@@ -196,7 +196,8 @@ async fn an_escalation_survives_kills_at_any_moment_once() {
     link.say(Request::Credit(RunCredit { end_index: u64::MAX })).await;
     while !link.next(&mut known).await {}
     let mut runs = RunsClient::new(server.connect().await.channel);
-    let replayed = runs.replay_run(ReplayRunRequest { run: known.run, start_index: 0 }).await.expect("a replay").into_inner();
+    let replayed =
+        runs.replay_run(ReplayRunRequest { run: known.run, start_index: 0 }).await.expect("a replay").into_inner();
     assert!(replayed.identical, "{replayed:?}");
     assert_eq!((replayed.setpoint_count, replayed.decision_count), (known.setpoints, listed.len() as u64));
 }

@@ -242,7 +242,7 @@ fn a_thread_without_vibration_is_judged_with_an_assumed_work_diameter() {
     let [section] = &report.threads[..] else { panic!("{} threads", report.threads.len()) };
     assert!(section.work_diameter_assumed && section.ratio.is_none() && section.on_line.is_none());
     assert_eq!(section.job.passes.len(), 4);
-    assert!(near(section.job.geometry.work_diameter_mm, 19.7, 1e-9), "{}", section.job.geometry.work_diameter_mm);
+    assert!(near(2.0 * section.job.geometry.work_mm, 19.7, 1e-9), "{}", section.job.geometry.work_mm);
 }
 
 #[test]

@@ -311,7 +311,8 @@ pub struct Coolant {
 pub enum Function {
     /// Vibration along the path: on with `F` (Hz) and `A` (mm).
     PathVibration,
-    /// Vibration of threading passes: on with the work diameter (`X`) and the ratio of amplitude to infeed (`Q`).
+    /// Vibration of threading passes: on with the work diameter (`X`), or the face of the work (`Z`) for threads along X, and
+    /// the ratio of amplitude to infeed (`Q`).
     ThreadVibration,
     /// Thinning of five-axis blocks.
     Thinning,

@@ -283,8 +283,8 @@ fn an_unwritable_directory_is_said_plainly() {
 
 mod thread {
     use feedwave_cutting::thread::{
-        DepthLaw, GrooveProfile, InfeedPattern, PassMethod, SpindleRotation, StartUp, ThreadGeometry, ThreadLimits,
-        ThreadPlan, ThreadRequest, ThreadSide, judge_thread, plan_thread,
+        DepthLaw, GrooveProfile, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, StartUp, ThreadGeometry,
+        ThreadLimits, ThreadPlan, ThreadRequest, ThreadSide, judge_thread, plan_thread,
     };
 
     use crate::plot::{ThreadPictures, canvas, write_thread};
@@ -301,10 +301,11 @@ mod thread {
 
     fn plan(side: ThreadSide, starts: u32, first_depth_mm: f64) -> ThreadPlan {
         let geometry = ThreadGeometry {
+            lead_axis: LeadAxis::Z,
             side,
-            work_diameter_mm: 20.0,
-            start_z_mm: 10.0,
-            end_z_mm: -20.0,
+            work_mm: 10.0,
+            start_mm: 10.0,
+            end_mm: -20.0,
             taper: 0.02,
             lead_mm: 2.0 * f64::from(starts),
             starts,

@@ -7,7 +7,7 @@ mod unrolled;
 
 use std::path::{Path, PathBuf};
 
-use feedwave_cutting::thread::{Clearance, ThreadJob, ThreadPass, ThreadReport};
+use feedwave_cutting::thread::{Clearance, LeadAxis, ThreadJob, ThreadPass, ThreadReport};
 use plotters::style::RGBColor;
 
 use super::canvas::{self, PlotError};
@@ -121,15 +121,34 @@ impl<'a> Groove<'a> {
             None | Some(0) => String::new(),
             Some(line) => format!("from line {line} \u{b7} "),
         };
+        let work = match geometry.lead_axis {
+            LeadAxis::Z => format!("{} mm diameter", short(2.0 * geometry.work_mm)),
+            LeadAxis::X => format!("a face at Z {} mm", short(geometry.work_mm)),
+        };
         format!(
-            "{line}{} passes on {} mm diameter \u{b7} lead {} mm \u{b7} tool {} degrees \u{b7} {} vibrations per \
+            "{line}{} passes on {work} \u{b7} lead {} mm \u{b7} tool {} degrees \u{b7} {} vibrations per \
              revolution{starts}",
             self.passes.len(),
-            short(geometry.work_diameter_mm),
             short(geometry.lead_mm),
             short(self.job.profile.included_angle_deg),
             short(self.job.vibrations_per_rev)
         )
+    }
+
+    /// Name of the axis across the lead.
+    fn across_name(&self) -> &'static str {
+        match self.job.geometry.lead_axis {
+            LeadAxis::Z => "X (radius)",
+            LeadAxis::X => "Z",
+        }
+    }
+
+    /// Name of the axis along the lead.
+    fn along_name(&self) -> &'static str {
+        match self.job.geometry.lead_axis {
+            LeadAxis::Z => "Z",
+            LeadAxis::X => "X (radius)",
+        }
     }
 
     /// Colour of the pass at a place of `passes`; neighbours differ.

@@ -355,8 +355,10 @@ const fn word(letter: u8, is_length: bool, required: bool) -> FunctionWordRule {
 /// The words a machining function takes in its "on" block; "off" takes none.
 pub(crate) const fn function_words(function: Function, on: bool) -> &'static [FunctionWordRule] {
     const PATH_VIBRATION: &[FunctionWordRule] = &[word(b'F', false, false), word(b'A', true, false)];
-    // X is a radius here as everywhere.
-    const THREAD_VIBRATION: &[FunctionWordRule] = &[word(b'X', true, true), word(b'Q', false, true)];
+    // X is a radius here as everywhere. Which of X and Z is stated says where the lead is; that one is, is the function's
+    // business.
+    const THREAD_VIBRATION: &[FunctionWordRule] =
+        &[word(b'X', true, false), word(b'Z', true, false), word(b'Q', false, true)];
     const TOOL_OSCILLATION: &[FunctionWordRule] = &[
         word(b'P', false, false),
         word(b'A', true, false),

@@ -214,7 +214,12 @@ impl Engine {
     }
 
     /// A pipeline at or before a setpoint, as near as a checkpoint allows.
-    pub(super) async fn pipeline_near(&self, detail: &JobDetail, config: Arc<PipelineConfig>, index: u64) -> Result<Pipeline> {
+    pub(super) async fn pipeline_near(
+        &self,
+        detail: &JobDetail,
+        config: Arc<PipelineConfig>,
+        index: u64,
+    ) -> Result<Pipeline> {
         // Checkpoints are of the plan without overrides, which holds as far as the first of them.
         let index = config.overrides.first().map_or(index, |first| index.min(first.index));
         let plain = match config.overrides.is_empty() {

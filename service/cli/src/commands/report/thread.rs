@@ -1,7 +1,7 @@
 //! Threads for people: their passes, what becomes of their chips, what is left for the finishing pass.
 
 use feedwave_contract::proto::{
-    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadPass,
+    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadLeadAxis, ThreadPass,
     ThreadPassReport, ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp, ValidationReport,
 };
 
@@ -120,13 +120,13 @@ fn geometry_text(geometry: &ThreadGeometry) -> String {
         SpindleRotation::Reverse => "M4",
         SpindleRotation::Forward | SpindleRotation::Unspecified => "M3",
     };
+    if geometry.lead_axis() == ThreadLeadAxis::X {
+        return face_text(geometry, spindle);
+    }
     // M3 towards the chuck makes a right-hand thread.
     let right = (geometry.end_z_mm < geometry.start_z_mm) == (spindle == "M3");
     let hand = if right { "right-hand" } else { "left-hand" };
-    let starts = match geometry.starts {
-        0 | 1 => String::new(),
-        starts => format!(" in {starts} starts"),
-    };
+    let starts = starts_text(geometry.starts);
     let taper = match geometry.taper {
         0.0 => String::new(),
         taper => format!(", taper {} mm/mm on the radius", number(taper, 4)),
@@ -138,6 +138,29 @@ fn geometry_text(geometry: &ThreadGeometry) -> String {
         number(geometry.start_z_mm, 6),
         number(geometry.end_z_mm, 6)
     )
+}
+
+/// A thread along X.
+fn face_text(geometry: &ThreadGeometry, spindle: &str) -> String {
+    let taper = match geometry.taper {
+        0.0 => String::new(),
+        taper => format!(", taper {} mm/mm", number(taper, 4)),
+    };
+    format!(
+        "along X ({spindle}), on a face at Z {} mm{taper}, lead {} mm{}, X {} to {} mm diameter",
+        number(geometry.face_z_mm, 6),
+        number(geometry.lead_mm, 6),
+        starts_text(geometry.starts),
+        number(2.0 * geometry.start_radius_mm, 6),
+        number(2.0 * geometry.end_radius_mm, 6)
+    )
+}
+
+fn starts_text(starts: u32) -> String {
+    match starts {
+        0 | 1 => String::new(),
+        starts => format!(" in {starts} starts"),
+    }
 }
 
 fn tool_text(profile: &GrooveProfile) -> String {

@@ -28,12 +28,13 @@ struct Curve {
 impl PositionPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let groove = self.groove;
-        let title = "X over the spindle angle, at the same place on the work";
+        let axis = groove.job.geometry.lead_axis.across().letter();
+        let title = format!("{axis} over the spindle angle, at the same place on the work");
         Figure::new(format!("{}-position", groove.name), title, groove.subtitle(), self.panel())
     }
 
-    fn radius_mm(&self, depth_mm: f64) -> f64 {
-        self.groove.job.geometry.radius_mm(depth_mm, 0.0)
+    fn across_mm(&self, depth_mm: f64) -> f64 {
+        self.groove.job.geometry.across_mm(depth_mm, 0.0)
     }
 
     fn curves(&self) -> Vec<Curve> {
@@ -50,7 +51,7 @@ impl PositionPicture<'_> {
                 let in_air = |angle: &f64| clearance.at_mm(groove.phase_deg(*angle)) >= 0.0;
                 angles.iter().map(in_air).collect()
             });
-            let path = angles.iter().zip(&tips).map(|(angle, tip)| (*angle, self.radius_mm(*tip))).collect();
+            let path = angles.iter().zip(&tips).map(|(angle, tip)| (*angle, self.across_mm(*tip))).collect();
             let before = std::mem::replace(&mut ground, after.clone());
             curves.push(Curve { place, path, before, after, air });
         }
@@ -60,17 +61,17 @@ impl PositionPicture<'_> {
     fn panel(&self) -> Panel {
         let groove = self.groove;
         let curves = self.curves();
-        let surface_mm = self.radius_mm(0.0);
+        let surface_mm = self.across_mm(0.0);
         let values = curves.iter().flat_map(|curve| &curve.path).map(|point| point.1).chain([surface_mm]);
         let range = extent(values).map_or(0.0..1.0, |(low, high)| padded(low, high, 0.06));
         let shown_deg = groove.shown_deg();
         let x = Axis::new("spindle angle", DEGREES, 0.0..shown_deg * 1.07);
         let title = "filled: what each pass cuts, by its depth only; an island is a chip";
-        let mut panel = Panel::new(title, x, Axis::new("X (radius)", MM, range));
+        let mut panel = Panel::new(title, x, Axis::new(groove.across_name(), MM, range));
         for curve in &curves {
             let cuts = |index: usize| curve.after[index] > curve.before[index];
             let tops: Vec<Place> =
-                curve.path.iter().zip(&curve.before).map(|(point, depth)| (point.0, self.radius_mm(*depth))).collect();
+                curve.path.iter().zip(&curve.before).map(|(point, depth)| (point.0, self.across_mm(*depth))).collect();
             // One polygon for each chip: a single one with parts of no height confuses rasterizers.
             for (top, ground) in stretches(&tops, cuts).into_iter().zip(stretches(&self.grounds(curve), cuts)) {
                 panel.area(&groove.fill(curve.place), top.into_iter().chain(ground.into_iter().rev()).collect());
@@ -97,7 +98,7 @@ impl PositionPicture<'_> {
 
     /// The ground after a pass.
     fn grounds(&self, curve: &Curve) -> Vec<Place> {
-        curve.path.iter().zip(&curve.after).map(|(point, depth)| (point.0, self.radius_mm(*depth))).collect()
+        curve.path.iter().zip(&curve.after).map(|(point, depth)| (point.0, self.across_mm(*depth))).collect()
     }
 
     /// Numbers of the passes at the right ends of their paths, apart from each other.

@@ -142,7 +142,7 @@ impl SectionPicture<'_> {
 
     /// A point of the section: Z from the tip of the first pass, X on the radius.
     fn at(&self, z_mm: f64, depth_mm: f64) -> Place {
-        (z_mm, self.groove.job.geometry.radius_mm(depth_mm, 0.0))
+        (z_mm, self.groove.job.geometry.across_mm(depth_mm, 0.0))
     }
 
     fn panel(&self, title: &str) -> Panel {
@@ -150,7 +150,7 @@ impl SectionPicture<'_> {
         let edges = [self.at(0.0, -0.08 * deepest_mm).1, self.at(0.0, 1.08 * deepest_mm).1];
         let y = edges[0].min(edges[1])..edges[0].max(edges[1]);
         let z = Axis::new("along Z from the tip of the first pass", MM, self.range_z());
-        let mut panel = Panel::new(title, z, Axis::new("X (radius)", MM, y)).in_proportion();
+        let mut panel = Panel::new(title, z, Axis::new(self.groove.across_name(), MM, y)).in_proportion();
         // The work, where nothing was cut.
         let surface_mm = self.at(0.0, 0.0).1;
         let inside = if self.at(0.0, 1.0).1 < surface_mm { f64::NEG_INFINITY } else { f64::INFINITY };

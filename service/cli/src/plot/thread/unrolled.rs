@@ -25,15 +25,15 @@ pub(super) struct UnrolledPicture<'a> {
 impl UnrolledPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let groove = self.groove;
-        let circumference_mm = std::f64::consts::PI * groove.job.geometry.work_diameter_mm;
+        let circumference_mm = std::f64::consts::TAU * groove.job.geometry.winding_radius_mm();
         let label = format!("spindle angle (360 degrees are {circumference_mm:.2} mm of the circumference)");
         let x = Axis::new(label, DEGREES.of_circumference(circumference_mm / 360.0), 0.0..360.0);
         let lane_mm = self.lane_mm();
         let lead_mm = groove.job.geometry.lead_mm;
-        let z = |travel_mm: f64| groove.job.geometry.z_mm(travel_mm);
+        let z = |travel_mm: f64| groove.job.geometry.along_mm(travel_mm);
         let first_mm = self.first_travel_mm();
         let edges = [z(first_mm - lane_mm), z(first_mm + LEADS * lead_mm + lane_mm)];
-        let y = Axis::new("Z", MM, edges[0].min(edges[1])..edges[0].max(edges[1]));
+        let y = Axis::new(groove.along_name(), MM, edges[0].min(edges[1])..edges[0].max(edges[1]));
         let mut panel = Panel::new("a ribbon is wide where the tool is deep, narrow where it retreats", x, y);
         panel.note("passes are drawn side by side in their order, pass 1 in its place");
         for (place, &index) in groove.passes.iter().enumerate() {
@@ -75,8 +75,8 @@ impl UnrolledPicture<'_> {
                 let out = if pass.vibrates() { groove.retreat_mm(index, work_deg) / pass.amplitude_mm } else { 0.0 };
                 let half_mm = lane_mm * (WIDE + (NARROW - WIDE) * out);
                 halves.push(half_mm);
-                edges[0].push((angle_deg, groove.job.geometry.z_mm(middle_mm - half_mm)));
-                edges[1].push((angle_deg, groove.job.geometry.z_mm(middle_mm + half_mm)));
+                edges[0].push((angle_deg, groove.job.geometry.along_mm(middle_mm - half_mm)));
+                edges[1].push((angle_deg, groove.job.geometry.along_mm(middle_mm + half_mm)));
                 air.push(pass.vibrates() && section.at_mm(groove.phase_deg(work_deg)) >= 0.0);
             }
             let in_air = Ink { mark: theme::Mark::Fill { opacity: 0.9 }, ..cut_through() };

@@ -5,9 +5,7 @@ mod request;
 
 use feedwave_cutting::MachineProfile;
 use feedwave_cutting::thread::{
-    CrestReport, GrooveProfile, PassFollowing, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadFollowing,
-    ThreadGeometry, ThreadJob, ThreadPass, ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide,
-    ThreadTextOptions, ThreadVibrationSettings, thread_program_text,
+    CrestReport, GrooveProfile, LeadAxis, PassFollowing, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadJob, ThreadPass, ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide, ThreadTextOptions, ThreadVibrationSettings, thread_program_text,
 };
 use feedwave_program::{Finding, FunctionSwitch, SourceSpan};
 pub use request::thread_request_from_proto;
@@ -118,19 +116,33 @@ pub fn thread_to_proto(job: &ThreadJob) -> proto::Thread {
 }
 
 fn geometry_to_proto(geometry: &ThreadGeometry) -> proto::ThreadGeometry {
+    let place = match geometry.lead_axis {
+        LeadAxis::Z => proto::ThreadGeometry {
+            lead_axis: proto::ThreadLeadAxis::Z.into(),
+            work_diameter_mm: 2.0 * geometry.work_mm,
+            start_z_mm: geometry.start_mm,
+            end_z_mm: geometry.end_mm,
+            ..proto::ThreadGeometry::default()
+        },
+        LeadAxis::X => proto::ThreadGeometry {
+            lead_axis: proto::ThreadLeadAxis::X.into(),
+            face_z_mm: geometry.work_mm,
+            start_radius_mm: geometry.start_mm,
+            end_radius_mm: geometry.end_mm,
+            ..proto::ThreadGeometry::default()
+        },
+    };
     proto::ThreadGeometry {
         side: match geometry.side {
             ThreadSide::External => proto::ThreadSide::External,
             ThreadSide::Internal => proto::ThreadSide::Internal,
         }
         .into(),
-        work_diameter_mm: geometry.work_diameter_mm,
-        start_z_mm: geometry.start_z_mm,
-        end_z_mm: geometry.end_z_mm,
         taper: geometry.taper,
         lead_mm: geometry.lead_mm,
         starts: geometry.starts,
         rotation: rotation_to_proto(geometry.rotation).into(),
+        ..place
     }
 }
 
@@ -168,12 +180,21 @@ const fn pass_to_proto(pass: &ThreadPass) -> proto::ThreadPass {
 pub fn thread_from_proto(thread: &proto::Thread) -> ThreadJob {
     let geometry = thread.geometry.unwrap_or_default();
     let profile = thread.profile.unwrap_or_default();
+    let (lead_axis, [work_mm, start_mm, end_mm]) = match geometry.lead_axis() {
+        proto::ThreadLeadAxis::X => {
+            (LeadAxis::X, [geometry.face_z_mm, geometry.start_radius_mm, geometry.end_radius_mm])
+        }
+        proto::ThreadLeadAxis::Z | proto::ThreadLeadAxis::Unspecified => {
+            (LeadAxis::Z, [0.5 * geometry.work_diameter_mm, geometry.start_z_mm, geometry.end_z_mm])
+        }
+    };
     ThreadJob {
         geometry: ThreadGeometry {
+            lead_axis,
             side: side_from_proto(geometry.side()),
-            work_diameter_mm: geometry.work_diameter_mm,
-            start_z_mm: geometry.start_z_mm,
-            end_z_mm: geometry.end_z_mm,
+            work_mm,
+            start_mm,
+            end_mm,
             taper: geometry.taper,
             lead_mm: geometry.lead_mm,
             starts: geometry.starts,
@@ -270,6 +291,7 @@ fn pass_report(report: &ThreadPassReport) -> proto::ThreadPassReport {
         prepared_phase_deg: report.prepared_phase_deg,
         prepared_retreat_mm: report.prepared_retreat_mm,
         delay_deg: report.delay_deg,
+        in_phase_deg: report.in_phase_deg,
         depth: Some(chip(&report.depth)),
         section: Some(chip(&report.section)),
     }
@@ -313,10 +335,11 @@ mod tests {
         };
         ThreadJob {
             geometry: ThreadGeometry {
+                lead_axis: LeadAxis::Z,
                 side: ThreadSide::Internal,
-                work_diameter_mm: 10.0,
-                start_z_mm: 100.0,
-                end_z_mm: 60.0,
+                work_mm: 5.0,
+                start_mm: 100.0,
+                end_mm: 60.0,
                 taper: 0.03125,
                 lead_mm: 2.5,
                 starts: 2,
@@ -344,6 +367,11 @@ mod tests {
             ..job()
         };
         assert_eq!(thread_from_proto(&thread_to_proto(&plain)), plain);
+        let face = ThreadJob {
+            geometry: ThreadGeometry { lead_axis: LeadAxis::X, work_mm: -0.5, start_mm: 30.0, ..job().geometry },
+            ..job()
+        };
+        assert_eq!(thread_from_proto(&thread_to_proto(&face)), face);
     }
 
     #[test]

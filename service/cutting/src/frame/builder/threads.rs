@@ -121,7 +121,9 @@ impl Builder {
         let Some(run) = threads.run(&pass, &blocks, !combines, &inputs, analysis, findings) else { return };
         self.state.radius_mm = last.end()[Axis::X.index()];
         let (thread, passes) = threads.next_pass();
-        if let Some(wanted) = self.wanted_pass.as_mut().filter(|wanted| wanted.place == (thread, passes.wrapping_sub(1))) {
+        if let Some(wanted) =
+            self.wanted_pass.as_mut().filter(|wanted| wanted.place == (thread, passes.wrapping_sub(1)))
+        {
             wanted.path.get_or_insert_with(|| run.path.clone());
         }
         if let Some(analysis) = &mut self.analysis {

@@ -251,9 +251,9 @@ pub(super) fn chip(job: &ThreadJob, index: usize, level: ChipLevel) -> ThreadChi
     }
 }
 
-/// One revolution along the helix at the work diameter, mm.
+/// One revolution along the helix on the surface of the work, on a face where it is longest, mm.
 fn helix_mm(job: &ThreadJob) -> f64 {
-    libm::hypot(0.5 * TAU * job.geometry.work_diameter_mm, job.geometry.lead_mm)
+    libm::hypot(TAU * job.geometry.winding_radius_mm(), job.geometry.lead_mm)
 }
 
 /// Smallest amplitude with which a pass is cut through, mm.

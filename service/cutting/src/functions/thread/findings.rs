@@ -165,12 +165,14 @@ const fn number(index: usize) -> u64 {
     index as u64 + 1
 }
 
-/// What the vibration asks of X: peaks of (A/2)·sin at D·n.
+/// What the vibration asks of the axis across the lead: peaks of (A/2)·sin at D·n.
 fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut FindingLog) {
     let pass = &job.passes[index];
+    let lead_axis = job.geometry.lead_axis;
+    let across = lead_axis.across_words();
     let rad_per_s = TAU * job.frequency_hz();
     let velocity = 0.5 * pass.amplitude_mm * rad_per_s;
-    // On a taper X follows the lead as well.
+    // On a taper it follows the lead as well.
     let taper = job.geometry.taper.abs() * job.geometry.lead_mm * job.spindle_rev_per_min / 60.0;
     // A start in the middle of the wave adds to the jerk only.
     let starts_within = job.start_up == StartUp::Preparatory && job.wave(pass).starts_within();
@@ -181,10 +183,11 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
     for load in AxisLoad::of_linear(demanded, limits).into_iter().filter(|load| load.exceeds(ROUNDING)) {
         let AxisLoad { quantity, demanded, limit, .. } = load;
         let message = format!(
-            "the vibration of pass {} takes {} {} of X' {quantity}, whose limit is {}",
+            "the vibration of pass {} takes {} {} of {}' {quantity}, whose limit is {}",
             index + 1,
             decimal(demanded, 1),
             load.unit(),
+            lead_axis.across().letter(),
             decimal(limit, 1)
         );
         let finding = Finding::new(load.code(&AXIS_CODES), pass.span, message).at("pass", number(index));
@@ -192,7 +195,7 @@ fn axis(job: &ThreadJob, limits: &ThreadLimits, index: usize, findings: &mut Fin
         let order = load.order();
         let permitted_mm = round_down(pass.amplitude_mm * share(demanded, limit, taper, order), 4);
         let finding = if permitted_mm > 0.0 {
-            let cure = format!("the axis can follow {} mm on the radius", decimal(permitted_mm, 4));
+            let cure = format!("the axis can follow {} mm {across}", decimal(permitted_mm, 4));
             finding.suggest_value(cure, None, "amplitude", permitted_mm, "mm")
         } else {
             finding
@@ -214,8 +217,9 @@ fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPas
     let thickness_mm = report.section.largest_thickness_mm;
     if thickness_mm > limits.thickness_mm + SAME_LENGTH_MM {
         let message = format!(
-            "pass {number} takes up to {} mm on the radius, more than the tool withstands ({} mm)",
+            "pass {number} takes up to {} mm {}, more than the tool withstands ({} mm)",
             decimal(thickness_mm, 3),
+            job.geometry.lead_axis.across_words(),
             decimal(limits.thickness_mm, 3)
         );
         findings.push(
@@ -239,12 +243,13 @@ fn load(job: &ThreadJob, limits: &ThreadLimits, index: usize, report: &ThreadPas
 
 /// Crests for the finishing pass.
 fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findings: &mut FindingLog) {
+    let across = job.geometry.lead_axis.across_words();
     let permitted_mm = limits.finishing_thickness_mm.unwrap_or(2.0 * crests.finishing_infeed_mm);
     if crests.finishing_thickness_mm <= permitted_mm + SAME_LENGTH_MM {
         return;
     }
     let message = format!(
-        "the vibrating passes leave crests of {} mm on the radius; the finishing infeed is {} mm",
+        "the vibrating passes leave crests of {} mm {across}; the finishing infeed is {} mm",
         decimal(crests.crest_mm, 3),
         decimal(crests.finishing_infeed_mm, 3)
     );
@@ -265,7 +270,7 @@ fn left_over(job: &ThreadJob, limits: &ThreadLimits, crests: &CrestReport, findi
     if crests.crest_with_least_amplitude_mm < crests.crest_mm - SAME_LENGTH_MM && crests.least_amplitude_mm > 0.0 {
         let amplitude_mm = round_up(crests.least_amplitude_mm + 1e-6, 4);
         let cure = format!(
-            "vibrate with {} mm on the radius in the last vibrating pass: crests of {} mm remain",
+            "vibrate with {} mm {across} in the last vibrating pass: crests of {} mm remain",
             decimal(amplitude_mm, 4),
             decimal(crests.crest_with_least_amplitude_mm, 3)
         );

@@ -62,7 +62,7 @@ pub struct ThreadPosition {
     pub z_mm: f64,
     /// Travel of the lead axis from the thread's start position, mm.
     pub travel_mm: f64,
-    /// Retreat from the programmed depth, mm on the radius, within 0 and A.
+    /// Retreat from the programmed depth, mm across the lead, within 0 and A.
     pub retreat_mm: f64,
 }
 
@@ -104,13 +104,10 @@ impl ThreadJob {
         // A pass that would start beyond the end stays where it starts.
         let travel_mm = travel_mm.min(self.geometry.length_mm().max(pass.start_travel_mm));
         let retreat_mm = self.wave(pass).retreat_mm(self.start_up, spindle_angle_deg);
-        ThreadPosition {
-            // First the depth and then the retreat: a retreat of 0 is the programmed position to the bit.
-            radius_mm: self.geometry.radius_mm(pass.depth_mm, travel_mm) + self.geometry.inwards() * retreat_mm,
-            z_mm: self.geometry.z_mm(travel_mm),
-            travel_mm,
-            retreat_mm,
-        }
+        // First the depth and then the retreat: a retreat of 0 is the programmed position to the bit.
+        let across_mm = self.geometry.across_mm(pass.depth_mm, travel_mm) + self.geometry.inwards() * retreat_mm;
+        let [radius_mm, z_mm] = self.geometry.lead_axis.place(across_mm, self.geometry.along_mm(travel_mm));
+        ThreadPosition { radius_mm, z_mm, travel_mm, retreat_mm }
     }
 
     /// Spindle angle at which the lead axis reaches the end of a pass, degrees.

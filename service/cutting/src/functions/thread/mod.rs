@@ -1,6 +1,6 @@
 //! Thread turning with low-frequency vibration (file 004): passes, phases, chips and a planner of passes.
 //!
-//! The tool vibrates in X, on the retreat side only, in a fixed ratio to the spindle, and the phase is shifted
+//! The tool vibrates across the lead, on the retreat side only, in a fixed ratio to the spindle, and the phase is shifted
 //! from pass to pass, so that one pass cuts shallow where the pass before cut deep. Everything is a function of
 //! the spindle angle: a generator asks [`ThreadJob::position`], whatever turns the spindle.
 
@@ -31,7 +31,7 @@ mod wave;
 pub use chip::{ChipLevel, Clearance, ThreadChip};
 pub use follower::{NotAnAngle, ThreadFollower};
 pub use following::{PassFollowing, ThreadDrives, ThreadFollowing};
-pub use geometry::{GrooveProfile, Hand, SpindleRotation, ThreadGeometry, ThreadSide};
+pub use geometry::{GrooveProfile, Hand, LeadAxis, SpindleRotation, ThreadGeometry, ThreadSide};
 pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};
 pub use path::{MAX_THREAD_PARTS, ThreadPath, ThreadPlace};

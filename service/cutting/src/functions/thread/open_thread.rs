@@ -41,15 +41,17 @@ impl OpenThread {
         angle_deg: f64,
     ) -> Self {
         let mv = &first.mv;
-        let [x, z] = first.travel();
-        let outside = mode.is_none_or(|mode| mv.start[X] <= mode.work_radius_mm);
+        let lead_axis = first.lead_axis();
+        let [along, across] = [lead_axis.along().index(), lead_axis.across().index()];
+        let outside = mode.is_none_or(|mode| mv.start[across] <= mode.work_mm);
         let geometry = ThreadGeometry {
+            lead_axis,
             side: if outside { ThreadSide::External } else { ThreadSide::Internal },
             // Without a word for it the first pass is the measure until all are known.
-            work_diameter_mm: 2.0 * mode.map_or(mv.start[X], |mode| mode.work_radius_mm),
-            start_z_mm: mv.start[Z],
-            end_z_mm: mv.end[Z],
-            taper: x / z.abs(),
+            work_mm: mode.map_or(mv.start[across], |mode| mode.work_mm),
+            start_mm: mv.start[along],
+            end_mm: mv.end[along],
+            taper: first.taper(lead_axis),
             lead_mm: mv.lead_mm,
             starts: 1,
             rotation: match mv.spindle.direction {
@@ -79,16 +81,19 @@ impl OpenThread {
         findings: &mut FindingLog,
     ) -> bool {
         let (mv, geometry) = (&first.mv, &self.job.geometry);
-        let [x, z] = first.travel();
+        let lead_axis = geometry.lead_axis;
+        let along = lead_axis.along().index();
+        let travel_mm = mv.end[along] - mv.start[along];
         let apart_mm = LEADS_APART * geometry.lead_mm;
         let is_same = self.mode == mode
+            && first.lead_axis() == lead_axis
             && self.tool == mv.tool
             && self.work_offset == [mv.work_offset[X], mv.work_offset[Z]]
             && (mv.lead_mm - geometry.lead_mm).abs() <= SAME
-            && (x / z.abs() - geometry.taper).abs() <= SAME
-            && z.signum() == geometry.direction()
-            && (mv.start[Z] - geometry.start_z_mm).abs() <= apart_mm
-            && (mv.end[Z] - geometry.end_z_mm).abs() <= apart_mm
+            && (first.taper(lead_axis) - geometry.taper).abs() <= SAME
+            && travel_mm.signum() == geometry.direction()
+            && (mv.start[along] - geometry.start_mm).abs() <= apart_mm
+            && (mv.end[along] - geometry.end_mm).abs() <= apart_mm
             && (mv.spindle.direction == SpindleDirection::CounterClockwise)
                 == (geometry.rotation == SpindleRotation::Reverse);
         let rev_per_min = 60.0 * path.rev_per_s();
@@ -112,12 +117,13 @@ impl OpenThread {
         is_same && !goes_back && (mode.is_some() || self.job.passes.len() < MAX_THREAD_PASSES)
     }
 
-    /// Depth of the tool, mm on the radius, and travel of its start position.
+    /// Depth of the tool, mm across the lead, and travel of its start position.
     fn depth(&self, first: &ThreadBlock) -> (f64, f64) {
         let geometry = &self.job.geometry;
-        let travel_mm = geometry.direction() * (first.mv.start[Z] - geometry.start_z_mm);
-        let surface_mm = 0.5 * geometry.work_diameter_mm + geometry.taper * travel_mm;
-        (geometry.inwards() * (surface_mm - first.mv.start[X]), travel_mm)
+        let [along, across] = [geometry.lead_axis.along().index(), geometry.lead_axis.across().index()];
+        let travel_mm = geometry.direction() * (first.mv.start[along] - geometry.start_mm);
+        let surface_mm = geometry.work_mm + geometry.taper * travel_mm;
+        (geometry.inwards() * (surface_mm - first.mv.start[across]), travel_mm)
     }
 
     fn goes_back(&self, first: &ThreadBlock) -> bool {
@@ -179,16 +185,17 @@ impl OpenThread {
         }
         let first_line = job.passes.first().map_or(last_line, |pass| pass.span.line);
         let settings = inputs.settings;
-        let [x, z] = [Axis::X, Axis::Z].map(|axis| axis_limits(inputs.machine, axis));
-        // On a taper X has to accelerate with the lead axis, too.
+        let lead_axis = job.geometry.lead_axis;
+        let [across, along] = [lead_axis.across(), lead_axis.along()].map(|axis| axis_limits(inputs.machine, axis));
+        // On a taper the axis across has to accelerate with the lead axis, too.
         let share = if job.geometry.taper.abs() > 0.0 { 1.0 - TAPER_SHARE } else { 1.0 };
         let limits = ThreadLimits {
-            lead_velocity_mm_per_s: z.velocity,
-            lead_acceleration_mm_per_s2: z.acceleration,
-            lead_jerk_mm_per_s3: z.jerk,
-            vibration_velocity_mm_per_s: x.velocity,
-            vibration_acceleration_mm_per_s2: share * x.acceleration,
-            vibration_jerk_mm_per_s3: share * x.jerk,
+            lead_velocity_mm_per_s: along.velocity,
+            lead_acceleration_mm_per_s2: along.acceleration,
+            lead_jerk_mm_per_s3: along.jerk,
+            vibration_velocity_mm_per_s: across.velocity,
+            vibration_acceleration_mm_per_s2: share * across.acceleration,
+            vibration_jerk_mm_per_s3: share * across.jerk,
             approach_mm: settings.approach_mm.unwrap_or(f64::INFINITY),
             period_s: inputs.period_s,
             thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
@@ -222,5 +229,5 @@ fn assume_work(job: &mut ThreadJob) {
     for pass in &mut job.passes {
         pass.depth_mm += first_mm;
     }
-    job.geometry.work_diameter_mm += 2.0 * job.geometry.inwards() * first_mm;
+    job.geometry.work_mm += job.geometry.inwards() * first_mm;
 }

@@ -3,7 +3,7 @@
 use feedwave_program::{Finding, FindingLog, SourceSpan};
 
 use super::code;
-use super::{MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
+use super::{LeadAxis, MAX_THREAD_PASSES, ThreadJob, ThreadLimits};
 use crate::shared::wording::decimal;
 
 /// A quantity that is not what it must be.
@@ -30,9 +30,9 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
         findings.push(refusal(span, name, value, unit, permitted));
     };
     let length_mm = geometry.length_mm();
+    let is_along_z = geometry.lead_axis == LeadAxis::Z;
     for (name, value, unit) in [
         ("lead", geometry.lead_mm, "mm"),
-        ("work_diameter", geometry.work_diameter_mm, "mm"),
         ("thread_length", length_mm, "mm"),
         ("vibrations_per_rev", job.vibrations_per_rev, ""),
         ("spindle_speed", job.spindle_rev_per_min, "rev/min"),
@@ -41,8 +41,22 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
             refuse(name, value, unit, "from 0.001 to 1000000");
         }
     }
-    if geometry.taper.is_nan() || geometry.taper.abs() >= 1.0 {
-        refuse("taper", geometry.taper, "", "below 1 in either direction: a steeper thread has its lead along X");
+    match geometry.lead_axis {
+        LeadAxis::Z if !(1e-3..=1e6).contains(&(2.0 * geometry.work_mm)) => {
+            refuse("work_diameter", 2.0 * geometry.work_mm, "mm", "from 0.001 to 1000000");
+        }
+        LeadAxis::X if geometry.work_mm.is_nan() || geometry.work_mm.abs() > 1e6 => {
+            refuse("face", geometry.work_mm, "mm", "a finite place");
+        }
+        LeadAxis::Z | LeadAxis::X => {}
+    }
+    if geometry.taper.is_nan() || geometry.taper.abs() > 1.0 || geometry.taper.abs() == 1.0 && is_along_z {
+        refuse(
+            "taper",
+            geometry.taper,
+            "",
+            "below 1 in either direction: a steeper thread has its lead along the other axis",
+        );
     }
     let angle_deg = job.profile.included_angle_deg;
     if !(1.0..=170.0).contains(&angle_deg) {
@@ -62,8 +76,8 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
     if !(job.run_up.angle_deg >= 0.0 && job.run_up.angle_deg <= 360_000.0) {
         refuse("run_up_angle", job.run_up.angle_deg, "deg", "from 0 to 360000");
     }
-    if !(geometry.start_z_mm.abs() <= 1e6 && geometry.end_z_mm.abs() <= 1e6) {
-        refuse("start_z", geometry.start_z_mm, "mm", "a finite place, as the end must be");
+    if !(geometry.start_mm.abs() <= 1e6 && geometry.end_mm.abs() <= 1e6) {
+        refuse("start", geometry.start_mm, "mm", "a finite place, as the end must be");
     }
     for (name, value, unit) in [
         ("lead_velocity", limits.lead_velocity_mm_per_s, "mm/s"),
@@ -88,9 +102,9 @@ pub(super) fn parameters(job: &ThreadJob, limits: &ThreadLimits, findings: &mut 
         refuse("approach", limits.approach_mm, "mm", "a number");
     }
     // Depths are compared with the widest groove, so that no later formula meets a tool beyond its axis.
-    let radius_mm = 0.5 * geometry.work_diameter_mm;
+    let deepest_mm = if is_along_z && geometry.inwards() > 0.0 { geometry.work_mm } else { 1e4 };
     for pass in job.passes.iter().take(MAX_THREAD_PASSES) {
-        if !(pass.depth_mm >= 0.0 && (pass.depth_mm < radius_mm || geometry.inwards() < 0.0 && pass.depth_mm <= 1e4)) {
+        if !(pass.depth_mm >= 0.0 && pass.depth_mm < deepest_mm) {
             refuse("depth", pass.depth_mm, "mm", "0 or above, and less than the work's radius");
         }
         if !(pass.amplitude_mm >= 0.0 && pass.amplitude_mm <= 1e3) {

@@ -6,11 +6,11 @@ use feedwave_motion::{Curve, Element, Machine, PathLimits, Profile};
 use feedwave_program::{Axis, Finding, FindingLog, Position, SourceSpan, ThreadMove};
 
 use super::code;
-use super::{PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
+use super::{LeadAxis, PathPart, PathVibration, RunUp, ThreadPath, ThreadRun, ThreadVibrationSettings};
 use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
 
-/// Share of the limits of X that changes of its speed take beside the vibration: on a taper, at a pull-out, between
-/// parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
+/// Share of the limits of the axis across the lead that changes of its speed take beside the vibration: on a taper, at a
+/// pull-out, between parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
 pub(crate) const TAPER_SHARE: f64 = 0.2;
 
 /// A threading block that waits for the planner.
@@ -43,10 +43,19 @@ impl ThreadBlock {
         [self.mv.end[X] - self.mv.start[X], self.mv.end[Z] - self.mv.start[Z]]
     }
 
-    /// Whether the lead is along Z, as the vibration needs it.
-    pub(crate) fn leads_along_z(&self) -> bool {
+    /// Travel across a lead along this axis over the travel along it.
+    pub(crate) fn taper(&self, lead_axis: LeadAxis) -> f64 {
         let [x, z] = self.travel();
-        z.abs() > x.abs()
+        match lead_axis {
+            LeadAxis::Z => x / z.abs(),
+            LeadAxis::X => z / x.abs(),
+        }
+    }
+
+    /// The axis that travels further: the lead is along it.
+    pub(crate) fn lead_axis(&self) -> LeadAxis {
+        let [x, z] = self.travel();
+        if z.abs() > x.abs() { LeadAxis::Z } else { LeadAxis::X }
     }
 }
 
@@ -147,7 +156,8 @@ impl PassPath {
     fn changes(&self, machine: &Machine) -> Vec<f64> {
         let (x, z) = (axis_limits(machine, Axis::X), axis_limits(machine, Axis::Z));
         let leads_along_x = self.speeds().all(|[x, z, _]| x.abs() > z.abs());
-        let share = if leads_along_x { 1.0 } else { TAPER_SHARE };
+        // The axis across the lead may vibrate.
+        let [x_share, z_share] = if leads_along_x { [1.0, TAPER_SHARE] } else { [TAPER_SHARE, 1.0] };
         let rest = [[0.0; 3]];
         let before: Vec<_> = rest.into_iter().chain(self.speeds()).collect();
         let after = self.speeds().chain(rest);
@@ -158,7 +168,7 @@ impl PassPath {
         let changes = before
             .iter()
             .zip(after)
-            .map(|(from, to)| angle_deg(to[0] - from[0], x, share).max(angle_deg(to[1] - from[1], z, 1.0)));
+            .map(|(from, to)| angle_deg(to[0] - from[0], x, x_share).max(angle_deg(to[1] - from[1], z, z_share)));
         changes.collect()
     }
 
@@ -203,17 +213,18 @@ impl PassPath {
         true
     }
 
-    /// Speeds of the axes against their limits, with the vibration; `judged` says that the thread's own report compares
-    /// those of the first part.
+    /// Speeds of the axes against their limits, with the vibration of one of them; `judged` says that the thread's own report
+    /// compares those of the first part.
     pub(crate) fn check_speeds(
         &self,
-        vibration_mm_per_s: f64,
+        (across, vibration_mm_per_s): (Axis, f64),
         judged: bool,
         machine: &Machine,
         span: SourceSpan,
         findings: &mut FindingLog,
     ) {
-        for (axis, superposed) in [(Axis::X, vibration_mm_per_s), (Axis::Z, 0.0)] {
+        for axis in [Axis::X, Axis::Z] {
+            let superposed = if axis == across { vibration_mm_per_s } else { 0.0 };
             let limit = axis_limits(machine, axis).velocity;
             let place = usize::from(axis == Axis::Z);
             let speeds = self.speeds().skip(usize::from(judged));
@@ -242,7 +253,7 @@ impl PassPath {
         }
     }
 
-    /// What the interpolator runs. With `prepares` X moves to the vibration position by itself.
+    /// What the interpolator runs. With `prepares` the axis across the lead moves to the vibration position by itself.
     pub(crate) fn run(
         &self,
         blocks: &[ThreadBlock],
@@ -260,16 +271,19 @@ impl PassPath {
             return None;
         }
         let end = last.end();
-        check_travel(&self.extent(first, vibration.outwards * vibration.wave.amplitude_mm), machine, findings);
+        let across = vibration.lead_axis.across();
+        let retreat_mm = vibration.outwards * vibration.wave.amplitude_mm;
+        check_travel(&self.extent(first, (across, retreat_mm)), machine, findings);
         let prepared_mm = path.retreat_mm(-1.0);
         let preparation = (prepares && prepared_mm > 0.0)
-            .then(|| Profile::solve(prepared_mm, 0.0, 0.0, axis_limits(machine, Axis::X)))
+            .then(|| Profile::solve(prepared_mm, 0.0, 0.0, axis_limits(machine, across)))
             .flatten();
         Some(ThreadRun {
             path,
             end,
             work_offset: first.mv.work_offset,
             preparation,
+            across,
             outwards: vibration.outwards,
             reference_rev: settings.reference_angle_deg / 360.0,
             rev_per_s: self.rev_per_s,
@@ -278,14 +292,16 @@ impl PassPath {
     }
 
     /// From the lowest to the highest X and Z of the path with this retreat: a line for the checks of lines.
-    fn extent(&self, first: &ThreadBlock, retreat_mm: f64) -> Element {
+    fn extent(&self, first: &ThreadBlock, (across, retreat_mm): (Axis, f64)) -> Element {
         let (mut start, mut end) = (first.mv.start, first.mv.start);
         let places = core::iter::once(self.start).chain(self.parts.iter().map(|part| part.end));
         for [x, z] in places {
-            start[X] = start[X].min(x).min(x + retreat_mm);
-            end[X] = end[X].max(x).max(x + retreat_mm);
-            start[Z] = start[Z].min(z);
-            end[Z] = end[Z].max(z);
+            for (axis, mm) in [(Axis::X, x), (Axis::Z, z)] {
+                let retreat_mm = if axis == across { retreat_mm } else { 0.0 };
+                let (least, most) = (&mut start[axis.index()], &mut end[axis.index()]);
+                *least = least.min(mm).min(mm + retreat_mm);
+                *most = most.max(mm).max(mm + retreat_mm);
+            }
         }
         Element {
             start,
@@ -300,7 +316,7 @@ impl PassPath {
 
     /// Whether the machine has the axes.
     pub(crate) fn missing_axis(&self, first: &ThreadBlock, machine: &Machine) -> Option<Axis> {
-        feedwave_motion::missing_axis(&self.extent(first, 1.0), machine)
+        feedwave_motion::missing_axis(&self.extent(first, (Axis::X, 1.0)), machine)
     }
 }
 

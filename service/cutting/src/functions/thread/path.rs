@@ -9,7 +9,7 @@ use core::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::{RetreatWave, StartUp, ThreadJob, ThreadPass};
+use super::{LeadAxis, RetreatWave, StartUp, ThreadJob, ThreadPass};
 
 /// X on the radius, Z and the length of the path, mm.
 type Place = [f64; 3];
@@ -28,8 +28,10 @@ pub struct ThreadPath {
     lead_end_deg: f64,
     wave: RetreatWave,
     start_up: StartUp,
-    /// Sign of X in which the tool retreats; 0 without vibration.
+    /// Sign in which the tool retreats; 0 without vibration.
     outwards: f64,
+    /// Axis of the lead: it retreats across it.
+    lead_axis: LeadAxis,
     /// Where the vibration has ended.
     rest_deg: f64,
 }
@@ -52,13 +54,13 @@ struct Piece {
 /// Where the tool is on a [`ThreadPath`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ThreadPlace {
-    /// X on the radius with the retreat, mm.
+    /// X on the radius, mm; with the retreat where the lead is along Z.
     pub radius_mm: f64,
-    /// Z, mm.
+    /// Z, mm; with the retreat where the lead is along X.
     pub z_mm: f64,
     /// Length of the path behind it, mm, without the vibration.
     pub path_mm: f64,
-    /// Retreat from the programmed depth, mm on the radius, within 0 and A.
+    /// Retreat from the programmed depth, mm across the lead, within 0 and A.
     pub retreat_mm: f64,
 }
 
@@ -91,7 +93,9 @@ impl PathPart {
 pub(crate) struct PathVibration {
     pub(crate) wave: RetreatWave,
     pub(crate) start_up: StartUp,
-    /// Sign of X in which the tool retreats.
+    /// Axis of the lead: the tool retreats across it.
+    pub(crate) lead_axis: LeadAxis,
+    /// Sign in which the tool retreats.
     pub(crate) outwards: f64,
 }
 
@@ -169,7 +173,7 @@ impl ThreadPath {
         // It rests beyond.
         pieces.pop();
         let lead_end_deg = vertex_deg + 0.5 * last_deg;
-        let PathVibration { wave, start_up, outwards } = vibration;
+        let PathVibration { wave, start_up, lead_axis, outwards } = vibration;
         let rest_deg = if wave.amplitude_mm > 0.0 {
             // The vibration goes on until its retreat is zero at a whole turn of its phase, where its speed is, too.
             let from_deg = lead_end_deg.max(wave.in_phase_deg(start_up));
@@ -179,7 +183,17 @@ impl ThreadPath {
             lead_end_deg
         };
         let outwards = if wave.amplitude_mm > 0.0 { outwards } else { 0.0 };
-        Self { start: [start[0], start[1], 0.0], pieces, end: at, lead_end_deg, wave, start_up, outwards, rest_deg }
+        Self {
+            start: [start[0], start[1], 0.0],
+            pieces,
+            end: at,
+            lead_end_deg,
+            wave,
+            start_up,
+            outwards,
+            lead_axis,
+            rest_deg,
+        }
     }
 
     /// The path of a pass of a thread.
@@ -187,11 +201,15 @@ impl ThreadPath {
     pub fn of_pass(job: &ThreadJob, pass: &ThreadPass) -> Self {
         let geometry = &job.geometry;
         let length_mm = geometry.length_mm().max(pass.start_travel_mm);
-        let place = |travel_mm: f64| [geometry.radius_mm(pass.depth_mm, travel_mm), geometry.z_mm(travel_mm)];
+        let lead_axis = geometry.lead_axis;
+        let place = |travel_mm: f64| {
+            lead_axis.place(geometry.across_mm(pass.depth_mm, travel_mm), geometry.along_mm(travel_mm))
+        };
         let start = place(pass.start_travel_mm);
         let part = PathPart::new(start, place(length_mm), geometry.lead_mm, pass.span.line);
         let change_deg = job.run_up.angle_deg.min(part.angle_deg);
-        let vibration = PathVibration { wave: job.wave(pass), start_up: job.start_up, outwards: geometry.inwards() };
+        let vibration =
+            PathVibration { wave: job.wave(pass), start_up: job.start_up, lead_axis, outwards: geometry.inwards() };
         Self::new(start, &[part], pass.start_angle_deg, &[change_deg; 2], vibration)
     }
 
@@ -204,10 +222,14 @@ impl ThreadPath {
             Some(piece) => [0, 1, 2].map(|axis| piece.value(axis, spindle_angle_deg)),
             None => self.beyond(spindle_angle_deg),
         };
-        ThreadPlace { radius_mm: x + self.outwards * retreat_mm, z_mm: z, path_mm, retreat_mm }
+        let [radius_mm, z_mm] = match self.lead_axis {
+            LeadAxis::Z => [x + self.outwards * retreat_mm, z],
+            LeadAxis::X => [x, z + self.outwards * retreat_mm],
+        };
+        ThreadPlace { radius_mm, z_mm, path_mm, retreat_mm }
     }
 
-    /// Retreat at a spindle angle, mm on the radius.
+    /// Retreat at a spindle angle, mm across the lead.
     #[must_use]
     pub fn retreat_mm(&self, spindle_angle_deg: f64) -> f64 {
         if spindle_angle_deg >= self.rest_deg {
@@ -308,8 +330,12 @@ impl ThreadPath {
         }
         self.fill_retreat(angles_deg, retreat_mm);
         if self.outwards != 0.0 {
-            for (x, retreat_mm) in x.iter_mut().zip(&*retreat_mm) {
-                *x += self.outwards * retreat_mm;
+            let across = match self.lead_axis {
+                LeadAxis::Z => x,
+                LeadAxis::X => z,
+            };
+            for (across, retreat_mm) in across.iter_mut().zip(&*retreat_mm) {
+                *across += self.outwards * retreat_mm;
             }
         }
     }

@@ -216,8 +216,8 @@ fn other_hand(request: &ThreadRequest, span: SourceSpan) -> Option<Finding> {
     let message = format!("this direction of cut and spindle make a {name} thread");
     Some(
         Finding::new(code::THREAD_HAND, span, message)
-            .with_value("start_z", request.geometry.start_z_mm, "mm")
-            .with_value("end_z", request.geometry.end_z_mm, "mm")
+            .with_value("start_z", request.geometry.start_mm, "mm")
+            .with_value("end_z", request.geometry.end_mm, "mm")
             .suggest("exchange start and end of the thread")
             .suggest("reverse the spindle"),
     )

@@ -37,9 +37,9 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
     };
     line(&[format!("(THREAD WITH VIBRATION, D = {})", decimal(job.vibrations_per_rev, 4))]);
     line(&["G97".to_owned(), format!("S{}", decimal(job.spindle_rev_per_min, 3)), spindle.to_owned()]);
-    line(&["G165 P3".to_owned(), word('X', geometry.work_diameter_mm, 4), word('Q', options.ratio, 4)]);
+    line(&["G165 P3".to_owned(), word('X', 2.0 * geometry.work_mm, 4), word('Q', options.ratio, 4)]);
     // Clear of the work at both ends, whichever of them the taper makes the higher one.
-    let clear_mm = |travel_mm: f64| geometry.radius_mm(-options.clearance_mm, travel_mm);
+    let clear_mm = |travel_mm: f64| geometry.across_mm(-options.clearance_mm, travel_mm);
     let ends = [clear_mm(0.0), clear_mm(geometry.length_mm())];
     let higher = |a: f64, b: f64| if geometry.inwards() > 0.0 { a.max(b) } else { a.min(b) };
     let mut clear = higher(ends[0], ends[1]);
@@ -51,13 +51,13 @@ pub fn thread_program_text(job: &ThreadJob, options: &ThreadTextOptions) -> Stri
     let plain = geometry.starts <= 1 && geometry.taper == 0.0;
     for (index, pass) in job.passes.iter().enumerate() {
         line(&["G0".to_owned(), clear.clone()]);
-        line(&["G0".to_owned(), word('Z', geometry.z_mm(pass.start_travel_mm), 4)]);
-        line(&["G0".to_owned(), word('X', 2.0 * geometry.radius_mm(pass.depth_mm, pass.start_travel_mm), 4)]);
+        line(&["G0".to_owned(), word('Z', geometry.along_mm(pass.start_travel_mm), 4)]);
+        line(&["G0".to_owned(), word('X', 2.0 * geometry.across_mm(pass.depth_mm, pass.start_travel_mm), 4)]);
         let mut words = vec!["G32".to_owned()];
         if geometry.taper != 0.0 {
-            words.push(word('X', 2.0 * geometry.radius_mm(pass.depth_mm, geometry.length_mm()), 4));
+            words.push(word('X', 2.0 * geometry.across_mm(pass.depth_mm, geometry.length_mm()), 4));
         }
-        words.push(word('Z', geometry.end_z_mm, 4));
+        words.push(word('Z', geometry.end_mm, 4));
         words.push(word('F', geometry.lead_mm, 6));
         words.push(word('Q', pass.start_angle_deg, 3));
         let followed_mm = job.infeed_mm(index) * options.ratio;

@@ -2,16 +2,14 @@
 //! judgement.
 
 use feedwave_motion::{Element, Machine};
-use feedwave_program::{
-    Axis, Finding, FindingCode, FindingLog, FunctionCommand, Move, MoveKind, SourceSpan, ThreadMove,
-};
+use feedwave_program::{Finding, FindingCode, FindingLog, FunctionCommand, Move, MoveKind, SourceSpan, ThreadMove};
 use serde::{Deserialize, Serialize};
 
 use super::code;
 use super::open_thread::OpenThread;
 use super::pass::{PassPath, ThreadBlock, peak_velocity};
 use super::{
-    MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, TapRun, ThreadPath, ThreadRun,
+    LeadAxis, MAX_THREAD_PARTS, MAX_THREAD_PASSES, PathVibration, RetreatWave, StartUp, TapRun, ThreadPath, ThreadRun,
     ThreadSectionReport, ThreadVibrationSettings,
 };
 use crate::functions::switch::{Modal, Switch};
@@ -50,7 +48,10 @@ pub(crate) struct Threads {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Mode {
     pub(super) on_span: SourceSpan,
-    pub(super) work_radius_mm: f64,
+    /// Axis of the lead that its threads have: that across which the work's surface is stated.
+    pub(super) lead_axis: LeadAxis,
+    /// Surface of the work: a radius, or Z of its face, mm.
+    pub(super) work_mm: f64,
     pub(super) ratio: f64,
 }
 
@@ -92,8 +93,6 @@ pub(crate) struct Pass {
     path: PassPath,
     vibration: PathVibration,
 }
-
-const X: usize = Axis::X.index();
 
 impl Threads {
     /// Whether something waits for the next operation.
@@ -157,6 +156,7 @@ impl Threads {
                 phase_shift_deg: 0.0,
             },
             start_up: settings.start_up,
+            lead_axis: first.lead_axis(),
             outwards: 1.0,
         };
         let is_off = !self.switch.is_on() && !self.switch.is_unusable();
@@ -165,21 +165,22 @@ impl Threads {
             let finding = Finding::new(code::THREAD_VIBRATION_OFF, first.span, message);
             findings.push(finding.suggest("switch it on before the first pass, or leave the A word out"));
         }
-        if !first.leads_along_z() {
-            if self.switch.is_on() && first.mv.amplitude_mm != Some(0.0) {
-                let message = "the thread vibrates in X, which is the direction of its lead here";
-                let finding = Finding::new(code::THREAD_LEAD_X, first.span, message);
-                findings.push(finding.suggest("switch the vibration off for this thread, or write A0.0"));
+        let across = still.lead_axis.across();
+        let vibrating = self.switch.on().map(|mode| mode.lead_axis);
+        // A thread along X is judged where its face is stated.
+        if vibrating.map_or(still.lead_axis == LeadAxis::X, |vibrating| vibrating != still.lead_axis) {
+            if let Some(vibrating) = vibrating.filter(|_| first.mv.amplitude_mm != Some(0.0)) {
+                findings.push(vibrates_along_lead(vibrating, first.span));
                 return None;
             }
             self.close(inputs, analysis, findings);
-            path.check_speeds(0.0, false, machine, first.span, findings);
+            path.check_speeds((across, 0.0), false, machine, first.span, findings);
             return path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still });
         }
         let is_judged = analysis.is_some();
         let vibration = self.join(first, &path, still, inputs, analysis, findings)?;
         let peak_mm_per_s = peak_velocity(&vibration, path.rev_per_s());
-        path.check_speeds(peak_mm_per_s, true, machine, first.span, findings);
+        path.check_speeds((across, peak_mm_per_s), true, machine, first.span, findings);
         let number = self.open.as_ref().map(|open| open.job.passes.len() as u64);
         path.check_length(is_judged, number, first.span, findings).then_some(Pass { path, vibration })
     }
@@ -227,10 +228,11 @@ impl Threads {
             pass.phase_shift_deg = first.mv.phase_shift_deg.unwrap_or_else(|| settings.phase_shift_deg(number));
         }
         let wave = job.wave(&job.passes[index]);
-        Some(PathVibration { wave, start_up: job.start_up, outwards: job.geometry.inwards() })
+        let lead_axis = job.geometry.lead_axis;
+        Some(PathVibration { wave, start_up: job.start_up, lead_axis, outwards: job.geometry.inwards() })
     }
 
-    /// What the interpolator runs of a pass. With `prepares` X moves to the vibration position by itself.
+    /// What the interpolator runs of a pass. With `prepares` the tool moves to the vibration position by itself.
     pub(crate) fn run(
         &self,
         pass: &Pass,
@@ -292,11 +294,11 @@ impl Threads {
     /// Carries out a block that switches the vibration of threads; an open thread is closed before.
     pub(crate) fn turn(&mut self, command: &FunctionCommand, span: SourceSpan, findings: &mut FindingLog) {
         self.switch.turn(command, span, findings, |findings| {
-            let work_radius_mm = mode_word(command, span, 'X', "work diameter", "X10.0", 0.0, findings);
+            let work = work_surface(command, span, findings);
             // The amplitude has to exceed the infeed.
             let ratio = mode_word(command, span, 'Q', "amplitude ratio", "Q1.2", 1.0, findings);
-            let (work_radius_mm, ratio) = work_radius_mm.zip(ratio)?;
-            Some(Mode { on_span: span, work_radius_mm, ratio })
+            let ((lead_axis, work_mm), ratio) = work.zip(ratio)?;
+            Some(Mode { on_span: span, lead_axis, work_mm, ratio })
         });
     }
 
@@ -318,14 +320,14 @@ impl Pass {
         Some(path)
     }
 
-    /// Lets a rapid go to the vibration position at once, where the pass starts at its end; whether X prepares so.
+    /// Lets a rapid go to the vibration position at once, where the pass starts at its end; whether the tool prepares so.
     pub(crate) fn combine(&self, rapid: &mut Move, first: &ThreadBlock) -> bool {
         if rapid.end != first.mv.start {
             return false;
         }
         let wave = &self.vibration.wave;
         let prepared_mm = wave.retreat_mm(self.vibration.start_up, -1.0);
-        rapid.end[X] += self.vibration.outwards * prepared_mm;
+        rapid.end[self.vibration.lead_axis.across().index()] += self.vibration.outwards * prepared_mm;
         wave.amplitude_mm > 0.0
     }
 
@@ -340,6 +342,41 @@ fn contradicts(first: &ThreadMove, part: &ThreadMove, vibrates: bool) -> bool {
     let amplitude_mm = first.amplitude_mm.or_else(|| (!vibrates).then_some(0.0));
     part.amplitude_mm.is_some() && part.amplitude_mm != amplitude_mm
         || part.phase_shift_deg.is_some() && part.phase_shift_deg != first.phase_shift_deg
+}
+
+/// A thread whose lead is along the axis that would vibrate.
+fn vibrates_along_lead(vibrating: LeadAxis, span: SourceSpan) -> Finding {
+    let (vibrates, stated, other) = match vibrating {
+        LeadAxis::Z => ("X", "a work diameter (X)", "state its face instead, such as G165 P3 Z0.0 Q1.2"),
+        LeadAxis::X => ("Z", "a face (Z)", "state its work diameter instead, such as G165 P3 X10.0 Q1.2"),
+    };
+    let message =
+        format!("the thread vibrates in {vibrates}, since {stated} is stated, which is the direction of its lead here");
+    Finding::new(code::THREAD_LEAD_X, span, message)
+        .suggest(other)
+        .suggest("switch the vibration off for this thread, or write A0.0")
+}
+
+/// The surface of the work that the block states, and with it the axis of the lead: a diameter, or Z of a face.
+fn work_surface(command: &FunctionCommand, span: SourceSpan, findings: &mut FindingLog) -> Option<(LeadAxis, f64)> {
+    let Some(face) = command.word('Z') else {
+        let radius_mm = mode_word(command, span, 'X', "work diameter", "X10.0", 0.0, findings);
+        return radius_mm.map(|radius_mm| (LeadAxis::Z, radius_mm));
+    };
+    let message = if command.word('X').is_some() {
+        "the vibration of threads is given both a work diameter (X) and a face (Z)".to_owned()
+    } else if face.value.abs() <= 1e6 {
+        return Some((LeadAxis::X, face.value));
+    } else {
+        format!("the face of the work is at Z {}", face.value)
+    };
+    let finding = Finding::new(code::THREAD_MODE_WORD, face.span, message);
+    findings.push(
+        finding
+            .suggest("for threads along Z write X with the work diameter and no Z, such as X10.0")
+            .suggest("for threads along X write Z with the face of the work and no X, such as Z0.0"),
+    );
+    None
 }
 
 /// A word of the block that switches the vibration on: a number above `above`.

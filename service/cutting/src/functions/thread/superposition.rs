@@ -15,9 +15,11 @@ pub(crate) struct ThreadRun {
     /// Where it ends, to the bit.
     pub(crate) end: Position,
     pub(crate) work_offset: Position,
-    /// Movement of X to the vibration position, where it is done here.
+    /// Movement of the axis across the lead to the vibration position, where it is done here.
     pub(crate) preparation: Option<Profile>,
-    /// Sign of X in which the tool retreats.
+    /// That axis.
+    pub(crate) across: Axis,
+    /// Its sign in which the tool retreats.
     pub(crate) outwards: f64,
     /// Spindle angle of the thread-start reference point, revolutions.
     pub(crate) reference_rev: f64,
@@ -52,7 +54,7 @@ impl ThreadRun {
         (start_deg, (self.path.rest_deg() - start_deg) / (360.0 * self.rev_per_s))
     }
 
-    /// The preparatory movement on rows from `start` on that rest at a position: X retreats by so much.
+    /// The preparatory movement on rows from `start` on that rest at a position: the tool retreats by so much.
     pub(crate) fn fill_preparation(
         &self,
         columns: &[ColumnMap],
@@ -62,10 +64,10 @@ impl ThreadRun {
         start: usize,
     ) {
         block.vibration_offset_mm[start..].copy_from_slice(retreat_mm);
-        let columns = columns.iter().zip(&mut block.axes).filter(|(map, _)| map.axis == Axis::X);
+        let columns = columns.iter().zip(&mut block.axes).filter(|(map, _)| map.axis == self.across);
         for (map, column) in columns {
             for (value, retreat_mm) in column[start..].iter_mut().zip(retreat_mm) {
-                *value = position[Axis::X.index()] + self.outwards * retreat_mm;
+                *value = position[self.across.index()] + self.outwards * retreat_mm;
             }
             map.apply(work_offset, &mut column[start..]);
         }

@@ -10,8 +10,8 @@ use feedwave_store::{RunCommit, RunOverride, RunSetpoints, RunState};
 use tokio::runtime::Handle;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
-use super::feed::{Cause, Feed, feed_change_to_proto};
 use super::checkpoint;
+use super::feed::{Cause, Feed, feed_change_to_proto};
 use super::receipts::Receipts;
 use super::setpoints::{Next, Setpoints};
 use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
@@ -147,7 +147,10 @@ impl Worker {
             }
             Some(_) if rests => Some((RunState::Aborted, "given up by the client".to_owned())),
             Some(_) => None,
-            None => self.total.filter(|total| self.receipts.received() >= *total).map(|_| (RunState::Finished, String::new())),
+            None => self
+                .total
+                .filter(|total| self.receipts.received() >= *total)
+                .map(|_| (RunState::Finished, String::new())),
         }
     }
 

@@ -231,7 +231,8 @@ impl Check {
     }
 
     async fn run_checkpoints(&mut self) -> Result<()> {
-        for row in self.ids("run checkpoint", "SELECT CAST(rowid AS TEXT) AS place, run_id FROM run_checkpoints").await {
+        for row in self.ids("run checkpoint", "SELECT CAST(rowid AS TEXT) AS place, run_id FROM run_checkpoints").await
+        {
             let (place, id): (String, String) = (row.try_get("place")?, row.try_get("run_id")?);
             let sql = "SELECT snapshot_bytes, snapshot FROM run_checkpoints WHERE rowid = CAST(? AS INTEGER)";
             let result = self.packed(sql, &place).await.map(drop);

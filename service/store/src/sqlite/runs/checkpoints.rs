@@ -48,12 +48,14 @@ pub(super) async fn put(
                 return Err(refusal(&mut tx.connection, id).await?);
             }
             for [first, end] in removed {
-                sqlx::query("DELETE FROM run_checkpoints WHERE run_id = ? AND setpoint_index >= ? AND setpoint_index < ?")
-                    .bind(&run_id)
-                    .bind(first)
-                    .bind(end)
-                    .execute(&mut tx.connection)
-                    .await?;
+                sqlx::query(
+                    "DELETE FROM run_checkpoints WHERE run_id = ? AND setpoint_index >= ? AND setpoint_index < ?",
+                )
+                .bind(&run_id)
+                .bind(first)
+                .bind(end)
+                .execute(&mut tx.connection)
+                .await?;
             }
             sqlx::query(
                 "INSERT OR REPLACE INTO run_checkpoints (run_id, setpoint_index, change_count, generation_key,

@@ -3,8 +3,7 @@
 use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
-    DepthLaw, GrooveProfile, Hand, InfeedPattern, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry,
-    ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
+    DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry, ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
 use feedwave_motion::{MachineAxis, MachineKind};
@@ -147,10 +146,11 @@ fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: O
     let side = enumeration(checked.0, "side", given.side);
     let rotation = enumeration(checked.0, "rotation", given.rotation);
     let forward = ThreadGeometry {
+        lead_axis: LeadAxis::Z,
         side: side_from_proto(side?),
-        work_diameter_mm,
-        start_z_mm,
-        end_z_mm,
+        work_mm: 0.5 * work_diameter_mm,
+        start_mm: start_z_mm,
+        end_mm: end_z_mm,
         taper,
         // A stated lead is the lead to the last bit.
         lead_mm: match given.advance {

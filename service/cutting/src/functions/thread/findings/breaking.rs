@@ -4,7 +4,7 @@ use feedwave_program::{Finding, FindingLog};
 
 use super::{SAME_ANGLE_DEG, SAME_LENGTH_MM, number};
 use crate::functions::thread::report::ThreadPassReport;
-use crate::functions::thread::{ThreadJob, ThreadPass, ThreadReport, code, reduce_deg};
+use crate::functions::thread::{LeadAxis, ThreadJob, ThreadReport, code, reduce_deg};
 use crate::shared::wording::{decimal, round_up};
 
 /// Whether the chip of a vibrating pass is cut through, and if not, why.
@@ -12,13 +12,13 @@ pub(super) fn broken(job: &ThreadJob, report: &ThreadReport, index: usize, findi
     let (pass, own) = (&job.passes[index], &report.passes[index]);
     let before = job.passes[..index].iter().rposition(|before| before.start == pass.start);
     if own.amplitude_mm <= own.infeed_mm + SAME_LENGTH_MM {
-        amplitude_small(pass, own, index, before, findings);
+        amplitude_small(job, own, index, before, findings);
     } else if !own.depth.broken
         && let Some(before) = before
     {
-        phase_unbroken(pass, report, index, before, findings);
+        phase_unbroken(job, report, index, before, findings);
     } else if own.depth.broken && !own.section.broken {
-        ribbon(pass, report, index, findings);
+        ribbon(job, report, index, findings);
     }
 }
 
@@ -31,38 +31,40 @@ fn with_amplitude(finding: Finding, number: u64, own: &ThreadPassReport, least_m
         .with_value("amplitude", own.amplitude_mm, "mm")
 }
 
-fn suggest_amplitude(finding: Finding, least_mm: f64) -> Finding {
+fn suggest_amplitude(finding: Finding, job: &ThreadJob, least_mm: f64) -> Finding {
     let least_mm = round_up(least_mm + 1e-6, 4);
-    let cure = format!("vibrate with more than {} mm on the radius", decimal(least_mm, 4));
+    let cure = format!("vibrate with more than {} mm {}", decimal(least_mm, 4), job.geometry.lead_axis.across_words());
     finding.suggest_value(cure, None, "amplitude", least_mm, "mm")
 }
 
 /// The vibration does not reach beyond what the pass cuts.
 fn amplitude_small(
-    pass: &ThreadPass,
+    job: &ThreadJob,
     own: &ThreadPassReport,
     index: usize,
     before: Option<usize>,
     findings: &mut FindingLog,
 ) {
-    let number = number(index);
+    let (pass, number, lead_axis) = (&job.passes[index], number(index), job.geometry.lead_axis);
     let (code, what) = match before {
-        None => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
+        None if lead_axis == LeadAxis::Z => (code::THREAD_FIRST_PASS, "does not leave the work diameter"),
+        None => (code::THREAD_FIRST_PASS, "does not leave the face of the work"),
         Some(_) => (code::THREAD_AMPLITUDE_SMALL, "does not reach beyond its infeed"),
     };
     let message = format!(
-        "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm on the radius",
+        "the vibration of pass {number} {what}: amplitude {} mm, infeed {} mm {}",
         decimal(own.amplitude_mm, 4),
-        decimal(own.infeed_mm, 4)
+        decimal(own.infeed_mm, 4),
+        lead_axis.across_words()
     );
     let least_mm = own.depth.least_amplitude_mm.max(own.infeed_mm);
     let finding = with_amplitude(Finding::new(code, pass.span, message), number, own, least_mm);
-    findings.push(suggest_amplitude(finding, least_mm));
+    findings.push(suggest_amplitude(finding, job, least_mm));
 }
 
 /// The pass vibrates too much in step with the one before.
-fn phase_unbroken(pass: &ThreadPass, report: &ThreadReport, index: usize, before: usize, findings: &mut FindingLog) {
-    let (own, number) = (&report.passes[index], number(index));
+fn phase_unbroken(job: &ThreadJob, report: &ThreadReport, index: usize, before: usize, findings: &mut FindingLog) {
+    let (pass, own, number) = (&job.passes[index], &report.passes[index], number(index));
     let shift_before = report.passes[before].place.phase_shift_deg;
     let difference_deg = reduce_deg(own.place.phase_shift_deg - shift_before);
     // What has to be programmed to be opposite to the pass before, whatever the turns in between.
@@ -84,22 +86,22 @@ fn phase_unbroken(pass: &ThreadPass, report: &ThreadReport, index: usize, before
             cure_deg,
             "deg",
         );
-    findings.push(suggest_amplitude(finding, own.depth.least_amplitude_mm));
+    findings.push(suggest_amplitude(finding, job, own.depth.least_amplitude_mm));
 }
 
 /// The chip is cut through at its depth, but not over the whole section.
-fn ribbon(pass: &ThreadPass, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
-    let (own, number) = (&report.passes[index], number(index));
+fn ribbon(job: &ThreadJob, report: &ThreadReport, index: usize, findings: &mut FindingLog) {
+    let (pass, own, number) = (&job.passes[index], &report.passes[index], number(index));
     let least_mm = own.section.least_amplitude_mm;
     let message = format!(
-        "the chip of pass {number} holds together at the flank: the full section needs an amplitude of {} mm on \
-         the radius, not {}",
+        "the chip of pass {number} holds together at the flank: the full section needs an amplitude of {} mm {}, not {}",
         decimal(round_up(least_mm, 4), 4),
+        job.geometry.lead_axis.across_words(),
         decimal(own.amplitude_mm, 4)
     );
     let finding = with_amplitude(Finding::new(code::THREAD_CHIP_RIBBON, pass.span, message), number, own, least_mm)
         .with_value("section_amplitude", least_mm, "mm");
-    let finding = suggest_amplitude(finding, least_mm);
+    let finding = suggest_amplitude(finding, job, least_mm);
     let finding = match report.least_section_ratio.map(|ratio| round_up(ratio, 2)) {
         Some(ratio) => {
             let cure = format!("use a ratio of {} for all passes", decimal(ratio, 2));

@@ -14,10 +14,11 @@ use super::*;
 /// The thread of the worked programs: M10-like, 2.5 mm lead, 60° tool, from Z100 to Z60.
 pub(super) fn geometry() -> ThreadGeometry {
     ThreadGeometry {
+        lead_axis: LeadAxis::Z,
         side: ThreadSide::External,
-        work_diameter_mm: 10.0,
-        start_z_mm: 100.0,
-        end_z_mm: 60.0,
+        work_mm: 5.0,
+        start_mm: 100.0,
+        end_mm: 60.0,
         taper: 0.0,
         lead_mm: 2.5,
         starts: 1,

@@ -36,7 +36,7 @@ proptest! {
         }
         let tool = job.position(&pass, angle_deg);
         prop_assert!((0.0..=pass.amplitude_mm).contains(&tool.retreat_mm));
-        let programmed_mm = job.geometry.radius_mm(pass.depth_mm, tool.travel_mm);
+        let programmed_mm = job.geometry.across_mm(pass.depth_mm, tool.travel_mm);
         if internal {
             prop_assert!(tool.radius_mm <= programmed_mm);
         } else {
@@ -192,7 +192,7 @@ proptest! {
         before_deg in 0.0..400.0_f64,
     ) {
         let mut job = job(vec![pass(8.0, 0.0, 0.0)]);
-        job.geometry.end_z_mm = 100.0 - length_mm;
+        job.geometry.end_mm = 100.0 - length_mm;
         job.run_up.angle_deg = run_up_deg;
         let pass = job.passes[0];
         let end_deg = job.end_angle_deg(&pass);

@@ -156,7 +156,7 @@ proptest! {
     ) {
         let mut job = program_a();
         let slots = [
-            &mut job.geometry.lead_mm, &mut job.geometry.taper, &mut job.geometry.start_z_mm,
+            &mut job.geometry.lead_mm, &mut job.geometry.taper, &mut job.geometry.start_mm,
             &mut job.vibrations_per_rev, &mut job.spindle_rev_per_min, &mut job.run_up.angle_deg,
             &mut job.profile.included_angle_deg, &mut job.profile.root_flat_mm,
         ];

@@ -37,7 +37,7 @@ fn simulate(job: &ThreadJob, flanks: bool) -> Vec<Seen> {
             let tool = nearest.unwrap();
             let offset_mm = tool.travel_mm - at_mm;
             assert!(offset_mm.abs() <= 0.5 * lead_mm + 1e-9);
-            let surface_mm = job.geometry.radius_mm(0.0, at_mm);
+            let surface_mm = job.geometry.across_mm(0.0, at_mm);
             let inwards = if job.geometry.side == ThreadSide::External { 1.0 } else { -1.0 };
             let tip_mm = (surface_mm - tool.radius_mm) * inwards;
             let mut removed_mm = 0.0_f64;
