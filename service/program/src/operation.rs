@@ -113,7 +113,7 @@ pub struct ThreadMove {
     pub start_angle_deg: f64,
     /// Which start of a multi-start thread the pass cuts, from 0, where a cycle says so.
     pub thread_start: u32,
-    /// Peak-to-peak vibration on the radius (`A`), mm, where the pass has its own.
+    /// Peak-to-peak vibration across the lead (`A`), on the radius or along Z, mm, where the pass has its own.
     pub amplitude_mm: Option<f64>,
     /// Phase shift of the vibration (`R`), degrees, where the pass has its own.
     pub phase_shift_deg: Option<f64>,

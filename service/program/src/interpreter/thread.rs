@@ -114,6 +114,8 @@ impl Execution<'_> {
             let share =
                 if path_lead.is_some() { further / (along_x * along_x + along_z * along_z).sqrt() } else { 1.0 };
             let lead_mm = lead_mm * share;
+            // It is across the lead: of X, whose words are diameters, unless that has the lead.
+            let amplitude_mm = amplitude_mm.map(|[of_x, of_z]| if along_z > along_x { of_x } else { of_z });
             let cut = Cut { lead_mm, start_angle_deg, amplitude_mm, phase_shift_deg, ..Cut::default() };
             self.cut_thread(end, cut);
         }
@@ -222,14 +224,14 @@ impl Execution<'_> {
         None
     }
 
-    /// `A`, mm on the radius.
-    fn thread_amplitude(&mut self) -> Option<Option<f64>> {
+    /// `A` as a travel of X, mm on the radius, and of Z, mm.
+    fn thread_amplitude(&mut self) -> Option<Option<[f64; 2]>> {
         let Some(word) = self.take(b'A') else {
             return Some(None);
         };
         let amplitude_mm = self.radius(&word);
         if amplitude_mm >= 0.0 {
-            return Some(Some(amplitude_mm));
+            return Some(Some([amplitude_mm, self.scaled(&word, true)]));
         }
         let span = self.block.word_span(&word);
         let written = -word.number.value();

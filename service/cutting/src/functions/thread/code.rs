@@ -41,9 +41,9 @@ feedwave_program::finding_codes! {
     }
 
     "THREAD-LEAD-X" [THREAD_LEAD_X: Error] {
-        meaning: "a thread vibrates in X, which is the direction of its lead",
-        cause: "A face thread, or a taper beyond 45°, is cut while the vibration of threads is on.",
-        cure: "Switch the vibration off for this thread, or write A0.0.",
+        meaning: "a thread vibrates along its lead",
+        cause: "A thread along X is cut while the work diameter (X) of `G165` lets X vibrate, or one along Z while its face (Z) lets Z vibrate.",
+        cure: "State the surface across the lead: X for threads along Z, Z for threads along X. Or switch the vibration off for this thread, or write A0.0.",
         example: lathe("M3 S300\nG165 P3 X60 Q1.2\nG0 X60 Z0\nG32 X20 F2.5\nG165 P0\nM30"),
     }
 

@@ -83,6 +83,19 @@ fn diameters_radii_increments_and_inches() {
 }
 
 #[test]
+fn an_amplitude_is_a_travel_of_the_axis_across_the_lead() {
+    check(
+        &lathe(),
+        "M3 S100 G0 X20. Z5.\nG165 P3 Z-.5 Q1.5\nG32 X40. F1.5 A.4\nG165 P0",
+        "spindle cw 100
+         rapid 0 -> X10 Z5
+         ThreadVibration on Z-0.5 Q1.5
+         thread X10 Z5 -> X20 Z5 @1.5 amplitude 0.4
+         ThreadVibration off",
+    );
+}
+
+#[test]
 fn numbers_without_a_decimal_point() {
     let settings = LanguageSettings { decimal_point: DecimalPointRule::LeastIncrement, ..lathe() };
     check(

@@ -136,7 +136,9 @@ proptest! {
             angle_deg += 6.0 * speed * 0.01;
             let tool = job.position(&pass, angle_deg);
             let travel_mm = tool.travel_mm - pass.start_travel_mm;
-            if travel_mm > 0.0 && tool.travel_mm < job.geometry.length_mm() {
+            // Until then it is starting up.
+            let is_in_phase = angle_deg >= job.wave(&pass).in_phase_deg(job.start_up);
+            if travel_mm > 0.0 && tool.travel_mm < job.geometry.length_mm() && is_in_phase {
                 let by_lead_deg = pass.start_angle_deg + 360.0 * travel_mm / job.geometry.lead_mm;
                 prop_assert!((by_lead_deg - angle_deg).abs() < 1e-6);
                 let phase_deg = 2.0 * by_lead_deg - pass.phase_shift_deg;
@@ -144,6 +146,24 @@ proptest! {
                 prop_assert!((tool.retreat_mm - expected_mm).abs() < 1e-6);
             }
         }
+    }
+
+    #[test]
+    fn a_thread_along_x_is_one_along_z_with_the_axes_exchanged(
+        pass in any_pass(),
+        angle_deg in -720.0..20_000.0_f64,
+        taper in -0.9..0.9_f64,
+        internal in any::<bool>(),
+    ) {
+        let mut job = job(vec![pass]);
+        job.geometry.taper = taper;
+        job.geometry.side = if internal { ThreadSide::Internal } else { ThreadSide::External };
+        let face = ThreadJob { geometry: ThreadGeometry { lead_axis: LeadAxis::X, ..job.geometry }, ..job.clone() };
+        let (along_z, along_x) = (job.position(&pass, angle_deg), face.position(&pass, angle_deg));
+        prop_assert_eq!([along_z.radius_mm, along_z.z_mm], [along_x.z_mm, along_x.radius_mm]);
+        prop_assert_eq!(along_z.retreat_mm, along_x.retreat_mm);
+        let [by_z, by_x] = [&job, &face].map(|job| ThreadPath::of_pass(job, &pass).at(angle_deg));
+        prop_assert_eq!([by_z.radius_mm, by_z.z_mm, by_z.path_mm], [by_x.z_mm, by_x.radius_mm, by_x.path_mm]);
     }
 
     #[test]
