@@ -7,7 +7,8 @@ use feedwave_contract::proto::validate_program_request::On as ValidateOn;
 use feedwave_contract::proto::{
     ColumnKind, FollowSpindleRequest, FollowSpindleStart, FollowedPass, FollowedPositions, Frame, GetMachineRequest,
     InfeedPattern, JobState, PassMethod, PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles,
-    StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport, ValidateProgramRequest,
+    SpindleEventKind, StreamSetpointsRequest, ThreadHand, ThreadPassReport, ThreadSectionReport,
+    ValidateProgramRequest,
 };
 use feedwave_tests::{Clients, Outcome, Server, Setpoints, stream};
 use tonic::{Code, Status};
@@ -279,7 +280,7 @@ async fn a_pass_is_followed_from_the_checkpoint_before_it() {
         let followed = async |clients: &mut Clients, job: &str| {
             let angle_kind = SpindleAngleKind::Unwrapped.into();
             let start = FollowSpindleStart { job: job.to_owned(), pass, angle_kind, ..FollowSpindleStart::default() };
-            let angles = SpindleAngles { angles_deg: angles_deg.clone() };
+            let angles = SpindleAngles { angles_deg: angles_deg.clone(), time_ns: Vec::new() };
             follow(clients, vec![Follow::Start(start), Follow::Angles(angles)]).await.expect("it is followed").1
         };
         let expected = followed(&mut clients, &near.job.name).await;
@@ -424,7 +425,11 @@ async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_st
             reference_angle_deg: Some(reference_deg),
         };
         let mut messages = vec![Follow::Start(start.clone())];
-        messages.extend(angles.chunks(777).map(|angles| Follow::Angles(SpindleAngles { angles_deg: angles.to_vec() })));
+        messages.extend(
+            angles
+                .chunks(777)
+                .map(|angles| Follow::Angles(SpindleAngles { angles_deg: angles.to_vec(), time_ns: Vec::new() })),
+        );
         let (followed, batches) = follow(&mut clients, messages).await.unwrap();
         assert_eq!((followed.line, followed.reference_angle_deg), (pass.line, reference_deg));
         assert!(followed.lead_start_deg <= pass.start_angle_deg && followed.lead_end_deg <= followed.rest_deg);
@@ -438,7 +443,7 @@ async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_st
         // The encoder, which counts its turns from the passage of the reference point, gives the same.
         let start =
             FollowSpindleStart { angle_kind: SpindleAngleKind::Encoder.into(), reference_angle_deg: None, ..start };
-        let message = Follow::Angles(SpindleAngles { angles_deg: encoder.clone() });
+        let message = Follow::Angles(SpindleAngles { angles_deg: encoder.clone(), time_ns: Vec::new() });
         let (_, batches) = follow(&mut clients, vec![Follow::Start(start), message]).await.unwrap();
         let [batch] = batches.as_slice() else { panic!("{} batches", batches.len()) };
         for (own, other) in batch.x_mm[4..].iter().zip(&x).chain(batch.z_mm[4..].iter().zip(&z)) {
@@ -448,12 +453,71 @@ async fn a_pass_followed_by_a_spindle_that_is_not_constant_is_the_pass_of_the_st
 }
 
 #[tokio::test]
+async fn a_spindle_that_stops_turns_back_or_is_too_fast_is_told_and_the_tool_stays_in_its_groove() {
+    let server = Server::start(FEEDWAVE).await;
+    let mut clients = server.connect().await;
+    let outcome = clients.submit(PROGRAM_A).await;
+    // 300 rev/min in readings of 5 ms: 9 degrees. Five turns, a stop of a second, a quarter of a turn back, and then thirty
+    // times as fast, at which X would vibrate with 300 Hz.
+    let turn = |from: f64, step: f64, count: u32| (1..=count).map(move |k| from + step * f64::from(k));
+    let mut angles_deg: Vec<f64> = turn(-90.0, 9.0, 210).collect();
+    let stops_at = angles_deg.len();
+    angles_deg.extend(turn(1_800.0, 0.0, 200));
+    let returns_at = angles_deg.len();
+    angles_deg.extend(turn(1_800.0, -9.0, 10));
+    angles_deg.extend(turn(1_710.0, 9.0, 30));
+    let fast_at = angles_deg.len();
+    angles_deg.extend(turn(1_980.0, 270.0, 6));
+    let time_ns: Vec<u64> = (1..=angles_deg.len() as u64).map(|k| k * 5_000_000).collect();
+    let angle_kind = SpindleAngleKind::Unwrapped.into();
+    let start = FollowSpindleStart { job: outcome.job.name.clone(), angle_kind, ..FollowSpindleStart::default() };
+    // Events do not depend on where batches end.
+    let batches = angles_deg.chunks(37).zip(time_ns.chunks(37));
+    let messages = batches.map(|(angles_deg, time_ns)| {
+        Follow::Angles(SpindleAngles { angles_deg: angles_deg.to_vec(), time_ns: time_ns.to_vec() })
+    });
+    let messages = std::iter::once(Follow::Start(start.clone())).chain(messages).collect();
+    let (pass, batches) = follow(&mut clients, messages).await.expect("it is followed");
+    assert_eq!(pass.programmed_rev_per_min, 300.0);
+    let events: Vec<_> = batches.iter().flat_map(|batch| &batch.events).collect();
+    let kinds: Vec<_> = events.iter().map(|event| event.kind()).collect();
+    let (stopped, regular) = (SpindleEventKind::Stopped, SpindleEventKind::Regular);
+    assert_eq!(kinds, [stopped, SpindleEventKind::Reversed, regular, SpindleEventKind::TooFast], "{events:?}");
+    let places: Vec<usize> = events.iter().map(|event| usize::try_from(event.index).expect("small")).collect();
+    assert!((stops_at + 99..=stops_at + 100).contains(&places[0]), "{places:?}");
+    assert!(places[1] == returns_at && places[2] < fast_at && places[3] >= fast_at, "{places:?}");
+    assert_near(events[1].back_deg, 9.0, 1e-9);
+    let too_fast = events[3];
+    assert!(too_fast.spindle_rev_per_min > 1.01 * too_fast.limit_rev_per_min, "{too_fast:?}");
+    assert!(too_fast.limit_rev_per_min > 300.0, "the programmed speed is none: {too_fast:?}");
+    // In step with the spindle all along: the same angle is the same place, whatever came before.
+    let column = |of: fn(&FollowedPositions) -> &Vec<f64>| batches.iter().flat_map(of).copied().collect::<Vec<f64>>();
+    let [x, z] = [column(|batch| &batch.x_mm), column(|batch| &batch.z_mm)];
+    for (k, angle_deg) in angles_deg.iter().enumerate() {
+        let first = angles_deg.iter().position(|other| other == angle_deg).expect("it is there");
+        assert_eq!((x[k], z[k]), (x[first], z[first]));
+    }
+    // Without times only the reversal is seen.
+    let messages =
+        vec![Follow::Start(start.clone()), Follow::Angles(SpindleAngles { angles_deg, time_ns: Vec::new() })];
+    let (_, batches) = follow(&mut clients, messages).await.expect("it is followed");
+    let kinds: Vec<_> = batches.iter().flat_map(|batch| &batch.events).map(|event| event.kind()).collect();
+    assert_eq!(kinds, [SpindleEventKind::Reversed, regular]);
+    for (angles_deg, time_ns, field) in
+        [(vec![0.0, 1.0], vec![5], "angles.time_ns"), (vec![0.0, 1.0], vec![5, 5], "angles.time_ns[1]")]
+    {
+        let messages = vec![Follow::Start(start.clone()), Follow::Angles(SpindleAngles { angles_deg, time_ns })];
+        assert_eq!(violated_fields(&follow(&mut clients, messages).await.unwrap_err()), [field]);
+    }
+}
+
+#[tokio::test]
 async fn following_is_refused_with_the_field_that_is_wrong() {
     let server = Server::start(FEEDWAVE).await;
     let mut clients = server.connect().await;
     let outcome = clients.submit(PROGRAM_A).await;
     let start = FollowSpindleStart { job: outcome.job.name.clone(), ..FollowSpindleStart::default() };
-    let angles = |angles_deg: Vec<f64>| Follow::Angles(SpindleAngles { angles_deg });
+    let angles = |angles_deg: Vec<f64>| Follow::Angles(SpindleAngles { angles_deg, time_ns: Vec::new() });
     for (messages, field) in [
         (vec![angles(vec![0.0])], "message"),
         (vec![Follow::Start(FollowSpindleStart { job: "thread".to_owned(), ..start.clone() })], "start.job"),

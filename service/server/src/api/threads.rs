@@ -2,15 +2,16 @@
 
 use feedwave_contract::convert;
 use feedwave_contract::names;
+use feedwave_contract::proto;
 use feedwave_contract::proto::follow_spindle_request::Message as RequestMessage;
 use feedwave_contract::proto::follow_spindle_response::Message;
 use feedwave_contract::proto::plan_thread_request::On;
 use feedwave_contract::proto::threads_server::Threads;
 use feedwave_contract::proto::{
     FollowSpindleRequest, FollowSpindleResponse, FollowSpindleStart, FollowedPass, FollowedPositions,
-    PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, ValidationReport,
+    PlanThreadRequest, PlanThreadResponse, SpindleAngleKind, SpindleAngles, SpindleEventKind, ValidationReport,
 };
-use feedwave_cutting::thread::{ThreadFollower, plan_thread};
+use feedwave_cutting::thread::{SpindleEvent, SpindleWatch, ThreadFollower, plan_thread};
 use feedwave_store::JobState;
 use futures_util::{StreamExt as _, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
@@ -59,18 +60,22 @@ impl Api {
 /// A pass that is being followed.
 struct Following {
     follower: ThreadFollower,
+    watch: SpindleWatch,
     kind: SpindleAngleKind,
+    /// Time of the last angle, ns.
+    last_ns: Option<u64>,
     /// Positions given.
     given: u64,
 }
 
 impl Following {
     /// The positions of one batch.
-    fn positions(&mut self, angles_deg: &[f64]) -> Result<FollowedPositions> {
+    fn positions(&mut self, SpindleAngles { angles_deg, time_ns }: &SpindleAngles) -> Result<FollowedPositions> {
         if !(1..=MAX_ANGLES).contains(&angles_deg.len()) {
             let description = format!("must list 1 to {MAX_ANGLES} angles, lists {}", angles_deg.len());
             return Err(Error::invalid("angles.angles_deg", description));
         }
+        self.check_times(angles_deg.len(), time_ns)?;
         let mut positions = FollowedPositions { first_index: self.given, ..FollowedPositions::default() };
         for column in
             [&mut positions.x_mm, &mut positions.z_mm, &mut positions.path_position_mm, &mut positions.retreat_mm]
@@ -85,6 +90,11 @@ impl Following {
             let place = place.map_err(|error| {
                 Error::invalid(format!("angles.angles_deg[{index}]"), format!("{error}: {angle_deg}"))
             })?;
+            let time_s = time_ns.get(index).map(|ns| *ns as f64 * 1e-9);
+            let angle_deg = self.follower.angle_deg().unwrap_or_default();
+            if let Some(event) = self.watch.observe(self.follower.path(), angle_deg, time_s) {
+                positions.events.push(event_to_proto(self.given + index as u64, event));
+            }
             positions.x_mm.push(place.radius_mm);
             positions.z_mm.push(place.z_mm);
             positions.path_position_mm.push(place.path_mm);
@@ -94,13 +104,42 @@ impl Following {
         positions.over = self.follower.is_over();
         Ok(positions)
     }
+
+    /// Whether times are there for all angles or none, and rise.
+    fn check_times(&mut self, angles: usize, time_ns: &[u64]) -> Result<()> {
+        if !time_ns.is_empty() && time_ns.len() != angles {
+            let description = format!("has {} values, angles_deg {angles}: one for each, or none", time_ns.len());
+            return Err(Error::invalid("angles.time_ns", description));
+        }
+        for (index, &ns) in time_ns.iter().enumerate() {
+            if self.last_ns.replace(ns).is_some_and(|last_ns| last_ns >= ns) {
+                return Err(Error::invalid(format!("angles.time_ns[{index}]"), format!("must rise, is {ns}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What the spindle does, as the contract has it.
+fn event_to_proto(index: u64, event: SpindleEvent) -> proto::SpindleEvent {
+    let plain = |kind: SpindleEventKind| proto::SpindleEvent { index, kind: kind.into(), ..Default::default() };
+    match event {
+        SpindleEvent::Reversed { back_deg } => proto::SpindleEvent { back_deg, ..plain(SpindleEventKind::Reversed) },
+        SpindleEvent::Stopped => plain(SpindleEventKind::Stopped),
+        SpindleEvent::TooFast { rev_per_min, limit_rev_per_min } => proto::SpindleEvent {
+            spindle_rev_per_min: rev_per_min,
+            limit_rev_per_min,
+            ..plain(SpindleEventKind::TooFast)
+        },
+        SpindleEvent::Regular => plain(SpindleEventKind::Regular),
+    }
 }
 
 /// The next batch of a client; `None` when it has ended the call.
-async fn next_angles(messages: &mut Streaming<FollowSpindleRequest>) -> Result<Option<Vec<f64>>> {
+async fn next_angles(messages: &mut Streaming<FollowSpindleRequest>) -> Result<Option<SpindleAngles>> {
     match messages.message().await {
         Ok(None) => Ok(None),
-        Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Angles(angles)) })) => Ok(Some(angles.angles_deg)),
+        Ok(Some(FollowSpindleRequest { message: Some(RequestMessage::Angles(angles)) })) => Ok(Some(angles)),
         Ok(Some(_)) => Err(Error::invalid("message", "after the start every message must carry angles")),
         Err(status) => Err(status.into()),
     }
@@ -129,7 +168,8 @@ impl Api {
         let pass = pass.ok_or_else(|| beyond("start.pass", start.pass, thread.passes.len()))?;
         // As it is planned, chamfers and parts included, which the thread of the report does not have.
         let path = self.engine.thread_path(&detail, start.thread, start.pass).await?;
-        let default_deg = engine::job_config(&detail)?.profile.thread_vibration.reference_angle_deg;
+        let profile = engine::job_config(&detail)?.profile;
+        let default_deg = profile.thread_vibration.reference_angle_deg;
         let reference_angle_deg = start.reference_angle_deg.unwrap_or(default_deg);
         let followed = FollowedPass {
             line: pass.span.line,
@@ -138,9 +178,12 @@ impl Api {
             lead_start_deg: path.lead_start_deg(),
             lead_end_deg: path.lead_end_deg(),
             rest_deg: path.rest_deg(),
+            programmed_rev_per_min: thread.spindle_rev_per_min,
         };
+        let watch = SpindleWatch::new(&profile.machine);
         let follower = ThreadFollower::new(path, thread.geometry.rotation, reference_angle_deg);
-        Ok((Following { follower, kind: kind.unwrap_or_default(), given: 0 }, followed))
+        let following = Following { follower, watch, kind: kind.unwrap_or_default(), last_ns: None, given: 0 };
+        Ok((following, followed))
     }
 
     async fn start_following(
@@ -165,8 +208,8 @@ impl Api {
         let first = FollowSpindleResponse { message: Some(Message::FollowedPass(followed)) };
         // A batch is read when the answer to the one before has been taken: a slow reader slows its sender.
         let answers = stream::try_unfold((messages, following, guard), async |(mut messages, mut following, guard)| {
-            let Some(angles_deg) = next_angles(&mut messages).await? else { return Ok(None) };
-            let positions = Message::Positions(following.positions(&angles_deg)?);
+            let Some(angles) = next_angles(&mut messages).await? else { return Ok(None) };
+            let positions = Message::Positions(following.positions(&angles)?);
             Ok(Some((FollowSpindleResponse { message: Some(positions) }, (messages, following, guard))))
         });
         let answers = stream::once(std::future::ready(Ok(first))).chain(answers);

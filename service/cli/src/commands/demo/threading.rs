@@ -158,8 +158,9 @@ async fn follow(stage: &mut Stage, client: &mut Client, programmed: &Checked) ->
         reference_angle_deg: Some(start_deg),
         ..FollowSpindleStart::default()
     };
-    let messages = [Follow::Start(start), Follow::Angles(SpindleAngles { angles_deg: angles.clone() })]
-        .map(|message| FollowSpindleRequest { message: Some(message) });
+    let messages =
+        [Follow::Start(start), Follow::Angles(SpindleAngles { angles_deg: angles.clone(), time_ns: Vec::new() })]
+            .map(|message| FollowSpindleRequest { message: Some(message) });
     let mut threads = client.threads();
     let answer = threads.follow_spindle(stream::iter(messages)).await.map_err(|status| client.failed(&status))?;
     let mut answer = answer.into_inner();

@@ -73,6 +73,12 @@ impl ThreadFollower {
         Ok(self.path.at(angle_deg))
     }
 
+    /// Angle of the last reading from the reference point, degrees in the direction of rotation, turns counted.
+    #[must_use]
+    pub const fn angle_deg(&self) -> Option<f64> {
+        self.angle_deg
+    }
+
     /// Whether the pass is over at the last reading.
     #[must_use]
     pub fn is_over(&self) -> bool {

@@ -26,6 +26,7 @@ mod superposition;
 mod tap;
 #[cfg(test)]
 mod tests;
+mod watch;
 mod wave;
 
 pub use chip::{ChipLevel, Clearance, ThreadChip};
@@ -46,5 +47,6 @@ pub use settings::ThreadVibrationSettings;
 pub(crate) use state::{Pass, ThreadAnalysis, ThreadInputs, Threads, WaitingPass, WantedPass};
 pub(crate) use superposition::{ThreadRun, ThreadScratch};
 pub(crate) use tap::{TapRun, straight};
+pub use watch::{REVERSAL_DEG, STANDSTILL_S, SpindleEvent, SpindleWatch};
 pub(crate) use wave::START_JERK;
 pub use wave::{RetreatWave, StartUp, default_phase_shift_deg, reduce_deg};

@@ -5,11 +5,13 @@
 //! beyond that angle the path is the programmed one exactly, since what is missing before the vertex is caught up after
 //! it. The run-up is such a change from rest, the run-down one to rest.
 
+use core::f64::consts::TAU;
 use core::ops::Range;
 
+use feedwave_motion::PathLimits;
 use serde::{Deserialize, Serialize};
 
-use super::{LeadAxis, RetreatWave, StartUp, ThreadJob, ThreadPass};
+use super::{LeadAxis, RetreatWave, START_JERK, StartUp, ThreadJob, ThreadPass};
 
 /// X on the radius, Z and the length of the path, mm.
 type Place = [f64; 3];
@@ -254,6 +256,52 @@ impl ThreadPath {
     #[must_use]
     pub fn rest_deg(&self) -> f64 {
         self.rest_deg
+    }
+
+    /// Highest speed of the spindle at which X and Z keep their limits between two angles, rev/s; infinite where nothing moves.
+    ///
+    /// At `u` rev/s a slope of `m` mm per degree is 360·m·u mm/s, a change of slope by `c` over the angle `L` takes at most
+    /// 1.5·c·(360·u)²/L and 6·c·(360·u)³/L², and the vibration (A/2)·(2π·D·u)ⁿ; in its start-up n = 3 has its share more.
+    pub(crate) fn fastest_rev_per_s(&self, between_deg: [f64; 2], limits: [PathLimits; 2]) -> f64 {
+        let [first_deg, last_deg] = [between_deg[0].min(between_deg[1]), between_deg[0].max(between_deg[1])];
+        let ends = self.pieces.iter().skip(1).map(|piece| piece.start_deg).chain([self.lead_end_deg]);
+        let on_lead = self
+            .pieces
+            .iter()
+            .zip(ends)
+            .filter(|(piece, end_deg)| piece.start_deg <= last_deg && *end_deg >= first_deg);
+        let vibrates =
+            self.outwards != 0.0 && last_deg >= self.wave.start_deg(self.start_up) && first_deg < self.rest_deg;
+        let rad = TAU * self.wave.vibrations_per_rev;
+        let half_mm = if vibrates { 0.5 * self.wave.amplitude_mm } else { 0.0 };
+        let wave = [half_mm * rad, half_mm * rad * rad, half_mm * rad * rad * rad * (1.0 + START_JERK)];
+        let across = match self.lead_axis {
+            LeadAxis::Z => 0,
+            LeadAxis::X => 1,
+        };
+        let mut demands = [[0.0_f64; 3]; 2];
+        for (piece, _) in on_lead {
+            for (axis, demand) in demands.iter_mut().enumerate() {
+                let (slope, change) = (piece.slope[axis], piece.change[axis]);
+                let steepest = slope.abs().max((slope + change).abs());
+                demand[0] = demand[0].max(360.0 * steepest);
+                if piece.length_deg > 0.0 {
+                    let per_rev = 360.0 / piece.length_deg;
+                    let change_mm = 360.0 * change.abs();
+                    demand[1] = demand[1].max(1.5 * change_mm * per_rev);
+                    demand[2] = demand[2].max(6.0 * change_mm * per_rev * per_rev);
+                }
+            }
+        }
+        let fastest = |axis: usize| {
+            let superposed = if axis == across { wave } else { [0.0; 3] };
+            let [velocity, acceleration, jerk] = [0, 1, 2].map(|order| demands[axis][order] + superposed[order]);
+            let limit = limits[axis];
+            let by_velocity = limit.velocity / velocity;
+            let by_acceleration = libm::sqrt(limit.acceleration / acceleration);
+            by_velocity.min(by_acceleration).min(libm::cbrt(limit.jerk / jerk))
+        };
+        fastest(0).min(fastest(1))
     }
 
     /// Angle over which the speed of the lead axis changes, all changes together, degrees.

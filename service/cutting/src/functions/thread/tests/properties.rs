@@ -229,3 +229,53 @@ proptest! {
         }
     }
 }
+
+/// A pass over 38 mm whose vibration takes most of what X can do.
+fn watched() -> (ThreadPath, SpindleWatch) {
+    let mut job = job(vec![ThreadPass { depth_mm: 0.5, amplitude_mm: 0.6, ..ThreadPass::default() }]);
+    let machine = feedwave_motion::Machine::lathe();
+    job.run_up = RunUp { angle_deg: 30.0 };
+    (ThreadPath::of_pass(&job, &job.passes[0]), SpindleWatch::new(&machine))
+}
+
+#[test]
+fn the_fastest_spindle_is_where_one_limit_is_reached() {
+    let (path, _) = watched();
+    let free =
+        feedwave_motion::PathLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+    let middle = [2_000.0, 2_001.0];
+    // Z: 2.5 mm per revolution. X: half an amplitude of 0.3 mm at two vibrations per revolution.
+    let rad = 2.0 * core::f64::consts::TAU;
+    for (x, z, expected) in [
+        (free, feedwave_motion::PathLimits { velocity: 50.0, ..free }, 20.0),
+        (feedwave_motion::PathLimits { velocity: 0.3 * rad, ..free }, free, 1.0),
+        (feedwave_motion::PathLimits { acceleration: 0.3 * rad * rad * 4.0, ..free }, free, 2.0),
+        (feedwave_motion::PathLimits { jerk: 0.3 * rad * rad * rad * (1.0 + START_JERK) * 27.0, ..free }, free, 3.0),
+    ] {
+        assert_near(path.fastest_rev_per_s(middle, [x, z]), expected, 1e-9);
+    }
+    // In the run-up of 30 degrees Z takes 1.5·2.5·u²·12 mm/s².
+    let z = feedwave_motion::PathLimits { acceleration: 1.5 * 2.5 * 12.0 * 4.0, ..free };
+    assert_near(path.fastest_rev_per_s([10.0, 11.0], [free, z]), 2.0, 1e-9);
+    assert_eq!(path.fastest_rev_per_s([-200.0, -100.0], [free, z]), f64::INFINITY, "it rests before");
+}
+
+#[test]
+fn a_spindle_that_shakes_is_none_that_turns_back() {
+    let (path, mut watch) = watched();
+    let mut told = Vec::new();
+    for k in 0..2_000 {
+        let angle_deg = -30.0 + 0.9 * f64::from(k) + if k % 2 == 0 { 2.4 } else { -2.4 };
+        told.extend(watch.observe(&path, angle_deg, Some(f64::from(k) * 0.000_5)));
+    }
+    assert_eq!(told, []);
+    let last_deg = 1_770.0;
+    assert_eq!(watch.observe(&path, last_deg, None), None);
+    let back = watch.observe(&path, last_deg - 5.5, None);
+    assert!(matches!(back, Some(SpindleEvent::Reversed { back_deg }) if back_deg > REVERSAL_DEG), "{back:?}");
+    assert_eq!(watch.observe(&path, last_deg - 50.0, None), None, "once");
+    assert_eq!(watch.observe(&path, last_deg + 1.0, None), Some(SpindleEvent::Regular));
+    // Behind the pass it may do what it wants.
+    assert_eq!(watch.observe(&path, path.rest_deg() + 1.0, None), None);
+    assert_eq!(watch.observe(&path, 0.0, None), None);
+}
