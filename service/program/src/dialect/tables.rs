@@ -346,19 +346,23 @@ pub(crate) struct FunctionWordRule {
     pub(crate) is_length: bool,
     /// Without it the block says nothing; the values, and the words of other functions, are the function's business.
     pub(crate) required: bool,
+    /// The word that may stand in its place.
+    pub(crate) instead: Option<u8>,
 }
 
 const fn word(letter: u8, is_length: bool, required: bool) -> FunctionWordRule {
-    FunctionWordRule { letter, is_length, required }
+    FunctionWordRule { letter, is_length, required, instead: None }
 }
 
 /// The words a machining function takes in its "on" block; "off" takes none.
 pub(crate) const fn function_words(function: Function, on: bool) -> &'static [FunctionWordRule] {
     const PATH_VIBRATION: &[FunctionWordRule] = &[word(b'F', false, false), word(b'A', true, false)];
-    // X is a radius here as everywhere. Which of X and Z is stated says where the lead is; that one is, is the function's
-    // business.
-    const THREAD_VIBRATION: &[FunctionWordRule] =
-        &[word(b'X', true, false), word(b'Z', true, false), word(b'Q', false, true)];
+    // X is a radius here as everywhere. Which of X and Z is stated says along which axis the lead is.
+    const THREAD_VIBRATION: &[FunctionWordRule] = &[
+        FunctionWordRule { instead: Some(b'Z'), ..word(b'X', true, true) },
+        word(b'Z', true, false),
+        word(b'Q', false, true),
+    ];
     const TOOL_OSCILLATION: &[FunctionWordRule] = &[
         word(b'P', false, false),
         word(b'A', true, false),

@@ -19,7 +19,7 @@ impl Execution<'_> {
         }
         let rules = function_words(function, on);
         let mut words = Vec::with_capacity(rules.len());
-        for &FunctionWordRule { letter, is_length, required } in rules {
+        for &FunctionWordRule { letter, is_length, required, instead } in rules {
             if let Some(word) = self.take(letter) {
                 let value = match letter {
                     b'X' => self.radius(&word),
@@ -27,7 +27,7 @@ impl Execution<'_> {
                     _ => word.number.value(),
                 };
                 words.push(FunctionWord { letter: char::from(letter), value, span: self.block.word_span(&word) });
-            } else if required {
+            } else if required && instead.is_none_or(|other| self.block.letters & letter_bit(other) == 0) {
                 self.findings.push_with(code::FUNCTION_WORD_MISSING, |code| {
                     let letter = char::from(letter);
                     Finding::new(code, span, format!("the machining function needs {letter}"))

@@ -239,10 +239,9 @@ impl Engine {
         };
         match Pipeline::restore(plain, &checkpoint.snapshot) {
             Ok(mut pipeline) => {
-                for change in &config.overrides {
-                    pipeline.append_override(*change).map_err(Error::internal)?;
-                }
-                Ok(pipeline)
+                // Several changes at one setpoint cannot be appended: rare, and only slower.
+                let appended = config.overrides.iter().try_for_each(|change| pipeline.append_override(*change));
+                Ok(if appended.is_ok() { pipeline } else { Pipeline::new(config) })
             }
             Err(error) => {
                 // Derived data: without it the stream only begins later.
