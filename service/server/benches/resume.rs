@@ -10,7 +10,7 @@ use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    CreateJobRequest, JobState, MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity, Sensors,
+    CreateJobRequest, DecisionRules, FeedRule, JobState, MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity, Sensors,
     SetMonitoringRequest, WatchJobsRequest,
 };
 use feedwave_server::config::{Config, StoreConfig};
@@ -57,7 +57,9 @@ async fn job(channel: &Channel, program: String) -> String {
     let mut events = jobs.watch_jobs(request).await.unwrap().into_inner();
     while events.message().await.unwrap().unwrap().event.unwrap().state() != JobState::Ready {}
     let sensors = Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Default::default() };
-    let config = MonitoringConfig { tool: Some(sensors), ..Default::default() };
+    let feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: None });
+    let rules = Some(DecisionRules { feed, ..Default::default() });
+    let config = MonitoringConfig { tool: Some(sensors), rules, ..Default::default() };
     let request = SetMonitoringRequest { job: job.clone(), config: Some(config) };
     TelemetryClient::new(channel.clone()).set_monitoring(request).await.unwrap();
     job
