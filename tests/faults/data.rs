@@ -10,8 +10,8 @@ use feedwave_contract::proto::stream_setpoints_request::Start;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::window_length::Length;
 use feedwave_contract::proto::{
-    DecisionRules, FeedRule, GetJobRequest, Grouping, Job, JobState, ListJobsRequest, MonitoringConfig, RunCommandKind, RunSettings,
-    SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest, ToolCheck, WindowLength,
+    DecisionRules, FeedRule, GetJobRequest, Grouping, Job, JobState, ListJobsRequest, MonitoringConfig, RunCommandKind,
+    RunSettings, SensorQuantity, Sensors, SetMonitoringRequest, StreamSetpointsRequest, ToolCheck, WindowLength,
 };
 use feedwave_tests::{Chance, Clients, Home, LiveClient, Server, long_dwell, patiently, stream};
 use rustix::process::Signal;
@@ -116,7 +116,7 @@ async fn broken_off(server: &Server) -> (String, String, Vec<Vec<u64>>) {
         sample_rate_hz: Some(1_000.0),
         tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Sensors::default() }),
         grouping: Some(Grouping { by: Some(By::SamplesPerPoint(10)) }),
-        baseline: Some(WindowLength { length: Some(Length::DurationS(0.1)) }),
+        baseline: Some(WindowLength { length: Some(Length::DurationS(2.0)) }),
         tool_check: Some(ToolCheck { max_ratio: None, max_run_out: Some(0.5) }),
         rules: Some(DecisionRules {
             feed: Some(FeedRule { lower: 0.003, upper: 0.01, step: None }),

@@ -10,8 +10,8 @@ use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{
-    CreateJobRequest, DecisionRules, FeedRule, JobState, MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity, Sensors,
-    SetMonitoringRequest, WatchJobsRequest,
+    CreateJobRequest, DecisionRules, FeedRule, JobState, MonitoringConfig, RunCommandKind, RunSettings, SensorQuantity,
+    Sensors, SetMonitoringRequest, WatchJobsRequest,
 };
 use feedwave_server::config::{Config, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
