@@ -190,7 +190,7 @@ fn a_thread_on_a_face_vibrates_along_z() {
 fn the_axis_that_vibrates_is_stated_and_is_not_that_of_the_lead() {
     for (from, to, code) in [
         ("G165 P3 Z0.0 Q1.3", "G165 P3 X80.0 Q1.3", "THREAD-LEAD-X"),
-        ("G165 P3 Z0.0 Q1.3", "G165 P3 X80.0 Z0.0 Q1.3", "THREAD-MODE-WORD"),
+        ("G165 P3 Z0.0 Q1.3", "G165 P3 X80.0 Z0.0 Q1.3", "PRG-FUNCTION-WORD"),
         ("G165 P3 Z0.0 Q1.3", "G165 P3 Q1.3", "PRG-FUNCTION-WORD-MISSING"),
         (
             "G32 X20.0 F4.0\nG0 Z5.0\nG0 X80.0\n(--- PASS 2",

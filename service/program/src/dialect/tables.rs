@@ -346,7 +346,7 @@ pub(crate) struct FunctionWordRule {
     pub(crate) is_length: bool,
     /// Without it the block says nothing; the values, and the words of other functions, are the function's business.
     pub(crate) required: bool,
-    /// The word that may stand in its place.
+    /// The word that may stand in its place, and not beside it.
     pub(crate) instead: Option<u8>,
 }
 
@@ -360,7 +360,7 @@ pub(crate) const fn function_words(function: Function, on: bool) -> &'static [Fu
     // X is a radius here as everywhere. Which of X and Z is stated says along which axis the lead is.
     const THREAD_VIBRATION: &[FunctionWordRule] = &[
         FunctionWordRule { instead: Some(b'Z'), ..word(b'X', true, true) },
-        word(b'Z', true, false),
+        FunctionWordRule { instead: Some(b'X'), ..word(b'Z', true, false) },
         word(b'Q', false, true),
     ];
     const TOOL_OSCILLATION: &[FunctionWordRule] = &[

@@ -363,19 +363,12 @@ fn work_surface(command: &FunctionCommand, span: SourceSpan, findings: &mut Find
         let radius_mm = mode_word(command, span, 'X', "work diameter", "X10.0", 0.0, findings);
         return radius_mm.map(|radius_mm| (LeadAxis::Z, radius_mm));
     };
-    let message = if command.word('X').is_some() {
-        "the vibration of threads is given both a work diameter (X) and a face (Z)".to_owned()
-    } else if face.value.abs() <= 1e6 {
+    if face.value.abs() <= 1e6 {
         return Some((LeadAxis::X, face.value));
-    } else {
-        format!("the face of the work is at Z {}", face.value)
-    };
-    let finding = Finding::new(code::THREAD_MODE_WORD, face.span, message);
-    findings.push(
-        finding
-            .suggest("for threads along Z write X with the work diameter and no Z, such as X10.0")
-            .suggest("for threads along X write Z with the face of the work and no X, such as Z0.0"),
-    );
+    }
+    let message = format!("the face of the work is at Z {}, more than 1000000 mm away", face.value);
+    let finding = Finding::new(code::THREAD_MODE_WORD, face.span, message).with_value("face", face.value, "mm");
+    findings.push(finding.suggest("write Z with the face of the work, such as Z0.0"));
     None
 }
 
