@@ -501,7 +501,8 @@ async fn a_spindle_that_stops_turns_back_or_is_too_fast_is_told_and_the_tool_sta
     let messages =
         vec![Follow::Start(start.clone()), Follow::Angles(SpindleAngles { angles_deg, time_ns: Vec::new() })];
     let (_, batches) = follow(&mut clients, messages).await.expect("it is followed");
-    let kinds: Vec<_> = batches.iter().flat_map(|batch| &batch.events).map(|event| event.kind()).collect();
+    let kinds: Vec<_> =
+        batches.iter().flat_map(|batch| &batch.events).map(feedwave_contract::proto::SpindleEvent::kind).collect();
     assert_eq!(kinds, [SpindleEventKind::Reversed, regular]);
     for (angles_deg, time_ns, field) in
         [(vec![0.0, 1.0], vec![5], "angles.time_ns"), (vec![0.0, 1.0], vec![5, 5], "angles.time_ns[1]")]

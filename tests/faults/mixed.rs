@@ -87,7 +87,7 @@ async fn jobs(mut clients: Clients, round: Arc<Round>) -> Ledger {
         let Ok(job) = clients.create_from(source, &format!("mixed-{number}")).await else { return ledger };
         ledger.insert(job.name.clone(), Known::Is(job.program));
         round.answered();
-        if number % 3 == 0 {
+        if number.is_multiple_of(3) {
             let request = DeleteJobRequest { name: job.name.clone(), ..DeleteJobRequest::default() };
             let answer = clients.jobs.delete_job(request).await;
             if !note(&mut ledger, &job.name, Known::Gone, &answer, &round) {
@@ -131,7 +131,7 @@ async fn tools(mut clients: Clients, round: Arc<Round>) -> Ledger {
         if !note(&mut ledger, &name, Known::Is("second".to_owned()), &answer, &round) {
             return ledger;
         }
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             let request = DeleteToolRequest { name: name.clone(), ..DeleteToolRequest::default() };
             let answer = clients.tools.delete_tool(request).await;
             if !note(&mut ledger, &name, Known::Gone, &answer, &round) {

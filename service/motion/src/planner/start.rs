@@ -6,7 +6,7 @@
 //! takes, so that the first setpoints do not wait for a count of elements, of which each may be many merged blocks.
 
 use super::Planner;
-use super::runs::Plan;
+use super::runs::{Plan, Run};
 use crate::tolerance::{LARGEST_RESERVE, START_S};
 
 impl<B> Planner<B> {
@@ -51,9 +51,9 @@ impl Plan {
     fn settled_runs(&mut self) -> Option<usize> {
         let entry_speed = self.runs.first()?.entry;
         let last_velocity = self.runs.last()?.velocity();
-        self.backward_from(last_velocity, |run| run.velocity());
+        self.backward_from(last_velocity, Run::velocity);
         let from_speed: Vec<f64> = self.runs.iter().map(|run| run.entry).collect();
-        self.backward_from(0.0, |run| run.velocity());
+        self.backward_from(0.0, Run::velocity);
         let settled = self.runs.iter().zip(&from_speed).take_while(|(run, other)| run.entry == **other).count();
         self.solve(entry_speed).then_some(settled)
     }

@@ -1,8 +1,8 @@
 //! Runs and their decisions.
 
 use feedwave_store::{
-    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCheckpoint, RunCommit, RunKind,
-    RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap,
+    AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCheckpoint, RunCommit,
+    RunKind, RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap,
 };
 use uuid::Uuid;
 
@@ -261,7 +261,7 @@ async fn checkpoints_of_a_run_are_found_replaced_and_removed() {
     assert_eq!(found, Some(checkpoint(400)));
     // Who was replaced writes no more, and nothing is written to a run that has ended.
     let newer = store.attach_run(run.id).await.unwrap().attachment;
-    let detached = store.put_run_checkpoint(run.id, attachment, checkpoint(600), vec![0..1_000]).await;
+    let detached = store.put_run_checkpoint(run.id, attachment, checkpoint(600), vec![0..400, 500..1_000]).await;
     assert!(matches!(detached, Err(StoreError::Detached { .. })), "{detached:?}");
     let limit = StoreSettings::default().max_snapshot_bytes as usize;
     let large = RunCheckpoint { snapshot: vec![0; limit + 1].into(), ..checkpoint(600) };

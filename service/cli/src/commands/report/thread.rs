@@ -1,8 +1,8 @@
 //! Threads for people: their passes, what becomes of their chips, what is left for the finishing pass.
 
 use feedwave_contract::proto::{
-    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadLeadAxis, ThreadPass,
-    ThreadPassReport, ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp, ValidationReport,
+    CrestReport, GrooveProfile, SpindleRotation, Thread, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadLeadAxis,
+    ThreadPass, ThreadPassReport, ThreadReport, ThreadSectionReport, ThreadSide, ThreadStartUp, ValidationReport,
 };
 
 use super::super::terminal::{Style, number};

@@ -5,7 +5,9 @@ mod request;
 
 use feedwave_cutting::MachineProfile;
 use feedwave_cutting::thread::{
-    CrestReport, GrooveProfile, LeadAxis, PassFollowing, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadFollowing, ThreadGeometry, ThreadJob, ThreadPass, ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide, ThreadTextOptions, ThreadVibrationSettings, thread_program_text,
+    CrestReport, GrooveProfile, LeadAxis, PassFollowing, RunUp, SpindleRotation, StartUp, ThreadChip, ThreadFollowing,
+    ThreadGeometry, ThreadJob, ThreadPass, ThreadPassReport, ThreadPlan, ThreadReport, ThreadSectionReport, ThreadSide,
+    ThreadTextOptions, ThreadVibrationSettings, thread_program_text,
 };
 use feedwave_program::{Finding, FunctionSwitch, SourceSpan};
 pub use request::thread_request_from_proto;

@@ -4,10 +4,7 @@ use feedwave_program::{Finding, FindingLog};
 
 use super::chip::{Clearance, chip, least_ratio};
 use super::parameters::parameters;
-use super::{
-    ChipLevel, GroovePlace, StartUp, ThreadChip, ThreadDrives, ThreadFollowing, ThreadJob, findings, following,
-};
-use feedwave_motion::sin_turns;
+use super::{ChipLevel, GroovePlace, ThreadChip, ThreadDrives, ThreadFollowing, ThreadJob, findings, following};
 
 /// Most passes of one thread; more are refused.
 pub const MAX_THREAD_PASSES: usize = 100;

@@ -3,7 +3,8 @@
 use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
-    DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry, ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
+    DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry,
+    ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
 use feedwave_motion::{MachineAxis, MachineKind};
