@@ -133,6 +133,39 @@ fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) {
 }
 
 #[test]
+fn the_axis_across_the_lead_keeps_its_limits_where_it_moves_and_vibrates() {
+    // A face with a part along Z behind it, a line at exactly 45 degrees, and a straight part with a slope behind it.
+    let face = |ratio: f64| {
+        format!(
+            "G97 S900 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.4\nG32 X20 F4 A{ratio}\nG32 Z4 F4\nG0 Z5\nG165 P0\nM30\n"
+        )
+    };
+    let tie = |ratio: f64| {
+        format!(
+            "G97 S600 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.5\nG32 X20 Z-30.5 F4 A{ratio}\nG0 X90\nG0 Z5\nG165 P0\nM30\n"
+        )
+    };
+    let slope = |ratio: f64| {
+        format!(
+            "G97 S600 M3\nG0 X34 Z5\nG165 P3 X30 Q1.3\nG0 X29.6\nG32 Z-20 F2 A{ratio}\nG32 X32 Z-40 F2\nG0 X34\nG0 Z5\nG165 P0\nM30\n"
+        )
+    };
+    let programs: [&dyn Fn(f64) -> String; 3] = [&face, &tie, &slope];
+    for program in programs {
+        let accepted = |amplitude_mm: f64| validate(&program(amplitude_mm), &lathe()).is_accepted();
+        // The largest amplitude that is accepted, which is nothing like zero, and nothing like unlimited.
+        let (mut most, mut refused) = (0.02, 8.0);
+        assert!(accepted(most) && !accepted(refused), "{}", program(most));
+        while refused - most > 0.01 {
+            let middle = 0.5 * (most + refused);
+            if accepted(middle) { most = middle } else { refused = middle }
+        }
+        let setpoints = run(&program(most), &lathe());
+        check_limits(&setpoints, &lathe());
+    }
+}
+
+#[test]
 fn a_thread_on_a_face_vibrates_along_z() {
     let report = accepted(FACE, &lathe());
     let [section] = report.threads.as_slice() else { panic!("{} threads", report.threads.len()) };

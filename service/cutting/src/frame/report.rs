@@ -162,7 +162,8 @@ pub(crate) enum LimitKind {
 /// Where the path that is run is farthest from the programmed one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathDeviation {
-    /// Distance, mm: never less than the true one, and within the tolerance `P`. Where blocks were merged into a line before a
+    /// Distance of places that belong to each other, mm, at the places that were examined (ends and middles of all spans); within
+    /// the tolerance `P`. Of the tool centre point in five axes; what thinning leaves out is not in it. Where blocks were merged into a line before a
     /// corner was rounded, the sum of both.
     pub largest_mm: f64,
     /// Block that is run there; of a corner the one behind it.

@@ -28,7 +28,7 @@ pub enum Origin {
 /// How far a piece of the path that is run is from the programmed path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
-    /// Largest distance between places that belong to each other, mm: never less than that of the paths. Where blocks were merged
+    /// Largest distance between places that belong to each other, mm, at the places that were examined. Where blocks were merged
     /// into lines first, the sum of both, which bounds it.
     pub largest_mm: f64,
     /// Arc length along the element where it is, mm.

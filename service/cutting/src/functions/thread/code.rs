@@ -47,6 +47,13 @@ feedwave_program::finding_codes! {
         example: lathe("M3 S300\nG165 P3 X60 Q1.2\nG0 X60 Z0\nG32 X20 F2.5\nG165 P0\nM30"),
     }
 
+    "THREAD-FACE-SIDE" [THREAD_FACE_SIDE: Error] {
+        meaning: "a vibrating pass of a thread on a face starts above the face",
+        cause: "The face (Z of `G165`) is stated too low, or it is the one on the other side of the work: the vibration would retreat into it.",
+        cure: "State the face where it is, and start every pass at it or below it.",
+        example: lathe("M3 S300\nG165 P3 Z0 Q1.3\nG0 X80 Z5\nG0 Z0.3\nG32 X20 F4\nG0 Z5\nG165 P0\nM30"),
+    }
+
     "THREAD-PARTS" [THREAD_PARTS: Error] {
         meaning: "a thread of too many parts",
         cause: "More than 100 threading blocks follow each other without a move between them.",

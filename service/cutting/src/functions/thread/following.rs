@@ -109,17 +109,18 @@ impl ThreadFollowing {
 /// Passes that lose their vibration, their broken chip or their depth to the drives.
 pub(super) fn findings(job: &ThreadJob, report: &ThreadReport, findings: &mut FindingLog) {
     let Some(following) = &report.following else { return };
+    let across = job.geometry.lead_axis.across_words();
     let passes = job.passes.iter().zip(&report.passes).zip(&following.passes).enumerate();
     for (index, ((pass, own), arriving)) in passes.filter(|(_, ((pass, _), _))| pass.vibrates()) {
         let number = index as u64 + 1;
         let no_longer_breaks = own.depth.broken && !arriving.depth_broken;
         if following.gain < ARRIVING_SHARE || no_longer_breaks {
-            findings.push(loss(pass, arriving, number, no_longer_breaks));
+            findings.push(loss(job, index, arriving, no_longer_breaks));
         }
         if arriving.above_depth_mm < -TOO_DEEP_MM {
             let deeper_mm = -arriving.above_depth_mm;
             let message = format!(
-                "the drives make {} mm of the amplitude of {} mm on the radius in pass {number}: it cuts {} mm too deep",
+                "the drives make {} mm of the amplitude of {} mm {across} in pass {number}: it cuts {} mm too deep",
                 decimal(arriving.arriving_amplitude_mm, 4),
                 decimal(pass.amplitude_mm, 4),
                 decimal(deeper_mm, 4)
@@ -131,15 +132,17 @@ pub(super) fn findings(job: &ThreadJob, report: &ThreadReport, findings: &mut Fi
                     .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
                     .with_value("too_deep", deeper_mm, "mm"),
                 arriving,
+                across,
             ));
         }
     }
 }
 
-fn loss(pass: &ThreadPass, arriving: &PassFollowing, number: u64, no_longer_breaks: bool) -> Finding {
+fn loss(job: &ThreadJob, index: usize, arriving: &PassFollowing, no_longer_breaks: bool) -> Finding {
+    let (pass, number, across) = (&job.passes[index], index as u64 + 1, job.geometry.lead_axis.across_words());
     let consequence = if no_longer_breaks { ", too little to break the chip" } else { "" };
     let message = format!(
-        "of {} mm amplitude on the radius only {} mm arrive in pass {number}, {} mm above its depth{consequence}",
+        "of {} mm amplitude {across} only {} mm arrive in pass {number}, {} mm above its depth{consequence}",
         decimal(pass.amplitude_mm, 4),
         decimal(arriving.arriving_amplitude_mm, 4),
         decimal(arriving.above_depth_mm, 4)
@@ -149,17 +152,18 @@ fn loss(pass: &ThreadPass, arriving: &PassFollowing, number: u64, no_longer_brea
         .ranked("", f64::from(u8::from(no_longer_breaks)) + pass.amplitude_mm - arriving.arriving_amplitude_mm)
         .with_value("arriving_amplitude", arriving.arriving_amplitude_mm, "mm")
         .with_value("above_depth", arriving.above_depth_mm, "mm");
-    command(finding, arriving)
+    command(finding, arriving, across)
 }
 
 /// The cure: what to command instead.
-fn command(finding: Finding, arriving: &PassFollowing) -> Finding {
+fn command(finding: Finding, arriving: &PassFollowing, across: &str) -> Finding {
     let (Some(amplitude_mm), Some(depth_mm)) = (arriving.amplitude_to_command_mm, arriving.depth_to_command_mm) else {
         return finding.suggest("turn slower, use fewer vibrations per revolution, or shorten the filter of the drive");
     };
     let amplitude_mm = round_up(amplitude_mm, 4);
     let cure = format!(
-        "command an amplitude of {} mm at a depth of {} mm, both on the radius, with a phase shift of {} degrees",
+        "command an amplitude of {} mm at a depth of {} mm, both {across}, with a phase shift of {} degrees, away from where the \
+         vibration starts and ends: there the axis stands still and cuts as deep as it is commanded",
         decimal(amplitude_mm, 4),
         decimal(depth_mm, 4),
         decimal(arriving.phase_shift_to_command_deg, 3)

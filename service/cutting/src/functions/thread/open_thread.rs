@@ -26,6 +26,8 @@ pub(super) struct OpenThread {
     pub(super) job: ThreadJob,
     tool: u32,
     work_offset: [f64; 2],
+    /// Whether the axis across the lead moves in any pass, beside what it vibrates.
+    pub(super) moves_across: bool,
     pub(super) last_line: u32,
 }
 
@@ -69,7 +71,7 @@ impl OpenThread {
             passes: Vec::new(),
         };
         let work_offset = [mv.work_offset[X], mv.work_offset[Z]];
-        Self { mode, job, tool: mv.tool, work_offset, last_line: first.span.line }
+        Self { mode, job, tool: mv.tool, work_offset, moves_across: false, last_line: first.span.line }
     }
 
     /// Whether a pass belongs to this thread.
@@ -179,7 +181,7 @@ impl OpenThread {
     }
 
     pub(super) fn judge(self, inputs: &ThreadInputs<'_>) -> ThreadSectionReport {
-        let Self { mode, mut job, last_line, .. } = self;
+        let Self { mode, mut job, moves_across, last_line, .. } = self;
         if mode.is_none() {
             assume_work(&mut job);
         }
@@ -187,8 +189,8 @@ impl OpenThread {
         let settings = inputs.settings;
         let lead_axis = job.geometry.lead_axis;
         let [across, along] = [lead_axis.across(), lead_axis.along()].map(|axis| axis_limits(inputs.machine, axis));
-        // On a taper the axis across has to accelerate with the lead axis, too.
-        let share = if job.geometry.taper.abs() > 0.0 { 1.0 - TAPER_SHARE } else { 1.0 };
+        // On a taper and where it is pulled out the axis across has to accelerate with the lead axis, too.
+        let share = if moves_across { 1.0 - TAPER_SHARE } else { 1.0 };
         let limits = ThreadLimits {
             lead_velocity_mm_per_s: along.velocity,
             lead_acceleration_mm_per_s2: along.acceleration,
@@ -200,7 +202,10 @@ impl OpenThread {
             period_s: inputs.period_s,
             thickness_mm: settings.max_thickness_mm.unwrap_or(f64::INFINITY),
             finishing_thickness_mm: settings.max_finishing_thickness_mm,
-            drives: ThreadDrives { vibrating: inputs.following.of(Axis::X), lead: inputs.following.of(Axis::Z) },
+            drives: ThreadDrives {
+                vibrating: inputs.following.of(lead_axis.across()),
+                lead: inputs.following.of(lead_axis.along()),
+            },
         };
         let report = judge_thread(&job, &limits);
         ThreadSectionReport {

@@ -132,7 +132,7 @@ impl PassPath {
             findings.push(finding.suggest("check the end point, the position before it and the lead"));
             return None;
         }
-        path.changes_deg = path.changes(machine);
+        path.changes_deg = path.changes(first.lead_axis(), machine);
         Some(path)
     }
 
@@ -152,12 +152,22 @@ impl PassPath {
         starts.zip(&self.parts).map(move |(start, part)| part.slope(start).map(|slope| slope * deg_per_s))
     }
 
-    /// Angles over which the speed changes at every vertex, the least within the limits of both axes.
-    fn changes(&self, machine: &Machine) -> Vec<f64> {
+    /// Whether the axis across the lead moves anywhere, as on tapers and where the tool is pulled out.
+    pub(crate) fn moves_across(&self, lead_axis: LeadAxis) -> bool {
+        self.speeds().any(|[x, z, _]| match lead_axis {
+            LeadAxis::Z => x != 0.0,
+            LeadAxis::X => z != 0.0,
+        })
+    }
+
+    /// Angles over which the speed changes at every vertex, the least within the limits of both axes. The lead axis is that of the
+    /// first part in all of them: the axis across it may vibrate.
+    fn changes(&self, lead_axis: LeadAxis, machine: &Machine) -> Vec<f64> {
         let (x, z) = (axis_limits(machine, Axis::X), axis_limits(machine, Axis::Z));
-        let leads_along_x = self.speeds().all(|[x, z, _]| x.abs() > z.abs());
-        // The axis across the lead may vibrate.
-        let [x_share, z_share] = if leads_along_x { [1.0, TAPER_SHARE] } else { [TAPER_SHARE, 1.0] };
+        let [x_share, z_share] = match lead_axis {
+            LeadAxis::Z => [TAPER_SHARE, 1.0],
+            LeadAxis::X => [1.0, TAPER_SHARE],
+        };
         let rest = [[0.0; 3]];
         let before: Vec<_> = rest.into_iter().chain(self.speeds()).collect();
         let after = self.speeds().chain(rest);

@@ -16,6 +16,7 @@ use crate::functions::switch::{Modal, Switch};
 use crate::shared::checks::missing;
 use crate::shared::following::FollowingModel;
 use crate::shared::listed::Listed;
+use crate::shared::wording::decimal;
 
 /// Reports kept in full; further threads are counted.
 const MAX_THREAD_REPORTS: usize = 100;
@@ -177,6 +178,10 @@ impl Threads {
             path.check_speeds((across, 0.0), false, machine, first.span, findings);
             return path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still });
         }
+        if let Some(finding) = self.switch.on().and_then(|mode| above_face(mode, first)) {
+            findings.push(finding);
+            return None;
+        }
         let is_judged = analysis.is_some();
         let vibration = self.join(first, &path, still, inputs, analysis, findings)?;
         let peak_mm_per_s = peak_velocity(&vibration, path.rev_per_s());
@@ -212,6 +217,7 @@ impl Threads {
             return None;
         }
         open.last_line = first.span.line;
+        open.moves_across |= path.moves_across(first.lead_axis());
         let index = open.add(first);
         let job = &mut open.job;
         let start = job.passes[index].start;
@@ -342,6 +348,23 @@ fn contradicts(first: &ThreadMove, part: &ThreadMove, vibrates: bool) -> bool {
     let amplitude_mm = first.amplitude_mm.or_else(|| (!vibrates).then_some(0.0));
     part.amplitude_mm.is_some() && part.amplitude_mm != amplitude_mm
         || part.phase_shift_deg.is_some() && part.phase_shift_deg != first.phase_shift_deg
+}
+
+/// A pass above the face that was stated: the vibration retreats from the work, and this could be the face on its other side.
+fn above_face(mode: &Mode, first: &ThreadBlock) -> Option<Finding> {
+    let above_mm = first.mv.start[mode.lead_axis.across().index()] - mode.work_mm;
+    (mode.lead_axis == LeadAxis::X && above_mm > 0.0).then(|| {
+        let message = format!(
+            "the pass starts {} mm above the face at Z{} that is threaded, so it is open to which side the vibration retreats",
+            decimal(above_mm, 4),
+            decimal(mode.work_mm, 4)
+        );
+        Finding::new(code::THREAD_FACE_SIDE, first.span, message)
+            .ranked("", above_mm)
+            .with_value("above", above_mm, "mm")
+            .suggest("start the pass at or below the face, or state the face where it is (Z of G165)")
+            .suggest("write A0.0 for a pass without vibration")
+    })
 }
 
 /// A thread whose lead is along the axis that would vibrate.
