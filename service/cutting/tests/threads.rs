@@ -134,34 +134,34 @@ fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) {
 
 #[test]
 fn the_axis_across_the_lead_keeps_its_limits_where_it_moves_and_vibrates() {
-    // A face with a part along Z behind it, a line at exactly 45 degrees, and a straight part with a slope behind it.
-    let face = |ratio: f64| {
-        format!(
-            "G97 S900 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.4\nG32 X20 F4 A{ratio}\nG32 Z4 F4\nG0 Z5\nG165 P0\nM30\n"
-        )
+    // A face with a part along Z behind it, a line at exactly 45 degrees, and a straight part with a slope behind it. With the
+    // amplitude and where the first part ends.
+    let face = |amplitude_mm: f64, by_mm: f64| {
+        let first =
+            format!("G97 S900 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.4\nG32 X{} F4 A{amplitude_mm}\n", 20.0 + by_mm);
+        first + "G32 Z4 F4\nG0 Z5\nG165 P0\nM30\n"
     };
-    let tie = |ratio: f64| {
-        format!(
-            "G97 S600 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.5\nG32 X20 Z-30.5 F4 A{ratio}\nG0 X90\nG0 Z5\nG165 P0\nM30\n"
-        )
+    let tie = |amplitude_mm: f64, by_mm: f64| {
+        let (x, z) = (20.0 + 2.0 * by_mm, -30.5 + by_mm);
+        let first = format!("G97 S600 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.5\nG32 X{x} Z{z} F4 A{amplitude_mm}\n");
+        first + "G0 X90\nG0 Z5\nG165 P0\nM30\n"
     };
-    let slope = |ratio: f64| {
-        format!(
-            "G97 S600 M3\nG0 X34 Z5\nG165 P3 X30 Q1.3\nG0 X29.6\nG32 Z-20 F2 A{ratio}\nG32 X32 Z-40 F2\nG0 X34\nG0 Z5\nG165 P0\nM30\n"
-        )
+    let slope = |amplitude_mm: f64, by_mm: f64| {
+        let first =
+            format!("G97 S600 M3\nG0 X34 Z5\nG165 P3 X30 Q1.3\nG0 X29.6\nG32 Z{} F2 A{amplitude_mm}\n", -20.0 + by_mm);
+        first + "G32 X32 Z-40 F2\nG0 X34\nG0 Z5\nG165 P0\nM30\n"
     };
-    let programs: [&dyn Fn(f64) -> String; 3] = [&face, &tie, &slope];
-    for program in programs {
-        let accepted = |amplitude_mm: f64| validate(&program(amplitude_mm), &lathe()).is_accepted();
-        // The largest amplitude that is accepted, which is nothing like zero, and nothing like unlimited.
+    let programs: [&dyn Fn(f64, f64) -> String; 3] = [&face, &tie, &slope];
+    for (program, by_mm) in programs.iter().flat_map(|program| (0..8).map(move |k| (program, 0.25 * f64::from(k)))) {
+        let accepted = |amplitude_mm: f64| validate(&program(amplitude_mm, by_mm), &lathe()).is_accepted();
+        // The largest amplitude that is accepted, between one that is and one that is not.
         let (mut most, mut refused) = (0.02, 8.0);
-        assert!(accepted(most) && !accepted(refused), "{}", program(most));
+        assert!(accepted(most) && !accepted(refused), "{}", program(most, by_mm));
         while refused - most > 0.01 {
             let middle = 0.5 * (most + refused);
             if accepted(middle) { most = middle } else { refused = middle }
         }
-        let setpoints = run(&program(most), &lathe());
-        check_limits(&setpoints, &lathe());
+        check_limits(&run(&program(most, by_mm), &lathe()), &lathe());
     }
 }
 
