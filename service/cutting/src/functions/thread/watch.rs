@@ -13,7 +13,7 @@ use super::pass::axis_limits;
 pub const REVERSAL_DEG: f64 = 5.0;
 /// Time over which a speed is measured at least, s: a reading of the encoder more or less does not count.
 const SPEED_S: f64 = 0.02;
-/// A spindle that has turned by less than [`STANDSTILL_DEG`] for this long has stopped, s.
+/// A spindle that has turned by less than `STANDSTILL_DEG` for this long has stopped, s.
 pub const STANDSTILL_S: f64 = 0.5;
 /// See [`STANDSTILL_S`], degrees.
 const STANDSTILL_DEG: f64 = 1.0;
