@@ -11,20 +11,26 @@ use tokio::net::TcpListener;
 use super::*;
 
 /// A key of RSA, and tokens signed by it until 2100: ring signs with keys of RSA that it is given, and makes none.
-const RSA_N: &str = "sMSNNFXqfJ1NEOKKiRIFDQbWimNNZQD_oO-YoU3l5qwzVc_wL0poUzz3q8KGptWnGc0Yhte8-a0V7i_-0IxWL5MEfpDDfIEN4E9lSSiM8BrXjwbW \
-    4kNqS8rCYX0xuEN0SXU5eq4DN-4EnvmBoa7QIE4Q39BqUnTO0PqIkNtm6yG1mY2ppQIXR7WGPZd7T1QzXXqhMssQf4GXxWYDVzFWTJaNOX65jjNL \
-    yGeIAC-cJ1vHuqFY59faZneMsdbbLWvcb7m7NMRbe-G0FipcQmbFlTrp0WMe7u0S5DM7XcIlnAt9zo46o_CszyyXmmsEKUlGcJaKMZMtMmSkDaUy \
-    sX_CgQ";
-const RS256: &str = "eyJhbGciOiAiUlMyNTYiLCAia2lkIjogInJzYSJ9.eyJpc3MiOiAiaHR0cHM6Ly9pZC5leGFtcGxlIiwgImF1ZCI6ICJmZWVkd2F2ZSIsICJzdWI \
-    iOiAicGxhbm5pbmciLCAicm9sZXMiOiBbInBsYW5uZXIiXSwgImV4cCI6IDQxMDI0NDQ4MDB9.V-UHGpRU2EPxUSIUW2imhC2sZX5uCPCpIKLIdK \
-    trjHexu1RNPsXAcVzpNtAwjP19Gtlqdp32IomRNfYY3W8_zqOCAs7eDs32-adzW21mUAu52-e3vaC6fMmsFlgqHg23HGq8dEh2JM33tHHpSDBXc4 \
-    dPeoI9bInB8njR89K6Zv_jaAWoIGpb_LE8rmEnmVVgnKexAcssH0xIoXMhDyGKYF3Gq_L7HYv6EdU-2pT1QDcbps_FZQu57xUJAi5_OkpXBmK7ND \
-    3nA3JMISW1o1hQyqxacBHoZktsgXZ_F2kf313sA8O59XOjJALCzyzybxH4NVRAnEWsmRN92yVz4Hv5KA";
-const PS384: &str = "eyJhbGciOiAiUFMzODQiLCAia2lkIjogInJzYSJ9.eyJpc3MiOiAiaHR0cHM6Ly9pZC5leGFtcGxlIiwgImF1ZCI6ICJmZWVkd2F2ZSIsICJzdWI \
-    iOiAicGxhbm5pbmciLCAicm9sZXMiOiBbInBsYW5uZXIiXSwgImV4cCI6IDQxMDI0NDQ4MDB9.GrfmPy1AP9rFLTv-JS2ZML8p-JDHl_J5fwWWDw \
-    hQMHSKgvFepXetYqY2Ou-w4880uWlGBJ0NaGsikjqb54J0SVJpPUYw1-GwLrBeLWwKpt2pYUgUYNa4jt4XjQz67WerBZowvW0-UdelC8qRqUlODt \
-    CiKmOtLZKZup90pel5M0u9xsqP2aSipgeJXe89TKwGi_vW5YD9zlkpEM3kP6d-_m_Z9sBvYd5oX8YoZUqD1bU28JYYMLXGyZYPrkp-pQBfDxtwdz \
-    qts3dr8S9BJSySRE9ihbde9fZkoI_O4WAAxGIypmT__aSB1KNI873kkLGpnOKMKsGJHkftbj0OLK4_Xg";
+const RSA_N: &str = concat!(
+    "sMSNNFXqfJ1NEOKKiRIFDQbWimNNZQD_oO-YoU3l5qwzVc_wL0poUzz3q8KGptWnGc0Yhte8-a0V7i_-0IxWL5MEfpDDfIEN4E9lSSiM8BrXjwbW",
+    "4kNqS8rCYX0xuEN0SXU5eq4DN-4EnvmBoa7QIE4Q39BqUnTO0PqIkNtm6yG1mY2ppQIXR7WGPZd7T1QzXXqhMssQf4GXxWYDVzFWTJaNOX65jjNL",
+    "yGeIAC-cJ1vHuqFY59faZneMsdbbLWvcb7m7NMRbe-G0FipcQmbFlTrp0WMe7u0S5DM7XcIlnAt9zo46o_CszyyXmmsEKUlGcJaKMZMtMmSkDaUy",
+    "sX_CgQ",
+);
+const RS256: &str = concat!(
+    "eyJhbGciOiAiUlMyNTYiLCAia2lkIjogInJzYSJ9.eyJpc3MiOiAiaHR0cHM6Ly9pZC5leGFtcGxlIiwgImF1ZCI6ICJmZWVkd2F2ZSIsICJzdWI",
+    "iOiAicGxhbm5pbmciLCAicm9sZXMiOiBbInBsYW5uZXIiXSwgImV4cCI6IDQxMDI0NDQ4MDB9.V-UHGpRU2EPxUSIUW2imhC2sZX5uCPCpIKLIdK",
+    "trjHexu1RNPsXAcVzpNtAwjP19Gtlqdp32IomRNfYY3W8_zqOCAs7eDs32-adzW21mUAu52-e3vaC6fMmsFlgqHg23HGq8dEh2JM33tHHpSDBXc4",
+    "dPeoI9bInB8njR89K6Zv_jaAWoIGpb_LE8rmEnmVVgnKexAcssH0xIoXMhDyGKYF3Gq_L7HYv6EdU-2pT1QDcbps_FZQu57xUJAi5_OkpXBmK7ND",
+    "3nA3JMISW1o1hQyqxacBHoZktsgXZ_F2kf313sA8O59XOjJALCzyzybxH4NVRAnEWsmRN92yVz4Hv5KA",
+);
+const PS384: &str = concat!(
+    "eyJhbGciOiAiUFMzODQiLCAia2lkIjogInJzYSJ9.eyJpc3MiOiAiaHR0cHM6Ly9pZC5leGFtcGxlIiwgImF1ZCI6ICJmZWVkd2F2ZSIsICJzdWI",
+    "iOiAicGxhbm5pbmciLCAicm9sZXMiOiBbInBsYW5uZXIiXSwgImV4cCI6IDQxMDI0NDQ4MDB9.GrfmPy1AP9rFLTv-JS2ZML8p-JDHl_J5fwWWDw",
+    "hQMHSKgvFepXetYqY2Ou-w4880uWlGBJ0NaGsikjqb54J0SVJpPUYw1-GwLrBeLWwKpt2pYUgUYNa4jt4XjQz67WerBZowvW0-UdelC8qRqUlODt",
+    "CiKmOtLZKZup90pel5M0u9xsqP2aSipgeJXe89TKwGi_vW5YD9zlkpEM3kP6d-_m_Z9sBvYd5oX8YoZUqD1bU28JYYMLXGyZYPrkp-pQBfDxtwdz",
+    "qts3dr8S9BJSySRE9ihbde9fZkoI_O4WAAxGIypmT__aSB1KNI873kkLGpnOKMKsGJHkftbj0OLK4_Xg",
+);
 
 fn base64url(bytes: impl AsRef<[u8]>) -> String {
     URL_SAFE_NO_PAD.encode(bytes)
