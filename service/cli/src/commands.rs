@@ -13,6 +13,7 @@ mod decisions;
 mod demo;
 mod findings;
 pub mod healthcheck;
+mod installation;
 mod interpret;
 mod lobes;
 mod local;
@@ -126,6 +127,10 @@ pub enum Command {
     /// Writes a new random token to standard output, once: the service keeps its hash alone, in the file of known clients
     /// (auth.clients), to which --clients adds it. The service takes a changed file over within 10 s, or on SIGHUP.
     Token(token::Args),
+    /// Write the completions of a shell to standard output
+    Completions(installation::CompletionArgs),
+    /// Write manual pages, one for each command
+    Man(installation::ManArgs),
     /// See all of it work: a server, a turning program, the trap and its cure, pictures
     ///
     /// Starts the service on free ports with a temporary database, sends it a turning program through a real client,
@@ -159,6 +164,8 @@ impl Command {
             Self::Program(args) => resources::programs::run(args).await,
             Self::Job(args) => resources::jobs::run(args).await,
             Self::Token(args) => token::run(&args),
+            Self::Completions(args) => installation::completions(&args),
+            Self::Man(args) => installation::man(&args),
             Self::Demo(args) => demo::run(args).await,
         };
         match result {

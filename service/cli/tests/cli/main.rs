@@ -12,6 +12,7 @@ use serde_json::Value;
 
 mod encryption;
 mod five_axis;
+mod installation;
 mod interpret;
 mod lobes;
 mod oscillation;
