@@ -2,8 +2,8 @@
 //! engagements, and the floor in the report of a program.
 
 use feedwave_cutting::tool_oscillation::{
-    Engagement, FloorSettings, HeightField, LeadingEdge, NamedCondition, OscillationRequest, OscillationSectionReport,
-    RoleRotation, ToolGeometry, ToolOscillation, Waveform, WorkSide, judge,
+    Engagement, FloorArea, FloorSettings, HeightField, LeadingEdge, NamedCondition, OscillationRequest,
+    OscillationSectionReport, RoleRotation, ToolGeometry, ToolOscillation, Waveform, WorkSide, judge,
 };
 use feedwave_cutting::{MachineProfile, PipelineConfig, Tool};
 use feedwave_program::Finding;
@@ -244,6 +244,31 @@ fn like_passes_are_judged_once_and_alike() {
         findings.iter().filter(|finding| finding.code == "OSC-ROLES").map(|finding| finding.span.line).collect();
     let places: Vec<u32> = sections.iter().map(|section| section.on_line).collect();
     assert_eq!(lines, places);
+}
+
+/// Whatever a profile permits, a program of many different cuts has a report of bounded size, and what was left out is said.
+#[test]
+fn floors_and_reports_of_extreme_profiles_are_bounded() {
+    let mut extreme = config();
+    let geometry = ToolGeometry::even(64, 60.0, 1.5, 5.0);
+    extreme.tools[0].geometry = Some(geometry);
+    extreme.profile.oscillation_floor =
+        FloorSettings { revolutions: 100, resolution_mm: 0.001, max_cells: 32_000_000, ..FloorSettings::default() };
+    let passes: String =
+        (0..300).map(|index| format!("S{}\nG1 X{} F500\nG203\nG202 P1 D1\n", 500 + index, (index % 2) * 30)).collect();
+    let report = validate(&program("P1", &format!("{passes}G1 Y30")), &extreme);
+    let numbers = |section: &OscillationSectionReport| -> usize {
+        section.report.edges.iter().map(|edge| 4 * edge.layers.len() + 2 * edge.chip_over_angle.len()).sum()
+    };
+    let listed: usize = report.oscillations.iter().map(numbers).sum();
+    assert!(listed <= 800_000, "{listed}");
+    assert!(report.summary.oscillation_count >= report.oscillations.len() as u64);
+    let floors = report.oscillations.iter().filter_map(|section| section.report.floor).collect::<Vec<_>>();
+    let cells = |area: &FloorArea| area.length_mm * area.width_mm / (area.resolution_mm * area.resolution_mm);
+    assert!(floors.iter().all(|floor| cells(&floor.area) < 4_000_100.0) && floors.len() <= 32);
+    let left_out = report.oscillations.iter().any(|section| section.report.floor.is_none());
+    let said = report.findings.iter().any(|finding| finding.code == "OSC-FLOOR");
+    assert_eq!(left_out, said);
 }
 
 #[test]

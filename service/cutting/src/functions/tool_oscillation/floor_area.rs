@@ -9,6 +9,10 @@ use super::{FloorArea, MAX_FLOOR_CELLS, OscillationCut, ToolGeometry};
 const CELLS_PER_MARK: f64 = 8.0;
 /// Most runs over cells in one simulation, so that a tiny feed does not take for ever.
 const MAX_RUNS: f64 = 4e6;
+/// Most cells of a floor that is simulated for a report, whatever the profile permits: 16 MB.
+const MAX_REPORTED_CELLS: u32 = 4_000_000;
+/// Most cells that the edges lower in one simulation, each as often as it is lowered: a part of a second.
+const MAX_UPDATES: f64 = 2.5e8;
 /// Places at which a crossing of a row is computed, as an estimate.
 const RUNS_PER_CROSSING: f64 = 4.0;
 
@@ -74,7 +78,9 @@ impl FloorSettings {
         // Every edge with both its halves, in all revolutions in which it comes across the strip.
         let revolutions = (length_mm + 2.0 * tool.radial_edge_length_mm) / per_rev_mm;
         let runs_per_row = 2.0 * edges * revolutions * RUNS_PER_CROSSING;
-        let most_rows = (f64::from(self.max_cells) / columns).min(MAX_RUNS / runs_per_row).floor();
+        let most_cells = f64::from(self.max_cells.min(MAX_REPORTED_CELLS));
+        let updates_per_row = updates_per_row(tool, cut, columns, resolution_mm, self.trailing);
+        let most_rows = (most_cells / columns).min(MAX_RUNS / runs_per_row).min(MAX_UPDATES / updates_per_row).floor();
         // What the engagement sweeps across the feed, to the right of it.
         let side = if cut.clockwise { 1.0 } else { -1.0 };
         let across = |azimuth_deg: f64| side * tool.radius_mm * libm::sin(azimuth_deg.to_radians());
@@ -88,6 +94,24 @@ impl FloorSettings {
             resolution_mm,
             trailing: self.trailing,
         })
+    }
+}
+
+/// How often cells of a row are lowered in a simulation of so many columns: by every half of every edge, in all revolutions in
+/// which it comes across the strip, at most along its length.
+fn updates_per_row(tool: &ToolGeometry, cut: &OscillationCut, columns: f64, resolution_mm: f64, trailing: bool) -> f64 {
+    let halves = if trailing { 2.0 } else { 1.0 } * f64::from(tool.edge_count());
+    let crossing_mm = 2.0 * tool.radial_edge_length_mm;
+    let revolutions = (columns * resolution_mm + crossing_mm) / cut.feed_per_rev_mm();
+    halves * revolutions * ((crossing_mm / resolution_mm).min(columns) + RUNS_PER_CROSSING)
+}
+
+impl FloorArea {
+    /// How often cells are lowered while this part is simulated, about.
+    pub(super) fn updates(&self, tool: &ToolGeometry, cut: &OscillationCut) -> f64 {
+        let rows = (self.width_mm / self.resolution_mm).round();
+        let columns = (self.length_mm / self.resolution_mm).round();
+        rows * updates_per_row(tool, cut, columns, self.resolution_mm, self.trailing)
     }
 }
 
@@ -119,6 +143,23 @@ mod tests {
                     let cells = area.length_mm * area.width_mm / (area.resolution_mm * area.resolution_mm);
                     assert!(cells < 400_001.0, "{area:?}");
                 }
+            }
+        }
+        // Whatever a profile permits, one simulation has its bounds.
+        let extreme = FloorSettings {
+            revolutions: MAX_FLOOR_REVOLUTIONS,
+            resolution_mm: 0.001,
+            max_cells: MAX_FLOOR_CELLS as u32,
+            ..settings
+        };
+        for (edges, edge_length_mm) in [(1, 0.1), (4, 1.5), (64, 1.5), (64, 20.0)] {
+            for feed in [1.0, 60.0, 6e3, 1e5] {
+                let tool = ToolGeometry::even(edges, 60.0, edge_length_mm, 5.0);
+                let cut = cut(feed, [-90.0, 90.0]);
+                let Some(area) = extreme.area(&tool, &cut) else { continue };
+                let cells = area.length_mm * area.width_mm / (area.resolution_mm * area.resolution_mm);
+                assert!(cells < 1.000_001 * f64::from(MAX_REPORTED_CELLS), "{area:?}");
+                assert!(area.updates(&tool, &cut) < 1.000_001 * MAX_UPDATES, "{area:?}");
             }
         }
         assert_eq!(FloorSettings { simulate: false, ..settings }.area(&tool, &cut(600.0, [-90.0, 90.0])), None);

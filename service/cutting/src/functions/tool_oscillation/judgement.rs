@@ -23,12 +23,15 @@ const TILTED: f64 = 1e-6;
 const MAX_KNOWN: usize = 256;
 /// Most floors that are simulated for one program.
 const MAX_FLOORS: usize = 32;
+/// Most cells that are lowered in all of them, each as often as it is lowered: some seconds.
+const MAX_FLOOR_UPDATES: f64 = 2e9;
 
 /// Passes that were judged, so that like ones are judged once; while validating only.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Judgements {
     known: Vec<Judgement>,
     floors: usize,
+    floor_updates: f64,
     floors_ended: bool,
 }
 
@@ -75,18 +78,24 @@ impl Judgements {
             return known.report.clone();
         }
         job.floor = floor.area(job.tool, &job.cut);
-        if job.floor.is_some() {
-            if self.floors < MAX_FLOORS {
+        if let Some(area) = &job.floor {
+            // With the oscillation, and without it.
+            let updates = 2.0 * area.updates(job.tool, &job.cut);
+            let fits = self.floors < MAX_FLOORS && self.floor_updates + updates <= MAX_FLOOR_UPDATES;
+            if fits && !self.floors_ended {
                 self.floors += 1;
+                self.floor_updates += updates;
             } else {
                 job.floor = None;
                 if !std::mem::replace(&mut self.floors_ended, true) {
                     let message = format!(
-                        "the floor of this and of further cuts is not simulated: {MAX_FLOORS} different ones were"
+                        "the floor of this and of further cuts is not simulated: {} different ones were, which is as much \
+                         as one validation computes",
+                        self.floors
                     );
                     found.push(
                         Finding::new(code::OSC_FLOOR, job.span, message)
-                            .with_value("simulated", MAX_FLOORS as f64, "")
+                            .with_value("simulated", self.floors as f64, "")
                             .suggest("validate a part of the program to see its floor"),
                     );
                 }

@@ -156,6 +156,17 @@ pub struct OscillationReport {
     pub feasible: bool,
 }
 
+impl OscillationReport {
+    /// How many numbers it has, about.
+    pub(super) fn numbers(&self) -> usize {
+        const OF_EDGE: usize = 11;
+        const OF_LAYER: usize = 4;
+        let of_edge = |edge: &EdgeReport| OF_EDGE + OF_LAYER * edge.layers.len() + 2 * edge.chip_over_angle.len();
+        let edges: usize = self.edges.iter().map(of_edge).sum();
+        edges + 4 * self.plain.len() + self.finishing_edges.len() + 50
+    }
+}
+
 /// Which edge leads, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoleReport {

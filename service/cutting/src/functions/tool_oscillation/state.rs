@@ -24,6 +24,9 @@ use crate::shared::wording::decimal;
 
 /// Reports kept in full; further ones are counted.
 const MAX_REPORTS: usize = 1_000;
+/// Most numbers in the reports that are listed, about ten bytes each in a stored report: those of tools with many edges are
+/// long.
+const MAX_REPORT_NUMBERS: usize = 800_000;
 
 /// What a run of the pipeline, and the program's other states, give this function.
 #[derive(Clone, Debug)]
@@ -304,7 +307,8 @@ impl ActiveOscillation {
             findings.push(if is_of_switch { finding.at("line", element.source.line.into()) } else { finding });
         }
         if let (Some(reports), Some(report)) = (reports, report) {
-            reports.push(report, MAX_REPORTS);
+            let numbers = report.report.numbers();
+            reports.push_of_size(report, numbers, MAX_REPORTS, MAX_REPORT_NUMBERS);
         }
     }
 }
