@@ -29,6 +29,7 @@ mod oscillation;
 mod overrides;
 mod setpoints;
 mod status;
+mod strangers;
 mod streaming;
 mod telemetry;
 mod tenants;

@@ -9,7 +9,7 @@ mod known;
 mod table;
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 pub use caller::{Caller, TENANT_HEADER};
@@ -154,6 +154,14 @@ impl Identity {
     }
 }
 
+/// Whether the text of a file of known clients can be used.
+///
+/// # Errors
+/// What is wrong with it, without what it says itself.
+pub fn check_clients(text: &str, path: &Path) -> Result<(), String> {
+    KnownClients::parse(text, path).map(|_| ())
+}
+
 /// Decides who may do what. Cloning is cheap.
 #[derive(Clone, Debug)]
 pub struct Access {
@@ -169,6 +177,8 @@ struct Inner {
     /// What was read last, whether it could be used or not.
     seen: Mutex<String>,
     operator: Arc<Identity>,
+    /// Hosts by whose name the service is reached.
+    hosts: Vec<String>,
 }
 
 impl fmt::Debug for Inner {
@@ -197,7 +207,8 @@ impl Access {
         let provider = config.jwt.as_ref().map(Provider::load).transpose();
         let provider = provider.map_err(|reason| ("auth.jwt.jwks".to_owned(), reason))?;
         let operator = Arc::new(Identity::operator());
-        let inner = Inner { file, provider, known: RwLock::new(Arc::new(known)), seen: Mutex::new(text), operator };
+        let (known, seen, hosts) = (RwLock::new(Arc::new(known)), Mutex::new(text), config.hosts.clone());
+        let inner = Inner { file, provider, known, seen, operator, hosts };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -220,9 +231,42 @@ impl Access {
             }
             seen.clone_from(&text);
         }
-        let known = Arc::new(KnownClients::parse(&text, path)?);
-        *self.inner.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+        let mut known = KnownClients::parse(&text, path)?;
+        let mut held = self.inner.known.write().unwrap_or_else(PoisonError::into_inner);
+        // Records of tenants do not go with the last client of one.
+        known.has_tenants |= held.has_tenants;
+        *held = Arc::new(known);
+        drop(held);
         Ok(true)
+    }
+
+    /// Refuses a host by whose name a page of another site may reach the service through a browser on the same computer (DNS
+    /// rebinding), where clients need not say who they are: what comes from the computer itself is for localhost, an address,
+    /// or a host that the configuration names.
+    ///
+    /// # Errors
+    /// [`Error::HostDenied`].
+    pub(crate) fn check_host<B>(
+        &self,
+        needs: Needs,
+        request: &http::Request<B>,
+        connection: Option<&Arc<Connection>>,
+    ) -> Result<()> {
+        let knows_clients = self.inner.file.is_some() || self.inner.provider.is_some();
+        if needs == Needs::Nobody
+            || knows_clients
+            || !connection.is_some_and(|connection| connection.address().is_loopback())
+        {
+            return Ok(());
+        }
+        let header = || request.headers().get(header::HOST)?.to_str().ok()?.parse().ok();
+        let Some(authority) = request.uri().authority().cloned().or_else(header) else { return Ok(()) };
+        let host = authority.host().trim_matches(['[', ']']).trim_end_matches('.').to_ascii_lowercase();
+        let is_local = host == "localhost" || host.ends_with(".localhost") || host.parse::<std::net::IpAddr>().is_ok();
+        if is_local || self.inner.hosts.iter().any(|known| known.eq_ignore_ascii_case(&host)) {
+            return Ok(());
+        }
+        Err(Error::HostDenied)
     }
 
     /// Asks for the keys of the identity provider again and again, where they are behind a URL.
@@ -263,7 +307,7 @@ impl Access {
             }
             _ => Ok(()),
         };
-        let asked_for = asked_for.filter(|_| refused.is_ok());
+        let asked_for = asked_for.filter(|_| refused.is_ok() || identity.tenants == Tenants::Any);
         (caller.known(identity, asked_for, has_tenants), refused)
     }
 
@@ -278,7 +322,7 @@ impl Access {
         }
         let known = self.inner.known.read().unwrap_or_else(PoisonError::into_inner).clone();
         let now = Timestamp::now();
-        let has_tenants = known.has_tenants() || self.inner.provider.as_ref().is_some_and(Provider::has_tenants);
+        let has_tenants = known.has_tenants || self.inner.provider.as_ref().is_some_and(Provider::has_tenants);
         let identity = match (shown, connection.and_then(|connection| connection.certificate())) {
             (Some(shown), _) => {
                 let token = shown

@@ -18,8 +18,16 @@ use crate::observability::rpc::code_name;
 const WINDOW: Duration = Duration::from_secs(60);
 /// How often counts are brought into the store.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
-/// Kinds of refusals that are counted at a time; any further one is an entry of its own.
-const MAX_KINDS: usize = 4_096;
+/// Kinds of refusals that are counted apart at a time; any further ones are counted together.
+const MAX_KINDS: usize = 1_024;
+/// Kinds of one client that are counted apart; its further ones are counted together, so that nobody without rights can fill
+/// the log.
+const MAX_KINDS_OF_CLIENT: usize = 16;
+/// Why what is counted together was refused.
+const TOGETHER: &str = "further refusals, more than are counted apart";
+
+/// What stands for the tenant of those who have shown nothing that is known: no tenant is called so, so that none sees them.
+const NO_TENANT: &str = "?";
 
 /// The log. Cloning is cheap.
 #[derive(Clone)]
@@ -35,19 +43,27 @@ impl std::fmt::Debug for AuditLog {
     }
 }
 
-/// What makes refusals the same: everything but the identifier of the call.
-#[derive(PartialEq, Eq, Hash)]
+/// What makes refusals the same. The empty client, principal and method stand for any.
+#[derive(Clone, Default, PartialEq, Eq, Hash)]
 struct Refusal {
+    /// The client as its shares are counted: one host has many addresses.
+    client: String,
     principal: String,
     tenant: String,
-    address: String,
-    certificate: String,
     method: String,
     reason: String,
 }
 
+impl Refusal {
+    /// The kind that holds further refusals of a client; of any where it has no name.
+    fn together(client: &str) -> Self {
+        Self { client: client.to_owned(), reason: TOGETHER.to_owned(), ..Self::default() }
+    }
+}
+
 struct Counted {
-    sequence: i64,
+    /// The entry that counts them; not known while it is stored.
+    sequence: Option<i64>,
     since: Instant,
     /// Times that the store does not have yet.
     further: u64,
@@ -59,12 +75,17 @@ pub(crate) fn asked(caller: &Caller, method: &str, request_id: &str) -> AuditReq
     let certificate = connection.and_then(|connection| connection.certificate());
     AuditRequest {
         principal: caller.name().to_owned(),
-        tenant: caller.tenant().name().to_owned(),
+        tenant: caller.known_tenant().map_or_else(|| NO_TENANT.to_owned(), |tenant| tenant.name().to_owned()),
         address: connection.map_or_else(String::new, |connection| connection.address().to_string()),
         certificate: certificate.map_or_else(String::new, |certificate| certificate.subject.to_string()),
         method: method.to_owned(),
         request_id: request_id.to_owned(),
     }
+}
+
+/// A request of which nothing is told.
+fn nobody() -> AuditRequest {
+    AuditRequest { tenant: NO_TENANT.to_owned(), ..AuditRequest::default() }
 }
 
 fn refused(error: &Error) -> AuditResult {
@@ -77,6 +98,15 @@ impl AuditLog {
         Self { store, engine, refusals: Arc::default() }
     }
 
+    pub(crate) const fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    #[cfg(test)]
+    pub(crate) const fn store(&self) -> &Store {
+        &self.store
+    }
+
     fn refusals(&self) -> MutexGuard<'_, HashMap<Refusal, Counted>> {
         self.refusals.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -86,44 +116,82 @@ impl AuditLog {
     /// # Errors
     /// [`Error::StoreUnavailable`].
     pub(crate) async fn begin(&self, request: AuditRequest, caller: &Caller) -> Result<Audited> {
-        let sequence = self.store.begin_audit(request, None).await?;
-        Ok(Audited { log: self.clone(), sequence, caller: caller.clone(), is_ended: false })
+        let (log, caller) = (self.clone(), caller.clone());
+        // Whoever gives up meanwhile leaves no entry without a result.
+        let begun = self.engine.to_its_end(async move {
+            let sequence = log.store.begin_audit(request, None).await?;
+            Ok(Audited { log, sequence, caller, is_ended: false })
+        });
+        begun.await?
     }
 
     /// Stores that something was refused for want of rights; the same of the same client is counted.
-    pub(crate) async fn denied(&self, request: AuditRequest, error: &Error) {
-        let result = refused(error);
-        let refusal = Refusal {
-            principal: request.principal.clone(),
-            tenant: request.tenant.clone(),
-            address: request.address.clone(),
-            certificate: request.certificate.clone(),
-            method: request.method.clone(),
-            reason: result.reason.clone(),
-        };
-        let now = Instant::now();
-        if let Some(counted) = self.refusals().get_mut(&refusal)
-            && now.duration_since(counted.since) < WINDOW
-        {
-            counted.further += 1;
-            return;
-        }
-        match self.store.begin_audit(request, Some(result)).await {
-            Ok(sequence) => self.count(refusal, Counted { sequence, since: now, further: 0 }).await,
-            Err(error) => tracing::warn!(%error, "a refusal is missing in the audit log"),
+    pub(crate) async fn denied(&self, request: AuditRequest, caller: &Caller, error: &Error) {
+        let first = self.first_of_its_kind(request, &caller.client(), refused(error));
+        let Some((refusal, request, result)) = first else { return };
+        let log = self.clone();
+        let stored = self.engine.to_its_end(async move {
+            let stored = log.store.begin_audit(request, Some(result)).await;
+            log.stored(&refusal, stored);
+        });
+        if let Err(error) = stored.await {
+            tracing::warn!(%error, "a refusal is missing in the audit log");
         }
     }
 
-    /// Has further refusals of the kind counted by an entry.
-    async fn count(&self, refusal: Refusal, counted: Counted) {
-        let replaced = {
-            let mut refusals = self.refusals();
-            let is_known = refusals.contains_key(&refusal);
-            if is_known || refusals.len() < MAX_KINDS { refusals.insert(refusal, counted) } else { None }
+    /// Counts a refusal. What is to be stored, where none of its kind is counted yet: those that come while it is stored are
+    /// counted already.
+    fn first_of_its_kind(
+        &self,
+        mut request: AuditRequest,
+        client: &str,
+        mut result: AuditResult,
+    ) -> Option<(Refusal, AuditRequest, AuditResult)> {
+        let mut refusals = self.refusals();
+        let mut refusal = Refusal {
+            client: client.to_owned(),
+            principal: request.principal.clone(),
+            tenant: request.tenant.clone(),
+            method: request.method.clone(),
+            reason: result.reason.clone(),
         };
-        // What the window before has counted since it was last brought into the store.
-        if let Some(Counted { sequence, further, .. }) = replaced.filter(|counted| counted.further > 0) {
-            self.repeat(sequence, further).await;
+        if !refusals.contains_key(&refusal) {
+            let is_full = refusals.len() >= MAX_KINDS;
+            let is_full_of_client = is_full || {
+                let of_client = refusals.keys().filter(|kind| kind.client == client);
+                of_client.take(MAX_KINDS_OF_CLIENT).count() == MAX_KINDS_OF_CLIENT
+            };
+            if is_full_of_client {
+                refusal = Refusal::together(if is_full { "" } else { client });
+                TOGETHER.clone_into(&mut result.reason);
+                request = if is_full {
+                    nobody()
+                } else {
+                    AuditRequest { address: request.address, certificate: request.certificate, ..nobody() }
+                };
+            }
+        }
+        if let Some(counted) = refusals.get_mut(&refusal) {
+            counted.further += 1;
+            return None;
+        }
+        refusals.insert(refusal.clone(), Counted { sequence: None, since: Instant::now(), further: 0 });
+        Some((refusal, request, result))
+    }
+
+    /// Has further refusals of the kind counted by the entry that was stored.
+    fn stored(&self, refusal: &Refusal, stored: feedwave_store::Result<i64>) {
+        let mut refusals = self.refusals();
+        match stored {
+            Ok(sequence) => {
+                if let Some(counted) = refusals.get_mut(refusal) {
+                    counted.sequence = Some(sequence);
+                }
+            }
+            Err(error) => {
+                let times = 1 + refusals.remove(refusal).map_or(0, |counted| counted.further);
+                tracing::warn!(%error, times, "refusals are missing in the audit log");
+            }
         }
     }
 
@@ -138,9 +206,11 @@ impl AuditLog {
         let now = Instant::now();
         let mut counts = Vec::new();
         self.refusals().retain(|_, counted| {
+            // What is still being stored is counted later.
+            let Some(sequence) = counted.sequence else { return true };
             match std::mem::take(&mut counted.further) {
                 0 => {}
-                further => counts.push((counted.sequence, further)),
+                further => counts.push((sequence, further)),
             }
             now.duration_since(counted.since) < WINDOW
         });

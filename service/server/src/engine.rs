@@ -183,6 +183,17 @@ impl Engine {
         self.inner.tasks.spawn(work);
     }
 
+    /// Does work to its end, whoever still waits for it: what gives up the wait does not give up the work.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where it panicked.
+    pub(crate) async fn to_its_end<T: Send + 'static>(
+        &self,
+        work: impl Future<Output = T> + Send + 'static,
+    ) -> Result<T> {
+        self.inner.tasks.spawn(work).await.map_err(Error::internal)
+    }
+
     /// Waits until nothing works any more; call once [`Engine::draining`] is cancelled.
     pub async fn stopped(&self) {
         self.inner.tasks.close();

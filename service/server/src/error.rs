@@ -113,6 +113,9 @@ pub enum Error {
         /// What is missing or wrong, without what was shown.
         why: &'static str,
     },
+    /// The service is reached by a name that it does not have.
+    #[error("the service is not called so here: ask localhost, or an address, or name the host in auth.hosts")]
+    HostDenied,
     /// A token cannot be judged, since the keys of the identity provider cannot be had.
     #[error("the keys of the identity provider cannot be had at the moment")]
     KeysUnavailable,
@@ -198,7 +201,7 @@ impl Error {
             | Self::Unread { .. }
             | Self::MessageTooLarge { .. } => Code::ResourceExhausted,
             Self::Unauthenticated { .. } => Code::Unauthenticated,
-            Self::PermissionDenied { .. } | Self::TenantDenied { .. } => Code::PermissionDenied,
+            Self::PermissionDenied { .. } | Self::TenantDenied { .. } | Self::HostDenied => Code::PermissionDenied,
             Self::Draining | Self::StoreUnavailable(_) | Self::KeysUnavailable => Code::Unavailable,
             Self::DeadlineExceeded | Self::RequestStalled { .. } => Code::DeadlineExceeded,
             Self::Transport(status) => status.code(),
@@ -225,6 +228,7 @@ impl Error {
             Self::KeysUnavailable => "IDENTITY_PROVIDER_UNAVAILABLE",
             Self::PermissionDenied { .. } => "ROLE_NEEDED",
             Self::TenantDenied { .. } => "TENANT_DENIED",
+            Self::HostDenied => "HOST_DENIED",
             Self::Draining => "SERVER_DRAINING",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::MessageTooLarge { .. } => "MESSAGE_TOO_LARGE",

@@ -87,6 +87,9 @@ struct Guard {
 async fn guarded(State(guard): State<Guard>, mut request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
     let needs = of_route(guard.route);
+    if let Err(error) = guard.access.check_host(needs, &request, connection.as_ref()) {
+        return HttpError(error).into_response();
+    }
     let (caller, verdict) = guard.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
     match verdict {
         Ok(()) => {
@@ -97,7 +100,7 @@ async fn guarded(State(guard): State<Guard>, mut request: Request, next: Next) -
             if matches!(error.code(), tonic::Code::Unauthenticated | tonic::Code::PermissionDenied) {
                 let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
                 let asked = asked(&caller, &guard.name, id);
-                guard.audit.denied(asked, &error).await;
+                guard.audit.denied(asked, &caller, &error).await;
             }
             HttpError(error).into_response()
         }

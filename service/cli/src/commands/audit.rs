@@ -20,7 +20,8 @@ Examples:
   feedwave audit --token-file admin.token > audit.jsonl
       Everything that is kept, oldest first, one JSON object a line.
   feedwave audit --after $(tail -n 1 audit.jsonl | jq -r .sequence) >> audit.jsonl
-      What has come since.
+      What has come since. What is in progress has no endTime, and its result comes into the same entry: export again from
+      before the first of them to have it.
   feedwave audit --principal planning | jq -r 'select(.result == \"PERMISSION_DENIED\") | .method'
       What the client planning was refused.")]
 pub struct Args {

@@ -6,6 +6,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use feedwave_server::access::check_clients;
 use sha2::{Digest as _, Sha256};
 
 use super::CliError;
@@ -62,7 +63,7 @@ pub struct Args {
 /// Makes a token, and writes it to standard output.
 ///
 /// # Errors
-/// [`CliError`] where there is no randomness to be had, or a file cannot be written.
+/// [`CliError`] where there is no randomness to be had, or a file cannot be written or could not be used with the entry.
 pub fn run(args: &Args) -> Result<ExitCode, CliError> {
     let mut random = [0; TOKEN_BYTES];
     getrandom::fill(&mut random).map_err(CliError::trouble)?;
@@ -71,6 +72,12 @@ pub fn run(args: &Args) -> Result<ExitCode, CliError> {
     match &args.clients {
         Some(path) => {
             let failed = |error: std::io::Error| CliError::file(path, &error);
+            // A file that cannot be used would keep its other changes from the service, and the service from starting.
+            let text = match std::fs::read_to_string(path) {
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+                text => text.map_err(failed)?,
+            };
+            check_clients(&(text + &entry), path).map_err(CliError::trouble)?;
             let mut file = File::options().create(true).append(true).open(path).map_err(failed)?;
             file.write_all(entry.as_bytes()).map_err(failed)?;
         }

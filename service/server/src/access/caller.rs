@@ -61,6 +61,11 @@ impl Caller {
         self.identity.as_ref().map_or("", |identity| identity.name())
     }
 
+    /// The tenant that a client which is known acts for.
+    pub(crate) fn known_tenant(&self) -> Option<Tenant> {
+        self.identity.is_some().then_some(self.tenant)
+    }
+
     /// The tenant whose records the call sees, and whose new records are.
     #[must_use]
     pub const fn tenant(&self) -> Tenant {

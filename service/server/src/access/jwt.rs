@@ -125,7 +125,10 @@ impl Provider {
             return;
         }
         *asked = Some(Instant::now());
-        match endpoint.get().await.and_then(|text| KeySet::parse(&text)) {
+        let answer = endpoint.get().await.and_then(|text| KeySet::parse(&text));
+        // Who has waited for an answer that took long does not ask again.
+        *asked = Some(Instant::now());
+        match answer {
             Ok(keys) => self.hold(keys),
             Err(reason) => {
                 tracing::warn!(jwks = self.config.jwks, reason, "the keys of the identity provider cannot be had");

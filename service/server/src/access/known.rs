@@ -20,7 +20,7 @@ struct Entry {
     /// SHA-256 of its token, lower-case hexadecimal.
     #[serde(default)]
     token_sha256: Option<String>,
-    /// Subject of its certificate, or the common name in it.
+    /// Subject of its certificate, or, where it has no `=`, the common name in it.
     #[serde(default)]
     certificate: Option<String>,
     roles: Vec<Role>,
@@ -53,7 +53,8 @@ struct Known {
 pub(super) struct KnownClients {
     by_token: HashMap<[u8; 32], Known>,
     by_certificate: HashMap<String, Known>,
-    has_tenants: bool,
+    /// Whether any client belongs to a tenant.
+    pub(super) has_tenants: bool,
 }
 
 impl fmt::Debug for KnownClients {
@@ -96,6 +97,7 @@ impl KnownClients {
                     Some(hash) => known.by_token.insert(hash, client).is_none(),
                     None => return refused("has a token_sha256 that is not 64 hexadecimal digits"),
                 },
+                (None, Some(certificate)) if certificate.is_empty() => return refused("has an empty certificate"),
                 (None, Some(certificate)) => known.by_certificate.insert(certificate, client).is_none(),
                 _ => return refused("needs either token_sha256 or certificate"),
             };
@@ -106,11 +108,6 @@ impl KnownClients {
         Ok(known)
     }
 
-    /// Whether any client belongs to a tenant.
-    pub(super) const fn has_tenants(&self) -> bool {
-        self.has_tenants
-    }
-
     /// The client with this token, if its entry has not ended.
     pub(super) fn by_token(&self, token: &str, now: Timestamp) -> Option<Arc<Identity>> {
         valid(self.by_token.get(&hash(token)), now)
@@ -118,7 +115,9 @@ impl KnownClients {
 
     /// The client with this subject or common name, if its entry has not ended.
     pub(super) fn by_certificate(&self, subject: &str, common_name: &str, now: Timestamp) -> Option<Arc<Identity>> {
-        valid(self.by_certificate.get(subject).or_else(|| self.by_certificate.get(common_name)), now)
+        // A common name must not pass for a whole subject.
+        let by_name = || self.by_certificate.get(common_name).filter(|_| !common_name.contains('='));
+        valid(self.by_certificate.get(subject).or_else(by_name), now)
     }
 }
 
@@ -165,6 +164,9 @@ mod tests {
         assert!(machine.is(Role::Machine) && machine.is(Role::Viewer) && !machine.is(Role::Planner));
         assert!(machine.may_use("mill") && !machine.may_use("lathe"));
         assert!(known.by_certificate("", "", after).is_none());
+        let subject = parse("[[client]]\nname = 'b'\ncertificate = 'CN=mill-3'\nroles = ['machine']\n").unwrap();
+        assert!(subject.by_certificate("CN=mill-3", "mill-3", after).is_some());
+        assert!(subject.by_certificate("CN=CN\\=mill-3", "CN=mill-3", after).is_none());
     }
 
     #[test]
@@ -175,6 +177,7 @@ mod tests {
             ("[[client]]\nname = 'a'\ntoken = 'hidden'\nroles = []\n", "line 3: unknown field `token`"),
             ("[[client]]\nname = 'a'\nroles = ['viewer']\n", "needs either token_sha256 or certificate"),
             ("[[client]]\nname = 'a'\ntoken_sha256 = 'hidden'\nroles = ['viewer']\n", "not 64 hexadecimal digits"),
+            ("[[client]]\nname = 'a'\ncertificate = ''\nroles = ['viewer']\n", "an empty certificate"),
             ("[[client]]\nname = 'a'\ncertificate = 'x'\nroles = []\n", "needs one of the roles"),
             ("[[client]]\nname = 'a'\ncertificate = 'x'\nroles = ['boss']\n", "unknown variant `boss`"),
         ] {

@@ -97,6 +97,7 @@ impl Api {
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
         let detail = self.store.job_detail(job).await?;
+        self.caller.concerns(names::job(job));
         self.caller.check_machine(&detail.job.machine_id)?;
         if detail.job.state != JobState::Ready {
             let subject = names::job(job);

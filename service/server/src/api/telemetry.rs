@@ -215,6 +215,7 @@ impl Api {
         // Registered before the run is taken up, so that a cancellation in between is not missed.
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
+        self.caller.concerns(names::job(job));
         self.caller.check_machine(&self.store.job(job).await?.machine_id)?;
         let attached = self.attach(target, job).await?;
         let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard)?;
@@ -330,6 +331,7 @@ impl Telemetry for Api {
         let acknowledge = async |api: Self, request: AcknowledgeConditionRequest| {
             // A name that is none is refused with everything else that is wrong.
             if let Ok(run) = names::parse_run(&request.run) {
+                api.caller.concerns(names::run(run));
                 let job = api.store.run(run).await?.job_id;
                 api.caller.check_machine(&api.store.job(job).await?.machine_id)?;
             }

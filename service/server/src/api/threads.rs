@@ -201,8 +201,8 @@ impl Api {
         // Registered before the state is read, so that a cancellation in between is not missed.
         let guard = self.engine.enter(id);
         let cancelled = guard.token().clone();
-        self.caller.check_machine(&self.store.job(id).await?.machine_id)?;
         self.caller.concerns(names::job(id));
+        self.caller.check_machine(&self.store.job(id).await?.machine_id)?;
         let (following, followed) = self.follow(&start, id).await?;
         tracing::info!(job = %names::job(id), thread = start.thread, pass = start.pass, "follow the spindle");
         let first = FollowSpindleResponse { message: Some(Message::FollowedPass(followed)) };

@@ -18,6 +18,9 @@ pub struct AuthConfig {
     /// Tokens of an identity provider; absent: none are known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jwt: Option<JwtConfig>,
+    /// Names by which clients on this computer reach the service besides localhost, where they need not say who they are:
+    /// those of a proxy, for example.
+    pub hosts: Vec<String>,
     /// Whether ports may be open to a network without encryption or without knowing clients.
     pub allow_insecure_network: bool,
 }

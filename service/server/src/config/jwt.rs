@@ -94,7 +94,13 @@ impl JwtConfig {
         let host = uri.as_ref().ok().and_then(http::Uri::host).unwrap_or_default();
         let is_local = host == "localhost"
             || host.trim_matches(['[', ']']).parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
-        if self.is_url() && host.is_empty() {
+        let has_password =
+            uri.as_ref().ok().and_then(http::Uri::authority).is_some_and(|name| name.as_str().contains('@'));
+        if self.is_url() && has_password {
+            // Not shown: it may hold a password.
+            problems
+                .push(("auth.jwt.jwks", "has a name before @: keys are public, and asked for without one".to_owned()));
+        } else if self.is_url() && host.is_empty() {
             problems.push(("auth.jwt.jwks", format!("{:?} is no URL", self.jwks)));
         } else if self.jwks.starts_with("http://") && !is_local {
             let reason = "keys that come over a network without encryption prove nothing: use https, or a file";

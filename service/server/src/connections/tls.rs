@@ -13,7 +13,9 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
 use x509_parser::certificate::X509Certificate;
+use x509_parser::objects::{oid_registry, oid2abbrev};
 use x509_parser::prelude::FromDer as _;
+use x509_parser::x509::{AttributeTypeAndValue, RelativeDistinguishedName, X509Name};
 
 use crate::config::{ClientCertificates, TlsConfig};
 
@@ -23,7 +25,7 @@ const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
 /// A certificate that a client has proved to have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PeerCertificate {
-    /// Its subject, such as `CN=mill-3, O=plant`.
+    /// Its subject, such as `CN=mill-3, O=plant`, with a backslash before what separates parts of it.
     pub(crate) subject: Arc<str>,
     /// The first common name in it; empty where there is none.
     pub(crate) common_name: Arc<str>,
@@ -35,8 +37,30 @@ impl PeerCertificate {
         let (_, certificate) = X509Certificate::from_der(der).map_err(|error| error.to_string())?;
         let subject = certificate.subject();
         let common_name = subject.iter_common_name().next().and_then(|name| name.as_str().ok()).unwrap_or_default();
-        Ok(Self { subject: subject.to_string().into(), common_name: common_name.into() })
+        Ok(Self { subject: text_of(subject).into(), common_name: common_name.into() })
     }
+}
+
+/// A subject as a text that no other subject has: what separates its parts has a backslash before it where it is part of a
+/// value.
+fn text_of(subject: &X509Name<'_>) -> String {
+    let part = |attribute: &AttributeTypeAndValue<'_>| {
+        let kind = attribute.attr_type();
+        let kind = oid2abbrev(kind, oid_registry()).map_or_else(|_| kind.to_id_string(), str::to_owned);
+        let value = attribute.as_str().map_or_else(
+            |_| attribute.as_slice().iter().fold("#".to_owned(), |hex, byte| hex + &format!("{byte:02x}")),
+            |value| {
+                let escaped = |letter: char| {
+                    let separates = matches!(letter, ',' | '+' | '=' | '\\' | '#');
+                    separates.then_some('\\').into_iter().chain(std::iter::once(letter))
+                };
+                value.chars().flat_map(escaped).collect()
+            },
+        );
+        format!("{kind}={value}")
+    };
+    let name = |name: &RelativeDistinguishedName<'_>| name.iter().map(part).collect::<Vec<_>>().join(" + ");
+    subject.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// What is wrong with certificates: the configuration key and why.
@@ -171,5 +195,31 @@ fn certificates(pem: &[u8]) -> Result<Vec<CertificateDer<'static>>, String> {
         Ok(certificates) if certificates.is_empty() => Err("it holds no certificate".to_owned()),
         Ok(certificates) => Ok(certificates),
         Err(error) => Err(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn certificate(names: &[(rcgen::DnType, &str)]) -> PeerCertificate {
+        let mut params = rcgen::CertificateParams::default();
+        params.distinguished_name = rcgen::DistinguishedName::new();
+        for (kind, value) in names {
+            params.distinguished_name.push(kind.clone(), *value);
+        }
+        let key = rcgen::KeyPair::generate().unwrap();
+        PeerCertificate::read(params.self_signed(&key).unwrap().der()).unwrap()
+    }
+
+    /// Two subjects are never the same text, whatever an authority signs as a name.
+    #[test]
+    fn subjects_are_told_apart() {
+        use rcgen::DnType::{CommonName, OrganizationName};
+        let plain = certificate(&[(CommonName, "mill-3"), (OrganizationName, "plant")]);
+        assert_eq!((&*plain.subject, &*plain.common_name), ("CN=mill-3, O=plant", "mill-3"));
+        let pretended = certificate(&[(CommonName, "mill-3, O=plant")]);
+        assert_eq!(&*pretended.subject, "CN=mill-3\\, O\\=plant");
+        assert_eq!(&*certificate(&[(CommonName, "a\\, b+c#")]).subject, "CN=a\\\\\\, b\\+c\\#");
     }
 }

@@ -147,6 +147,7 @@ fn details(error: &Error, message: &str) -> ErrorDetails {
         | Error::Unauthenticated { .. }
         | Error::PermissionDenied { .. }
         | Error::TenantDenied { .. }
+        | Error::HostDenied
         | Error::KeysUnavailable
         | Error::RequestStalled { .. }
         | Error::Draining

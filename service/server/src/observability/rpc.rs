@@ -11,9 +11,10 @@ use std::time::Instant;
 
 use bytes::Bytes;
 use feedwave_contract::proto::DESCRIPTORS;
+use feedwave_store::AuditRequest;
 use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
-use http::{HeaderMap, Request, Response};
+use http::{HeaderMap, Request, Response, StatusCode, header};
 use http_body::Frame;
 use prometheus::IntCounter;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -21,10 +22,11 @@ use tokio_util::sync::CancellationToken;
 use tonic::body::Body;
 use tonic::{Code, Status};
 use tower_http::request_id::RequestId;
+use tracing::Instrument as _;
 
 use super::answer::AnswerBody;
 use super::metrics::{GaugeGuard, Metrics};
-use crate::access::{Access, Effect, of_method};
+use crate::access::{Access, Caller, Effect, of_method};
 use crate::api::deadline;
 use crate::audit::{AuditLog, Audited, asked};
 use crate::config::Limits;
@@ -173,36 +175,83 @@ impl RpcLayer {
         call: &mut Call,
     ) -> Result<Response<Body>, S::Error>
     where
-        S: tower::Service<Request<Body>, Response = Response<Body>>,
+        S: tower::Service<Request<Body>, Response = Response<Body>> + Send + 'static,
+        S::Future: Send,
+        S::Error: Send + 'static,
     {
         let (needs, effect) = of_method(request.uri().path());
         let connection = call.connection.clone();
+        if let Err(error) = self.access.check_host(needs, &request, connection.as_ref()) {
+            return Ok(error.into_answer());
+        }
         let (caller, verdict) = self.access.authorize(needs, request.headers_mut(), connection.as_ref()).await;
         let id = request.extensions().get::<RequestId>().map(|id| id.header_value().clone());
-        let id = || id.as_ref().and_then(|id| id.to_str().ok()).unwrap_or_default();
+        let id = id.as_ref().and_then(|id| id.to_str().ok()).unwrap_or_default();
+        let asked = asked(&caller, call.method, id);
         if let Err(error) = verdict {
             if matches!(error.code(), Code::Unauthenticated | Code::PermissionDenied) {
-                self.audit.denied(asked(&caller, call.method, id()), &error).await;
+                self.audit.denied(asked, &caller, &error).await;
             }
             return Ok(error.into_answer());
         }
-        if effect == Effect::Changes {
-            match self.audit.begin(asked(&caller, call.method, id()), &caller).await {
-                Ok(audited) => call.audited = Some(audited),
-                Err(error) => return Ok(error.into_answer()),
-            }
-        }
-        request.extensions_mut().insert(caller);
+        request.extensions_mut().insert(caller.clone());
         let mut held = None;
         let request = request.map(|body| {
             let (body, bytes) = self.request_body(body, method, connection.as_ref());
             held = bytes;
             body
         });
+        if effect == Effect::Changes {
+            if method.resource == Resource::Call {
+                return self.change(inner, request, asked, caller, call).await;
+            }
+            match self.audit.begin(asked, &caller).await {
+                Ok(audited) => call.audited = Some(audited),
+                Err(error) => return Ok(error.into_answer()),
+            }
+        }
         let answer = inner.call(request).await;
         // The request has become something else, or nothing.
         drop(held);
         answer
+    }
+
+    /// Does a call that changes something to its end, with its result in the audit log: a client that goes away, and a
+    /// deadline, end the wait for the answer and not the work, of which one half would be without the other.
+    async fn change<S>(
+        &self,
+        mut inner: S,
+        request: Request<Body>,
+        asked: AuditRequest,
+        caller: Caller,
+        call: &Call,
+    ) -> Result<Response<Body>, S::Error>
+    where
+        S: tower::Service<Request<Body>, Response = Response<Body>> + Send + 'static,
+        S::Future: Send,
+        S::Error: Send + 'static,
+    {
+        let (audit, places) = (self.audit.clone(), call.places.clone());
+        let (metrics, method) = (call.metrics.clone(), call.method);
+        let work = async move {
+            // They are taken up as long as the work is.
+            let _places = places;
+            let audited = match audit.begin(asked, &caller).await {
+                Ok(audited) => audited,
+                Err(error) => return Ok(error.into_answer()),
+            };
+            let answered = AssertUnwindSafe(async { inner.call(request).await }).catch_unwind().await;
+            let answer = match answered {
+                Ok(answer) => answer?,
+                Err(_) => panicked(&metrics, method).into_answer(),
+            };
+            let status = Status::from_header_map(answer.headers());
+            let (code, reason) = status.as_ref().map_or((Code::Ok, ""), |status| (status.code(), status.message()));
+            audited.end(code, reason).await;
+            Ok(answer)
+        };
+        let done = self.audit.engine().to_its_end(work.in_current_span()).await;
+        done.unwrap_or_else(|error| Ok(error.into_answer()))
     }
 }
 
@@ -239,12 +288,15 @@ where
         if !services::may_compress(request.uri().path()) {
             request.headers_mut().remove("grpc-accept-encoding");
         }
+        if !is_grpc(request.headers()) {
+            return Box::pin(std::future::ready(Ok(not_grpc())));
+        }
         let connection = request.extensions().get::<Arc<Connection>>().cloned();
         let (name, method) = method(request.uri().path());
         let admitted = self.layer.admit(request.uri().path(), method, connection.as_ref());
         let mut call = Call::new(&self.layer, name, connection);
         match admitted {
-            Ok(places) => call.places = places,
+            Ok(places) => call.places = Arc::new(places),
             Err(error) => return Box::pin(async move { Ok(observe(error.into_answer(), call)) }),
         }
         // The one that is ready does the call; the next one is asked for its readiness anew.
@@ -269,6 +321,18 @@ where
     }
 }
 
+/// Whether a request says that it is a call. Pages of other sites can have a browser send other kinds, with the certificate of
+/// whoever looks at them, without asking first.
+fn is_grpc(headers: &HeaderMap) -> bool {
+    headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
+}
+
+fn not_grpc() -> Response<Body> {
+    let mut response = Response::new(Body::empty());
+    *response.status_mut() = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+    response
+}
+
 impl Error {
     /// The error as the whole answer to a call.
     fn into_answer(self) -> Response<Body> {
@@ -289,6 +353,11 @@ fn observe(mut response: Response<Body>, mut call: Call) -> Response<Body> {
     })
 }
 
+fn panicked(metrics: &Metrics, method: &str) -> Error {
+    metrics.connections.panics.inc();
+    Error::internal(format!("{method} panicked"))
+}
+
 /// A call in progress; counted when dropped.
 pub(super) struct Call {
     metrics: Arc<Metrics>,
@@ -303,7 +372,7 @@ pub(super) struct Call {
     sent_bytes: IntCounter,
     connection: Option<Arc<Connection>>,
     _active: GaugeGuard,
-    places: Places,
+    places: Arc<Places>,
 }
 
 impl Call {
@@ -320,7 +389,7 @@ impl Call {
             sent_bytes: metrics.sent_bytes.with_label_values(&[method]),
             connection,
             _active: GaugeGuard::new(&metrics.active_requests),
-            places: Places::default(),
+            places: Arc::default(),
         }
     }
 
@@ -358,8 +427,7 @@ impl Call {
 
     /// The error of a call that panicked. Where and why the panic itself has said in the log.
     pub(super) fn panicked(&self) -> Error {
-        self.metrics.connections.panics.inc();
-        Error::internal(format!("{} panicked", self.method))
+        panicked(&self.metrics, self.method)
     }
 
     /// The error of a call whose answer is not read.
@@ -410,95 +478,4 @@ pub const fn code_name(code: Code) -> &'static str {
 }
 
 #[cfg(test)]
-mod tests {
-    use http_body::Body as _;
-    use tonic_types::StatusExt as _;
-    use tower::{Layer as _, Service as _};
-
-    use super::*;
-    use crate::config::AuthConfig;
-    use crate::engine::Engine;
-
-    fn reason(headers: &HeaderMap) -> (Code, String) {
-        let status = Status::from_header_map(headers).unwrap();
-        (status.code(), status.get_error_details().error_info().unwrap().reason.clone())
-    }
-
-    /// A layer over an empty store.
-    async fn layer_of(limits: Limits) -> (tempfile::TempDir, Arc<Metrics>, RpcLayer) {
-        let folder = tempfile::tempdir().unwrap();
-        let uri = feedwave_store::StoreUri::of_file(&folder.path().join("feedwave.db")).unwrap();
-        let store = feedwave_store::Store::open(&uri, feedwave_store::StoreSettings::default()).await.unwrap();
-        let (metrics, draining) = (Arc::new(Metrics::new()), CancellationToken::new());
-        let engine = Engine::new(store.clone(), metrics.clone(), limits.clone(), draining.clone());
-        let (access, audit) = (Access::load(&AuthConfig::default()).unwrap(), AuditLog::new(store, engine));
-        let layer = RpcLayer::new(metrics.clone(), &limits, access, audit, draining);
-        (folder, metrics, layer)
-    }
-
-    #[tokio::test]
-    async fn a_panic_ends_its_call_and_no_other() {
-        let limits = Limits { concurrent_requests: 1, ..Limits::default() };
-        let (_folder, metrics, layer) = layer_of(limits).await;
-        let request = || Request::new(Body::empty());
-        let at_once = tower::service_fn(|_: Request<Body>| -> std::future::Ready<Result<Response<Body>, Status>> {
-            panic!("before there is a future")
-        });
-        let later = tower::service_fn(async |_: Request<Body>| -> Result<Response<Body>, Status> { panic!("in it") });
-        for _ in 0..2 {
-            // The place is free again each time.
-            let answer = layer.layer(at_once).call(request()).await.unwrap();
-            assert_eq!(reason(answer.headers()), (Code::Internal, "INTERNAL".to_owned()));
-            drop(answer);
-            let answer = layer.layer(later).call(request()).await.unwrap();
-            assert_eq!(reason(answer.headers()), (Code::Internal, "INTERNAL".to_owned()));
-        }
-        let in_body = tower::service_fn(async |_: Request<Body>| -> Result<Response<Body>, Status> {
-            let frames = futures_util::stream::once(async { Ok::<_, Status>(Frame::data(Bytes::from_static(b"1"))) });
-            let frames =
-                futures_util::StreamExt::chain(frames, futures_util::stream::poll_fn(|_| panic!("in the answer")));
-            Ok(Response::new(Body::new(StreamBody(Box::pin(frames)))))
-        });
-        let mut body = layer.layer(in_body).call(request()).await.unwrap().into_body();
-        let mut next = async || std::future::poll_fn(|cx| std::pin::Pin::new(&mut body).poll_frame(cx)).await;
-        assert_eq!(next().await.unwrap().unwrap().into_data().unwrap(), "1");
-        let trailers = next().await.unwrap().unwrap().into_trailers().unwrap();
-        assert_eq!(reason(&trailers), (Code::Internal, "INTERNAL".to_owned()));
-        assert!(next().await.is_none());
-        assert_eq!(metrics.connections.panics.get(), 5);
-        assert_eq!(metrics.active_requests.get(), 0);
-    }
-
-    /// A body of frames.
-    struct StreamBody(std::pin::Pin<Box<dyn futures_util::Stream<Item = Result<Frame<Bytes>, Status>> + Send>>);
-
-    impl http_body::Body for StreamBody {
-        type Data = Bytes;
-        type Error = Status;
-
-        fn poll_frame(
-            mut self: std::pin::Pin<&mut Self>,
-            cx: &mut Context<'_>,
-        ) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
-            futures_util::Stream::poll_next(self.0.as_mut(), cx)
-        }
-    }
-
-    #[tokio::test]
-    async fn a_call_ends_at_its_deadline_with_a_status_that_says_so() {
-        let (_folder, _, layer) = layer_of(Limits::default()).await;
-        tokio::time::pause();
-        let endless = tower::service_fn(|_: Request<Body>| std::future::pending::<Result<Response<Body>, Status>>());
-        let mut request = Request::new(Body::empty());
-        request.headers_mut().insert("grpc-timeout", "2S".parse().unwrap());
-        let mut answer = layer.layer(endless).call(request);
-        assert!((&mut answer).now_or_never().is_none());
-        tokio::time::advance(std::time::Duration::from_millis(1_990)).await;
-        assert!((&mut answer).now_or_never().is_none());
-        tokio::time::advance(std::time::Duration::from_millis(20)).await;
-        let response = answer.await.unwrap();
-        let status = Status::from_header_map(response.headers()).unwrap();
-        assert_eq!(status.code(), Code::DeadlineExceeded);
-        assert_eq!(status.get_error_details().error_info().unwrap().reason, "DEADLINE_EXCEEDED");
-    }
-}
+mod tests;

@@ -76,10 +76,12 @@ impl Engine {
             let marks = inner.store.run_marks(run.id).await?;
             let marks = marks.into_iter().filter(|mark| (first + 1..=sent).contains(&mark.setpoint_index)).collect();
             let setpoints = Setpoints::new(start, self.job_source(detail)?, columns, sent);
-            let draining = inner.draining.clone();
+            // Given up, it ends as well.
+            let stop = inner.draining.child_token();
+            let _given_up = stop.clone().drop_guard();
             let generated = inner.tasks.spawn_blocking(move || {
                 let _place = place;
-                generate(setpoints, marks, sent, || draining.is_cancelled())
+                generate(setpoints, marks, sent, || stop.is_cancelled())
             });
             let Generated { count, digest, differs } = generated.await.map_err(Error::internal)??;
             if let Some(Range { start, end }) = differs {
