@@ -7,6 +7,7 @@ use std::sync::Arc;
 use feedwave_contract::code::finding_codes;
 use feedwave_contract::convert::{profile_from_proto, profile_to_proto, tool_for_pipeline};
 use feedwave_contract::document::{Document, Syntax};
+use feedwave_contract::proto::DESCRIPTORS;
 use feedwave_contract::violations::Violations;
 use feedwave_contract::{json, proto};
 use feedwave_cutting::{MachineProfile, PipelineConfig, Step, Tool, Validation, ValidationReport};
@@ -44,6 +45,44 @@ fn examples_give_their_findings() {
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert_eq!(in_words, IN_WORDS, "examples in words");
+}
+
+/// A cure is right when it is followed to the letter: the fields of the profile and the values that it names are there.
+#[test]
+fn cures_name_fields_and_values_that_there_are() {
+    let profile = DESCRIPTORS.get_message_by_name("feedwave.v1.MachineProfile").expect("the profile");
+    let values: BTreeSet<String> = DESCRIPTORS
+        .all_enums()
+        .flat_map(|kind| kind.values().map(|value| value.name().to_owned()).collect::<Vec<_>>())
+        .collect();
+    let is_field = |path: &str| {
+        let mut message = Some(profile.clone());
+        path.split('.').all(|name| {
+            let field = message.take().and_then(|message| message.get_field_by_name(name));
+            message = field.as_ref().and_then(|field| field.kind().as_message().cloned());
+            field.is_some()
+        })
+    };
+    let (mut seen, mut wrong) = (0, BTreeSet::new());
+    for entry in entries() {
+        let Example::Program { machine, text } = entry.example else { continue };
+        let report = validate(text, config(machine));
+        for cure in report.findings.iter().flat_map(|finding| &finding.suggestions) {
+            let is_of_name = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '.');
+            for word in cure.message.split(|letter| !is_of_name(letter)).map(|word| word.trim_end_matches('.')) {
+                let is_value =
+                    word.contains('_') && word.chars().all(|letter| letter.is_ascii_uppercase() || letter == '_');
+                if word.starts_with("language.") || is_value {
+                    seen += 1;
+                    if !values.contains(word) && !is_field(word) {
+                        wrong.insert(format!("{}: {word} in {:?}", entry.name, cure.message));
+                    }
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(seen >= 8, "{seen}");
 }
 
 fn entries() -> impl Iterator<Item = &'static CodeEntry> {

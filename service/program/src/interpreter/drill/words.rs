@@ -10,6 +10,13 @@ use crate::dialect::{Letter, letter_bit};
 use crate::state::Cycle;
 use crate::{Axis, BoringShift, DrillingStyle, DwellUnit, Finding, Position};
 
+/// Values of the settings of where a pecking tool goes, with what each says.
+const PECK_RETURNS: &str = "PECK_RETURN_R_LEVEL where the tool goes out of the hole, to PECK_RETURN_BACK where it goes back by \
+                            the retract of chip breaking";
+/// Values of the setting of the direction off the wall.
+const BORING_SHIFTS: &str = "BORING_SHIFT_FIRST_PLUS or BORING_SHIFT_FIRST_MINUS along the first axis of the plane (X in G17), \
+                             to BORING_SHIFT_SECOND_PLUS or BORING_SHIFT_SECOND_MINUS along the second";
+
 impl Execution<'_> {
     /// The holes that a block asks for, and how often; nothing after a finding. `along` are the words of the drilling axis,
     /// `start` is where the tool was, `at` where the first hole is.
@@ -186,7 +193,11 @@ impl Execution<'_> {
                 Some((Pecks::Constant(q), out_after))
             }
             (Some(_), _) => {
-                self.cycle_setting("tap_peck", "whether a tap that pecks goes out of the hole or only back");
+                self.cycle_setting(
+                    "whether a tap that pecks goes out of the hole or only back",
+                    "tap_peck",
+                    PECK_RETURNS,
+                );
                 None
             }
             (None, _) if rigid || lathe => Some((Pecks::None, None)),
@@ -236,7 +247,8 @@ impl Execution<'_> {
 
     fn check_lathe_peck(&mut self, lathe: bool, cycle: Cycle) -> Option<()> {
         if lathe && cycle == Cycle::Peck && self.settings.drilling.lathe_peck.is_none() {
-            self.cycle_setting("lathe_peck", "whether the tool goes out of the hole between pecks or only back");
+            let what = "whether the tool goes out of the hole between pecks or only back";
+            self.cycle_setting(what, "lathe_peck", PECK_RETURNS);
             return None;
         }
         Some(())
@@ -290,7 +302,11 @@ impl Execution<'_> {
                 None
             }
             (Some(_), None) => {
-                self.cycle_setting("boring_shift", "in which direction the oriented tool leaves the wall");
+                self.cycle_setting(
+                    "in which direction the oriented tool leaves the wall",
+                    "boring_shift",
+                    BORING_SHIFTS,
+                );
                 None
             }
             (Some(q), Some(direction)) => {
@@ -342,11 +358,13 @@ impl Execution<'_> {
     }
 
     #[cold]
-    fn cycle_setting(&mut self, setting: &str, what: &str) {
+    fn cycle_setting(&mut self, what: &str, setting: &str, values: &str) {
         let span = self.block.span();
         self.findings.push_with(code::CYCLE_SETTING, |code| {
             let message = format!("the machine profile does not say {what}");
-            Finding::new(code, span, message).suggest(format!("set language.drilling.{setting}"))
+            let cure =
+                format!("set language.drilling.{setting} of the machine profile as its manual says: to {values}");
+            Finding::new(code, span, message).suggest(cure)
         });
     }
 }
