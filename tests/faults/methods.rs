@@ -4,17 +4,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use bytes::{Buf as _, BufMut as _, Bytes};
+use bytes::Bytes;
 use feedwave_contract::proto::validate_program_request::On;
 use feedwave_contract::proto::{GetMachineRequest, ValidateProgramRequest};
-use feedwave_tests::{Chance, Server, patiently};
+use feedwave_tests::{Chance, Raw, Server, patiently};
 use prost::Message as _;
 use prost_reflect::{
     DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MapKey, MessageDescriptor, MethodDescriptor, Value,
 };
 use prost_types::FileDescriptorProto;
 use tokio_stream::StreamExt as _;
-use tonic::codec::{BufferSettings, Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 use tonic_reflection::pb::v1::ServerReflectionRequest;
@@ -35,52 +34,6 @@ const MOST_READ: usize = 20;
 const READ_TIME: Duration = Duration::from_millis(200);
 /// Messages within each other.
 const MOST_DEEP: u32 = 6;
-
-/// Messages as their bytes.
-#[derive(Clone, Copy, Debug, Default)]
-struct Plain;
-
-impl Codec for Plain {
-    type Encode = Bytes;
-    type Decode = Bytes;
-    type Encoder = Self;
-    type Decoder = Self;
-
-    fn encoder(&mut self) -> Self {
-        Self
-    }
-
-    fn decoder(&mut self) -> Self {
-        Self
-    }
-}
-
-impl Encoder for Plain {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn encode(&mut self, item: Bytes, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
-        buffer.put(item);
-        Ok(())
-    }
-
-    fn buffer_settings(&self) -> BufferSettings {
-        BufferSettings::default()
-    }
-}
-
-impl Decoder for Plain {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
-        Ok(Some(buffer.copy_to_bytes(buffer.remaining())))
-    }
-
-    fn buffer_settings(&self) -> BufferSettings {
-        BufferSettings::default()
-    }
-}
 
 /// A method: its path, its request and whether clients send a stream of them.
 struct Method {
@@ -236,7 +189,7 @@ async fn call(channel: &Channel, method: &Method, messages: Vec<Bytes>) -> Optio
     client.ready().await.expect("the service is there");
     let path = method.path.parse().expect("a path");
     let request = tonic::Request::new(tokio_stream::iter(messages));
-    let answer = tokio::time::timeout(READ_TIME * 300, client.streaming(request, path, Plain)).await;
+    let answer = tokio::time::timeout(READ_TIME * 300, client.streaming(request, path, Raw)).await;
     let mut answers = match answer.unwrap_or_else(|_| panic!("{} does not answer", method.path)) {
         Ok(answer) => answer.into_inner(),
         Err(status) => return Some(status),

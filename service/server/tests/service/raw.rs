@@ -1,50 +1,13 @@
 //! Calls of any method with any bytes, as the descriptors of the contract name them.
 
-use bytes::{Buf as _, BufMut as _, Bytes};
+use bytes::Bytes;
 use feedwave_contract::proto::DESCRIPTORS;
+use feedwave_tests::Raw;
 use prost_reflect::MethodDescriptor;
 use tonic::client::Grpc;
-use tonic::codec::{Codec, CompressionEncoding, DecodeBuf, Decoder, EncodeBuf, Encoder};
+use tonic::codec::CompressionEncoding;
 use tonic::transport::Channel;
 use tonic::{Request, Response, Status, Streaming};
-
-/// Messages as they are on the wire.
-#[derive(Clone, Copy)]
-pub struct Raw;
-
-impl Codec for Raw {
-    type Encode = Bytes;
-    type Decode = Bytes;
-    type Encoder = Self;
-    type Decoder = Self;
-
-    fn encoder(&mut self) -> Self {
-        Self
-    }
-
-    fn decoder(&mut self) -> Self {
-        Self
-    }
-}
-
-impl Encoder for Raw {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn encode(&mut self, item: Bytes, into: &mut EncodeBuf<'_>) -> Result<(), Status> {
-        into.put(item);
-        Ok(())
-    }
-}
-
-impl Decoder for Raw {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn decode(&mut self, from: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
-        Ok(Some(from.copy_to_bytes(from.remaining())))
-    }
-}
 
 /// Every method of the contract.
 pub fn methods() -> Vec<MethodDescriptor> {
