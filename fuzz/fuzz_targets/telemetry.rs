@@ -54,6 +54,7 @@ impl Source<'_> {
     }
 }
 
+// As long as the settings.
 fn configuration(source: &mut Source<'_>) -> MonitoringConfig {
     let mut config = MonitoringConfig { sample_rate_hz: source.number(10_000.0), ..MonitoringConfig::default() };
     config.tool = (source.byte() % 8 > 0).then(|| source.sensors());

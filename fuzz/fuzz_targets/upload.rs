@@ -33,6 +33,7 @@ async fn open() -> Store {
 /// What has arrived of each unfinished upload, by program.
 type Model = BTreeMap<usize, Vec<u8>>;
 
+// As long as the kinds of steps.
 async fn run(store: &mut Store, input: &[u8]) {
     let mut unfinished = Model::new();
     let mut complete = [false; SIZES.len()];
@@ -110,7 +111,11 @@ async fn run(store: &mut Store, input: &[u8]) {
             }
         }
     }
+    empty(store, complete).await;
+}
 
+/// What is complete is stored as it was sent, and nothing else; all of it is deleted.
+async fn empty(store: &Store, complete: [bool; SIZES.len()]) {
     for (which, (id, content)) in PROGRAMS.iter().enumerate() {
         if complete[which] {
             let chunks = content.len().div_ceil(1 << 20);

@@ -45,6 +45,7 @@ fn role_needed(status: &Status) -> String {
     status.get_error_details().error_info().unwrap().metadata["role"].clone()
 }
 
+// One service, which all roles and the changes of their file meet.
 #[tokio::test]
 async fn tokens_say_who_asks_and_roles_what_may_be_done() {
     let folder = tempfile::tempdir().unwrap();
@@ -188,6 +189,7 @@ async fn connect(server: &Server, authority: &Authority, own: Option<&(String, S
     }
 }
 
+// One service, whose certificates are replaced one after the other.
 #[tokio::test]
 async fn certificates_say_who_asks_and_are_replaced_under_a_running_service() {
     let folder = tempfile::tempdir().unwrap();

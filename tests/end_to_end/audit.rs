@@ -45,6 +45,7 @@ fn told(entry: &AuditEntry) -> [&str; 4] {
     [&entry.principal, &entry.method, &entry.resource, &entry.result]
 }
 
+// One log is filled by every kind of caller, then read by everyone.
 #[tokio::test]
 async fn who_changed_what_and_who_was_refused_is_kept() {
     let folder = tempfile::tempdir().unwrap();

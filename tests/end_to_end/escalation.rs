@@ -112,6 +112,7 @@ async fn shown(server: &Server) -> (u64, f64) {
     (state["openConditions"].as_u64().unwrap_or_default(), counted)
 }
 
+// One run through every kill, and what the log, the feed and the dashboard have of it then.
 #[tokio::test]
 async fn an_escalation_survives_kills_at_any_moment_once() {
     let mut server = Home::new(FEEDWAVE, "").start().await;

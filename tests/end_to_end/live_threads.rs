@@ -186,6 +186,7 @@ async fn a_spindle_rule_for_a_program_in_step_with_the_spindle_is_refused() {
     Live::open(&server, Target::Job(job), 0).await.expect("nothing speaks against it");
 }
 
+// One run for each case, which goes from the first batch to the fallback.
 #[tokio::test]
 async fn telemetry_that_stops_while_cutting_brings_the_fallback_whether_the_client_is_there_or_not() {
     let server = Server::start(FEEDWAVE).await;

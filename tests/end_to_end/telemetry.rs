@@ -160,6 +160,7 @@ fn made(decision: &Decision) -> Decision {
     Decision { sequence: 0, run: String::new(), time: None, ..decision.clone() }
 }
 
+// One run, held against the same without kills.
 #[tokio::test]
 async fn decisions_on_faulty_telemetry_survive_kills_each_once_and_none_from_bad_data() {
     let mut chance = Chance::new();

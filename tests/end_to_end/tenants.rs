@@ -145,6 +145,7 @@ async fn refusals(of: &mut Member, job: &str, program: &str) -> Vec<Status> {
     refused
 }
 
+// One history, looked at by the others after each of its steps.
 #[tokio::test]
 async fn nothing_of_a_tenant_is_shown_to_another() {
     let folder = tempfile::tempdir().unwrap();

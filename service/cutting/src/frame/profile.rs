@@ -183,6 +183,34 @@ fn require_positive(problems: &mut Vec<ProfileProblem>, field: &str, value: f64)
 
 fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
     let mut problems = Vec::new();
+    position_problems(language, &mut problems);
+    let machine_codes = machine_code_problems(language).into_iter();
+    problems.extend(machine_codes.map(|(field, message)| problem(&field, message)));
+    require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
+    length_problems(language, &mut problems);
+    if !language.input_result.is_finite() {
+        problems.push(problem("input_result", "must be finite"));
+    }
+    if !matches!(language.program_number_digits, 4 | 8) {
+        problems
+            .push(problem("program_number_digits", format!("must be 4 or 8, is {}", language.program_number_digits)));
+    }
+    for (name, blocks) in
+        [("max_executed_blocks", language.max_executed_blocks), ("max_still_blocks", language.max_still_blocks)]
+    {
+        if !(1..=MAX_BLOCKS).contains(&blocks) {
+            problems.push(problem(name, format!("must be 1 to {MAX_BLOCKS}, is {blocks}")));
+        }
+    }
+    if !(64..=65_536).contains(&language.max_line_bytes) {
+        problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
+    }
+    code_problems(language, &mut problems);
+    problems
+}
+
+/// What is wrong with positions and offsets.
+fn position_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProblem>) {
     let positions = language.work_offsets.iter().enumerate().map(|(index, p)| (format!("work_offsets[{index}]"), p));
     let positions = positions.chain([
         ("coordinates.external_offset".to_owned(), &language.coordinates.external_offset),
@@ -198,9 +226,10 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
             problems.push(problem(format!("{field}[{axis}]"), "must be finite"));
         }
     }
-    let machine_codes = machine_code_problems(language).into_iter();
-    problems.extend(machine_codes.map(|(field, message)| problem(&field, message)));
-    require_positive(&mut problems, "arc_radius_tolerance_mm", language.arc_radius_tolerance_mm);
+}
+
+/// What is wrong with tolerances, and with the lengths of cycles.
+fn length_problems(language: &LanguageSettings, problems: &mut Vec<ProfileProblem>) {
     let tolerance_mm = language.default_path_tolerance_mm;
     if !(0.0..=MAX_PATH_TOLERANCE_MM).contains(&tolerance_mm) {
         let message = format!("must lie between 0 and {MAX_PATH_TOLERANCE_MM}, is {tolerance_mm}");
@@ -228,25 +257,6 @@ fn language_problems(language: &LanguageSettings) -> Vec<ProfileProblem> {
         problems
             .push(problem("turning.thread_chamfer_tenths", format!("must be 0 to {MAX_CHAMFER_TENTHS}, is {tenths}")));
     }
-    if !language.input_result.is_finite() {
-        problems.push(problem("input_result", "must be finite"));
-    }
-    if !matches!(language.program_number_digits, 4 | 8) {
-        problems
-            .push(problem("program_number_digits", format!("must be 4 or 8, is {}", language.program_number_digits)));
-    }
-    for (name, blocks) in
-        [("max_executed_blocks", language.max_executed_blocks), ("max_still_blocks", language.max_still_blocks)]
-    {
-        if !(1..=MAX_BLOCKS).contains(&blocks) {
-            problems.push(problem(name, format!("must be 1 to {MAX_BLOCKS}, is {blocks}")));
-        }
-    }
-    if !(64..=65_536).contains(&language.max_line_bytes) {
-        problems.push(problem("max_line_bytes", format!("must be 64 to 65536, is {}", language.max_line_bytes)));
-    }
-    code_problems(language, &mut problems);
-    problems
 }
 
 /// What is wrong with the codes that switch the machining functions.

@@ -32,8 +32,8 @@ mod turning;
 use super::*;
 use crate::code;
 use crate::{
-    Axis, DwellTime, Feed, Move, MoveKind, Position, Severity, SpindleDirection, SpindleSpeed, ThreadKind, ThreadMove,
-    ToolGuide,
+    Axis, DwellTime, Feed, GuidedMove, Move, MoveKind, Position, Severity, SpindleDirection, SpindleSpeed, ThreadKind,
+    ThreadMove, ToolGuide,
 };
 
 /// Up to six decimals, without trailing zeros.
@@ -82,60 +82,64 @@ fn thread(step: &ThreadMove) -> String {
     text
 }
 
+fn plain_move(step: &Move) -> String {
+    let ends = format!("{} -> {}", place(&step.start), place(&step.end));
+    match (step.kind, step.arc) {
+        (MoveKind::Rapid, _) => format!("rapid {ends}"),
+        (MoveKind::Cutting, None) if step.spline.is_some() => {
+            let spline = step.spline.as_deref().expect("it is there");
+            let points = spline.points.iter().zip(&spline.weights).map(|([first, second], weight)| {
+                let weight = if *weight == 1.0 { String::new() } else { format!("*{}", number(*weight)) };
+                format!(" {},{}{weight}", number(*first), number(*second))
+            });
+            format!("spline {ends} order {}{} @{}", spline.order, points.collect::<String>(), feed(step.feed))
+        }
+        (MoveKind::Cutting, None) => format!("line {ends} @{}", feed(step.feed)),
+        (MoveKind::Cutting, Some(arc)) => {
+            let [first, second] = arc.center.map(number);
+            let turn = number(arc.sweep_rad.to_degrees());
+            format!("arc {ends} about {first},{second} by {turn} @{}", feed(step.feed))
+        }
+    }
+}
+
+fn guided_move(guided: &GuidedMove) -> String {
+    let step = &guided.step;
+    let vector = |vector: Option<[f64; 3]>| vector.map_or("-".to_owned(), |v| v.map(number).join(","));
+    let guide = match guided.guide {
+        ToolGuide::Axes => "axes".to_owned(),
+        ToolGuide::Angles => "angles".to_owned(),
+        ToolGuide::Plane => "plane".to_owned(),
+        ToolGuide::Align { solution, about_tip: false } => format!("align {solution:?}"),
+        ToolGuide::Align { solution, about_tip: true } => format!("align about tip {solution:?}"),
+        ToolGuide::Vector { start, end } => format!("vector {} {}", vector(start), vector(end)),
+    };
+    let kind = match step.kind {
+        MoveKind::Rapid => "rapid",
+        MoveKind::Cutting => "cut",
+    };
+    let held = Axis::ALL.into_iter().filter(|&axis| guided.held.contains(axis));
+    let held: String = held.map(Axis::letter).collect();
+    let held = if held.is_empty() { held } else { format!(" ~{held}") };
+    let feed = if step.kind == MoveKind::Cutting { format!(" @{}", feed(step.feed)) } else { String::new() };
+    let arc = guided.step.arc.map_or(String::new(), |arc| {
+        let [first, second] = arc.center.map(number);
+        format!(" about {first},{second} by {}", number(arc.sweep_rad.to_degrees()))
+    });
+    let spline = guided.step.spline.as_deref().map_or(String::new(), |spline| {
+        let points = spline.points.iter().map(|point| format!(" {}", point.map(number).join(",")));
+        format!(" spline order {}{}", spline.order, points.collect::<String>())
+    });
+    let arc = format!("{arc}{spline}");
+    let pure = if guided.is_pure_cut { " pure" } else { "" };
+    format!("guided {guide} H{} {kind} -> {}{held}{arc}{feed}{pure}", guided.length_offset, place(&step.end))
+}
+
 fn render_operation(operation: &Operation) -> String {
     match &operation.kind {
         OperationKind::Thread(step) => thread(step),
-        OperationKind::Move(step) => {
-            let ends = format!("{} -> {}", place(&step.start), place(&step.end));
-            match (step.kind, step.arc) {
-                (MoveKind::Rapid, _) => format!("rapid {ends}"),
-                (MoveKind::Cutting, None) if step.spline.is_some() => {
-                    let spline = step.spline.as_deref().expect("it is there");
-                    let points = spline.points.iter().zip(&spline.weights).map(|([first, second], weight)| {
-                        let weight = if *weight == 1.0 { String::new() } else { format!("*{}", number(*weight)) };
-                        format!(" {},{}{weight}", number(*first), number(*second))
-                    });
-                    format!("spline {ends} order {}{} @{}", spline.order, points.collect::<String>(), feed(step.feed))
-                }
-                (MoveKind::Cutting, None) => format!("line {ends} @{}", feed(step.feed)),
-                (MoveKind::Cutting, Some(arc)) => {
-                    let [first, second] = arc.center.map(number);
-                    let turn = number(arc.sweep_rad.to_degrees());
-                    format!("arc {ends} about {first},{second} by {turn} @{}", feed(step.feed))
-                }
-            }
-        }
-        OperationKind::Guided(guided) => {
-            let step = &guided.step;
-            let vector = |vector: Option<[f64; 3]>| vector.map_or("-".to_owned(), |v| v.map(number).join(","));
-            let guide = match guided.guide {
-                ToolGuide::Axes => "axes".to_owned(),
-                ToolGuide::Angles => "angles".to_owned(),
-                ToolGuide::Plane => "plane".to_owned(),
-                ToolGuide::Align { solution, about_tip: false } => format!("align {solution:?}"),
-                ToolGuide::Align { solution, about_tip: true } => format!("align about tip {solution:?}"),
-                ToolGuide::Vector { start, end } => format!("vector {} {}", vector(start), vector(end)),
-            };
-            let kind = match step.kind {
-                MoveKind::Rapid => "rapid",
-                MoveKind::Cutting => "cut",
-            };
-            let held = Axis::ALL.into_iter().filter(|&axis| guided.held.contains(axis));
-            let held: String = held.map(Axis::letter).collect();
-            let held = if held.is_empty() { held } else { format!(" ~{held}") };
-            let feed = if step.kind == MoveKind::Cutting { format!(" @{}", feed(step.feed)) } else { String::new() };
-            let arc = guided.step.arc.map_or(String::new(), |arc| {
-                let [first, second] = arc.center.map(number);
-                format!(" about {first},{second} by {}", number(arc.sweep_rad.to_degrees()))
-            });
-            let spline = guided.step.spline.as_deref().map_or(String::new(), |spline| {
-                let points = spline.points.iter().map(|point| format!(" {}", point.map(number).join(",")));
-                format!(" spline order {}{}", spline.order, points.collect::<String>())
-            });
-            let arc = format!("{arc}{spline}");
-            let pure = if guided.is_pure_cut { " pure" } else { "" };
-            format!("guided {guide} H{} {kind} -> {}{held}{arc}{feed}{pure}", guided.length_offset, place(&step.end))
-        }
+        OperationKind::Move(step) => plain_move(step),
+        OperationKind::Guided(guided) => guided_move(guided),
         OperationKind::Dwell(DwellTime::Seconds(time)) => format!("dwell {}", number(*time)),
         OperationKind::Dwell(DwellTime::Revolutions(turns)) => format!("dwell {} rev", number(*turns)),
         OperationKind::Spindle(spindle) => {

@@ -67,32 +67,38 @@ pub(super) fn prepare(
     let drops = thinning.as_ref().is_some_and(|thinning| thinning.blocks[1] > 0);
     let mut plots = FiveAxisPlots::new(setup, thinning);
     if drops {
-        let every_block = Arc::new(PipelineConfig { every_block: true, ..config.clone() });
-        let bar = progress("comparing", Unit::Setpoints, 0);
-        let is_whole = local::run_plan(source, every_block, |block| {
-            bar.inc(block.len() as u64);
-            plots.push_as_programmed(block);
-            Ok(Progress::Continue)
-        })?;
-        bar.finish_and_clear();
-        // A block that thinning drops may be one that the machine cannot reach.
-        if is_whole {
-            plots.finish_as_programmed();
-        } else {
-            plots.discard_as_programmed();
-        }
-        let mut other = config.clone();
-        other.profile.thinning = config.profile.thinning.with_other_method();
-        let bar = progress("comparing", Unit::Setpoints, 0);
-        let is_whole = local::run_plan(source, Arc::new(other), |block| {
-            bar.inc(block.len() as u64);
-            plots.push_by_other_method(block);
-            Ok(Progress::Continue)
-        })?;
-        bar.finish_and_clear();
-        if !is_whole {
-            plots.discard_by_other_method();
-        }
+        compare(source, config, &mut plots)?;
     }
     Ok(Some(plots))
+}
+
+/// Plans the program again with every block, and by the other method of thinning, for what the pictures compare.
+fn compare(source: &mut Source, config: &PipelineConfig, plots: &mut FiveAxisPlots) -> Result<(), CliError> {
+    let every_block = Arc::new(PipelineConfig { every_block: true, ..config.clone() });
+    let bar = progress("comparing", Unit::Setpoints, 0);
+    let is_whole = local::run_plan(source, every_block, |block| {
+        bar.inc(block.len() as u64);
+        plots.push_as_programmed(block);
+        Ok(Progress::Continue)
+    })?;
+    bar.finish_and_clear();
+    // A block that thinning drops may be one that the machine cannot reach.
+    if is_whole {
+        plots.finish_as_programmed();
+    } else {
+        plots.discard_as_programmed();
+    }
+    let mut other = config.clone();
+    other.profile.thinning = config.profile.thinning.with_other_method();
+    let bar = progress("comparing", Unit::Setpoints, 0);
+    let is_whole = local::run_plan(source, Arc::new(other), |block| {
+        bar.inc(block.len() as u64);
+        plots.push_by_other_method(block);
+        Ok(Progress::Continue)
+    })?;
+    bar.finish_and_clear();
+    if !is_whole {
+        plots.discard_by_other_method();
+    }
+    Ok(())
 }

@@ -40,6 +40,28 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
         let than = if share < 0.0 { "more" } else { "less" };
         rows.row("time", format!("{before} s before, {after} s after: {} {than}", percent(share.abs())));
     }
+    deviation_rows(&mut rows, thinning);
+    if thinning.methods.len() > 1 {
+        method_table(&mut rows, thinning);
+    }
+    if thinning.feeds_inherited + thinning.feeds_lost > 0 {
+        let (inherited, lost) = (count(thinning.feeds_inherited), count(thinning.feeds_lost));
+        rows.row("feeds", format!("{inherited} moved on to the next kept block, {lost} replaced before it"));
+    }
+    if !thinning.dropped.is_empty() {
+        let head = ["dropped, lines", "blocks", "replaced by"];
+        let mut table = vec![head.map(str::to_owned).to_vec()];
+        table.extend(thinning.dropped.iter().take(LISTED_RUNS).map(|run| {
+            vec![lines(run.first_line, run.last_line), count(run.blocks.into()), format!("{}", run.kept_line)]
+        }));
+        rows.table(&table);
+        rows.more(thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed);
+    }
+    rows.text
+}
+
+/// How far the kept blocks are from the program.
+fn deviation_rows(rows: &mut Rows, thinning: &ThinningReport) {
     if thinning.blocks_dropped > 0 {
         let at = |line: u32| if line == 0 { String::new() } else { format!(" (line {line})") };
         rows.row(
@@ -60,23 +82,6 @@ fn thinning_text(thinning: &ThinningReport, style: Style) -> String {
             format!("the direction is nowhere more than {bound} degrees from the program, between blocks neither"),
         );
     }
-    if thinning.methods.len() > 1 {
-        method_table(&mut rows, thinning);
-    }
-    if thinning.feeds_inherited + thinning.feeds_lost > 0 {
-        let (inherited, lost) = (count(thinning.feeds_inherited), count(thinning.feeds_lost));
-        rows.row("feeds", format!("{inherited} moved on to the next kept block, {lost} replaced before it"));
-    }
-    if !thinning.dropped.is_empty() {
-        let head = ["dropped, lines", "blocks", "replaced by"];
-        let mut table = vec![head.map(str::to_owned).to_vec()];
-        table.extend(thinning.dropped.iter().take(LISTED_RUNS).map(|run| {
-            vec![lines(run.first_line, run.last_line), count(run.blocks.into()), format!("{}", run.kept_line)]
-        }));
-        rows.table(&table);
-        rows.more(thinning.dropped.len().saturating_sub(LISTED_RUNS) as u64 + thinning.dropped_not_listed);
-    }
-    rows.text
 }
 
 /// Both methods side by side.

@@ -247,8 +247,7 @@ mod tests {
     use super::*;
     use feedwave_contract::proto::{FloorRoughness, OscillationCut, PlainEdge};
 
-    #[test]
-    fn every_edge_has_its_row() {
+    fn section() -> OscillationSectionReport {
         let edge = |edge, retraction_mm, finishes| OscillationEdge {
             edge,
             retraction_mm,
@@ -257,7 +256,7 @@ mod tests {
             finishes,
             ..Default::default()
         };
-        let section = OscillationSectionReport {
+        OscillationSectionReport {
             on_line: 4,
             line: 5,
             tool: 7,
@@ -302,8 +301,12 @@ mod tests {
                 ..Default::default()
             }),
             ..Default::default()
-        };
-        let text = section_text(1, &section, Style::plain());
+        }
+    }
+
+    #[test]
+    fn every_edge_has_its_row() {
+        let text = section_text(1, &section(), Style::plain());
         let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
         for expected in [
             "Oscillation 1: accuracy, on in line 4, from line 5",

@@ -1,12 +1,14 @@
 //! Guided moves: from what the program says about the tool to elements of the machine's axes.
 
 mod curve;
+mod elements;
 mod plane;
 mod refusal;
+mod turns;
 
 use std::sync::Arc;
 
-use feedwave_motion::kinematics::vector::{angle, unit};
+use feedwave_motion::kinematics::vector::angle;
 use feedwave_motion::kinematics::{
     BranchPreference, CutSearch, FiveAxisBlock, FiveAxisCorners, FiveAxisMotion, FiveAxisPoint, FiveAxisRefusal,
     Kinematics, KinematicsError, Setup, TipCurve, ToolFrame, Toward,
@@ -23,16 +25,8 @@ use super::code;
 
 /// Angles of a rotary axis in a tilted plane closer than this are the same: only rounding is between them.
 const SAME_ANGLE_DEG: f64 = 1e-9;
-/// Blocks that pass a pole within this angle are examined, degrees.
-const NEAR_POLE_DEG: f64 = 2.0;
 /// Directions closer to the line of the first rotary axis than this are taken along it, rad, as the elements take them.
 const POLE_RAD: f64 = 1e-7;
-/// Rotary values closer than this are the same solution, rad.
-const SAME_SOLUTION_RAD: f64 = 1e-6;
-/// Turn of the first rotary axis by which a rapid to another solution differs from an ordinary one, degrees.
-const BRANCH_TURN_DEG: f64 = 90.0;
-/// Turn of the first rotary axis within one block near a pole that is worth a finding, degrees.
-const POLE_TURN_DEG: f64 = 10.0;
 
 /// Where the tool is: what lasts between two guided moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -252,21 +246,35 @@ impl Guide {
         inputs: &GuideInputs<'_>,
         findings: &mut FindingLog,
     ) -> Option<Guided> {
-        let step = &guided.step;
-        let work = |axis: usize| state.position[axis] - step.work_offset[axis];
-        if let ToolGuide::Align { solution, about_tip } = guided.guide {
-            let rotary_rad = self.onto_normal(guided, solution, span, state, inputs, findings)?;
-            return match about_tip {
-                false => Some(Guided::Axes(self.align(guided, rotary_rad, state))),
-                true => self.align_about_tip(guided, rotary_rad, span, state, findings).map(Guided::Elements),
-            };
+        match guided.guide {
+            ToolGuide::Align { solution, about_tip } => {
+                let rotary_rad = self.onto_normal(guided, solution, span, state, inputs, findings)?;
+                match about_tip {
+                    false => Some(Guided::Axes(self.align(guided, rotary_rad, state))),
+                    true => self.align_about_tip(guided, rotary_rad, span, state, findings).map(Guided::Elements),
+                }
+            }
+            ToolGuide::Axes => {
+                let step = &guided.step;
+                let start: Position = std::array::from_fn(|axis| state.position[axis] - step.work_offset[axis]);
+                let held = |axis: usize| guided.held.contains(Axis::ALL[axis]);
+                let end = std::array::from_fn(|axis| if held(axis) { start[axis] } else { step.end[axis] });
+                Some(Guided::Axes(Move { start, end, ..step.clone() }))
+            }
+            _ => self.lead(guided, span, chosen, state, inputs, findings).map(Guided::Elements),
         }
-        if guided.guide == ToolGuide::Axes {
-            let start: Position = std::array::from_fn(work);
-            let held = |axis: usize| guided.held.contains(Axis::ALL[axis]);
-            let end = std::array::from_fn(|axis| if held(axis) { start[axis] } else { step.end[axis] });
-            return Some(Guided::Axes(Move { start, end, ..step.clone() }));
-        }
+    }
+
+    /// Leads the tool along a move; nothing after a finding.
+    fn lead(
+        &self,
+        guided: &GuidedMove,
+        span: SourceSpan,
+        chosen: Option<Chosen>,
+        state: &mut GuideState,
+        inputs: &GuideInputs<'_>,
+        findings: &mut FindingLog,
+    ) -> Option<FiveAxisMotion> {
         if let Some(axis) = self.unguided_axis(guided, &state.position) {
             findings.push(no_axis(axis, span));
             return None;
@@ -309,7 +317,7 @@ impl Guide {
         } else {
             self.check_pole(&motion, &before, by_angles, span, state, findings);
         }
-        Some(Guided::Elements(motion))
+        Some(motion)
     }
 
     /// An axis that a move of a guided tool cannot place: one beside the chain, or one that the program places though the tool
@@ -323,105 +331,6 @@ impl Guide {
             index < AXIS_COUNT && !is_guided && step.end[index] != position[index] - step.work_offset[index]
         };
         Axis::ALL.into_iter().find(moves)
-    }
-
-    /// The elements of a block. Where it tilts the tool away from a pole, in which the first rotary axis is free, that axis
-    /// turns first to the solution that was chosen for what follows, or else that the profile prefers among those within the
-    /// ranges. A rapid to another solution than that at hand turns both axes evenly.
-    fn elements(
-        &self,
-        setup: &Setup,
-        start: &FiveAxisPoint,
-        block: &FiveAxisBlock<'_>,
-        chosen_rad: Option<[f64; 2]>,
-    ) -> Result<FiveAxisMotion, FiveAxisRefusal> {
-        let Some(angles) = self.turn_in_pole(setup, start, block, chosen_rad) else {
-            let motion = self.kinematics.elements(setup, start, block);
-            let (Some(chosen_rad), true, Toward::Vector(target)) = (chosen_rad, block.rapid, block.toward) else {
-                return motion;
-            };
-            let is_there = |motion: &FiveAxisMotion| {
-                let end_rad = self.kinematics.from_position(&motion.end.position).rotary_rad;
-                end_rad.iter().zip(chosen_rad).all(|(end, chosen)| (end - chosen).abs() <= SAME_SOLUTION_RAD)
-            };
-            // The program has to state in which direction to turn to the opposite one.
-            if matches!(motion, Err(FiveAxisRefusal::Opposite(_))) || motion.as_ref().is_ok_and(is_there) {
-                return motion;
-            }
-            let block = FiveAxisBlock { toward: Toward::Angles(chosen_rad.map(f64::to_degrees)), ..*block };
-            let motion = self.kinematics.elements(setup, start, &block)?;
-            let direction = unit(target).unwrap_or(motion.end.direction);
-            return Ok(FiveAxisMotion { end: FiveAxisPoint { direction, ..motion.end }, ..motion });
-        };
-        let turn = FiveAxisBlock { end_mm: start.tip_mm, curve: None, toward: Toward::Angles(angles), ..*block };
-        let turn = self.kinematics.elements(setup, start, &turn)?;
-        let (stood, start) = (start, FiveAxisPoint { direction: start.direction, ..turn.end });
-        let motion = self.kinematics.elements(setup, &start, block)?;
-        let place = self.kinematics.letters().1[0].index();
-        let turn_in_pole_rad = (turn.end.position[place] - stood.position[place]).abs().to_radians();
-        let elements = turn.elements.into_iter().chain(motion.elements).collect();
-        Ok(FiveAxisMotion { elements, turn_in_pole_rad: motion.turn_in_pole_rad.max(turn_in_pole_rad), ..motion })
-    }
-
-    /// Rotary angles, degrees, to turn to before a block that leaves a pole; nothing where there is nothing to turn.
-    fn turn_in_pole(
-        &self,
-        setup: &Setup,
-        start: &FiveAxisPoint,
-        block: &FiveAxisBlock<'_>,
-        chosen_rad: Option<[f64; 2]>,
-    ) -> Option<[f64; 2]> {
-        let Toward::Vector(target) = block.toward else { return None };
-        let stand_rad = self.kinematics.from_position(&start.position).rotary_rad;
-        if self.kinematics.pole_distance_rad(stand_rad) > POLE_RAD {
-            return None;
-        }
-        let target = unit(target).filter(|&target| angle(target, start.direction) > POLE_RAD)?;
-        let start_rad = match chosen_rad {
-            Some(chosen_rad) => chosen_rad,
-            None => {
-                let chosen = self.kinematics.choose_start([target], setup, stand_rad).ok()?;
-                if chosen.singular == 0 { chosen.start_rad } else { stand_rad }
-            }
-        };
-        ((start_rad[0] - stand_rad[0]).abs() > POLE_RAD).then(|| [start_rad[0].to_degrees(), stand_rad[1].to_degrees()])
-    }
-
-    /// Names a rapid that goes to another solution because the one at hand would leave a range later.
-    fn report_turn(
-        &self,
-        cut: &CutNote,
-        [before, end]: [&FiveAxisPoint; 2],
-        span: SourceSpan,
-        findings: &mut FindingLog,
-    ) {
-        let Some(other) = cut.other.filter(|other| other.line > span.line) else { return };
-        let (_, [first, second]) = self.kinematics.letters();
-        let degrees = |point: &FiveAxisPoint, axis: Axis| point.position[axis.index()];
-        if (degrees(end, first) - degrees(before, first)).abs() < BRANCH_TURN_DEG {
-            return;
-        }
-        let message = format!(
-            "{} goes from {:.3} to {:.3} degrees and {} from {:.3} to {:.3} here: otherwise {} would leave its range in line {}",
-            first.letter(),
-            degrees(before, first),
-            degrees(end, first),
-            second.letter(),
-            degrees(before, second),
-            degrees(end, second),
-            other.axis.letter(),
-            other.line
-        );
-        findings.push(
-            Finding::new(code::FIVE_AXIS_SOLUTION, span, message)
-                .with_value("first_axis", degrees(end, first), "deg")
-                .with_value("second_axis", degrees(end, second), "deg")
-                .with_value("other_line", f64::from(other.line), "")
-                .with_value("other_angle", other.value_deg, "deg")
-                .with_value("other_range_min", other.range_deg[0], "deg")
-                .with_value("other_range_max", other.range_deg[1], "deg")
-                .suggest("retract before this block so far that the work may turn"),
-        );
     }
 
     /// Sees to it that the tool in the state is the one of a move; nothing after a finding.
@@ -468,44 +377,6 @@ impl Guide {
         // Parallel to the machine's axes where the rotary ones are at their offsets: there the program has them at zero.
         let work = self.kinematics.work_frame_at(&self.kinematics.from_position(&guided.step.work_offset));
         Ok(Setup { work, tool_length_mm: length_mm })
-    }
-
-    /// Names the cut in which the first rotary axis turns because the tool is parallel to it, or nearly so.
-    fn check_pole(
-        &self,
-        motion: &FiveAxisMotion,
-        before: &FiveAxisPoint,
-        by_angles: bool,
-        span: SourceSpan,
-        state: &mut GuideState,
-        findings: &mut FindingLog,
-    ) {
-        let (_, [first, _]) = self.kinematics.letters();
-        let distance_deg = motion.least_pole_distance_rad.to_degrees();
-        let turn_deg = (motion.end.position[first.index()] - before.position[first.index()]).abs();
-        let deviation_deg = motion.deviation_rad.to_degrees();
-        let near = distance_deg < NEAR_POLE_DEG && (turn_deg > POLE_TURN_DEG || deviation_deg > 0.0);
-        // A cut is named though the rapid before it was.
-        let is_named = std::mem::replace(&mut state.near_pole, near && state.cutting);
-        if near && !is_named {
-            let letter = first.letter();
-            let message = format!(
-                "the tool is within {distance_deg:.4} degrees of the {letter} axis here, which turns by {turn_deg:.1} \
-                 degrees in this block: its velocity and acceleration limit the feed"
-            );
-            let finding = Finding::new(code::FIVE_AXIS_SINGULAR, span, message)
-                .with_value("pole_distance", distance_deg, "deg")
-                .with_value("turn", turn_deg, "deg")
-                .with_value("turn_at_rest", motion.turn_in_pole_rad.to_degrees(), "deg")
-                .with_value("direction_deviation", deviation_deg, "deg");
-            findings.push(if by_angles {
-                finding.suggest("tilt the work, so that the tool keeps away from the axis")
-            } else {
-                finding.suggest("tilt the work, so that the tool keeps away from the axis").suggest(
-                    "allow a pole tolerance in the machine profile, within which the direction may pass the pole",
-                )
-            });
-        }
     }
 }
 

@@ -102,6 +102,39 @@ pub(crate) struct PathVibration {
 }
 
 impl Piece {
+    /// Adds what a vertex of the path is made of: the change between the slopes before and behind it, mm per degree, over
+    /// `length_deg` around `vertex_deg`, and the straight part behind.
+    fn push_vertex(
+        pieces: &mut Vec<Self>,
+        at: Place,
+        [slope, next]: [Place; 2],
+        vertex_deg: f64,
+        length_deg: f64,
+        line: u32,
+    ) {
+        let half_deg = 0.5 * length_deg;
+        if half_deg > 0.0 {
+            pieces.push(Piece {
+                start_deg: vertex_deg - half_deg,
+                origin_deg: vertex_deg - half_deg,
+                at: core::array::from_fn(|axis| at[axis] - slope[axis] * half_deg),
+                slope,
+                change: core::array::from_fn(|axis| next[axis] - slope[axis]),
+                length_deg,
+                line,
+            });
+        }
+        pieces.push(Piece {
+            start_deg: vertex_deg + half_deg,
+            origin_deg: vertex_deg,
+            at,
+            slope: next,
+            change: [0.0; 3],
+            length_deg: 0.0,
+            line,
+        });
+    }
+
     #[inline]
     fn value(&self, axis: usize, angle_deg: f64) -> f64 {
         let t = angle_deg - self.origin_deg;
@@ -139,39 +172,16 @@ impl ThreadPath {
         let [mut at, mut slope] = [[start[0], start[1], 0.0], [0.0; 3]];
         let mut vertex_deg = start_angle_deg + 0.5 * changes_deg.first().copied().unwrap_or(0.0);
         let mut line = parts.first().map_or(0, |part| part.line);
-        let mut change = |at: Place, slope: Place, next: Place, vertex_deg: f64, length_deg: f64, line: u32| {
-            let half_deg = 0.5 * length_deg;
-            if half_deg > 0.0 {
-                pieces.push(Piece {
-                    start_deg: vertex_deg - half_deg,
-                    origin_deg: vertex_deg - half_deg,
-                    at: core::array::from_fn(|axis| at[axis] - slope[axis] * half_deg),
-                    slope,
-                    change: core::array::from_fn(|axis| next[axis] - slope[axis]),
-                    length_deg,
-                    line,
-                });
-            }
-            pieces.push(Piece {
-                start_deg: vertex_deg + half_deg,
-                origin_deg: vertex_deg,
-                at,
-                slope: next,
-                change: [0.0; 3],
-                length_deg: 0.0,
-                line,
-            });
-        };
         for (part, &length_deg) in parts.iter().zip(changes_deg) {
             let next = part.slope([at[0], at[1]]);
             line = part.line;
-            change(at, slope, next, vertex_deg, length_deg, line);
+            Piece::push_vertex(&mut pieces, at, [slope, next], vertex_deg, length_deg, line);
             at = [part.end[0], part.end[1], at[2] + next[2] * part.angle_deg];
             slope = next;
             vertex_deg += part.angle_deg;
         }
         let last_deg = changes_deg.get(parts.len()).copied().unwrap_or(0.0);
-        change(at, slope, [0.0; 3], vertex_deg, last_deg, line);
+        Piece::push_vertex(&mut pieces, at, [slope, [0.0; 3]], vertex_deg, last_deg, line);
         // It rests beyond.
         pieces.pop();
         let lead_end_deg = vertex_deg + 0.5 * last_deg;

@@ -10,7 +10,7 @@ use super::feed_direction::{Plunge, turning_per_mm};
 use super::limits::{AxisShares, GuidedLimits, LeftLimits, Shortage, TOP_OVERRIDE, TURNING_SHARE, machine_limits};
 use super::state::ActiveOscillation;
 use super::{
-    ConditionChoice, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
+    ConditionChoice, FloorArea, FloorSettings, LeadingEdge, NamedCondition, OscillationCondition, OscillationCut,
     OscillationDrives, OscillationInputs, OscillationJob, OscillationLimits, OscillationReport, OscillationRequest,
     OscillationRun, OscillationSectionReport, RoleReport, RoleRotation, ToolGeometry, ToolOscillation, find_condition,
     judge, known_names, ramp_mm, synchronise,
@@ -77,30 +77,7 @@ impl Judgements {
             found.extend(here);
             return known.report.clone();
         }
-        job.floor = floor.area(job.tool, &job.cut);
-        if let Some(area) = &job.floor {
-            // With the oscillation, and without it.
-            let updates = 2.0 * area.updates(job.tool, &job.cut);
-            let fits = self.floors < MAX_FLOORS && self.floor_updates + updates <= MAX_FLOOR_UPDATES;
-            if fits && !self.floors_ended {
-                self.floors += 1;
-                self.floor_updates += updates;
-            } else {
-                job.floor = None;
-                if !std::mem::replace(&mut self.floors_ended, true) {
-                    let message = format!(
-                        "the floor of this and of further cuts is not simulated: {} different ones were, which is as much \
-                         as one validation computes",
-                        self.floors
-                    );
-                    found.push(
-                        Finding::new(code::OSC_FLOOR, job.span, message)
-                            .with_value("simulated", self.floors as f64, "")
-                            .suggest("validate a part of the program to see its floor"),
-                    );
-                }
-            }
-        }
+        job.floor = self.floor(&job, floor, found);
         let (report, findings) = judge(&job);
         found.extend(findings.iter().cloned());
         if self.known.len() < MAX_KNOWN {
@@ -117,6 +94,37 @@ impl Judgements {
             });
         }
         report
+    }
+
+    /// The part of the floor that is simulated for a cut; nothing once the most were, which is a finding once.
+    fn floor(
+        &mut self,
+        job: &OscillationJob<'_>,
+        settings: &FloorSettings,
+        found: &mut Vec<Finding>,
+    ) -> Option<FloorArea> {
+        let area = settings.area(job.tool, &job.cut)?;
+        // With the oscillation, and without it.
+        let updates = 2.0 * area.updates(job.tool, &job.cut);
+        let fits = self.floors < MAX_FLOORS && self.floor_updates + updates <= MAX_FLOOR_UPDATES;
+        if fits && !self.floors_ended {
+            self.floors += 1;
+            self.floor_updates += updates;
+            return Some(area);
+        }
+        if !std::mem::replace(&mut self.floors_ended, true) {
+            let message = format!(
+                "the floor of this and of further cuts is not simulated: {} different ones were, which is as much as one \
+                 validation computes",
+                self.floors
+            );
+            found.push(
+                Finding::new(code::OSC_FLOOR, job.span, message)
+                    .with_value("simulated", self.floors as f64, "")
+                    .suggest("validate a part of the program to see its floor"),
+            );
+        }
+        None
     }
 }
 

@@ -24,6 +24,7 @@ mod request;
 mod state;
 mod superposition;
 mod table;
+mod values;
 mod waveform;
 
 pub use crate::shared::blend::{BLEND_STEEPNESS, blend};

@@ -8,7 +8,7 @@ use super::motion::DirectionMotion;
 use super::removal::{Removal, removal};
 use super::{
     DirectionPeaks, EdgeReport, FloorArea, HeightField, OscillationCondition, OscillationCut, OscillationDrives,
-    OscillationFollowing, RoleRotation, Roughness, ToolGeometry, ToolOscillation, findings, following, ramp_mm,
+    OscillationFollowing, RoleRotation, Roughness, ToolGeometry, ToolOscillation, findings, following, ramp_mm, values,
 };
 
 /// What one direction of the machine can do.
@@ -231,11 +231,11 @@ pub fn judge(job: &OscillationJob<'_>) -> (Option<OscillationReport>, Vec<Findin
 #[must_use]
 pub fn synchronise(job: &OscillationJob<'_>, findings: &mut Vec<Finding>) -> Option<ToolOscillation> {
     let before = findings.len();
-    findings::input(job, findings);
+    values::input(job, findings);
     if findings.len() > before {
         return None;
     }
-    let periods_per_rev = findings::period(job, findings)?;
+    let periods_per_rev = values::period(job, findings)?;
     ToolOscillation::new(job.tool, job.condition, periods_per_rev, job.leading_edge)
 }
 

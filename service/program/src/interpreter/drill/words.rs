@@ -16,6 +16,8 @@ const PECK_RETURNS: &str = "PECK_RETURN_R_LEVEL where the tool goes out of the h
 /// Values of the setting of the direction off the wall.
 const BORING_SHIFTS: &str = "BORING_SHIFT_FIRST_PLUS or BORING_SHIFT_FIRST_MINUS along the first axis of the plane (X in G17), \
                              to BORING_SHIFT_SECOND_PLUS or BORING_SHIFT_SECOND_MINUS along the second";
+/// The axes of `I`, `J` and `K`.
+const CENTRE_AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
 impl Execution<'_> {
     /// The holes that a block asks for, and how often; nothing after a finding. `along` are the words of the drilling axis,
@@ -261,36 +263,9 @@ impl Execution<'_> {
             return Some(shift);
         }
         let (first, second) = self.state.plane.axes();
-        let centre_axes = [Axis::X, Axis::Y, Axis::Z];
-        let mut has_words = false;
-        for (place, letter) in [b'I', b'J', b'K'].into_iter().enumerate() {
-            if ![first, second].contains(&centre_axes[place])
-                || letter == b'K' && self.repeat_letters() & letter_bit(b'K') != 0
-            {
-                continue;
-            }
-            if let Some(word) = self.take(letter) {
-                has_words = true;
-                self.state.drilling.ijk[place] = Some(self.scaled(&word, true));
-            }
-        }
-        let q = self.take(b'Q').map(|word| (word, self.scaled(&word, true)));
-        if let Some((word, value)) = q {
-            if value < 0.0 || has_words {
-                self.drill_value(
-                    &word,
-                    format!("the shift Q is {value} mm beside I or J, or negative"),
-                    "write Q without a sign, or I and J",
-                );
-                return None;
-            }
-            self.state.drilling.q = Some(value);
-            self.state.drilling.ijk = [None; 3];
-        } else if has_words {
-            self.state.drilling.q = None;
-        }
+        self.read_boring_shift([first, second])?;
         if self.state.drilling.ijk.iter().any(Option::is_some) {
-            for (axis, value) in centre_axes.into_iter().zip(self.state.drilling.ijk) {
+            for (axis, value) in CENTRE_AXES.into_iter().zip(self.state.drilling.ijk) {
                 shift[axis.index()] = value.unwrap_or(0.0);
             }
             return Some(shift);
@@ -320,6 +295,38 @@ impl Execution<'_> {
                 Some(shift)
             }
         }
+    }
+
+    /// Keeps the words of a block that say where the oriented tool leaves the wall; nothing after a finding.
+    fn read_boring_shift(&mut self, plane_axes: [Axis; 2]) -> Option<()> {
+        let mut has_words = false;
+        for (place, letter) in [b'I', b'J', b'K'].into_iter().enumerate() {
+            if !plane_axes.contains(&CENTRE_AXES[place])
+                || letter == b'K' && self.repeat_letters() & letter_bit(b'K') != 0
+            {
+                continue;
+            }
+            if let Some(word) = self.take(letter) {
+                has_words = true;
+                self.state.drilling.ijk[place] = Some(self.scaled(&word, true));
+            }
+        }
+        let q = self.take(b'Q').map(|word| (word, self.scaled(&word, true)));
+        if let Some((word, value)) = q {
+            if value < 0.0 || has_words {
+                self.drill_value(
+                    &word,
+                    format!("the shift Q is {value} mm beside I or J, or negative"),
+                    "write Q without a sign, or I and J",
+                );
+                return None;
+            }
+            self.state.drilling.q = Some(value);
+            self.state.drilling.ijk = [None; 3];
+        } else if has_words {
+            self.state.drilling.q = None;
+        }
+        Some(())
     }
 
     /// The letters that say how often.

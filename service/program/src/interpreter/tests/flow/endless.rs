@@ -28,6 +28,7 @@ fn a_loop_is_bounded_by_blocks_and_by_blocks_without_motion() {
     assert_eq!(findings.into_findings()[0].code, "PRG-ENDLESS");
 }
 
+// As long as its table of loops.
 #[test]
 fn the_loop_in_which_a_bound_is_reached_is_named_with_its_first_block() {
     let linuxcnc = LanguageSettings::linuxcnc();

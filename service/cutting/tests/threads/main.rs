@@ -1,16 +1,18 @@
 //! Threads through the whole pipeline, against the numbers and conditions of docs/functions/thread-vibration.md.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod face;
+mod random;
 
 use std::f64::consts::PI;
 
-use common::{Setpoints, resume, run, run_in_pieces, snapshots, validate};
-use feedwave_cutting::thread::{LeadAxis, SpindleRotation, StartUp, ThreadFollower, ThreadPath, ThreadSectionReport};
+use common::{Setpoints, run, validate};
+use feedwave_cutting::thread::{SpindleRotation, StartUp, ThreadFollower, ThreadPath, ThreadSectionReport};
 use feedwave_cutting::{MachineProfile, OverrideChange, PipelineConfig, ValidationReport};
-use proptest::prelude::*;
 
-const PROGRAM_A: &str = include_str!("../../../tests/fixtures/thread-a.nc");
-const PROGRAM_B: &str = include_str!("../../../tests/fixtures/thread-b.nc");
+const PROGRAM_A: &str = include_str!("../../../../tests/fixtures/thread-a.nc");
+const PROGRAM_B: &str = include_str!("../../../../tests/fixtures/thread-b.nc");
 
 fn lathe() -> PipelineConfig {
     PipelineConfig::new(MachineProfile::lathe())
@@ -116,9 +118,7 @@ fn program_b_cuts_one_path_with_three_phases() {
     }
 }
 
-const FACE: &str = include_str!("../../../tests/fixtures/thread-face.nc");
-
-/// Velocity, acceleration, and jerk where that is asked for, of every axis at every setpoint.
+/// Velocity and acceleration of every axis at every setpoint.
 fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) {
     let period_s = config.period_s();
     for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
@@ -130,114 +130,6 @@ fn check_limits(setpoints: &Setpoints, config: &PipelineConfig) {
             assert!(acceleration.abs() <= most, "{acceleration} of {} at {k}", axis.name);
         }
     }
-}
-
-#[test]
-fn the_axis_across_the_lead_keeps_its_limits_where_it_moves_and_vibrates() {
-    // A face with a part along Z behind it, a line at exactly 45 degrees, and a straight part with a slope behind it. With the
-    // amplitude and where the first part ends.
-    let face = |amplitude_mm: f64, by_mm: f64| {
-        let first =
-            format!("G97 S900 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.4\nG32 X{} F4 A{amplitude_mm}\n", 20.0 + by_mm);
-        first + "G32 Z4 F4\nG0 Z5\nG165 P0\nM30\n"
-    };
-    let tie = |amplitude_mm: f64, by_mm: f64| {
-        let (x, z) = (20.0 + 2.0 * by_mm, -30.5 + by_mm);
-        let first = format!("G97 S600 M3\nG0 X80 Z5\nG165 P3 Z0 Q1.3\nG0 Z-0.5\nG32 X{x} Z{z} F4 A{amplitude_mm}\n");
-        first + "G0 X90\nG0 Z5\nG165 P0\nM30\n"
-    };
-    let slope = |amplitude_mm: f64, by_mm: f64| {
-        let first =
-            format!("G97 S600 M3\nG0 X34 Z5\nG165 P3 X30 Q1.3\nG0 X29.6\nG32 Z{} F2 A{amplitude_mm}\n", -20.0 + by_mm);
-        first + "G32 X32 Z-40 F2\nG0 X34\nG0 Z5\nG165 P0\nM30\n"
-    };
-    let programs: [&dyn Fn(f64, f64) -> String; 3] = [&face, &tie, &slope];
-    for (program, by_mm) in programs.iter().flat_map(|program| (0..8).map(move |k| (program, 0.25 * f64::from(k)))) {
-        let accepted = |amplitude_mm: f64| validate(&program(amplitude_mm, by_mm), &lathe()).is_accepted();
-        // The largest amplitude that is accepted, between one that is and one that is not.
-        let (mut most, mut refused) = (0.02, 8.0);
-        assert!(accepted(most) && !accepted(refused), "{}", program(most, by_mm));
-        while refused - most > 0.01 {
-            let middle = 0.5 * (most + refused);
-            if accepted(middle) { most = middle } else { refused = middle }
-        }
-        check_limits(&run(&program(most, by_mm), &lathe()), &lathe());
-    }
-}
-
-#[test]
-fn a_thread_on_a_face_vibrates_along_z() {
-    let report = accepted(FACE, &lathe());
-    let [section] = report.threads.as_slice() else { panic!("{} threads", report.threads.len()) };
-    let geometry = &section.job.geometry;
-    assert_eq!((geometry.lead_axis, geometry.work_mm, geometry.lead_mm), (LeadAxis::X, 0.0, 4.0));
-    assert_eq!((geometry.start_mm, geometry.end_mm), (40.0, 10.0));
-    let setpoints = run(FACE, &lathe());
-    check_limits(&setpoints, &lathe());
-    let expected = [(0.4, 0.52, 0.0), (0.7, 0.39, 180.0), (0.9, 0.5, 30.0), (1.0, 0.0, 180.0)];
-    for ((pass, line), (depth_mm, amplitude_mm, shift_deg)) in
-        section.job.passes.iter().zip(lines(section)).zip(expected)
-    {
-        assert!(near(pass.depth_mm, depth_mm, 1e-12) && near(pass.amplitude_mm, amplitude_mm, 1e-12), "{pass:?}");
-        assert_eq!(pass.phase_shift_deg, shift_deg);
-        let samples = cutting(&setpoints, line);
-        let mut exact = 0;
-        for pair in samples.windows(2).skip(300) {
-            let [before, k] = [pair[0], pair[1]];
-            let retreat_mm = wave(amplitude_mm, setpoints.spindle[k], shift_deg);
-            assert!(near(setpoints.axes[1][k], -depth_mm + retreat_mm, 1e-9), "setpoint {k}");
-            if (setpoints.feed[k] - 4.0 * 200.0).abs() < 1e-6 && (setpoints.feed[before] - 4.0 * 200.0).abs() < 1e-6 {
-                let advance_mm = setpoints.axes[0][before] - setpoints.axes[0][k];
-                let turned_deg = setpoints.spindle[k] - setpoints.spindle[before];
-                assert!(near(advance_mm / turned_deg * 360.0, 4.0, 1e-6), "setpoint {k}");
-                exact += 1;
-            }
-        }
-        assert!(exact > 1_500, "{exact}");
-    }
-    // The third pass starts in the middle of its wave, from rest.
-    let third = lines(section)[2];
-    let first = cutting(&setpoints, third)[0];
-    let start = (0..first).rev().find(|&k| setpoints.line[k] != third).expect("it is not the first") + 1;
-    let peak = 0.25 * (4.0 * PI * 200.0 / 60.0).powi(2);
-    for three in setpoints.axes[1][start + 200..first + 400].windows(3) {
-        assert!(((three[2] - 2.0 * three[1] + three[0]) / 1e-6).abs() <= peak * (1.0 + 1e-9), "{three:?}");
-    }
-    // The chip is judged as that of a thread along Z; its phases are what counts.
-    assert!(section.report.passes[..2].iter().all(|pass| pass.depth.broken), "{:?}", section.report.passes);
-    // It is followed as it is run.
-    for (pass, line) in section.job.passes.iter().zip(lines(section)) {
-        let samples = cutting(&setpoints, line);
-        let reference_deg = (setpoints.spindle[samples[0]] / 360.0).floor() * 360.0;
-        let path = ThreadPath::of_pass(&section.job, pass);
-        let mut follower = ThreadFollower::new(path, section.job.geometry.rotation, reference_deg);
-        for k in samples {
-            let place = follower.unwrapped(setpoints.spindle[k]).expect("an angle");
-            assert!(near(place.radius_mm, setpoints.axes[0][k], 1e-9), "line {line}, setpoint {k}");
-            assert!(near(place.z_mm, setpoints.axes[1][k], 1e-9), "line {line}, setpoint {k}");
-        }
-    }
-}
-
-#[test]
-fn the_axis_that_vibrates_is_stated_and_is_not_that_of_the_lead() {
-    for (from, to, code) in [
-        ("G165 P3 Z0.0 Q1.3", "G165 P3 X80.0 Q1.3", "THREAD-LEAD-X"),
-        ("G165 P3 Z0.0 Q1.3", "G165 P3 X80.0 Z0.0 Q1.3", "PRG-FUNCTION-WORD"),
-        ("G165 P3 Z0.0 Q1.3", "G165 P3 Q1.3", "PRG-FUNCTION-WORD-MISSING"),
-        (
-            "G32 X20.0 F4.0\nG0 Z5.0\nG0 X80.0\n(--- PASS 2",
-            "G32 Z-90.0 F4.0\nG0 Z5.0\nG0 X80.0\n(--- PASS 2",
-            "THREAD-LEAD-X",
-        ),
-    ] {
-        assert!(FACE.contains(from), "{from}");
-        let report = validate(&FACE.replace(from, to), &lathe());
-        let found = codes(&report);
-        assert!(!report.is_accepted() && found.contains(&code.to_owned()), "{to}: {found:?}");
-    }
-    // What does not vibrate may lead anywhere.
-    accepted(&FACE.replace("G32 X20.0 F4.0 A0.0", "G32 Z-40.0 F4.0 A0.0"), &lathe());
 }
 
 #[test]
@@ -434,170 +326,6 @@ fn every_start_of_a_thread_has_its_own_infeed() {
             assert!(near(pass.amplitude_mm, 1.5 * infeed_mm, 1e-9));
             assert_eq!(pass.phase_shift_deg, if infeed_mm == 0.3 { 0.0 } else { 180.0 });
         }
-    }
-}
-
-/// A random thread.
-#[derive(Clone, Debug)]
-struct Thread {
-    passes: Vec<(f64, f64, f64)>,
-    lead_mm: f64,
-    taper_mm: f64,
-    rev_per_min: u32,
-    reverse: bool,
-    vibrates: bool,
-    delayed: bool,
-    combined: bool,
-    inside: bool,
-}
-
-fn threads() -> impl Strategy<Value = Thread> {
-    let pass = (0.01..0.15_f64, prop_oneof![Just(0.0), 0.0..359.0_f64], -0.4..0.4_f64);
-    (
-        prop::collection::vec(pass, 1..5),
-        // Four passes of 0.15 mm make a groove of 0.69 mm, which no finer pitch has room for.
-        0.7..4.0_f64,
-        prop_oneof![Just(0.0), -1.0..1.0_f64],
-        // What the axis can follow at the largest amplitude.
-        100..640_u32,
-        any::<[bool; 5]>(),
-    )
-        .prop_map(|(passes, lead_mm, taper_mm, rev_per_min, flags)| Thread {
-            passes,
-            lead_mm,
-            taper_mm,
-            rev_per_min,
-            reverse: flags[0],
-            vibrates: flags[1],
-            delayed: flags[2],
-            combined: flags[3],
-            inside: flags[4],
-        })
-}
-
-impl Thread {
-    fn text(&self) -> String {
-        let spindle = if self.reverse { "M4" } else { "M3" };
-        let mut text = format!("G97 S{} {spindle}\nG0 X30. Z10.\n", self.rev_per_min);
-        if self.vibrates {
-            text += "G165 P3 X30. Q1.3\n";
-        }
-        let mut depth = 0.0;
-        let clear = if self.inside { 24.0 } else { 36.0 };
-        for (infeed, start_deg, shift_mm) in &self.passes {
-            depth += infeed;
-            let x = if self.inside { 30.0 + 2.0 * depth } else { 30.0 - 2.0 * depth };
-            text += &format!("G0 X{clear:.1}\nG0 Z{:.3}\nG0 X{x:.4}\n", 10.0 + shift_mm);
-            text += &format!("G32 X{:.4} Z-15. F{:.4} Q{start_deg:.3}\n", x + self.taper_mm, self.lead_mm);
-        }
-        text += &format!("G0 X{clear:.1}\n");
-        if self.vibrates {
-            text += "G165 P0\n";
-        }
-        text + "M30\n"
-    }
-
-    fn config(&self) -> PipelineConfig {
-        let mut config = lathe();
-        let settings = &mut config.profile.thread_vibration;
-        settings.start_up = if self.delayed { StartUp::Delayed } else { StartUp::Preparatory };
-        settings.combined_preparation = self.combined;
-        config
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
-
-    #[test]
-    fn a_stream_resumed_in_a_thread_is_the_original(thread in threads(), choice in any::<prop::sample::Index>(), piece in 1..100_usize) {
-        let (program, config) = (thread.text(), thread.config());
-        let original = run(&program, &config);
-        prop_assert!(original == run_in_pieces(program.as_bytes(), &config, piece));
-        let taken = snapshots(program.as_bytes(), &config);
-        let (index, offset, snapshot) = choice.get(&taken);
-        let (first, resumed) = resume(program.as_bytes(), &config, *offset, snapshot);
-        prop_assert_eq!(first, *index);
-        prop_assert_eq!(first as usize + resumed.len(), original.len());
-        for k in 0..resumed.len() {
-            prop_assert_eq!(original.bits(first as usize + k), resumed.bits(k), "setpoint {}", first as usize + k);
-        }
-    }
-
-    #[test]
-    fn limits_hold_and_figures_agree(thread in threads()) {
-        let (program, config) = (thread.text(), thread.config());
-        let report = validate(&program, &config);
-        prop_assert!(report.is_accepted(), "{:?}", report.findings);
-        let setpoints = run(&program, &config);
-        let period_s = config.period_s();
-        let summary = &report.summary;
-        prop_assert!(near(summary.cutting_time_s + summary.rapid_time_s + summary.rest_time_s, summary.duration_s, 1e-6));
-        prop_assert!(near(summary.path_length_mm, *setpoints.path.last().unwrap(), 1e-6));
-        for (column, axis) in setpoints.axes.iter().zip(&config.profile.machine.axes) {
-            for (k, window) in column.windows(3).enumerate() {
-                let velocity = (window[1] - window[0]) / period_s;
-                prop_assert!(velocity.abs() <= axis.max_velocity_per_s * (1.0 + 1e-6), "velocity {velocity} at {k}");
-                let acceleration = (window[2] - 2.0 * window[1] + window[0]) / (period_s * period_s);
-                prop_assert!(
-                    acceleration.abs() <= axis.max_acceleration_per_s2 * (1.0 + 1e-6) + 1e-13 / (period_s * period_s),
-                    "acceleration {acceleration} of {} at {k}, line {}", axis.name, setpoints.line[k]
-                );
-            }
-        }
-        // Never deeper than programmed, and at rest without retreat.
-        prop_assert!(setpoints.vibration.iter().all(|offset| *offset >= 0.0));
-        prop_assert_eq!(*setpoints.vibration.last().unwrap(), 0.0);
-    }
-
-    #[test]
-    fn the_phase_at_a_spindle_angle_depends_on_nothing_else(thread in threads()) {
-        prop_assume!(thread.vibrates);
-        let (program, config) = (thread.text(), thread.config());
-        let setpoints = run(&program, &config);
-        let report = validate(&program, &config);
-        let sign = if thread.reverse { -1.0 } else { 1.0 };
-        let passes = report.threads.iter().flat_map(|section| &section.job.passes);
-        let mut compared = 0;
-        for pass in passes {
-            let line = pass.span.line;
-            let samples = cutting(&setpoints, line);
-            let started_deg = sign * setpoints.spindle[samples[0]] + 360.0;
-            for k in samples {
-                let turned_deg = sign * setpoints.spindle[k];
-                if turned_deg > started_deg {
-                    let expected = wave(pass.amplitude_mm, turned_deg, pass.phase_shift_deg);
-                    prop_assert!(near(setpoints.vibration[k], expected, 1e-9), "setpoint {k}");
-                    compared += 1;
-                }
-            }
-        }
-        prop_assert!(compared > 0);
-    }
-
-    #[test]
-    fn a_follower_plays_any_spindle(thread in threads(), steps in prop::collection::vec(-20.0..170.0_f64, 1..400)) {
-        let report = validate(&thread.text(), &thread.config());
-        let job = &report.threads[0].job;
-        let pass = job.passes[0];
-        let path = ThreadPath::of_pass(job, &pass);
-        let sign = if thread.reverse { -1.0 } else { 1.0 };
-        let mut follower = ThreadFollower::new(path.clone(), job.geometry.rotation, 17.0);
-        // The first reading is before the reference point.
-        let mut angle_deg = -1.0;
-        follower.encoder(17.0 + sign * angle_deg).unwrap();
-        for step_deg in steps {
-            angle_deg += step_deg;
-            let place = follower.encoder((17.0 + sign * angle_deg).rem_euclid(360.0)).unwrap();
-            let expected = path.at(angle_deg);
-            prop_assert!(near(place.radius_mm, expected.radius_mm, 1e-6) && near(place.z_mm, expected.z_mm, 1e-6));
-            let ideal = job.position(&pass, angle_deg);
-            prop_assert!(near(ideal.z_mm, expected.z_mm, 1e-9));
-            if angle_deg < path.lead_end_deg() {
-                prop_assert!(near(ideal.radius_mm, expected.radius_mm, 1e-9));
-            }
-        }
-        prop_assert!(follower.encoder(f64::NAN).is_err());
     }
 }
 

@@ -1,0 +1,170 @@
+//! What control flow does with whole lines.
+
+use std::sync::Arc;
+
+use super::Mark;
+use super::line;
+use crate::block::Rest;
+use crate::code;
+use crate::dialect::Group;
+use crate::interpreter::{Interpreter, LineOutcome};
+use crate::state::Phase;
+use crate::{Finding, FindingLog, Operation, OperationKind, SourceSpan};
+
+impl Interpreter {
+    /// Carries out what the line that was just read waits for.
+    #[cold]
+    pub(in crate::interpreter) fn settle_behind(&mut self, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let behind = Mark { place: self.state.place, lines: self.state.lines };
+        if let Some(pending) = &mut self.state.flow.pending {
+            pending.behind = behind;
+        }
+        self.settle(operations, findings);
+        if let Some(span) = self.state.flow.restarts_at.take() {
+            findings.push_with(code::MAIN_RETURN, |code| {
+                Finding::new(code, span, "the control starts the program again here; one pass of it is planned")
+            });
+            self.end(span, operations, findings);
+            self.state.reported.trailing = true;
+        }
+    }
+
+    /// Reads bytes for the index that is being made.
+    #[cold]
+    pub(in crate::interpreter) fn read_for_index(
+        &mut self,
+        input: &[u8],
+        end_of_input: bool,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> LineOutcome {
+        let Some(indexing) = &mut self.indexing else { return LineOutcome::Elsewhere };
+        if !input.is_empty() {
+            if indexing.read(input, end_of_input) {
+                return LineOutcome::Elsewhere;
+            }
+            return LineOutcome::NeedMore;
+        }
+        if !end_of_input {
+            return LineOutcome::NeedMore;
+        }
+        let Some(indexing) = self.indexing.take() else { return LineOutcome::Elsewhere };
+        let program = indexing.program() as usize;
+        if self.indexes.len() <= program {
+            self.indexes.resize(program + 1, None);
+        }
+        self.indexes[program] = Some(Arc::new(indexing.finish()));
+        self.settle(operations, findings);
+        LineOutcome::Elsewhere
+    }
+
+    /// Executes a line that is a statement, calls a macro, or has a program number; `false` where the words of its block are still to be
+    /// executed.
+    #[cold]
+    pub(in crate::interpreter) fn flow_line(
+        &mut self,
+        line: &[u8],
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        let span = self.span_in(line, 0, line.len());
+        let goes_on = match self.block.rest {
+            Some(Rest::Statement(at)) => self.macro_statement(line, at as usize, operations, findings),
+            Some(Rest::Arguments { at, modal }) => self.macro_call(line, at as usize, modal, findings),
+            Some(Rest::OWord(at)) => match self.o_statement(line, at as usize, findings) {
+                Some(goes_on) => goes_on,
+                None => return self.program_begins(span, operations, findings),
+            },
+            None => {
+                let word = self.block.word(b'O').map_or(span, |word| self.block.word_span(word));
+                return self.program_begins(word, operations, findings);
+            }
+        };
+        if self.state.phase == Phase::Start {
+            self.state.phase = Phase::Blocks;
+        }
+        let goes_on = goes_on && self.count_block(false, span, findings);
+        if !goes_on {
+            self.give_up(span, operations, findings);
+        }
+        true
+    }
+
+    /// A program number: the line of the program that was called goes on; behind the first block of another one the program before
+    /// it is not ended.
+    fn program_begins(&mut self, span: SourceSpan, operations: &mut Vec<Operation>, findings: &mut FindingLog) -> bool {
+        let is_target = self.state.flow.calls.last().is_some_and(|call| call.target.place == self.state.place);
+        if is_target || self.state.phase != Phase::Blocks {
+            return self.block.rest.is_some();
+        }
+        if self.state.flow.calls.is_empty() {
+            findings.push_with(code::NO_END, |code| {
+                Finding::new(code, span, "the next program begins before this one is ended")
+                    .suggest("end it with M30 (or M2)")
+            });
+        } else {
+            self.report_open_call(span, findings);
+        }
+        self.give_up(span, operations, findings);
+        true
+    }
+
+    /// Whether a line behind the end begins a program or a subprogram.
+    pub(in crate::interpreter) fn begins_program(&self, line: &[u8]) -> bool {
+        line::classify(line, self.table.dialect.flow, false).begins_program()
+    }
+
+    /// Whether the file that ends is that of a called program, which is an error.
+    pub(in crate::interpreter) fn ends_called_file(
+        &mut self,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) -> bool {
+        if self.state.flow.calls.is_empty() {
+            return false;
+        }
+        let span = self.state.flow.calls.last().map_or(SourceSpan::default(), |call| call.span);
+        self.report_open_call(span, findings);
+        self.give_up(span, operations, findings);
+        true
+    }
+
+    /// What follows from a block that was executed: a call, a return, or the macro that follows every block that moves.
+    #[inline]
+    pub(in crate::interpreter) fn after_block(
+        &mut self,
+        before: usize,
+        operations: &mut Vec<Operation>,
+        findings: &mut FindingLog,
+    ) {
+        if self.block.code(Group::Subprogram).is_some() {
+            self.state.flow.has_jumped = true;
+            if !self.subprogram(findings) {
+                let span = self.block.span();
+                return self.give_up(span, operations, findings);
+            }
+        }
+        if self.block.code(Group::MacroCall).is_some() {
+            self.end_modal_call();
+        }
+        if self.state.flow.has_jumped || !self.state.flow.modal.is_empty() {
+            self.after_repeated_block(before, operations, findings);
+        }
+    }
+
+    #[cold]
+    fn after_repeated_block(&mut self, before: usize, operations: &mut Vec<Operation>, findings: &mut FindingLog) {
+        let is_move = |operation: &Operation| {
+            matches!(operation.kind, OperationKind::Move(_) | OperationKind::Thread(_) | OperationKind::Guided(_))
+        };
+        let moves = operations[before.min(operations.len())..].iter().any(is_move) || self.state.is_plane_refused();
+        self.state.flow.codes += u64::from(self.block.has_codes());
+        let span = self.block.span();
+        if !self.count_block(moves, span, findings) {
+            return self.give_up(span, operations, findings);
+        }
+        if moves {
+            self.call_modal();
+        }
+    }
+}
