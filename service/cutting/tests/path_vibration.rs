@@ -6,7 +6,11 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{run, snapshots, validate};
-use feedwave_cutting::{GenerationMode, MachineProfile, PipelineConfig, ServoCondition, VibrationEnvelope, sin_turns};
+use feedwave_cutting::{
+    AxisDrive, DriveModel, FollowingModel, GenerationMode, MachineProfile, PipelineConfig, ServoCondition,
+    VibrationEnvelope, sin_turns,
+};
+use feedwave_program::Axis;
 
 /// The source's example with a start point, as a lathe runs it (diameter X): line, then clockwise arc.
 const EXAMPLE: &str =
@@ -219,7 +223,7 @@ fn opening_and_closing_words_are_checked() {
     assert!(codes(&format!("{cut}G200 F40 A0.1\nG1 Z-2 F0.1\nM30\n")).contains(&"VIB-UNCLOSED".to_owned()));
 
     let mut with_c = lathe();
-    with_c.profile.machine.axes.push(feedwave_motion::MachineAxis::new(feedwave_program::Axis::C, 360.0, 3_600.0, 1e6));
+    with_c.profile.machine.axes.push(feedwave_motion::MachineAxis::new(Axis::C, 360.0, 3_600.0, 1e6));
     let rotary = validate(&format!("{cut}G200 F40 A0.1\nG1 C90 F0.1\nG201\nM30\n"), &with_c);
     assert!(rotary.findings.iter().any(|finding| finding.code == "VIB-ROTARY-ONLY"), "{:#?}", rotary.findings);
 }
@@ -272,7 +276,7 @@ fn sections_of_one_switch_are_one_finding_for_each_axis_with_the_worst_of_them()
 fn what_turns_is_told_in_degrees() {
     let mut config = PipelineConfig::new(MachineProfile::mill());
     let mut turning = config.profile.machine.axes[0].clone();
-    (turning.axis, turning.name) = (feedwave_program::Axis::C, "C".to_owned());
+    (turning.axis, turning.name) = (Axis::C, "C".to_owned());
     (turning.travel_min, turning.travel_max) = (None, Some(90.0));
     config.profile.machine.axes.push(turning);
     let program = |path: &str| format!("M3 S1000\nG0 X0 Y0 Z0\nG200 F50 A0.03\n{path}\nG201\nG1 C80 F999999\nM30\n");
@@ -288,4 +292,37 @@ fn what_turns_is_told_in_degrees() {
     let beyond = validate(&program("G1 X1 C91 F100"), &config);
     let beyond = beyond.findings.iter().find(|finding| finding.code == "AXIS-TRAVEL").expect("beyond its travel");
     assert!(beyond.message.contains("91.000 deg"), "{}", beyond.message);
+}
+
+#[test]
+fn a_rotary_axis_with_a_drive_of_its_own_is_judged_beside_straight_cuts() {
+    let mut config = PipelineConfig::new(MachineProfile::mill());
+    let mut turning = config.profile.machine.axes[0].clone();
+    (turning.axis, turning.name) = (Axis::C, "C".to_owned());
+    (turning.travel_min, turning.travel_max, turning.max_jerk_per_s3) = (None, None, 1e9);
+    (turning.max_velocity_per_s, turning.max_acceleration_per_s2) = (3_600.0, 1e6);
+    config.profile.machine.axes.push(turning);
+    let drive = |gain_per_s: f64| DriveModel { position_loop_gain_per_s: Some(gain_per_s), ..DriveModel::default() };
+    config.profile.following =
+        FollowingModel { common: drive(200.0), axes: vec![AxisDrive { axis: Axis::C, drive: drive(20.0) }] };
+    let through = |gain_per_s: f64| 0.01 / (1.0 + (2.0 * PI * 20.0 / gain_per_s).powi(2)).sqrt();
+    let program = |path: &str| format!("M3 S1000\nG0 X0 Y0 Z0\nG200 F20 A0.01\n{path}\nG201\nM30\n");
+    let near = |value: f64, expected: f64| (value - expected).abs() < 1e-12;
+    let straight = validate(&program("G1 X10 F100\nY10"), &config);
+    let straight = &straight.sections[0].following;
+    assert!(near(straight.arriving_amplitude_mm, through(200.0)) && straight.axes.len() == 2, "{straight:?}");
+    // Straight cuts before, behind and around the turn say nothing of the axis that turns.
+    for path in ["G1 X10 C90 F100", "G1 X10 F100\nX20 C90", "G1 X10 C90 F100\nX20", "G1 X10 F100\nX20 C90\nX30"] {
+        let report = validate(&program(path), &config);
+        let section = &report.sections[0];
+        let following = &section.following;
+        assert!(near(following.arriving_amplitude_mm, through(20.0)), "{path}: {following:?}");
+        assert!(near(following.largest_arriving_amplitude_mm, through(200.0)), "{path}: {following:?}");
+        let command_mm = following.amplitude_to_command_mm.expect("not erased");
+        assert!(near(command_mm * through(20.0), 1e-4), "{path}: {following:?}");
+        assert!(near(following.lag_rad, (2.0 * PI * 20.0 / 20.0_f64).atan()), "{path}: {following:?}");
+        let unjudged_mm = following.contour.expect("the drives are stated").unjudged_mm;
+        assert!(unjudged_mm > 9.0 && unjudged_mm < section.length_mm + 1e-9, "{path}: {unjudged_mm}");
+        assert!(report.findings.iter().any(|finding| finding.code == "VIB-FOLLOWING-LOSS"), "{:?}", report.findings);
+    }
 }

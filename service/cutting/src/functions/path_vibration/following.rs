@@ -58,7 +58,7 @@ pub(super) struct FollowingLoss {
     condition: VibrationCondition,
     /// Largest |tangent| of every axis.
     tangents: [f64; AXIS_COUNT],
-    /// Responses along the path with the least and the largest gain, where the axes differ.
+    /// Responses along the path with the least and the largest gain; where rotary axes move, those of each axis.
     mixed: Option<[Response; 2]>,
     contour: FollowingContour,
 }
@@ -81,11 +81,15 @@ impl FollowingLoss {
             *tangent = tangent.max(largest);
         }
         let moved = |axis: &Axis| largest[axis.index()] > MOVES;
+        let (model, frequency_hz) = (&self.model, self.condition.frequency_hz);
         if Axis::ALL.iter().any(|axis| axis.is_rotary() && moved(axis)) || matches!(element.curve, Curve::FiveAxis(_)) {
+            // What the lag of a rotary axis does to the tool is not known: it is judged by what each of the axes does.
+            for axis in Axis::ALL.into_iter().filter(moved) {
+                keep(&mut self.mixed, model.of(axis).response(frequency_hz));
+            }
             self.contour.unjudged_mm += element.length;
             return;
         }
-        let (model, frequency_hz) = (&self.model, self.condition.frequency_hz);
         let shared = model.shared_by(Axis::ALL.into_iter().filter(moved));
         let is_straight = matches!(element.curve, Curve::Line);
         if let Some(drive) = shared {
@@ -130,7 +134,7 @@ impl FollowingLoss {
         let drive = worst.map_or(self.model.common, |worst| self.model.of(worst.axis));
         let (least, largest, lag_rad) = match (&self.mixed, self.model.shared_by(moving())) {
             (Some([least, largest]), None) => (least.magnitude(), largest.magnitude(), least.lag_rad()),
-            // Where rotary axes move and the drives differ, no more is known than what each of them does.
+            // All axes have one drive.
             _ => {
                 let largest = axes.iter().map(|axis| axis.gain).fold(drive.gain(frequency_hz), f64::max);
                 (drive.gain(frequency_hz), largest, drive.lag_rad(frequency_hz))
