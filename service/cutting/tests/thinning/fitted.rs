@@ -74,12 +74,12 @@ fn check(points: &[CutPoint], settings: ThinningSettings, by_angles: bool) -> (V
     // The tool centre points that are left are programmed ones, and both ends are as programmed to the bit.
     for block in &kept {
         assert_eq!(block.point.tip_mm, points[block.payload].tip_mm);
-        if !block.is_turned {
+        if block.fitted.is_none() {
             assert_eq!(block.point.direction, points[block.payload].direction);
         }
     }
     if let (Some(first), Some(last)) = (kept.first(), kept.last()) {
-        assert!(!first.is_turned && !last.is_turned);
+        assert!(first.fitted.is_none() && last.fitted.is_none());
         assert_eq!((first.payload, last.payload), (0, points.len() - 1));
     }
     assert_eq!(kept.len() as u64, report.blocks_kept());
@@ -178,7 +178,7 @@ fn blocks_where_the_tool_rests_or_turns_far_at_once_are_as_programmed() {
     let (kept, _) = check(&points, SETTINGS, false);
     for place in [0, 10, 11, 19, 20, 29] {
         let block = kept.iter().find(|block| block.payload == place).unwrap_or_else(|| panic!("{place} is kept"));
-        assert!(!block.is_turned && block.point.direction == points[place].direction);
+        assert!(block.fitted.is_none() && block.point.direction == points[place].direction);
     }
 }
 

@@ -12,7 +12,7 @@ use feedwave_motion::kinematics::vector::{Vec3, add_scaled, angle, cross, norm, 
 use feedwave_motion::kinematics::{GreatCircle, RotaryDirections};
 
 use super::span::{angle_of, chord};
-use super::thinner::CutPoint;
+use super::thinner::{CutPoint, FittedDirection};
 use super::tube::{Spacing, Tube};
 
 /// Shorter moves of the tool centre point are none, mm: there the direction has no path length to be a function of.
@@ -142,6 +142,15 @@ impl<'a> FittedGroup<'a> {
     /// The direction of the tool.
     pub(super) fn direction(&self, turned: Turned) -> Vec3 {
         self.directions.map_or(turned, |directions| directions.at(self.angles(turned)))
+    }
+
+    /// What a block at a point is given where it is kept.
+    pub(super) fn fitted(&self, at: usize) -> FittedDirection {
+        let turned = self.turned[at];
+        match self.directions {
+            Some(_) => FittedDirection::Angles(self.angles(turned)),
+            None => FittedDirection::Vector(turned),
+        }
     }
 
     /// The last point up to `limit` that can be kept next behind a kept one: looked for in ever larger steps, then by halves.

@@ -24,5 +24,5 @@ pub use program_report::{DroppedRun, MethodFigures, ProgramThinning};
 pub use report::{RotaryReport, ThinningReport};
 pub use settings::{MAX_GROUP_BLOCKS, MIN_GROUP_BLOCKS, ThinningMethod, ThinningSettings};
 pub(crate) use stage::{StageState, ThinningStage};
-pub use thinner::{CutPoint, DirectionInterpolation, Kept, Thinner};
+pub use thinner::{CutPoint, DirectionInterpolation, FittedDirection, Kept, Thinner};
 pub use trace::{Deviation, DeviationTrace};

@@ -9,8 +9,8 @@ use feedwave_program::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CutPoint, DeviationTrace, DirectionInterpolation, DroppedRun, Kept, Thinner, ThinningMethod, ThinningReport,
-    ThinningSettings,
+    CutPoint, DeviationTrace, DirectionInterpolation, DroppedRun, FittedDirection, Kept, Thinner, ThinningMethod,
+    ThinningReport, ThinningSettings,
 };
 
 /// Runs of dropped blocks listed; further ones are counted.
@@ -195,8 +195,8 @@ impl ThinningStage {
         let guided = &mut kept.payload.1;
         match &mut guided.guide {
             ToolGuide::Vector { end, .. } => {
-                if kept.is_turned {
-                    *end = Some(kept.point.direction);
+                if let Some(FittedDirection::Vector(direction)) = kept.fitted {
+                    *end = Some(direction);
                 }
                 let in_chain = self.state.turned.filter(|(offset, _)| *offset == guided.step.work_offset);
                 let rotary_rad = in_chain.and_then(|(_, setup)| {
@@ -208,15 +208,14 @@ impl ThinningStage {
                     thinner.is_kept_at(rotary_rad);
                 }
             }
-            _ if kept.is_turned => {
-                for (axis, value_rad) in
-                    kinematics.letters().1.into_iter().zip(kept.point.rotary_rad.unwrap_or_default())
-                {
-                    let place = axis.index();
-                    guided.step.end[place] = value_rad.to_degrees() - guided.step.work_offset[place];
+            _ => {
+                if let Some(FittedDirection::Angles(rotary_rad)) = kept.fitted {
+                    for (axis, value_rad) in kinematics.letters().1.into_iter().zip(rotary_rad) {
+                        let place = axis.index();
+                        guided.step.end[place] = value_rad.to_degrees() - guided.step.work_offset[place];
+                    }
                 }
             }
-            _ => {}
         }
         kept
     }

@@ -60,14 +60,23 @@ pub struct Kept<T> {
     pub dropped: u32,
     /// Program lines of the first and the last of them.
     pub dropped_lines: Option<[u32; 2]>,
-    /// Whether direction and rotary values are those of the fit instead of the program's.
-    pub is_turned: bool,
+    /// What the fit makes of its direction; `None` where it is as programmed.
+    pub fitted: Option<FittedDirection>,
+}
+
+/// The direction of a block that the fit turned, in the form in which the program gives directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FittedDirection {
+    /// A unit vector.
+    Vector(Vec3),
+    /// Values of the rotary axes, rad.
+    Angles([f64; 2]),
 }
 
 impl<T> Kept<T> {
     /// The first block of a group, as programmed.
     const fn first(point: CutPoint, payload: T) -> Self {
-        Self { point, payload, inherited_feed: false, dropped: 0, dropped_lines: None, is_turned: false }
+        Self { point, payload, inherited_feed: false, dropped: 0, dropped_lines: None, fitted: None }
     }
 }
 
@@ -268,17 +277,19 @@ impl<T> Thinner<T> {
             self.looks += looks;
             self.measure_fitted(&group, start, end);
             if let Some(payload) = payloads.by_ref().nth(end - start - 1) {
-                let is_turned = !(is_last && end == last);
+                let fitted = (!(is_last && end == last)).then(|| group.fitted(end));
                 let mut point = points[end];
-                if is_turned {
-                    let turned = group.turned[end];
-                    point.direction = group.direction(turned);
-                    point.rotary_rad = directions.map(|_| [turned[0], turned[1]]);
+                if let Some(fitted) = fitted {
+                    point.direction = group.direction(group.turned[end]);
+                    point.rotary_rad = match fitted {
+                        FittedDirection::Angles(rotary_rad) => Some(rotary_rad),
+                        FittedDirection::Vector(_) => None,
+                    };
                 }
                 if directions.is_some() {
                     self.after.add(point.rotary_rad);
                 }
-                out(Kept { is_turned, ..self.with_feeds(&points[start + 1..end], point, payload) });
+                out(Kept { fitted, ..self.with_feeds(&points[start + 1..end], point, payload) });
             }
             start = end;
         }
@@ -384,7 +395,7 @@ impl<T> Thinner<T> {
             point.feed_word = last_feed;
         }
         let dropped_lines = dropped.first().zip(dropped.last()).map(|(first, last)| [first.line, last.line]);
-        Kept { point, payload, inherited_feed, dropped: dropped.len() as u32, dropped_lines, is_turned: false }
+        Kept { point, payload, inherited_feed, dropped: dropped.len() as u32, dropped_lines, fitted: None }
     }
 
     /// What has been done so far; blocks of a group that is not full yet are read, and neither kept nor dropped.
