@@ -2,5 +2,7 @@
 //! the compiler only watches those it saw the last time.
 
 fn main() {
-    println!("cargo:rerun-if-changed=../../migrations/sqlite");
+    for database in ["postgres", "sqlite"] {
+        println!("cargo:rerun-if-changed=../../migrations/{database}");
+    }
 }

@@ -76,7 +76,7 @@ pub(crate) fn batch(sequence: u64) -> TelemetryBatch {
 
 /// What the client knows of its run, whatever became of the service.
 #[derive(Default)]
-struct Known {
+pub(crate) struct Known {
     run: String,
     durable_batch: Option<u64>,
     decisions: BTreeMap<u64, Decision>,
@@ -86,7 +86,7 @@ struct Known {
 }
 
 /// Runs until the service dies, which it does after `messages` messages, or to the end of the run; whether that was it.
-async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> bool {
+pub(crate) async fn drive(server: &Server, job: &str, known: &mut Known, messages: u64) -> bool {
     let mut client = RunsClient::new(server.connect().await.channel);
     let (requests, outgoing) = mpsc::channel(1_024);
     let say = async |message| requests.send(RunRequest { message: Some(message) }).await.is_ok();
@@ -154,7 +154,11 @@ async fn a_live_run_survives_kills_at_any_moment() {
         kills += 1;
     }
     assert_eq!(kills, KILLS, "seed {seed}");
+    prove(&server, job, known, seed).await;
+}
 
+/// Proves that what the client heard of is what the log has, and what a stream of the whole job and a replay give.
+pub(crate) async fn prove(server: &Server, job: String, known: Known, seed: u64) {
     // The log has every decision that was heard of, and each once.
     let mut clients = server.connect().await;
     let mut telemetry = TelemetryClient::new(clients.channel.clone());

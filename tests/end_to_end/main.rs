@@ -27,6 +27,7 @@ mod memory;
 mod offsets;
 mod oscillation;
 mod overrides;
+mod replicas;
 mod setpoints;
 mod status;
 mod strangers;

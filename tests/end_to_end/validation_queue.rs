@@ -22,7 +22,7 @@ fn endless() -> CreateJobRequest {
     }
 }
 
-async fn create_endless(clients: &mut Clients) -> Job {
+pub(crate) async fn create_endless(clients: &mut Clients) -> Job {
     clients.jobs.create_job(endless()).await.expect("the job is created").into_inner().job.expect("a job")
 }
 
@@ -32,7 +32,7 @@ async fn get(clients: &mut Clients, name: &str) -> Job {
 }
 
 /// Waits until validation of a job has begun for the `count`th time.
-async fn begins(clients: &mut Clients, name: &str, count: usize) {
+pub(crate) async fn begins(clients: &mut Clients, name: &str, count: usize) {
     let request = WatchJobsRequest { after: Some(0), job: name.to_owned() };
     let mut events = clients.jobs.watch_jobs(request).await.expect("the job is watched").into_inner();
     let mut seen = 0;

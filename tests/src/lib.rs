@@ -21,6 +21,6 @@ pub use memory::{MemoryUse, measure_memory};
 pub use patience::{PATIENCE, patiently, within_a_deadline};
 pub use programs::{SHAFT, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, long_dwell, many_blocks};
 pub use raw::Raw;
-pub use server::{Home, Server};
+pub use server::{Home, Server, shared_store};
 pub use setpoints::{Setpoints, header_of, stream};
 pub use web::{Answer, Web};

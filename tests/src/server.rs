@@ -23,18 +23,37 @@ pub struct Home {
 
 impl Home {
     /// An empty directory for servers of this binary; the configuration puts the database into it, both ports on free ones,
-    /// and adds `more`.
+    /// and adds `more`. The environment variable `FEEDWAVE_TEST_STORE` says another place for the database: a URI with `{}`
+    /// where the name of an empty one goes.
     ///
     /// # Panics
     /// When no temporary file can be made.
     #[must_use]
     pub fn new(binary: impl Into<PathBuf>, more: &str) -> Self {
         let directory = tempfile::tempdir().expect("a temporary directory");
+        let uri = match std::env::var("FEEDWAVE_TEST_STORE") {
+            Ok(pattern) => pattern.replace("{}", &unique(&directory)),
+            Err(_) => format!("sqlite://{}/feedwave.db", directory.path().display()),
+        };
+        Self::with(binary.into(), directory, &uri, more)
+    }
+
+    /// As [`Home::new`], for servers that share the database at this URI.
+    ///
+    /// # Panics
+    /// When no temporary file can be made.
+    #[must_use]
+    pub fn on(binary: impl Into<PathBuf>, uri: &str, more: &str) -> Self {
+        Self::with(binary.into(), tempfile::tempdir().expect("a temporary directory"), uri, more)
+    }
+
+    fn with(binary: PathBuf, directory: TempDir, uri: &str, more: &str) -> Self {
         let mut config = String::from("[grpc]\nlisten = '127.0.0.1:0'\n[http]\nlisten = '127.0.0.1:0'\n");
-        writeln!(config, "[store]\nuri = 'sqlite://{}/feedwave.db'\n{more}", directory.path().display())
+        // A name of its own: what starts here again is the replica that was here before.
+        writeln!(config, "[store]\nuri = '{uri}'\nreplica_name = '{}'\n{more}", unique(&directory))
             .expect("text grows");
         std::fs::write(directory.path().join("feedwave.toml"), config).expect("the configuration is written");
-        Self { binary: binary.into(), directory, environment: Vec::new() }
+        Self { binary, directory, environment: Vec::new() }
     }
 
     /// Sets what the service finds in its environment besides what the test finds in its own.
@@ -85,6 +104,22 @@ impl Home {
         };
         Server { grpc: address("grpc"), http: address("http"), child, log, home: self }
     }
+}
+
+/// The URI of an empty database of a server, for replicas that share it.
+///
+/// # Panics
+/// Where `FEEDWAVE_TEST_STORE` names no server.
+#[must_use]
+pub fn shared_store() -> String {
+    let pattern = std::env::var("FEEDWAVE_TEST_STORE").expect("FEEDWAVE_TEST_STORE: tests/postgres/run.sh sets it");
+    assert!(pattern.starts_with("postgres://"), "{pattern}");
+    pattern.replace("{}", &unique(&tempfile::tempdir().expect("a temporary directory")))
+}
+
+/// A name that no other directory has.
+fn unique(directory: &TempDir) -> String {
+    directory.path().file_name().map_or_else(String::new, |name| format!("test-{}", name.to_string_lossy()))
 }
 
 fn read_log(path: &Path) -> String {

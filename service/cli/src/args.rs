@@ -71,6 +71,16 @@ pub enum Command {
     /// The copy is verified first; whenever it is interrupted, either the earlier database or the copy is there. The earlier
     /// one is kept beside it, with `.replaced` behind its name.
     Restore(database::RestoreArgs),
+    /// Bring the schema of a store up to date, without a service
+    ///
+    /// A service does the same as it starts. Of a server's database it is done by one replica after another, so it may be done
+    /// while others run.
+    Migrate(database::MigrateArgs),
+    /// Copy a store in a file into an empty database of a server
+    ///
+    /// All of it or nothing; each table is compared by its hash with what was read. No service may use the file meanwhile,
+    /// and it stays as it is.
+    Copy(database::CopyArgs),
 }
 
 impl Command {
@@ -86,6 +96,8 @@ impl Command {
             Self::Check(args) => database::check(args, global).await,
             Self::Backup(args) => database::backup(args, global).await,
             Self::Restore(args) => database::restore(args, global).await,
+            Self::Migrate(args) => database::migrate(args, global).await,
+            Self::Copy(args) => database::copy(args).await,
         }
     }
 }

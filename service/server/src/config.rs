@@ -103,6 +103,8 @@ pub struct StoreConfig {
     /// Where it is kept; absent: the file `feedwave.db` in the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uri: Option<StoreUri>,
+    /// Name of this replica among those that share the store.
+    pub replica_name: String,
 }
 
 impl StoreConfig {
@@ -111,7 +113,7 @@ impl StoreConfig {
     /// # Errors
     /// [`InvalidStoreUri`] if the path is empty.
     pub fn of_file(path: &Path) -> Result<Self, InvalidStoreUri> {
-        StoreUri::of_file(path).map(|uri| Self { uri: Some(uri) })
+        StoreUri::of_file(path).map(|uri| Self { uri: Some(uri), ..Self::default() })
     }
 }
 

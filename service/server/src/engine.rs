@@ -7,6 +7,7 @@ mod columns;
 mod interpretation;
 mod live;
 mod rebuild;
+mod replicas;
 mod schedule;
 mod session;
 mod source;
@@ -127,6 +128,7 @@ impl Engine {
         if let Some(given) = given {
             let engine = self.clone();
             self.inner.tasks.spawn(async move { worker::run(engine, given).await });
+            self.inner.tasks.spawn(replicas::follow(self.clone()));
         }
     }
 

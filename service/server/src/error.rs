@@ -309,6 +309,7 @@ impl From<StoreError> for Error {
             StoreError::TooLarge { what, size, limit } => {
                 Self::invalid(what, format!("has {size} bytes, more than the {limit} allowed"))
             }
+            StoreError::NulCharacter => Self::invalid("text", error.to_string()),
             StoreError::LimitReached { what, limit } => Self::Overloaded { what, limit },
             StoreError::Incomplete { .. } => Self::internal(error),
             StoreError::HashMismatch { expected, actual } => Self::invalid(

@@ -337,6 +337,7 @@ async fn open_store(config: &Config, metrics: Arc<Metrics>) -> Result<Store, Sta
         max_client_uploads: config.limits.unfinished_uploads_per_client,
         upload_expiry: Duration::from_secs(config.limits.upload_expiry_s),
         max_audit_entries: config.retention.audit_entries,
+        replica_name: config.store.replica_name.clone(),
         observer: metrics,
         ..StoreSettings::default()
     };

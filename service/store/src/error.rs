@@ -128,6 +128,9 @@ pub enum StoreError {
         /// The largest size allowed.
         limit: u64,
     },
+    /// A text has a character that the database cannot keep.
+    #[error("a text has the character U+0000, which this database cannot keep")]
+    NulCharacter,
     /// There are as many of something as the settings allow.
     #[error("there are already {limit} {what}")]
     LimitReached {

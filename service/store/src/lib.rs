@@ -24,10 +24,12 @@ mod jobs;
 mod machines;
 mod maintenance;
 mod page;
+mod postgres;
 mod programs;
 mod retention;
 mod runs;
 mod settings;
+mod sql;
 mod sqlite;
 mod store;
 mod tenant;
@@ -43,7 +45,9 @@ pub use jobs::{
     NewReport, StoredReport, UnknownJobState,
 };
 pub use machines::{MachineRecord, Machines};
-pub use maintenance::{CheckReport, CopyReport, MAX_PROBLEMS, Problem, backup, check, restore};
+pub use maintenance::{
+    CheckReport, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
+};
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo,

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use crate::error::Result;
+use crate::error::{Result, StoreError};
+use crate::postgres;
+use crate::settings::StoreSettings;
 use crate::sqlite::maintenance;
+use crate::store::Store;
 use crate::uri::{Place, StoreUri};
 
 /// Something that is not as it was written.
@@ -62,6 +65,7 @@ pub struct CopyReport {
 pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::check(&options.path).await,
+        Place::Postgres(_) => Err(of_the_server("verifying it is the server's: its checksums and pg_amcheck")),
     }
 }
 
@@ -73,6 +77,7 @@ pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
 pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::backup(&options.path, to).await,
+        Place::Postgres(_) => Err(of_the_server("copying it is the server's: pg_dump, or its own backups")),
     }
 }
 
@@ -85,5 +90,51 @@ pub async fn backup(uri: &StoreUri, to: &Path) -> Result<CopyReport> {
 pub async fn restore(uri: &StoreUri, from: &Path, accept_damage: bool) -> Result<CopyReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::restore(options, from, accept_damage).await,
+        Place::Postgres(_) => Err(of_the_server("restoring it is the server's: pg_restore, or its own backups")),
     }
+}
+
+/// What was copied of a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableCopy {
+    /// Its name.
+    pub table: &'static str,
+    /// Its rows.
+    pub rows: u64,
+    /// SHA-256 over all of them, which is the same on both sides.
+    pub sha256: [u8; 32],
+}
+
+/// Copies everything in an SQLite file that no service uses into an empty database of a PostgreSQL server, all of it or
+/// nothing, and compares what was written with what was read. The file stays as it is.
+///
+/// # Errors
+/// `InUseBy` a service, `Damaged` if the file is not intact, `CannotOpen` where there is no file, or records in the
+/// database, or where the URIs name anything else, `Incompatible`, `Corrupt`, `Unavailable`.
+pub async fn copy(from: &StoreUri, to: &StoreUri) -> Result<Vec<TableCopy>> {
+    match (from.place(), to.place()) {
+        (Place::Sqlite(from), Place::Postgres(to)) => postgres::copy(from, to).await,
+        _ => Err(of_the_server("copied is from a file (sqlite) into the database of a server (postgres)")),
+    }
+}
+
+/// Brings the schema of a database up to date, creates the database where its kind allows that, and changes nothing else;
+/// a service does the same as it starts.
+///
+/// # Errors
+/// As [`crate::Store::open`].
+pub async fn migrate(uri: &StoreUri) -> Result<()> {
+    match uri.place() {
+        Place::Sqlite(_) => {
+            let store = Store::open(uri, StoreSettings::default()).await?;
+            store.close().await;
+            Ok(())
+        }
+        Place::Postgres(options) => postgres::migrate(options).await,
+    }
+}
+
+/// That something is not done to the database of a server from here.
+fn of_the_server(reason: &'static str) -> StoreError {
+    StoreError::CannotOpen { reason, source: None }
 }

@@ -31,6 +31,9 @@ pub struct StoreSettings {
     pub write_queue_bytes: u64,
     /// Most writes committed by one transaction; default 256.
     pub max_commit_operations: usize,
+    /// Name of this replica among those that share a database, which no other one has: what it was at when it ended it goes
+    /// on with at once. Empty by default: then what it was at waits until others see that it is gone.
+    pub replica_name: String,
     /// Observer of finished operations; none by default.
     pub observer: Arc<dyn Observer>,
 }
@@ -49,6 +52,7 @@ impl Default for StoreSettings {
             write_queue: 1024,
             write_queue_bytes: 32 << 20,
             max_commit_operations: 256,
+            replica_name: String::new(),
             observer: Arc::new(NoObserver),
         }
     }
@@ -68,6 +72,7 @@ impl fmt::Debug for StoreSettings {
             .field("write_queue", &self.write_queue)
             .field("write_queue_bytes", &self.write_queue_bytes)
             .field("max_commit_operations", &self.max_commit_operations)
+            .field("replica_name", &self.replica_name)
             .finish_non_exhaustive()
     }
 }

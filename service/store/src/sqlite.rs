@@ -3,7 +3,6 @@
 mod audit;
 mod checkpointer;
 mod checkpoints;
-mod compress;
 mod documents;
 mod fault;
 mod jobs;
@@ -34,6 +33,7 @@ use tokio::sync::watch;
 use crate::Database;
 use crate::error::{Result, StoreError};
 use crate::settings::{StoreSettings, StoreStats};
+pub(crate) use fault::meaning;
 pub(crate) use options::{EXAMPLE, SCHEME, SqliteOptions};
 use probe::Probing;
 use writer::{BoxFuture, Transaction, Writer};

@@ -13,6 +13,7 @@ use crate::checkpoints::Checkpoints;
 use crate::error::Result;
 use crate::jobs::Jobs;
 use crate::machines::Machines;
+use crate::postgres::PostgresStore;
 use crate::programs::Programs;
 use crate::retention::Retention;
 use crate::runs::Runs;
@@ -69,6 +70,7 @@ impl Store {
     pub async fn open(uri: &StoreUri, settings: StoreSettings) -> Result<Self> {
         let database: Arc<dyn Database> = match uri.place() {
             Place::Sqlite(options) => Arc::new(SqliteStore::open(options.clone(), settings).await?),
+            Place::Postgres(options) => Arc::new(PostgresStore::open((**options).clone(), settings).await?),
         };
         Ok(Self { uri: uri.clone(), database })
     }

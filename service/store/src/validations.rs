@@ -1,4 +1,7 @@
-//! The queue of validations: jobs that wait, and attempts counted before the work begins.
+//! The queue of validations: jobs that wait, and attempts counted before the work begins. Where several replicas share a
+//! database, who begins one has it for a while, and says again and again that it goes on.
+
+use std::time::Duration;
 
 use async_trait::async_trait;
 use uuid::Uuid;
@@ -25,6 +28,8 @@ pub struct WaitingJob {
 pub enum Attempt {
     /// This attempt, counted from 1, is durably counted: the work may begin.
     Begun(u32),
+    /// Another replica is at it.
+    Elsewhere,
     /// As many attempts as permitted ended with the process: the job has failed.
     GivenUp,
 }
@@ -39,6 +44,23 @@ pub trait Validations {
     /// `Unavailable`.
     async fn waiting_jobs(&self, after: i64, limit: u32) -> Result<Vec<WaitingJob>>;
 
+    /// Jobs whose validation another replica began and no longer goes on with, at most `limit`; none where one process has
+    /// the database.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn abandoned_jobs(&self, limit: u32) -> Result<Vec<WaitingJob>>;
+
+    /// For how long a validation that was begun is this replica's without a further word; `None`: as long as the process
+    /// lives.
+    fn lease(&self) -> Option<Duration>;
+
+    /// Says that a validation goes on; false if it is not this replica's any more.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn renew_validation(&self, id: Uuid) -> Result<bool>;
+
     /// Counts an attempt and marks the job as being validated; of a job that was tried `max_attempts` times without an end
     /// it marks that it failed instead.
     ///
@@ -46,7 +68,8 @@ pub trait Validations {
     /// `NotFound`, `FailedState` if the job needs no validation any more, `Unavailable`.
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt>;
 
-    /// Takes back the count of an attempt that was broken off in order, without a result.
+    /// Takes back the count of an attempt that was broken off in order, without a result, and lets any replica begin
+    /// another. Where another replica has it already, nothing changes.
     ///
     /// # Errors
     /// `Unavailable`. A job that does not exist is none.

@@ -28,6 +28,21 @@ fn a_file_is_named_by_its_absolute_path() {
 }
 
 #[test]
+fn a_server_is_named_by_user_host_and_database() {
+    for text in [
+        "postgres://feedwave@db.plant.example/feedwave",
+        "postgresql://feedwave@db.plant.example:5433/feedwave",
+        "postgres://feedwave:secret@[::1]:5432/feed%20wave?sslmode=disable",
+        "postgres:///feedwave?host=/run/postgresql&user=feedwave",
+        "postgres://f@db/f?sslmode=verify-ca&sslrootcert=/ca.pem&sslcert=/c.pem&sslkey=/k.pem&password_file=/p",
+        "postgres://f@db/f?connections=1000&connect_timeout_s=1&statement_timeout_s=3600&application_name=cell%207",
+    ] {
+        let uri: StoreUri = text.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
+        assert_eq!(uri.file(), None, "{text}");
+    }
+}
+
+#[test]
 fn what_names_no_database_is_refused_with_the_cure() {
     let absolute = "the path must be absolute, behind three slashes, as in sqlite:///var/lib/feedwave/feedwave.db";
     for (text, reason) in [
@@ -62,6 +77,22 @@ fn what_names_no_database_is_refused_with_the_cure() {
         ("sqlite:///a.db?readers=", "readers must be"),
         ("sqlite:///a.db?busy_timeout_s=1.5", "busy_timeout_s must be a whole number from 0 to 3600, is \"1.5\""),
         ("sqlite:///a.db?readers=2&readers=2", "the option readers is given twice"),
+        ("postgres://db/feedwave", "it names no user, as postgres://feedwave@db.plant.example/feedwave does"),
+        ("postgres:///feedwave?user=f", "it names no host, as postgres://"),
+        ("postgres://f@db", "its path is not the name of a database, as in postgres://"),
+        ("postgres://f@db/", "its path is not the name of a database"),
+        ("postgres://f@db/a/b", "its path is not the name of a database"),
+        (
+            "postgres://f@db/f?sslmode=prefer",
+            "sslmode must be one of disable, require, verify-ca, verify-full, is \"prefer\"",
+        ),
+        ("postgres://f@db/f?sslcert=/c.pem", "sslcert and sslkey are given together"),
+        ("postgres://f@db/f?sslrootcert=ca.pem", "sslrootcert must be an absolute path"),
+        ("postgres://f:p@db/f?password_file=/p", "it has a password and a password_file: keep one"),
+        ("postgres://f@db/f?host=/run/postgresql", "the option host is the folder of a socket"),
+        ("postgres://f@db/f?connections=0", "connections must be a whole number from 1 to 1000, is \"0\""),
+        ("postgres://f@db/f?options=-c", "the option \"options\" is unknown, known are: host, user, sslmode"),
+        ("postgres://f@db/f#1", "a # is written %23"),
     ] {
         let error = refusal(text);
         assert!(error.contains(reason), "{text:?}: {error}");
@@ -70,11 +101,18 @@ fn what_names_no_database_is_refused_with_the_cure() {
 
 #[test]
 fn a_password_is_never_repeated() {
-    for text in
-        ["postgres://user:secret@host/x", "sqlite://user:secret@host/x", "x y://user:secret@host", "//a:secret@b"]
-    {
+    for text in [
+        "postgres://user:secret@host",
+        "postgres://user:secret@host/x?sslmode=off",
+        "sqlite://user:secret@host/x",
+        "x y://user:secret@host",
+        "//a:secret@b",
+    ] {
         assert!(!refusal(text).contains("secret"), "{text}");
     }
+    let uri: StoreUri = "postgres://user:secret@host/x".parse().unwrap();
+    assert_eq!(uri.to_string(), "postgres://user:***@host/x");
+    assert!(!format!("{uri:?}").contains("secret"));
 }
 
 #[test]

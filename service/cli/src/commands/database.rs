@@ -68,6 +68,66 @@ pub struct RestoreArgs {
     accept_damage: bool,
 }
 
+/// Arguments of `feedwave migrate`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = "Exit codes: 0 up to date, 2 it cannot be brought there.")]
+pub struct MigrateArgs {
+    #[command(flatten)]
+    store: StoreArgs,
+}
+
+/// Arguments of `feedwave copy`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(
+    after_long_help = "Exit codes: 0 copied, 1 the file is damaged, 2 it cannot be copied. But for 0 nothing was written.
+
+Example:
+  feedwave copy sqlite:///var/lib/feedwave/feedwave.db postgres://feedwave@db.plant.example/feedwave"
+)]
+pub struct CopyArgs {
+    /// Store to copy, in a file
+    #[arg(value_name = "FROM-URI")]
+    from: String,
+    /// Store to copy to, an empty database of a server
+    #[arg(value_name = "TO-URI")]
+    to: String,
+}
+
+/// Brings a schema up to date.
+///
+/// # Errors
+/// [`CliError`] when it cannot be.
+pub async fn migrate(args: MigrateArgs, global: &GlobalArgs) -> Result<ExitCode, CliError> {
+    let uri = args.store.uri(global)?;
+    feedwave_store::migrate(&uri).await.map_err(|error| failed(&uri, &error))?;
+    print(&format!("{uri}: up to date\n"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Copies a store to another kind of database.
+///
+/// # Errors
+/// [`CliError`] when it cannot be copied.
+pub async fn copy(args: CopyArgs) -> Result<ExitCode, CliError> {
+    let uri = |name: &str, text: &str| {
+        text.parse::<StoreUri>().map_err(|error| CliError::trouble(format!("{name}: {error}")))
+    };
+    let (from, to) = (uri("FROM-URI", &args.from)?, uri("TO-URI", &args.to)?);
+    let tables = feedwave_store::copy(&from, &to).await.map_err(|error| match error {
+        StoreError::Damaged { .. } => {
+            CliError { message: format!("{from}: {error}; feedwave check says what is lost"), exit_code: EXIT_REFUSED }
+        }
+        error => failed(&from, &error),
+    })?;
+    let mut text = String::new();
+    for table in &tables {
+        let hash: String = table.sha256.iter().map(|byte| format!("{byte:02x}")).collect();
+        text += &format!("{:20} {:>10} row(s)  {hash}\n", table.table, table.rows);
+    }
+    print(&format!("{text}{to}: holds what {from} holds\n"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Verifies a database.
 ///
 /// # Errors

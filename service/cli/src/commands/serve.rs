@@ -27,6 +27,9 @@ pub struct Args {
     #[arg(long, value_name = "URI", help = format!("Where jobs, programs and reports are kept, such as {}; without it in \
         the file feedwave.db of the working directory [key: store.uri]", StoreUri::EXAMPLE))]
     store: Option<String>,
+    /// Name of this replica among those that share a store; in its log and in what it leases [key: store.replica_name]
+    #[arg(long, value_name = "NAME")]
+    replica_name: Option<String>,
     /// What named a file before `--store` did [key: database.path]
     #[arg(long, value_name = "FILE", hide = true)]
     database: Option<PathBuf>,
@@ -44,6 +47,7 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
         .set("grpc.listen", args.grpc_listen.map(|address| address.to_string()))
         .set("http.listen", args.http_listen.map(|address| address.to_string()))
         .set("store.uri", args.store)
+        .set("store.replica_name", args.replica_name)
         .set("database.path", args.database.map(|path| path.display().to_string()));
     let config = global.load(flags)?;
     let log = observability::init(&config).map_err(CliError::new)?;

@@ -11,6 +11,7 @@ use feedwave_cutting::ValidationReport;
 use feedwave_store::{Attempt, FindingCounts, JobDetail, JobState, NewReport, StoreError, WaitingJob};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+use tokio::time::MissedTickBehavior;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
@@ -24,6 +25,8 @@ use crate::stored;
 
 /// How long to wait before asking a store again that did not answer.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
+/// How often a validation is renewed within its lease.
+const RENEWALS: u32 = 3;
 /// Jobs read together when the queue is read.
 const QUEUE_PAGE: u32 = 10_000;
 /// Most jobs that wait in memory, some hundred bytes each. Those behind them wait in the store, in the order in which they
@@ -54,6 +57,11 @@ pub(super) async fn run(engine: Engine, mut given: mpsc::UnboundedReceiver<(Wait
     let inner = &engine.inner;
     let mut running = JoinSet::new();
     let mut queue = Queue { more: true, ..Queue::default() };
+    // Jobs come from other replicas as well.
+    let mut events = inner.store.watch_events();
+    let lease = inner.store.lease();
+    let mut renewals = tokio::time::interval(lease.unwrap_or(RETRY_AFTER * RENEWALS) / RENEWALS);
+    renewals.set_missed_tick_behavior(MissedTickBehavior::Delay);
     while !inner.draining.is_cancelled() {
         let mut retry = false;
         if queue.more
@@ -65,6 +73,12 @@ pub(super) async fn run(engine: Engine, mut given: mpsc::UnboundedReceiver<(Wait
         tokio::select! {
             () = inner.draining.cancelled() => {}
             () = inner.wake.notified() => queue.more = true,
+            Ok(()) = events.changed(), if lease.is_some() => queue.more = true,
+            _ = renewals.tick(), if lease.is_some() => {
+                if let Err(error) = take_up(&engine, &mut queue).await {
+                    tracing::warn!(%error, "abandoned validations cannot be looked for");
+                }
+            }
             () = tokio::time::sleep(RETRY_AFTER), if retry => {}
             Some((job, turn)) = given.recv() => {
                 let engine = engine.clone();
@@ -98,6 +112,16 @@ async fn fill(engine: &Engine, queue: &mut Queue) -> Result<()> {
             if queue.in_hand.insert(job.id) {
                 engine.inner.turns.add_job(job);
             }
+        }
+    }
+    Ok(())
+}
+
+/// Takes up jobs that other replicas began and no longer go on with.
+async fn take_up(engine: &Engine, queue: &mut Queue) -> Result<()> {
+    for job in engine.inner.store.abandoned_jobs(QUEUE_PAGE).await? {
+        if queue.in_hand.insert(job.id) {
+            engine.inner.turns.add_job(job);
         }
     }
     Ok(())
@@ -159,12 +183,24 @@ async fn attempt(engine: &Engine, job: &WaitingJob, turn: &mut Option<Turn>) -> 
             inner.metrics.validations.with_label_values(&["failed"]).inc();
             return Ok(End::Over(id));
         }
+        // Should that replica end, the job is found again among those that were abandoned.
+        Ok(Attempt::Elsewhere) => return Ok(End::Over(id)),
         // Cancelled or deleted in the meantime.
         Err(StoreError::FailedState { .. } | StoreError::NotFound { .. }) => return Ok(End::Over(id)),
         Err(error) => return Err(error.into()),
     }
     let times = turn.as_ref().map_or(0, Turn::times);
-    let result = validated(engine, id, guard.token(), turn).await;
+    let stop = guard.token().child_token();
+    let mut validation = std::pin::pin!(validated(engine, id, &stop, turn));
+    let result = tokio::select! {
+        result = &mut validation => result,
+        () = lost(engine, id) => {
+            stop.cancel();
+            drop(validation.await);
+            tracing::warn!("the validation is not this replica's any more");
+            return Ok(End::Over(id));
+        }
+    };
     let broken_off = !matches!(result, Ok(Outcome::Reported(_)));
     if broken_off {
         // The process is as it was: whatever the cause, it was not taken down.
@@ -177,6 +213,21 @@ async fn attempt(engine: &Engine, job: &WaitingJob, turn: &mut Option<Turn>) -> 
         }
         Outcome::Stopped => Ok(End::Over(id)),
         Outcome::SetAside => Ok(End::SetAside(job.clone(), times + 1)),
+    }
+}
+
+/// Says again and again that a validation goes on; returns once it is another replica's.
+async fn lost(engine: &Engine, id: Uuid) {
+    let store = &engine.inner.store;
+    let Some(lease) = store.lease() else { return std::future::pending().await };
+    loop {
+        tokio::time::sleep(lease / RENEWALS).await;
+        match store.renew_validation(id).await {
+            Ok(true) => {}
+            // It was cancelled, then the validation is told; or another replica has it.
+            Ok(false) => return,
+            Err(error) => tracing::warn!(%error, "the validation could not be renewed"),
+        }
     }
 }
 

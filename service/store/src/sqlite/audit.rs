@@ -1,46 +1,15 @@
 //! The audit log in SQLite.
 
 use async_trait::async_trait;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::SqliteStore;
-use super::fault::{signed, unsigned};
 use crate::audit::{
     Audit, AuditEntry, AuditFilter, AuditRequest, AuditResult, MAX_AUDIT_ENTRIES, MAX_AUDIT_TEXT_BYTES,
 };
 use crate::error::Result;
-
-/// After so many new entries the oldest ones beyond the bound are removed.
-const ROUND: i64 = 256;
-/// Entries removed at a time: more than are added meanwhile, so that a bound that was lowered is reached.
-const REMOVED: i64 = 1_024;
-
-/// The beginning of a text, as much as is kept.
-fn cut(text: &str) -> &str {
-    &text[..text.floor_char_boundary(MAX_AUDIT_TEXT_BYTES)]
-}
-
-fn entry(row: &SqliteRow) -> Result<AuditEntry> {
-    let text = |column| row.try_get::<String, _>(column);
-    let code = text("result")?;
-    let (resource, reason) = (text("resource")?, text("reason")?);
-    Ok(AuditEntry {
-        sequence: row.try_get("sequence")?,
-        at_us: row.try_get("at_us")?,
-        ended_us: row.try_get("ended_us")?,
-        request: AuditRequest {
-            principal: text("principal")?,
-            tenant: text("tenant")?,
-            address: text("address")?,
-            certificate: text("certificate")?,
-            method: text("method")?,
-            request_id: text("request_id")?,
-        },
-        result: (!code.is_empty()).then_some(AuditResult { resource, code, reason }),
-        occurrences: unsigned(row, "occurrences")?,
-    })
-}
+use crate::sql::audit::{REMOVED, ROUND, cut, entry};
+use crate::sql::record::signed;
 
 /// Removes the oldest entries beyond the bound, some at a time.
 async fn remove_oldest(connection: &mut SqliteConnection, newest: i64, most: i64) -> Result<()> {

@@ -1,48 +1,18 @@
 //! Checkpoints in SQLite.
 
 use async_trait::async_trait;
-use sqlx::{QueryBuilder, Row, Sqlite};
+use sqlx::{QueryBuilder, Sqlite};
 use uuid::Uuid;
 
 use super::SqliteStore;
-use super::compress::{compress, decompress, offload};
-use super::fault::{is_reference, signed, unsigned};
 use crate::checkpoints::{Checkpoint, CheckpointSet, Checkpoints};
-use crate::error::{Kind, Result, StoreError, check_size};
-
-/// Rows per statement: well within SQLite's 32 766 parameters.
-const ROWS: usize = 1000;
-
-/// Longest generation key in bytes.
-const MAX_KEY_BYTES: u64 = 1024;
-
-struct Packed {
-    setpoint_index: i64,
-    input_offset: i64,
-    snapshot_bytes: i64,
-    snapshot: Vec<u8>,
-}
-
-fn pack(checkpoints: &[Checkpoint]) -> Result<Vec<Packed>> {
-    let pack = |checkpoint: &Checkpoint| {
-        Ok(Packed {
-            setpoint_index: signed("setpoint index", checkpoint.setpoint_index)?,
-            input_offset: signed("input offset", checkpoint.input_offset)?,
-            snapshot_bytes: signed("snapshot size in bytes", checkpoint.snapshot.len() as u64)?,
-            snapshot: compress(&checkpoint.snapshot)?,
-        })
-    };
-    checkpoints.iter().map(pack).collect()
-}
+use crate::error::{Kind, Result, StoreError};
+use crate::sql::checkpoints::{ROWS, checkpoint, packed};
+use crate::sql::fault::is_reference;
 
 impl SqliteStore {
     async fn write_checkpoints(&self, set: &CheckpointSet, checkpoints: Vec<Checkpoint>, replace: bool) -> Result<()> {
-        check_size("generation key size in bytes", set.generation_key.len(), MAX_KEY_BYTES)?;
-        for checkpoint in &checkpoints {
-            check_size("snapshot size in bytes", checkpoint.snapshot.len(), self.settings().max_snapshot_bytes)?;
-        }
-        let bytes = checkpoints.iter().map(|checkpoint| checkpoint.snapshot.len()).sum();
-        let mut packed = offload(bytes, move || pack(&checkpoints)).await?;
+        let mut packed = packed(set, checkpoints, self.settings()).await?;
         let payload = packed.iter().map(|checkpoint| checkpoint.snapshot.len()).sum();
         let set = set.clone();
         self.write(payload, move |tx| {
@@ -107,14 +77,10 @@ impl Checkpoints for SqliteStore {
         .bind(i64::try_from(setpoint_index).unwrap_or(i64::MAX))
         .fetch_optional(&mut *self.reader().await?)
         .await?;
-        let Some(row) = row else { return Ok(None) };
-        let size = unsigned(&row, "snapshot_bytes")?;
-        let packed: Vec<u8> = row.try_get("snapshot")?;
-        Ok(Some(Checkpoint {
-            setpoint_index: unsigned(&row, "setpoint_index")?,
-            input_offset: unsigned(&row, "input_offset")?,
-            snapshot: offload(packed.len(), move || decompress(&packed, size)).await?,
-        }))
+        match row {
+            Some(row) => checkpoint(&row).await.map(Some),
+            None => Ok(None),
+        }
     }
 
     async fn delete_checkpoints(&self, job_id: Uuid) -> Result<()> {

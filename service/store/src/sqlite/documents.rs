@@ -1,75 +1,16 @@
 //! Machine profiles and tools in SQLite: two collections of one kind of document.
 
 use async_trait::async_trait;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
+use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::SqliteStore;
-use super::fault::{json, unsigned};
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::machines::{MachineRecord, Machines};
-use crate::page::{Page, PageRequest, Scope};
+use crate::page::{Page, PageRequest};
+use crate::sql::documents::{Document, MAX_ID_BYTES, after, check_body, collection, scope};
 use crate::tools::{ToolFilter, ToolRecord, Tools};
-
-/// Longest identifier in bytes; it must fit a page token.
-const MAX_ID_BYTES: u64 = 256;
-
-/// The `collection` column.
-fn collection(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Tool => "tool",
-        _ => "machine",
-    }
-}
-
-struct Document {
-    id: String,
-    /// A tool's; machines have none.
-    number: Option<u32>,
-    body: Json,
-    revision: u64,
-    created_us: i64,
-    updated_us: i64,
-}
-
-impl Document {
-    fn of(row: &SqliteRow) -> Result<Self> {
-        Ok(Self {
-            id: row.try_get("id")?,
-            number: row.try_get("number")?,
-            body: json(row, "body")?,
-            revision: unsigned(row, "revision")?,
-            created_us: row.try_get("created_us")?,
-            updated_us: row.try_get("updated_us")?,
-        })
-    }
-
-    /// Creation time and revision: a document created anew under an old identifier has another tag.
-    fn etag(&self) -> String {
-        format!("{:x}-{}", self.created_us, self.revision)
-    }
-}
-
-impl From<Document> for MachineRecord {
-    fn from(document: Document) -> Self {
-        let etag = document.etag();
-        let Document { id, body, created_us, updated_us, .. } = document;
-        Self { id, body, etag, created_us, updated_us }
-    }
-}
-
-impl TryFrom<Document> for ToolRecord {
-    type Error = StoreError;
-
-    fn try_from(document: Document) -> Result<Self> {
-        let etag = document.etag();
-        let Document { id, number, body, created_us, updated_us, .. } = document;
-        let number = number.ok_or_else(|| StoreError::corrupt(format!("tool {id:?} has no number")))?;
-        Ok(Self { id, number, body, etag, created_us, updated_us })
-    }
-}
 
 async fn find(connection: &mut SqliteConnection, kind: Kind, id: &str) -> Result<Document> {
     let row = sqlx::query("SELECT * FROM documents WHERE collection = ? AND id = ?")
@@ -90,13 +31,8 @@ async fn check_etag(connection: &mut SqliteConnection, kind: Kind, id: &str, eta
 }
 
 impl SqliteStore {
-    fn check_body(&self, kind: Kind, body: &Json) -> Result<()> {
-        let what = if kind == Kind::Tool { "tool size in bytes" } else { "machine profile size in bytes" };
-        check_size(what, body.get().len(), self.settings().max_document_bytes)
-    }
-
     async fn create(&self, kind: Kind, id: Option<&str>, number: Option<u32>, body: Json) -> Result<Document> {
-        self.check_body(kind, &body)?;
+        check_body(kind, &body, self.settings())?;
         let id = id.map_or_else(|| Uuid::now_v7().to_string(), str::to_owned);
         check_size("identifier size in bytes", id.len(), MAX_ID_BYTES)?;
         self.write(body.get().len(), move |tx| {
@@ -128,12 +64,8 @@ impl SqliteStore {
     where
         F: Fn(Document) -> Result<T>,
     {
-        let filter = number.map(u32::to_be_bytes).map_or_else(Vec::new, Vec::from);
-        let scope = Scope::of([collection(kind).as_bytes(), &filter]);
-        let after = match scope.position(&page.token)? {
-            Some(position) => String::from_utf8(position).map_err(|_| StoreError::InvalidPageToken)?,
-            None => String::new(),
-        };
+        let scope = scope(kind, number);
+        let after = after(&scope, &page.token)?;
         let size = page.bounded_size();
         let rows = sqlx::query(if number.is_some() {
             "SELECT * FROM documents WHERE collection = ?1 AND id > ?2 AND number = ?4 ORDER BY id LIMIT ?3"
@@ -160,7 +92,7 @@ impl SqliteStore {
         number: Option<u32>,
         body: Json,
     ) -> Result<Document> {
-        self.check_body(kind, &body)?;
+        check_body(kind, &body, self.settings())?;
         let (id, etag) = (id.to_owned(), etag.map(str::to_owned));
         self.write(body.get().len(), move |tx| {
             Box::pin(async move {

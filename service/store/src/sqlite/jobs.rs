@@ -1,26 +1,21 @@
 //! Jobs, their reports and events in SQLite.
 
 use async_trait::async_trait;
-use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::SqliteStore;
-use super::compress::{compress, decompress, offload};
-use super::fault::{is_reference, json, json_option, parsed, parsed_option, signed, tenant, to_json, unsigned};
 use super::writer::Transaction;
-use crate::error::{Kind, Result, StoreError, check_size};
+use crate::error::{Kind, Result, StoreError};
 use crate::jobs::{
-    EventFilter, FindingCounts, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport,
-    StoredReport,
+    EventFilter, Job, JobDetail, JobEvent, JobFilter, JobState, Jobs, MAX_EVENTS, NewJob, NewReport, StoredReport,
 };
-use crate::page::{Page, PageRequest, Scope, tenant_scope};
-use crate::programs::ProgramKey;
+use crate::page::{Page, PageRequest};
+use crate::sql::fault::is_reference;
+use crate::sql::jobs::{PackedReport, check_new, created, detail, event, job, missing, packed, report, scope};
+use crate::sql::record::{parsed, signed, tenant, unsigned};
 use crate::tenant::Tenant;
-
-/// Longest request id, machine id, display name and detail in bytes.
-const MAX_TEXT_BYTES: u64 = 4096;
 
 macro_rules! job_query {
     ($columns:literal, $rest:literal) => {
@@ -33,60 +28,6 @@ macro_rules! job_query {
             $rest
         )
     };
-}
-
-fn job(row: &SqliteRow) -> Result<Job> {
-    let findings = match row.try_get::<Option<i64>, _>("error_count")? {
-        Some(_) => Some(findings(row)?),
-        None => None,
-    };
-    let tenant = tenant(row)?;
-    let request_id: &str = row.try_get("request_id")?;
-    // The key has the tenant behind it.
-    let request_id = request_id.split_once(' ').map_or(request_id, |(request_id, _)| request_id);
-    Ok(Job {
-        id: parsed(row, "id")?,
-        sequence: row.try_get("sequence")?,
-        tenant,
-        owner: row.try_get("owner")?,
-        request_id: request_id.to_owned(),
-        display_name: row.try_get("display_name")?,
-        program_id: parsed::<ProgramKey>(row, "program_id")?.0,
-        program_size_bytes: unsigned(row, "size_bytes")?,
-        machine_id: row.try_get("machine_id")?,
-        state: parsed(row, "state")?,
-        state_detail: row.try_get("state_detail")?,
-        findings,
-        summary: json_option(row, "summary")?,
-        created_us: row.try_get("created_us")?,
-        updated_us: row.try_get("updated_us")?,
-        revision: unsigned(row, "revision")?,
-        attempts: u32::try_from(unsigned(row, "attempts")?).unwrap_or(u32::MAX),
-    })
-}
-
-fn findings(row: &SqliteRow) -> Result<FindingCounts> {
-    Ok(FindingCounts {
-        errors: unsigned(row, "error_count")?,
-        warnings: unsigned(row, "warning_count")?,
-        infos: unsigned(row, "info_count")?,
-    })
-}
-
-fn event(row: &SqliteRow) -> Result<JobEvent> {
-    Ok(JobEvent {
-        sequence: row.try_get("sequence")?,
-        tenant: tenant(row)?,
-        job_id: parsed(row, "job_id")?,
-        from_state: parsed_option(row, "from_state")?,
-        to_state: parsed_option(row, "to_state")?,
-        at_us: row.try_get("at_us")?,
-        detail: row.try_get("detail")?,
-    })
-}
-
-pub(super) fn missing(id: Uuid) -> StoreError {
-    StoreError::not_found(Kind::Job, id)
 }
 
 async fn find_job(connection: &mut SqliteConnection, id: Uuid) -> Result<Job> {
@@ -119,57 +60,24 @@ pub(super) async fn log(
     Ok(sequence)
 }
 
-/// A report ready to be written.
-struct PackedReport {
-    findings: FindingCounts,
-    summary: Option<String>,
-    report_bytes: i64,
-    report: Vec<u8>,
-}
-
-impl PackedReport {
-    async fn of(report: NewReport) -> Result<Self> {
-        let NewReport { report, findings, summary } = report;
-        let bytes = report.get().len();
-        let packed = offload(bytes, move || compress(report.get().as_bytes())).await?;
-        Ok(Self {
-            findings,
-            summary: summary.map(|summary| summary.get().to_owned()),
-            report_bytes: signed("report size in bytes", bytes as u64)?,
-            report: packed,
-        })
-    }
-
-    async fn insert(self, connection: &mut SqliteConnection, id: Uuid, at_us: i64) -> Result<()> {
-        sqlx::query(
-            "INSERT OR REPLACE INTO validation_reports
-                (job_id, error_count, warning_count, info_count, created_us, summary, report_bytes, report)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-        )
-        .bind(id.to_string())
-        .bind(signed("number of errors", self.findings.errors)?)
-        .bind(signed("number of warnings", self.findings.warnings)?)
-        .bind(signed("number of infos", self.findings.infos)?)
-        .bind(at_us)
-        .bind(self.summary)
-        .bind(self.report_bytes)
-        .bind(self.report)
-        .execute(connection)
-        .await?;
-        Ok(())
-    }
-}
-
-/// The token scope of a job list.
-fn scope(filter: &JobFilter) -> Scope {
-    let mut states: Vec<_> = filter.states.iter().map(|state| state.as_str()).collect();
-    states.sort_unstable();
-    states.dedup();
-    // A present and an absent filter differ in length, so no value can pass for "absent".
-    let time = |time: Option<i64>| time.map(i64::to_be_bytes).map_or_else(Vec::new, Vec::from);
-    let machine = filter.machine_id.as_deref().map_or_else(String::new, |id| format!("={id}"));
-    let [from, before] = [filter.created_from_us, filter.created_before_us].map(time);
-    Scope::of([b"jobs", states.join(",").as_bytes(), machine.as_bytes(), &from, &before, &tenant_scope(filter.tenant)])
+/// Writes a report in place of an earlier one.
+async fn insert_report(connection: &mut SqliteConnection, id: Uuid, report: PackedReport, at_us: i64) -> Result<()> {
+    sqlx::query(
+        "INSERT OR REPLACE INTO validation_reports
+            (job_id, error_count, warning_count, info_count, created_us, summary, report_bytes, report)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(id.to_string())
+    .bind(signed("number of errors", report.findings.errors)?)
+    .bind(signed("number of warnings", report.findings.warnings)?)
+    .bind(signed("number of infos", report.findings.infos)?)
+    .bind(at_us)
+    .bind(report.summary)
+    .bind(report.report_bytes)
+    .bind(report.report)
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 /// Between which numbers the jobs created from and before these times are, found by the index over times: the list itself
@@ -202,19 +110,7 @@ fn push_states(sql: &mut QueryBuilder<Sqlite>, states: &[JobState]) {
 #[async_trait]
 impl Jobs for SqliteStore {
     async fn create_job(&self, new: NewJob) -> Result<Job> {
-        for (what, text) in [
-            ("request id size in bytes", &new.request_id),
-            ("display name size in bytes", &new.display_name),
-            ("machine id size in bytes", &new.machine_id),
-            ("client size in bytes", &new.client),
-            ("owner size in bytes", &new.owner),
-        ] {
-            check_size(what, text.len(), MAX_TEXT_BYTES)?;
-        }
-        let limit = self.settings().max_document_bytes;
-        check_size("machine profile size in bytes", new.machine_snapshot.get().len(), limit)?;
-        check_size("job settings size in bytes", new.settings.get().len(), limit)?;
-        let payload = new.machine_snapshot.get().len() + new.settings.get().len();
+        let payload = check_new(&new, self.settings())?;
         self.write(payload, move |tx| Box::pin(create(tx, new))).await
     }
 
@@ -228,11 +124,7 @@ impl Jobs for SqliteStore {
             .fetch_optional(&mut *self.reader().await?)
             .await?
             .ok_or_else(|| missing(id))?;
-        Ok(JobDetail {
-            job: job(&row)?,
-            machine_snapshot: json(&row, "machine_snapshot")?,
-            settings: json(&row, "settings")?,
-        })
+        detail(&row)
     }
 
     async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>> {
@@ -306,16 +198,7 @@ impl Jobs for SqliteStore {
         detail: &str,
         report: Option<NewReport>,
     ) -> Result<Job> {
-        check_size("detail size in bytes", detail.len(), MAX_TEXT_BYTES)?;
-        if let Some(report) = &report {
-            check_size("report size in bytes", report.report.get().len(), self.settings().max_report_bytes)?;
-            let summary = report.summary.as_ref().map_or(0, |summary| summary.get().len());
-            check_size("report summary size in bytes", summary, self.settings().max_document_bytes)?;
-        }
-        let report = match report {
-            Some(report) => Some(PackedReport::of(report).await?),
-            None => None,
-        };
+        let report = packed(detail, report, self.settings()).await?;
         let payload = report.as_ref().map_or(0, |report| report.report.len());
         let (from, detail) = (from.to_vec(), detail.to_owned());
         self.write(payload, move |tx| Box::pin(change(tx, id, from, to, detail, report))).await
@@ -330,15 +213,7 @@ impl Jobs for SqliteStore {
             self.job(id).await?;
             return Err(StoreError::not_found(Kind::Report, id));
         };
-        let size = unsigned(&row, "report_bytes")?;
-        let packed: Vec<u8> = row.try_get("report")?;
-        let report = offload(packed.len(), move || {
-            let text = String::from_utf8(decompress(&packed, size)?.into())
-                .map_err(|error| StoreError::corrupt_by("a report is not text", error))?;
-            to_json(text, "report")
-        })
-        .await?;
-        Ok(StoredReport { job_id: id, report, findings: findings(&row)?, created_us: row.try_get("created_us")? })
+        report(&row, id).await
     }
 
     async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<()> {
@@ -429,7 +304,7 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     let row = inserted.map_err(|error| {
         if is_reference(&error) { StoreError::not_found(Kind::Program, new.program_id) } else { error.into() }
     })?;
-    for further in new.further_program_ids {
+    for further in new.further_program_ids.iter().copied() {
         let inserted = sqlx::query("INSERT OR IGNORE INTO job_programs (job_id, program_id) VALUES (?, ?)")
             .bind(id.to_string())
             .bind(further.of_tenant(new.tenant).key())
@@ -439,25 +314,8 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
             if is_reference(&error) { StoreError::not_found(Kind::Program, further) } else { error.into() }
         })?;
     }
-    Ok(Job {
-        id,
-        sequence,
-        tenant: new.tenant,
-        owner: new.owner,
-        request_id: new.request_id,
-        display_name: new.display_name,
-        program_id: new.program_id.of_tenant(new.tenant),
-        program_size_bytes: unsigned(&row, "size_bytes")?,
-        machine_id: new.machine_id,
-        state,
-        state_detail: String::new(),
-        findings: None,
-        summary: None,
-        created_us: now_us,
-        updated_us: now_us,
-        revision: 1,
-        attempts: 0,
-    })
+    let size_bytes = unsigned(&row, "size_bytes")?;
+    Ok(created(new, id, sequence, size_bytes, now_us))
 }
 
 async fn change(
@@ -486,7 +344,7 @@ async fn change(
         .execute(&mut tx.connection)
         .await?;
     if let Some(report) = report {
-        report.insert(&mut tx.connection, id, now_us).await?;
+        insert_report(&mut tx.connection, id, report, now_us).await?;
     }
     log(tx, (tenant(&state)?, id), Some(actual), Some(to), now_us, &detail).await?;
     find_job(&mut tx.connection, id).await

@@ -14,6 +14,7 @@ use sqlx::{ConnectOptions, SqliteConnection};
 use super::open::{APPLICATION_ID, MIGRATOR};
 use crate::error::{Result, StoreError};
 use crate::maintenance::CopyReport;
+use crate::sql::migrations;
 
 pub(crate) use backup::backup;
 pub(crate) use check::check;
@@ -47,11 +48,9 @@ async fn connect(path: &Path) -> Result<SqliteConnection> {
     }
     let newest: Option<i64> =
         sqlx::query_scalar("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(&mut connection).await?;
-    let known = MIGRATOR.iter().map(|migration| migration.version).max().unwrap_or(0);
+    let known = migrations::newest(&MIGRATOR);
     match newest {
-        Some(newest) if newest > known => Err(StoreError::Incompatible(format!(
-            "it was changed by a newer version (it has migration {newest}, this version knows those up to {known})"
-        ))),
+        Some(newest) if newest > known => Err(migrations::newer(newest, known)),
         _ => Ok(connection),
     }
 }

@@ -1,9 +1,8 @@
 //! Opening the file: is it ours, is it current, and with which guarantees.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::migrate::Migrator;
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection, SqlitePool};
 
@@ -11,6 +10,7 @@ use super::SqliteOptions;
 use super::lock::FileLock;
 use super::writer::Newest;
 use crate::error::{Result, StoreError};
+use crate::sql::migrations;
 
 pub(super) static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
@@ -63,7 +63,7 @@ pub(super) async fn open(wanted: &SqliteOptions) -> Result<Opened> {
     if fresh {
         sqlx::query("PRAGMA application_id = 0x66776462").execute(&mut writer).await?;
     }
-    MIGRATOR.run_direct(None, &mut writer, false).await.map_err(migration_fault)?;
+    MIGRATOR.run_direct(None, &mut writer, false).await.map_err(|error| migrations::fault(error, &MIGRATOR))?;
     let newest = Newest {
         event: newest_row(&mut writer, "job_events").await?,
         decision: newest_row(&mut writer, "decisions").await?,
@@ -101,21 +101,5 @@ async fn identify(plain: &SqliteConnectOptions) -> Result<bool> {
         (APPLICATION_ID, _) => Ok(false),
         (0, 0) => Ok(true),
         _ => Err(StoreError::Incompatible("it was made by another program".into())),
-    }
-}
-
-fn migration_fault(error: MigrateError) -> StoreError {
-    match error {
-        MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => error.into(),
-        MigrateError::VersionMissing(version) => {
-            let known = MIGRATOR.iter().map(|migration| migration.version).max().unwrap_or(0);
-            StoreError::Incompatible(format!(
-                "it was changed by a newer version (it has migration {version}, this version knows those up to {known})"
-            ))
-        }
-        MigrateError::VersionMismatch(version) => {
-            StoreError::Incompatible(format!("its migration {version} differs from this version's"))
-        }
-        other => StoreError::Unavailable { reason: "migrating it failed", source: Some(Arc::new(other)) },
     }
 }

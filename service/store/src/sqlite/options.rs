@@ -8,7 +8,7 @@ use std::time::Duration;
 use percent_encoding::{AsciiSet, CONTROLS, percent_decode_str, percent_encode};
 use url::Url;
 
-use crate::uri::InvalidStoreUri;
+use crate::uri::{InvalidStoreUri, number};
 
 /// Scheme of the URI.
 pub(crate) const SCHEME: &str = "sqlite";
@@ -90,10 +90,4 @@ impl SqliteOptions {
         }
         Ok(options)
     }
-}
-
-fn number(key: &str, value: &str, low: u32, high: u32) -> Result<u32, InvalidStoreUri> {
-    let number = value.parse().ok().filter(|number| (low..=high).contains(number));
-    number
-        .ok_or_else(|| InvalidStoreUri::new(format!("{key} must be a whole number from {low} to {high}, is {value:?}")))
 }

@@ -2,43 +2,20 @@
 
 use async_trait::async_trait;
 use bytes::Bytes;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::SqliteStore;
-use super::compress::{compress, decompress, offload};
-use super::fault::{is_reference, parsed, signed, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest, Scope, tenant_scope};
 use crate::programs::{
-    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, ProgramKey, Programs, UploadId, UploadInfo,
-    UploadStart,
+    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
 };
+use crate::sql::compress::offload;
+use crate::sql::fault::is_reference;
+use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
+use crate::sql::record::signed;
+use crate::sql::uploads::UploadSteps as _;
 use crate::tenant::Tenant;
-
-/// Chunks removed by one write: a large program is removed in pieces, so that other writes are not delayed.
-const REMOVED_CHUNKS: i64 = 32;
-
-/// Longest file name in bytes.
-const MAX_FILE_NAME_BYTES: u64 = 4_096;
-
-/// A compressed chunk to be written.
-pub(super) struct Chunk {
-    pub(super) index: i64,
-    pub(super) source_bytes: i64,
-    pub(super) data: Vec<u8>,
-}
-
-impl Chunk {
-    /// Compresses the chunk of `source` that begins at a multiple of [`CHUNK_BYTES`].
-    pub(super) fn of(source: &[u8], source_offset: u64) -> Result<Self> {
-        Ok(Self {
-            index: signed("chunk index", source_offset / CHUNK_BYTES)?,
-            source_bytes: signed("chunk size in bytes", source.len() as u64)?,
-            data: compress(source)?,
-        })
-    }
-}
 
 /// Writes chunks of a content.
 pub(super) async fn insert_chunks(connection: &mut SqliteConnection, content: i64, chunks: Vec<Chunk>) -> Result<()> {
@@ -89,15 +66,6 @@ pub(super) async fn find_program(connection: &mut SqliteConnection, id: ProgramI
     row.as_ref().map(program_info).transpose()
 }
 
-fn program_info(row: &SqliteRow) -> Result<ProgramInfo> {
-    Ok(ProgramInfo {
-        id: parsed::<ProgramKey>(row, "id")?.0,
-        size_bytes: unsigned(row, "size_bytes")?,
-        chunk_count: unsigned(row, "chunk_count")?,
-        created_us: row.try_get("created_us")?,
-    })
-}
-
 /// Number of jobs that use a program.
 macro_rules! job_count {
     ($program:literal) => {
@@ -122,18 +90,9 @@ macro_rules! entry_query {
     };
 }
 
-fn program_entry(row: &SqliteRow) -> Result<ProgramEntry> {
-    Ok(ProgramEntry {
-        info: program_info(row)?,
-        sequence: row.try_get("sequence")?,
-        file_name: row.try_get("file_name")?,
-        job_count: unsigned(row, "job_count")?,
-    })
-}
-
 impl SqliteStore {
     /// One chunk of a content, of a program or an upload.
-    pub(super) async fn content_chunk(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
+    pub(super) async fn chunk_of(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
         let row = sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = ? AND chunk_index = ?")
             .bind(content)
             .bind(i64::try_from(index).unwrap_or(i64::MAX))
@@ -147,7 +106,7 @@ impl SqliteStore {
 
     /// Removes the bytes of a content to which nothing refers any more. Goes on when the caller does
     /// not wait; what is left when the process ends is removed when the store is opened again.
-    pub(super) async fn remove_content(&self, content: i64) -> Result<()> {
+    pub(super) async fn remove_chunks(&self, content: i64) -> Result<()> {
         let store = self.clone();
         let task = tokio::spawn(async move {
             while !store.write(0, move |tx| Box::pin(remove_piece(&mut tx.connection, content))).await? {}
@@ -166,7 +125,7 @@ impl SqliteStore {
         .fetch_all(&mut *self.reader().await?)
         .await?;
         for content in orphans {
-            self.remove_content(content).await?;
+            self.remove_chunks(content).await?;
         }
         Ok(())
     }
@@ -190,15 +149,6 @@ async fn remove_piece(connection: &mut SqliteConnection, content: i64) -> Result
     Ok(true)
 }
 
-async fn chunk_source(row: &SqliteRow) -> Result<Bytes> {
-    let size = unsigned(row, "source_bytes")?;
-    let data: Vec<u8> = row.try_get("data")?;
-    if size > CHUNK_BYTES {
-        return Err(StoreError::corrupt("a chunk claims to be larger than chunks are"));
-    }
-    offload(data.len(), move || decompress(&data, size)).await
-}
-
 #[async_trait]
 impl Programs for SqliteStore {
     async fn put_program(&self, tenant: Tenant, source: Bytes) -> Result<ProgramInfo> {
@@ -209,11 +159,7 @@ impl Programs for SqliteStore {
             return Ok(info);
         }
         let size_bytes = source.len() as u64;
-        let chunks = offload(source.len(), move || {
-            let pieces = source.chunks(CHUNK_BYTES as usize).zip((0..).step_by(CHUNK_BYTES as usize));
-            pieces.map(|(piece, offset)| Chunk::of(piece, offset)).collect::<Result<Vec<_>>>()
-        })
-        .await?;
+        let chunks = offload(source.len(), move || Chunk::all(&source, 0)).await?;
         let payload = chunks.iter().map(|chunk| chunk.data.len()).sum();
         self.write(payload, move |tx| {
             Box::pin(async move {
@@ -326,7 +272,7 @@ impl Programs for SqliteStore {
                 })
             })
             .await?;
-        self.remove_content(content).await
+        self.remove_chunks(content).await
     }
 
     async fn begin_upload(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart> {

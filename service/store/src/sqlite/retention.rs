@@ -1,16 +1,17 @@
 //! Retention in SQLite.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use async_trait::async_trait;
 use sqlx::Row as _;
 use uuid::Uuid;
 
 use super::SqliteStore;
-use super::fault::parsed;
 use crate::error::{Result, StoreError};
 use crate::programs::{ProgramKey, Programs as _};
 use crate::retention::{Removed, Retention, RetentionPolicy};
+use crate::sql::clock::system_us;
+use crate::sql::record::parsed;
 
 /// Records removed by one write.
 const BATCH: i64 = 100;
@@ -32,8 +33,7 @@ const AUDIT: &str = "FROM audit_entries AS j WHERE j.at_us < ?";
 
 fn cutoff(age: Option<Duration>) -> Option<i64> {
     let age_us = i64::try_from(age?.as_micros()).unwrap_or(i64::MAX);
-    let now_us = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |age| age.as_micros());
-    Some(i64::try_from(now_us).unwrap_or(i64::MAX).saturating_sub(age_us))
+    Some(system_us().saturating_sub(age_us))
 }
 
 impl SqliteStore {

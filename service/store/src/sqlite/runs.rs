@@ -11,72 +11,22 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use self::commit::{Packed, pack, write};
+use self::commit::write;
 use super::SqliteStore;
-use super::compress::{decompress, offload};
-use super::fault::{is_reference, json, parsed, signed, tenant, to_json, unsigned};
 use super::writer::Transaction;
 use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
-use crate::page::{Page, PageRequest, Scope, tenant_scope};
+use crate::page::{Page, PageRequest};
 use crate::runs::{
     Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run,
-    RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunSetpoints, RunState, Runs, TelemetryGap,
+    RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs, TelemetryGap,
+};
+use crate::sql::fault::is_reference;
+use crate::sql::record::{signed, to_json, unsigned};
+use crate::sql::runs::{
+    Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, missing, monitor, pack, run, scope,
 };
 use crate::tenant::Tenant;
-
-/// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
-const MAX_ROWS: u64 = 4096;
-/// Longest reason of an end and cause of a change, bytes.
-const MAX_TEXT_BYTES: u64 = 4096;
-
-fn missing(id: Uuid) -> StoreError {
-    StoreError::not_found(Kind::Run, id)
-}
-
-fn run(row: &SqliteRow) -> Result<Run> {
-    let digest = match row.try_get::<Option<Vec<u8>>, _>("setpoints_digest")? {
-        Some(digest) => {
-            let digest = digest.try_into().map_err(|_| StoreError::corrupt("a digest has not 32 bytes"))?;
-            Some(digest)
-        }
-        None => None,
-    };
-    let newest_batch = match row.try_get::<Option<i64>, _>("newest_batch")? {
-        Some(_) => Some(unsigned(row, "newest_batch")?),
-        None => None,
-    };
-    Ok(Run {
-        id: parsed(row, "id")?,
-        tenant: tenant(row)?,
-        sequence: row.try_get("sequence")?,
-        job_id: parsed(row, "job_id")?,
-        kind: parsed(row, "kind")?,
-        state: parsed(row, "state")?,
-        state_detail: row.try_get("state_detail")?,
-        created_us: row.try_get("created_us")?,
-        updated_us: row.try_get("updated_us")?,
-        newest_batch,
-        setpoints: RunSetpoints {
-            received: unsigned(row, "setpoints_received")?,
-            sent: unsigned(row, "setpoints_sent")?,
-            digest,
-        },
-        settings: json(row, "settings")?,
-        open_conditions: unsigned(row, "open_conditions")?,
-    })
-}
-
-fn condition(row: &SqliteRow) -> Result<RunCondition> {
-    let at_us: Option<i64> = row.try_get("acknowledged_us")?;
-    let (by, note) = (row.try_get("acknowledged_by")?, row.try_get("note")?);
-    Ok(RunCondition {
-        decision_number: unsigned(row, "decision_number")?,
-        action: row.try_get("action")?,
-        raised_us: row.try_get("raised_us")?,
-        acknowledged: at_us.map(|at_us| Acknowledgement { at_us, by, note }),
-    })
-}
 
 /// Tells of a run in its job's log of events.
 async fn tell(tx: &mut Transaction, run_id: &str, message: &str) -> Result<()> {
@@ -119,14 +69,6 @@ async fn find_overrides(connection: &mut SqliteConnection, id: Uuid) -> Result<V
         .bind(id.to_string())
         .fetch_all(connection)
         .await?;
-    let change = |row: &SqliteRow| {
-        Ok(RunOverride {
-            number: unsigned(row, "number")?,
-            setpoint_index: unsigned(row, "setpoint_index")?,
-            ratio: row.try_get("ratio")?,
-            cause: row.try_get("cause")?,
-        })
-    };
     rows.iter().map(change).collect()
 }
 
@@ -241,27 +183,13 @@ impl Runs for SqliteStore {
                 })
             })
             .await?;
-        let size = unsigned(&row, "monitor_bytes")?;
-        let packed: Vec<u8> = row.try_get("monitor")?;
-        let monitor = offload(packed.len(), move || decompress(&packed, size)).await?;
+        let monitor = monitor(&row).await?;
         Ok(AttachedRun { run, attachment, monitor, overrides })
     }
 
     async fn commit_run(&self, id: Uuid, attachment: u64, commit: RunCommit) -> Result<Vec<DecisionRecord>> {
-        if let Some((_, monitor)) = &commit.telemetry {
-            check_size("monitor size in bytes", monitor.len(), self.settings().max_snapshot_bytes)?;
-        }
-        for decision in &commit.decisions {
-            check_size("decision size in bytes", decision.body.len(), self.settings().max_document_bytes)?;
-        }
-        check_size("telemetry gaps", commit.gaps.len(), MAX_ROWS)?;
-        check_size("changes of the feed override", commit.overrides.len(), MAX_ROWS)?;
-        let texts = commit.overrides.iter().map(|change| &change.cause).chain(commit.end.iter().map(|end| &end.1));
-        for text in texts {
-            check_size("reason size in bytes", text.len(), MAX_TEXT_BYTES)?;
-        }
         let attachment = signed("attachment", attachment)?;
-        let packed = Packed::of(commit).await?;
+        let packed = Packed::of(commit, self.settings()).await?;
         self.write(packed.bytes(), move |tx| Box::pin(write(tx, id, attachment, packed))).await
     }
 
@@ -270,8 +198,7 @@ impl Runs for SqliteStore {
     }
 
     async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
-        let job: &[u8] = job_id.as_ref().map_or(&[], |id| id.as_bytes());
-        let scope = Scope::of([b"runs".as_slice(), job, &tenant_scope(tenant)]);
+        let scope = scope(tenant, job_id);
         let size = page.bounded_size();
         let mut sql = QueryBuilder::<Sqlite>::new(run_query!("WHERE TRUE"));
         if let Some(tenant) = tenant {
@@ -305,9 +232,7 @@ impl Runs for SqliteStore {
         by: String,
         note: String,
     ) -> Result<RunCondition> {
-        for text in [&by, &note] {
-            check_size("acknowledgement size in bytes", text.len(), MAX_TEXT_BYTES)?;
-        }
+        check_acknowledgement(&by, &note)?;
         let number = decision_number.map(|number| signed("decision number", number)).transpose()?;
         self.write(by.len() + note.len(), move |tx| {
             Box::pin(async move {
@@ -337,8 +262,7 @@ impl Runs for SqliteStore {
                     .await?;
                     kept.acknowledged = Some(Acknowledgement { at_us, by: by.clone(), note });
                     let number = kept.decision_number;
-                    tell(tx, &run_id, &format!("runs/{run_id}: {by} acknowledged the condition of decision {number}"))
-                        .await?;
+                    tell(tx, &run_id, &acknowledged(id, number, &by)).await?;
                 }
                 Ok(kept)
             })
@@ -390,9 +314,6 @@ impl Runs for SqliteStore {
             .bind(MAX_LISTED)
             .fetch_all(&mut *self.reader().await?)
             .await?;
-        let gap = |row: &SqliteRow| {
-            Ok(TelemetryGap { first: unsigned(row, "first_batch")?, last: unsigned(row, "last_batch")? })
-        };
         rows.iter().map(gap).collect()
     }
 
@@ -410,16 +331,6 @@ impl Runs for SqliteStore {
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(limit.min(MAX_DECISIONS));
         let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
-        let decision = |row: &SqliteRow| {
-            Ok(DecisionRecord {
-                sequence: row.try_get("sequence")?,
-                run_id: parsed(row, "run_id")?,
-                job_id: parsed(row, "job_id")?,
-                number: unsigned(row, "number")?,
-                at_us: row.try_get("at_us")?,
-                body: row.try_get::<Vec<u8>, _>("body")?.into(),
-            })
-        };
         rows.iter().map(decision).collect()
     }
 

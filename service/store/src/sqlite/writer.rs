@@ -5,7 +5,7 @@
 use std::pin::Pin;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
@@ -14,12 +14,13 @@ use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch}
 use tokio::task::JoinHandle;
 
 use super::checkpointer;
-use super::fault::REFUSED;
 use super::lock::FileLock;
 use super::open::Opened;
 use super::probe::Probing;
 use crate::error::{Result, StoreError};
 use crate::settings::{Observer, StoreSettings, StoreStats};
+use crate::sql::clock::{following, system_us};
+use crate::sql::fault::REFUSED;
 
 pub(super) type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
@@ -72,8 +73,7 @@ impl Transaction {
     /// The time now in microseconds since the Unix epoch, later than at the call before, even when the clock is adjusted
     /// a little. Once it is set back it is followed: the order of records is that of their numbers, not of their times.
     pub(super) fn now_us(&mut self) -> i64 {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |age| age.as_micros());
-        self.latest_us = following(i64::try_from(now).unwrap_or(i64::MAX), self.latest_us);
+        self.latest_us = following(system_us(), self.latest_us);
         self.latest_us
     }
 
@@ -86,15 +86,6 @@ impl Transaction {
     pub(super) fn decision_written(&mut self, sequence: i64) {
         self.newest.decision = self.newest.decision.max(sequence);
     }
-}
-
-/// By how much times may be ahead of a clock that went back, µs.
-const ADJUSTMENT_US: i64 = 60_000_000;
-
-/// The time after `latest_us` that a clock at `now_us` gives.
-fn following(now_us: i64, latest_us: i64) -> i64 {
-    let ahead = latest_us.saturating_sub(now_us);
-    if ahead > ADJUSTMENT_US { now_us } else { now_us.max(latest_us.saturating_add(1)) }
 }
 
 /// The caller's side of the writer.
@@ -362,19 +353,5 @@ impl Task {
         let newest = transaction.newest;
         self.transaction = Some(transaction);
         Ok((succeeded, newest))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::following;
-
-    #[test]
-    fn a_clock_that_is_adjusted_is_passed_and_one_that_is_set_back_is_followed() {
-        assert_eq!(following(1_000, 10), 1_000);
-        assert_eq!(following(1_000, 1_000), 1_001);
-        assert_eq!(following(1_000, 60_000_999), 60_001_000);
-        assert_eq!(following(1_000, 60_001_001), 1_000);
-        assert_eq!(following(0, i64::MAX), 0);
     }
 }

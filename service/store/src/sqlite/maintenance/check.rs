@@ -12,8 +12,8 @@ use crate::jobs::JobState;
 use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
 use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
 use crate::runs::RunState;
-use crate::sqlite::compress::{decompress, offload};
-use crate::sqlite::fault::{parsed, parsed_option, to_json, unsigned};
+use crate::sql::compress::{decompress, offload};
+use crate::sql::record::{parsed, parsed_option, to_json, unsigned};
 
 const NOTHING: &str = "nothing: it is made again when it is needed";
 const PROGRAM: &str = "the program, and with it streams of the jobs that use it; upload it again";

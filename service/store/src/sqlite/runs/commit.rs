@@ -1,74 +1,15 @@
 //! What one commit changes in a run: telemetry taken, gaps, changes of the feed override, decisions and the end.
 
-use bytes::Bytes;
 use sqlx::{QueryBuilder, Sqlite};
 use uuid::Uuid;
 
 use super::{refusal, tell};
-use crate::error::{Result, StoreError};
-use crate::runs::{DecisionRecord, NewDecision, RunCommit, RunOverride, RunSetpoints, RunState, TelemetryGap};
-use crate::sqlite::compress::{compress, offload};
-use crate::sqlite::fault::{parsed, signed, tenant};
+use crate::error::Result;
+use crate::runs::{DecisionRecord, NewDecision, RunOverride, RunState};
+use crate::sql::record::{parsed, tenant};
+use crate::sql::runs::{Packed, raised};
 use crate::sqlite::writer::Transaction;
 use crate::tenant::Tenant;
-
-/// A commit with its numbers and the monitor's state as the database keeps them.
-pub(super) struct Packed {
-    newest_batch: Option<i64>,
-    monitor: Option<(i64, Vec<u8>)>,
-    setpoints: Option<[i64; 2]>,
-    digest: Option<Vec<u8>>,
-    decisions: Vec<(i64, NewDecision)>,
-    gaps: Vec<[i64; 2]>,
-    overrides: Vec<([i64; 2], RunOverride)>,
-    end: Option<(RunState, String)>,
-}
-
-impl Packed {
-    pub(super) async fn of(commit: RunCommit) -> Result<Self> {
-        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
-        let (newest_batch, monitor) = match telemetry {
-            Some((newest, monitor)) => {
-                let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
-                (newest, Some(pack(monitor).await?))
-            }
-            None => (None, None),
-        };
-        let number = |decision: NewDecision| Ok((signed("decision number", decision.number)?, decision));
-        let gap = |gap: TelemetryGap| Ok([signed("batch number", gap.first)?, signed("batch number", gap.last)?]);
-        let change = |change: RunOverride| {
-            let numbers = [signed("change number", change.number)?, signed("setpoint index", change.setpoint_index)?];
-            Ok((numbers, change))
-        };
-        let count = |setpoints: RunSetpoints| {
-            Ok::<_, StoreError>([
-                signed("setpoint index", setpoints.received)?,
-                signed("setpoint index", setpoints.sent)?,
-            ])
-        };
-        Ok(Self {
-            newest_batch,
-            monitor,
-            setpoints: setpoints.map(count).transpose()?,
-            digest: setpoints.and_then(|setpoints| setpoints.digest).map(Vec::from),
-            decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
-            gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
-            overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
-            end,
-        })
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
-        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
-    }
-}
-
-/// Size and compressed bytes of the state of a monitor.
-pub(super) async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
-    let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
-    Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
-}
 
 /// Writes a commit to a run that is open and attached so; the records of its decisions.
 pub(super) async fn write(
@@ -111,7 +52,7 @@ pub(super) async fn write(
     insert_overrides(tx, &run_id, packed.overrides).await?;
     let mut records = Vec::with_capacity(packed.decisions.len());
     for (number, decision) in packed.decisions {
-        let sequence = insert_decision(tx, &run_id, of, (number, &decision), at_us).await?;
+        let sequence = insert_decision(tx, id, of, (number, &decision), at_us).await?;
         let NewDecision { number, body, .. } = decision;
         records.push(DecisionRecord { sequence, run_id: id, job_id: of.1, number, at_us, body });
     }
@@ -147,16 +88,17 @@ async fn insert_overrides(tx: &mut Transaction, run_id: &str, overrides: Vec<([i
 /// Writes a decision and the condition that it raises; its number in the log of all decisions.
 async fn insert_decision(
     tx: &mut Transaction,
-    run_id: &str,
+    id: Uuid,
     (tenant, job_id): (Tenant, Uuid),
     (number, decision): (i64, &NewDecision),
     at_us: i64,
 ) -> Result<i64> {
+    let run_id = id.to_string();
     let sequence = sqlx::query(
         "INSERT INTO decisions (tenant, run_id, job_id, number, at_us, action, body) VALUES (?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(tenant.name())
-    .bind(run_id)
+    .bind(&run_id)
     .bind(job_id.to_string())
     .bind(number)
     .bind(at_us)
@@ -171,13 +113,13 @@ async fn insert_decision(
             "INSERT INTO run_conditions (run_id, decision_number, action, raised_us, acknowledged_by, note)
              VALUES (?, ?, ?, ?, '', '')",
         )
-        .bind(run_id)
+        .bind(&run_id)
         .bind(number)
         .bind(decision.action)
         .bind(at_us)
         .execute(&mut tx.connection)
         .await?;
-        tell(tx, run_id, &format!("runs/{run_id}: decision {number} raised a condition: {}", decision.action)).await?;
+        tell(tx, &run_id, &raised(id, number, decision.action)).await?;
     }
     Ok(sequence)
 }

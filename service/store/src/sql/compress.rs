@@ -11,7 +11,7 @@ const LEVEL: i32 = 3;
 const INLINE_BYTES: usize = 16 << 10;
 
 /// Does `work` on `bytes` bytes where it does not hold up other tasks.
-pub(super) async fn offload<T, F>(bytes: usize, work: F) -> Result<T>
+pub(crate) async fn offload<T, F>(bytes: usize, work: F) -> Result<T>
 where
     T: Send + 'static,
     F: FnOnce() -> Result<T> + Send + 'static,
@@ -24,7 +24,7 @@ where
 }
 
 /// Compresses `source`. A checksum goes with it: damage must not come back as another program.
-pub(super) fn compress(source: &[u8]) -> Result<Vec<u8>> {
+pub(crate) fn compress(source: &[u8]) -> Result<Vec<u8>> {
     let compress = || {
         let mut compressor = zstd::bulk::Compressor::new(LEVEL)?;
         compressor.include_checksum(true)?;
@@ -34,7 +34,7 @@ pub(super) fn compress(source: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// Restores the `size` bytes that were compressed.
-pub(super) fn decompress(data: &[u8], size: u64) -> Result<Bytes> {
+pub(crate) fn decompress(data: &[u8], size: u64) -> Result<Bytes> {
     let capacity = usize::try_from(size).map_err(|_| StoreError::corrupt("a compressed record is too large"))?;
     let source = zstd::bulk::decompress(data, capacity)
         .map_err(|error| StoreError::corrupt_by("a compressed record cannot be restored", error))?;

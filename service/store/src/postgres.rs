@@ -1,0 +1,298 @@
+//! The store in a PostgreSQL database that any number of replicas share.
+//!
+//! Writes that go into a log (events, decisions, the audit log) are committed in groups, one group of a log at a time over all replicas,
+//! so that its numbers become visible in order and without gaps. All other writes are transactions of their own, side by
+//! side. Nothing relies on a session but the lock under which the schema is brought up to date; transactions run at
+//! `READ COMMITTED`, take locks on rows, and are repeated where the database says that another came in between.
+
+mod audit;
+mod bell;
+mod checkpoints;
+mod clock;
+mod copy;
+mod documents;
+mod fault;
+mod jobs;
+mod lane;
+mod open;
+mod options;
+mod probe;
+mod programs;
+mod retention;
+mod retry;
+mod runs;
+mod uploads;
+mod validations;
+
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use async_trait::async_trait;
+use sqlx::pool::PoolConnection;
+use sqlx::{PgConnection, PgPool, Postgres};
+use tokio::sync::{Semaphore, watch};
+use uuid::Uuid;
+
+use crate::Database;
+use crate::error::{Result, StoreError};
+use crate::settings::{StoreSettings, StoreStats};
+use crate::sql::fault::REFUSED;
+use bell::Bell;
+use clock::Clock;
+pub(crate) use copy::copy;
+pub(crate) use fault::meaning;
+use lane::{BoxFuture, Lane, Shared, Transaction};
+pub(crate) use open::migrate;
+pub(crate) use options::{PostgresOptions, SCHEMES, without_password};
+use probe::Probing;
+use retry::{Failure, Patience};
+
+/// Payload is counted in pieces of this many bytes.
+const PAYLOAD_UNIT_BYTES: u64 = 1024;
+
+/// The store in a PostgreSQL database. Cloning is cheap; clones are the same store.
+#[derive(Clone)]
+pub(crate) struct PostgresStore {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    options: PostgresOptions,
+    settings: StoreSettings,
+    pool: PgPool,
+    /// Writes to the log of events.
+    events: Lane,
+    /// Commits of runs, with what they write to the log of decisions.
+    decisions: Lane,
+    /// Writes to the audit log.
+    audit: Lane,
+    bell: Bell,
+    shared: Arc<Shared>,
+    probing: Probing,
+    payload: Arc<Semaphore>,
+    payload_units: u32,
+    reads: AtomicU64,
+    /// Names this process among all that ever had the database.
+    replica: String,
+}
+
+#[async_trait]
+impl Database for PostgresStore {
+    async fn close(&self) {
+        self.inner.events.close().await;
+        self.inner.decisions.close().await;
+        self.inner.audit.close().await;
+        self.inner.bell.close().await;
+        self.inner.pool.close().await;
+    }
+
+    async fn ping(&self) -> Result<()> {
+        if !self.inner.events.is_open() {
+            return Err(StoreError::unavailable("it is closed"));
+        }
+        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *self.reader().await?).await?;
+        Ok(())
+    }
+
+    async fn probe(&self, patience: Duration) -> Result<()> {
+        self.probe_writing(patience).await
+    }
+
+    fn watch_faults(&self) -> watch::Receiver<u64> {
+        self.inner.probing.faults()
+    }
+
+    fn stats(&self) -> StoreStats {
+        let mut stats = self.inner.shared.counts.stats();
+        stats.reads = self.inner.reads.load(Ordering::Relaxed);
+        stats.database_bytes = self.inner.bell.database_bytes();
+        stats
+    }
+}
+
+impl PostgresStore {
+    /// Opens the database, creates it if it does not exist and the user may, and brings its schema up to date.
+    ///
+    /// # Errors
+    /// As [`crate::Store::open`].
+    pub(crate) async fn open(options: PostgresOptions, settings: StoreSettings) -> Result<Self> {
+        migrate(&options).await?;
+        let pool = open::pool(&options, options.connections)?;
+        let (clock, newest) = bell::ask_first(&pool).await?;
+        let shared = Arc::new(Shared::new(&options, &settings, clock, newest)?);
+        let lane = |name| Lane::start(name, shared.clone(), &settings);
+        let units = settings.write_queue_bytes.div_ceil(PAYLOAD_UNIT_BYTES).clamp(1, 1 << 28);
+        // In range by the line above.
+        let payload_units = u32::try_from(units).unwrap_or(u32::MAX);
+        let inner = Inner {
+            bell: Bell::start(&options, shared.clone())?,
+            pool,
+            events: lane("events"),
+            decisions: lane("decisions"),
+            audit: lane("audit"),
+            shared,
+            probing: Probing::new(),
+            payload: Arc::new(Semaphore::new(payload_units as usize)),
+            payload_units,
+            reads: AtomicU64::new(0),
+            replica: format!("{}#{}", settings.replica_name, Uuid::now_v7()),
+            options,
+            settings,
+        };
+        let store = Self { inner: Arc::new(inner) };
+        store.remove_orphans().await?;
+        Ok(store)
+    }
+
+    fn settings(&self) -> &StoreSettings {
+        &self.inner.settings
+    }
+
+    fn clock(&self) -> &Clock {
+        &self.inner.shared.clock
+    }
+
+    /// Does `work` within a group that writes to the log of events; `payload_bytes` is what it holds in memory until then.
+    /// It may be done several times, but takes effect once.
+    async fn write_event<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> Fn(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        self.guarded(payload_bytes, self.inner.events.write(work)).await
+    }
+
+    /// As [`PostgresStore::write_event`], within a group of commits of runs.
+    async fn write_run<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> Fn(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        self.guarded(payload_bytes, self.inner.decisions.write(work)).await
+    }
+
+    /// As [`PostgresStore::write_event`], within a group that writes to the audit log.
+    async fn write_audit<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send + 'static,
+        F: for<'t> Fn(&'t mut Transaction) -> BoxFuture<'t, Result<T>> + Send + 'static,
+    {
+        self.guarded(payload_bytes, self.inner.audit.write(work)).await
+    }
+
+    /// Does `work`, which writes to no log, in a transaction of its own.
+    async fn write<T, F>(&self, payload_bytes: usize, work: F) -> Result<T>
+    where
+        T: Send,
+        F: for<'t> Fn(&'t mut PgConnection) -> BoxFuture<'t, Result<T>> + Send + Sync,
+    {
+        self.guarded(payload_bytes, self.write_alone(work)).await
+    }
+
+    /// A write, unless it is known that none can be done, and with what it holds in memory counted.
+    async fn guarded<T>(&self, payload_bytes: usize, write: impl Future<Output = Result<T>> + Send) -> Result<T> {
+        let closed = || StoreError::unavailable("it is closed");
+        let mut blocked = self.inner.probing.blocked();
+        let refused = async {
+            // The sender lives as long as the store.
+            let reason = blocked.wait_for(Option::is_some).await.ok().and_then(|reason| *reason);
+            StoreError::unavailable(reason.unwrap_or("it is closed"))
+        };
+        let units = (payload_bytes as u64).div_ceil(PAYLOAD_UNIT_BYTES).min(u64::from(self.inner.payload_units));
+        let units = u32::try_from(units).unwrap_or(self.inner.payload_units);
+        let write = async {
+            // A write larger than the whole allowance waits until it is alone.
+            let _permit = self.inner.payload.acquire_many(units).await.map_err(|_| closed())?;
+            write.await
+        };
+        let result = tokio::select! {
+            biased;
+            error = refused => return Err(error),
+            result = write => result,
+        };
+        if let Err(StoreError::Unavailable { reason, source: Some(_) }) = &result
+            && *reason != REFUSED
+        {
+            self.inner.probing.fault();
+        }
+        result
+    }
+
+    async fn write_alone<T, F>(&self, work: F) -> Result<T>
+    where
+        T: Send,
+        F: for<'t> Fn(&'t mut PgConnection) -> BoxFuture<'t, Result<T>> + Send + Sync,
+    {
+        if !self.inner.events.is_open() {
+            return Err(StoreError::unavailable("it is closed"));
+        }
+        let counts = &self.inner.shared.counts;
+        let begun = Instant::now();
+        let _queued = counts.queue(1);
+        let mut patience = Patience::new(self.inner.options.connect_timeout);
+        let result = loop {
+            match self.try_write(&work).await {
+                Ok(value) => break Ok(value),
+                Err(failure) => {
+                    if let Err(error) = patience.again(failure).await {
+                        break Err(error);
+                    }
+                }
+            }
+        };
+        counts.done(u64::from(result.is_ok()), u64::from(result.is_err()), u64::from(result.is_ok()));
+        if result.is_ok() {
+            self.inner.settings.observer.write_committed(1, begun.elapsed());
+        }
+        result
+    }
+
+    async fn try_write<T, F>(&self, work: &F) -> Result<T, Failure>
+    where
+        F: for<'t> Fn(&'t mut PgConnection) -> BoxFuture<'t, Result<T>>,
+    {
+        let before = |error: StoreError| Failure::Before(error);
+        let limit = self.inner.options.answer_limit();
+        let mut transaction = self.inner.pool.begin().await.map_err(|error| before(error.into()))?;
+        let value = retry::answered(limit, work(&mut transaction)).await.map_err(before)?;
+        let committed = async { Ok(transaction.commit().await?) };
+        retry::answered(limit, committed).await.map_err(Failure::During)?;
+        Ok(value)
+    }
+
+    async fn reader(&self) -> Result<Reader<'_>> {
+        let begun = Instant::now();
+        let connection = self.inner.pool.acquire().await?;
+        Ok(Reader { connection, inner: &self.inner, begun })
+    }
+}
+
+/// A connection for reading; reports its use when dropped.
+struct Reader<'a> {
+    connection: PoolConnection<Postgres>,
+    inner: &'a Inner,
+    begun: Instant,
+}
+
+impl Deref for Reader<'_> {
+    type Target = PgConnection;
+
+    fn deref(&self) -> &PgConnection {
+        &self.connection
+    }
+}
+
+impl DerefMut for Reader<'_> {
+    fn deref_mut(&mut self) -> &mut PgConnection {
+        &mut self.connection
+    }
+}
+
+impl Drop for Reader<'_> {
+    fn drop(&mut self) {
+        self.inner.reads.fetch_add(1, Ordering::Relaxed);
+        self.inner.settings.observer.read_done(self.begun.elapsed());
+    }
+}

@@ -1,0 +1,511 @@
+//! What a store in an SQLite file holds, into an empty database: table by table, in one transaction, each compared by its
+//! hash with what was read.
+
+use futures_util::TryStreamExt as _;
+use sha2::{Digest as _, Sha256};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{
+    AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection, Postgres, QueryBuilder, Row as _,
+    SqliteConnection,
+};
+
+use super::PostgresOptions;
+use super::open::{connect, migrate};
+use crate::error::{Result, StoreError};
+use crate::maintenance::TableCopy;
+use crate::settings::StoreSettings;
+use crate::sql::record::Record;
+use crate::sqlite::{SqliteOptions, SqliteStore, maintenance};
+
+/// Rows and bytes of one statement.
+const ROWS: usize = 500;
+const BYTES: usize = 4 << 20;
+
+/// What a column holds; all but keys may be null.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Integer,
+    Real,
+    Text,
+    Bytes,
+}
+
+use Kind::{Bytes, Integer, Real, Text};
+
+/// A table with its columns, the first of which are its key.
+struct Table {
+    name: &'static str,
+    keys: usize,
+    columns: &'static [(&'static str, Kind)],
+}
+
+/// Every table that holds records; what another one refers to comes first.
+const TABLES: [Table; 19] = [
+    Table { name: "contents", keys: 1, columns: &[("id", Integer)] },
+    Table {
+        name: "program_chunks",
+        keys: 2,
+        columns: &[
+            ("content_id", Integer),
+            ("chunk_index", Integer),
+            ("source_offset", Integer),
+            ("source_bytes", Integer),
+            ("data", Bytes),
+        ],
+    },
+    Table {
+        name: "programs",
+        keys: 1,
+        columns: &[
+            ("id", Text),
+            ("content_id", Integer),
+            ("size_bytes", Integer),
+            ("chunk_count", Integer),
+            ("created_us", Integer),
+            ("file_name", Text),
+            ("sequence", Integer),
+            ("tenant", Text),
+        ],
+    },
+    Table {
+        name: "uploads",
+        keys: 1,
+        columns: &[
+            ("id", Text),
+            ("content_id", Integer),
+            ("expected_id", Text),
+            ("size_bytes", Integer),
+            ("received_bytes", Integer),
+            ("created_us", Integer),
+            ("updated_us", Integer),
+            ("client", Text),
+        ],
+    },
+    Table {
+        name: "upload_tails",
+        keys: 2,
+        columns: &[("upload_id", Text), ("source_offset", Integer), ("data", Bytes)],
+    },
+    Table {
+        name: "jobs",
+        keys: 1,
+        columns: &[
+            ("id", Text),
+            ("sequence", Integer),
+            ("request_id", Text),
+            ("fingerprint", Bytes),
+            ("display_name", Text),
+            ("program_id", Text),
+            ("machine_id", Text),
+            ("state", Text),
+            ("state_detail", Text),
+            ("created_us", Integer),
+            ("updated_us", Integer),
+            ("revision", Integer),
+            ("client", Text),
+            ("attempts", Integer),
+            ("settings", Text),
+            ("machine_snapshot", Text),
+            ("tenant", Text),
+            ("owner", Text),
+        ],
+    },
+    Table { name: "job_programs", keys: 2, columns: &[("job_id", Text), ("program_id", Text)] },
+    Table {
+        name: "validation_reports",
+        keys: 1,
+        columns: &[
+            ("job_id", Text),
+            ("error_count", Integer),
+            ("warning_count", Integer),
+            ("info_count", Integer),
+            ("created_us", Integer),
+            ("summary", Text),
+            ("report_bytes", Integer),
+            ("report", Bytes),
+        ],
+    },
+    Table {
+        name: "job_events",
+        keys: 1,
+        columns: &[
+            ("sequence", Integer),
+            ("job_id", Text),
+            ("from_state", Text),
+            ("to_state", Text),
+            ("at_us", Integer),
+            ("detail", Text),
+            ("tenant", Text),
+        ],
+    },
+    Table {
+        name: "job_checkpoints",
+        keys: 4,
+        columns: &[
+            ("job_id", Text),
+            ("interpolation_period_us", Integer),
+            ("generation_key", Text),
+            ("setpoint_index", Integer),
+            ("input_offset", Integer),
+            ("snapshot_bytes", Integer),
+            ("snapshot", Bytes),
+        ],
+    },
+    Table {
+        name: "documents",
+        keys: 2,
+        columns: &[
+            ("collection", Text),
+            ("id", Text),
+            ("number", Integer),
+            ("created_us", Integer),
+            ("updated_us", Integer),
+            ("revision", Integer),
+            ("body", Text),
+        ],
+    },
+    Table { name: "monitoring", keys: 1, columns: &[("job_id", Text), ("updated_us", Integer), ("config", Text)] },
+    Table {
+        name: "runs",
+        keys: 1,
+        columns: &[
+            ("id", Text),
+            ("sequence", Integer),
+            ("job_id", Text),
+            ("kind", Text),
+            ("state", Text),
+            ("state_detail", Text),
+            ("created_us", Integer),
+            ("updated_us", Integer),
+            ("attachment", Integer),
+            ("newest_batch", Integer),
+            ("setpoints_received", Integer),
+            ("setpoints_sent", Integer),
+            ("setpoints_digest", Bytes),
+            ("settings", Text),
+            ("monitor_bytes", Integer),
+            ("monitor", Bytes),
+            ("tenant", Text),
+        ],
+    },
+    Table {
+        name: "telemetry_gaps",
+        keys: 2,
+        columns: &[("run_id", Text), ("first_batch", Integer), ("last_batch", Integer), ("at_us", Integer)],
+    },
+    Table {
+        name: "decisions",
+        keys: 1,
+        columns: &[
+            ("sequence", Integer),
+            ("run_id", Text),
+            ("job_id", Text),
+            ("number", Integer),
+            ("at_us", Integer),
+            ("action", Text),
+            ("body", Bytes),
+            ("tenant", Text),
+        ],
+    },
+    Table {
+        name: "run_overrides",
+        keys: 2,
+        columns: &[
+            ("run_id", Text),
+            ("number", Integer),
+            ("setpoint_index", Integer),
+            ("ratio", Real),
+            ("cause", Text),
+        ],
+    },
+    Table {
+        name: "run_conditions",
+        keys: 2,
+        columns: &[
+            ("run_id", Text),
+            ("decision_number", Integer),
+            ("action", Text),
+            ("raised_us", Integer),
+            ("acknowledged_us", Integer),
+            ("acknowledged_by", Text),
+            ("note", Text),
+        ],
+    },
+    Table {
+        name: "run_checkpoints",
+        keys: 2,
+        columns: &[
+            ("run_id", Text),
+            ("setpoint_index", Integer),
+            ("change_count", Integer),
+            ("generation_key", Text),
+            ("digest_state", Bytes),
+            ("snapshot_bytes", Integer),
+            ("snapshot", Bytes),
+        ],
+    },
+    Table {
+        name: "audit_entries",
+        keys: 1,
+        columns: &[
+            ("sequence", Integer),
+            ("at_us", Integer),
+            ("ended_us", Integer),
+            ("principal", Text),
+            ("tenant", Text),
+            ("address", Text),
+            ("certificate", Text),
+            ("method", Text),
+            ("request_id", Text),
+            ("resource", Text),
+            ("result", Text),
+            ("reason", Text),
+            ("occurrences", Integer),
+        ],
+    },
+];
+
+/// Tables of a file that hold no records.
+const OTHERS: [&str; 3] = ["_sqlx_migrations", "probe", "sqlite_sequence"];
+
+/// A value of a column.
+#[derive(Debug, Clone, PartialEq)]
+enum Value {
+    Integer(Option<i64>),
+    Real(f64),
+    Text(Option<String>),
+    Bytes(Option<Vec<u8>>),
+}
+
+impl Value {
+    fn of(row: &impl Record, column: &str, kind: Kind) -> Result<Self> {
+        Ok(match kind {
+            Integer => Self::Integer(row.integer_option(column)?),
+            Real => Self::Real(row.real(column)?),
+            Text => Self::Text(row.text_option(column)?.map(str::to_owned)),
+            Bytes => Self::Bytes(row.bytes_option(column)?.map(<[u8]>::to_vec)),
+        })
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Integer(_) | Self::Real(_) => 8,
+            Self::Text(text) => text.as_ref().map_or(0, String::len),
+            Self::Bytes(bytes) => bytes.as_ref().map_or(0, Vec::len),
+        }
+    }
+
+    /// Adds it to a hash so that no two rows of different values have the same bytes.
+    fn hash(&self, hash: &mut Sha256) {
+        let mut part = |bytes: Option<&[u8]>| match bytes {
+            Some(bytes) => {
+                hash.update([1]);
+                hash.update((bytes.len() as u64).to_le_bytes());
+                hash.update(bytes);
+            }
+            None => hash.update([0]),
+        };
+        match self {
+            Self::Integer(value) => part(value.map(i64::to_le_bytes).as_ref().map(<[u8; 8]>::as_slice)),
+            Self::Real(value) => part(Some(&value.to_bits().to_le_bytes())),
+            Self::Text(value) => part(value.as_deref().map(str::as_bytes)),
+            Self::Bytes(value) => part(value.as_deref()),
+        }
+    }
+}
+
+impl Table {
+    fn row(&self, row: &impl Record) -> Result<Vec<Value>> {
+        self.columns.iter().map(|(column, kind)| Value::of(row, column, *kind)).collect()
+    }
+
+    fn names(&self) -> String {
+        self.columns.iter().map(|(column, _)| *column).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Everything in the order of the key, by the bytes of texts, which `collation` says.
+    fn select(&self, collation: &str) -> String {
+        let order = self.columns[..self.keys].iter().map(|(column, kind)| match kind {
+            Text => format!("{column} {collation}"),
+            _ => (*column).to_owned(),
+        });
+        format!("SELECT {} FROM {} ORDER BY {}", self.names(), self.name, order.collect::<Vec<_>>().join(", "))
+    }
+
+    async fn insert(&self, to: &mut PgConnection, rows: Vec<Vec<Value>>) -> Result<()> {
+        let mut sql = QueryBuilder::<Postgres>::new(format!("INSERT INTO {} ({}) ", self.name, self.names()));
+        sql.push_values(rows, |mut row, values| {
+            for value in values {
+                match value {
+                    Value::Integer(value) => row.push_bind(value),
+                    Value::Real(value) => row.push_bind(value),
+                    Value::Text(value) => row.push_bind(value),
+                    Value::Bytes(value) => row.push_bind(value),
+                };
+            }
+        });
+        sql.build().persistent(false).execute(to).await?;
+        Ok(())
+    }
+
+    /// Copies every row; how many, and their hash.
+    async fn copy(&self, from: &mut SqliteConnection, to: &mut PgConnection) -> Result<(u64, [u8; 32])> {
+        let mut hash = Sha256::new();
+        let (mut count, mut bytes, mut rows) = (0, 0, Vec::new());
+        let sql = self.select("COLLATE BINARY");
+        let mut read = sqlx::query(AssertSqlSafe(sql)).fetch(from);
+        while let Some(row) = read.try_next().await? {
+            let row = self.row(&row)?;
+            row.iter().for_each(|value| value.hash(&mut hash));
+            bytes += row.iter().map(Value::bytes).sum::<usize>();
+            count += 1;
+            rows.push(row);
+            if rows.len() == ROWS || bytes >= BYTES {
+                self.insert(to, std::mem::take(&mut rows)).await?;
+                bytes = 0;
+            }
+        }
+        if !rows.is_empty() {
+            self.insert(to, rows).await?;
+        }
+        Ok((count, hash.finalize().into()))
+    }
+
+    /// The hash of every row that is there.
+    async fn hash(&self, to: &mut PgConnection) -> Result<[u8; 32]> {
+        let mut hash = Sha256::new();
+        let sql = self.select("COLLATE \"C\"");
+        let mut read = sqlx::query(AssertSqlSafe(sql)).fetch(to);
+        while let Some(row) = read.try_next().await? {
+            self.row(&row)?.iter().for_each(|value| value.hash(&mut hash));
+        }
+        Ok(hash.finalize().into())
+    }
+}
+
+/// See [`crate::copy`].
+pub(crate) async fn copy(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>> {
+    if !from.path.is_file() {
+        return Err(StoreError::CannotOpen { reason: "there is no such file", source: None });
+    }
+    // Up to date, and nobody else's until the end.
+    let store = SqliteStore::open(from.clone(), StoreSettings::default()).await?;
+    let copied = copy_held(from, to).await;
+    crate::Database::close(&store).await;
+    copied
+}
+
+async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>> {
+    let found = maintenance::check(&from.path).await?;
+    if let Some(first) = found.problems.first() {
+        let count = found.problems.len() as u64 + found.further_problems;
+        return Err(StoreError::Damaged { count, first: format!("{} {}: {}", first.kind, first.id, first.reason) });
+    }
+    let options = SqliteConnectOptions::new().filename(&from.path).create_if_missing(false).disable_statement_logging();
+    let mut source = options.connect().await?;
+    check_tables(&mut source).await?;
+    migrate(to).await?;
+    let mut target = connect(to, &to.database).await?;
+    let mut transaction = target.begin().await?;
+    // A service that runs on it waits, and finds what was copied.
+    sqlx::query("SELECT 1 FROM counters FOR UPDATE").execute(&mut *transaction).await?;
+    check_empty(&mut transaction).await?;
+    let mut copies = Vec::new();
+    for table in &TABLES {
+        let (rows, hash) = table.copy(&mut source, &mut transaction).await?;
+        if table.hash(&mut transaction).await? != hash {
+            return Err(StoreError::corrupt(format!("what was written of {} is not what was read", table.name)));
+        }
+        copies.push(TableCopy { table: table.name, rows, sha256: hash });
+    }
+    set_numbers(&mut source, &mut transaction).await?;
+    transaction.commit().await?;
+    source.close().await?;
+    target.close().await?;
+    Ok(copies)
+}
+
+/// Refuses a file with a table or column that would be left out.
+async fn check_tables(source: &mut SqliteConnection) -> Result<()> {
+    let names: Vec<String> =
+        sqlx::query_scalar("SELECT name FROM sqlite_schema WHERE type = 'table'").fetch_all(&mut *source).await?;
+    for name in names.into_iter().filter(|name| !OTHERS.contains(&name.as_str())) {
+        let Some(table) = TABLES.iter().find(|table| table.name == name) else {
+            return Err(StoreError::Incompatible(format!("its table {name} would not be copied")));
+        };
+        let columns: Vec<String> =
+            sqlx::query_scalar("SELECT name FROM pragma_table_info(?)").bind(&name).fetch_all(&mut *source).await?;
+        if let Some(column) = columns.iter().find(|column| table.columns.iter().all(|(known, _)| known != column)) {
+            return Err(StoreError::Incompatible(format!("its column {name}.{column} would not be copied")));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a database in which there is anything already.
+async fn check_empty(target: &mut PgConnection) -> Result<()> {
+    for table in &TABLES {
+        let sql = format!("SELECT EXISTS (SELECT 1 FROM {})", table.name);
+        if sqlx::query_scalar(AssertSqlSafe(sql)).fetch_one(&mut *target).await? {
+            return Err(StoreError::CannotOpen {
+                reason: "there are records in the database to copy to",
+                source: None,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Lets numbers go on where they were.
+async fn set_numbers(source: &mut SqliteConnection, target: &mut PgConnection) -> Result<()> {
+    for (name, table) in [("event", "job_events"), ("decision", "decisions"), ("audit", "audit_entries")] {
+        let row = sqlx::query("SELECT COALESCE(MAX(seq), 0) AS newest FROM sqlite_sequence WHERE name = ?")
+            .bind(table)
+            .fetch_one(&mut *source)
+            .await?;
+        sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
+            .bind(row.try_get::<i64, _>("newest")?)
+            .bind(name)
+            .execute(&mut *target)
+            .await?;
+    }
+    for (table, column) in [("contents", "id"), ("programs", "sequence"), ("runs", "sequence")] {
+        let sql = format!(
+            "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT COALESCE(MAX({column}), 0) + 1 FROM {table}), \
+             FALSE)"
+        );
+        sqlx::query(AssertSqlSafe(sql)).execute(&mut *target).await?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::{OTHERS, TABLES, check_tables};
+    use crate::settings::StoreSettings;
+    use crate::sqlite::{SqliteOptions, SqliteStore};
+    use sqlx::ConnectOptions as _;
+
+    #[tokio::test]
+    async fn every_table_and_column_of_a_file_is_copied() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let options = SqliteOptions::new(folder.path().join("feedwave.db"));
+        let _store = SqliteStore::open(options.clone(), StoreSettings::default()).await.unwrap();
+        let connect = sqlx::sqlite::SqliteConnectOptions::new().filename(&options.path);
+        let mut source = connect.connect().await.unwrap();
+        check_tables(&mut source).await.unwrap();
+        let there: BTreeSet<String> = sqlx::query_scalar("SELECT name FROM sqlite_schema WHERE type = 'table'")
+            .fetch_all(&mut source)
+            .await
+            .unwrap()
+            .into_iter()
+            .collect();
+        let known: BTreeSet<String> = TABLES.iter().map(|table| table.name).chain(OTHERS).map(str::to_owned).collect();
+        assert_eq!(there, known);
+        sqlx::query("CREATE TABLE later (id INTEGER)").execute(&mut source).await.unwrap();
+        let refused = check_tables(&mut source).await.unwrap_err().to_string();
+        assert!(refused.contains("its table later would not be copied"), "{refused}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Opening the database: is it ours, is it current.
+
+use std::time::Duration;
+
+use sqlx::migrate::Migrator;
+use sqlx::postgres::{PgConnectOptions, PgDatabaseError, PgPoolOptions};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection, PgPool};
+
+use super::PostgresOptions;
+use super::retry::{Failure, Patience, answered};
+use crate::error::{Result, StoreError};
+use crate::sql::migrations;
+
+pub(super) static MIGRATOR: Migrator = sqlx::migrate!("../../migrations/postgres");
+
+/// Key of the lock under which the schema is brought up to date ("fwdb").
+const MIGRATION_LOCK: i64 = 0x6677_6462;
+
+/// The database to which one connects to create another.
+const MAINTENANCE_DATABASE: &str = "postgres";
+
+/// A connection that was not used for so long is tried before it is used: the server may have been restarted.
+const TRIED_AFTER: Duration = Duration::from_secs(1);
+
+/// Brings the schema up to date; creates the database where there is none. Replicas that start together do it one
+/// after another.
+///
+/// # Errors
+/// As [`crate::Store::open`].
+pub(crate) async fn migrate(options: &PostgresOptions) -> Result<()> {
+    let mut connection = match connect(options, &options.database).await {
+        Err(error) if is_code(&error, "3D000") => {
+            create(options).await?;
+            connect(options, &options.database).await
+        }
+        connected => connected,
+    }
+    .map_err(cannot_open)?;
+    sqlx::query("SELECT pg_advisory_lock($1)").bind(MIGRATION_LOCK).execute(&mut connection).await?;
+    identify(&mut connection).await?;
+    let migrated = MIGRATOR.run_direct(None, &mut connection, false).await;
+    migrated.map_err(|error| migrations::fault(error, &MIGRATOR))?;
+    warn_of_loss(&mut connection).await?;
+    // With the connection goes the lock.
+    connection.close().await?;
+    Ok(())
+}
+
+/// A pool of connections that are made when they are needed.
+///
+/// # Errors
+/// `CannotOpen`.
+pub(super) fn pool(options: &PostgresOptions, connections: u32) -> Result<PgPool> {
+    let pool = PgPoolOptions::new()
+        .max_connections(connections)
+        .acquire_timeout(options.connect_timeout)
+        .test_before_acquire(false)
+        .before_acquire(|connection, used| {
+            Box::pin(async move {
+                if used.idle_for >= TRIED_AFTER {
+                    connection.ping().await?;
+                }
+                Ok(true)
+            })
+        });
+    Ok(pool.connect_lazy_with(options.bounded()?))
+}
+
+/// Connects, as long as the server may be away.
+pub(super) async fn connect(options: &PostgresOptions, database: &str) -> Result<PgConnection> {
+    let target: PgConnectOptions = options.connect_options(database)?;
+    let mut patience = Patience::new(options.connect_timeout);
+    loop {
+        let connecting = async { Ok(target.connect().await?) };
+        match answered(options.connect_timeout, connecting).await {
+            Ok(connection) => return Ok(connection),
+            Err(error) => patience.again(Failure::Before(error)).await?,
+        }
+    }
+}
+
+async fn create(options: &PostgresOptions) -> Result<()> {
+    let cannot = |error| match error {
+        StoreError::Unavailable { source, .. } => StoreError::CannotOpen {
+            reason: "there is no such database, and it cannot be created: create it, owned by the user of the URI",
+            source,
+        },
+        other => other,
+    };
+    let mut connection = connect(options, MAINTENANCE_DATABASE).await.map_err(cannot)?;
+    let sql =
+        format!("CREATE DATABASE \"{}\" ENCODING 'UTF8' TEMPLATE template0", options.database.replace('"', "\"\""));
+    match sqlx::raw_sql(AssertSqlSafe(sql)).execute(&mut connection).await.map_err(StoreError::from) {
+        Ok(_) => tracing::info!(database = options.database, "created"),
+        // Another replica did, before or meanwhile.
+        Err(error) if is_code(&error, "42P04") || is_code(&error, "23505") => {}
+        Err(error) => return Err(cannot(error)),
+    }
+    connection.close().await?;
+    Ok(())
+}
+
+/// Looks at the database before anything in it is changed.
+async fn identify(connection: &mut PgConnection) -> Result<()> {
+    let (tables, ours): (i64, i64) = sqlx::query_as(
+        "SELECT COUNT(*), COUNT(*) FILTER (WHERE table_name = 'feedwave')
+         FROM information_schema.tables WHERE table_schema = CURRENT_SCHEMA()",
+    )
+    .fetch_one(&mut *connection)
+    .await?;
+    if tables > 0 && ours == 0 {
+        return Err(StoreError::Incompatible("it has tables of another program".into()));
+    }
+    let encoding: String = sqlx::query_scalar("SHOW server_encoding").fetch_one(connection).await?;
+    if encoding != "UTF8" {
+        return Err(StoreError::Incompatible(format!("its encoding is {encoding}, and must be UTF8")));
+    }
+    Ok(())
+}
+
+/// Tells of settings of the server with which an acknowledged write may be lost.
+async fn warn_of_loss(connection: &mut PgConnection) -> Result<()> {
+    for (sql, setting) in [("SHOW fsync", "fsync"), ("SHOW synchronous_commit", "synchronous_commit")] {
+        let value: String = sqlx::query_scalar(sql).fetch_one(&mut *connection).await?;
+        if value == "off" {
+            tracing::warn!(setting, "is off at the database server: it may lose what was acknowledged");
+        }
+    }
+    Ok(())
+}
+
+fn is_code(error: &StoreError, code: &str) -> bool {
+    let StoreError::Unavailable { source: Some(source), .. } = error else { return false };
+    let Some(sqlx::Error::Database(database)) = source.downcast_ref::<sqlx::Error>() else { return false };
+    database.try_downcast_ref::<PgDatabaseError>().is_some_and(|error| error.code() == code)
+}
+
+/// What the server refuses at the door will not be granted by waiting.
+fn cannot_open(error: StoreError) -> StoreError {
+    let refused = ["28000", "28P01", "3D000", "42501"].iter().any(|code| is_code(&error, code));
+    match error {
+        StoreError::Unavailable { reason, source } if refused => StoreError::CannotOpen { reason, source },
+        other => other,
+    }
+}

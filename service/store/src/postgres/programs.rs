@@ -1,0 +1,309 @@
+//! Programs in PostgreSQL.
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use bytes::Bytes;
+use sqlx::{PgConnection, Postgres, QueryBuilder};
+
+use super::PostgresStore;
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::page::{Page, PageRequest, Scope, tenant_scope};
+use crate::programs::{
+    CHUNK_BYTES, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo, UploadStart,
+};
+use crate::sql::compress::offload;
+use crate::sql::programs::{Chunk, MAX_FILE_NAME_BYTES, REMOVED_CHUNKS, chunk_source, program_entry, program_info};
+use crate::sql::record::signed;
+use crate::sql::uploads::UploadSteps as _;
+use crate::tenant::Tenant;
+
+/// Writes chunks of a content.
+pub(super) async fn insert_chunks(connection: &mut PgConnection, content: i64, chunks: &[Chunk]) -> Result<()> {
+    for chunk in chunks {
+        sqlx::query(
+            "INSERT INTO program_chunks (content_id, chunk_index, source_offset, source_bytes, data)
+             VALUES ($1, $2, $3, $4, $5)",
+        )
+        .bind(content)
+        .bind(chunk.index)
+        .bind(chunk.index * CHUNK_BYTES as i64)
+        .bind(chunk.source_bytes)
+        .bind(chunk.data.as_slice())
+        .execute(&mut *connection)
+        .await?;
+    }
+    Ok(())
+}
+
+/// Makes a content visible as a program; the program that is there already wins, and then the result is false.
+pub(super) async fn insert_program(connection: &mut PgConnection, content: i64, info: &ProgramInfo) -> Result<bool> {
+    let inserted = sqlx::query(
+        "INSERT INTO programs (id, content_id, size_bytes, chunk_count, created_us, tenant) VALUES ($1, $2, $3, $4, $5, $6)
+         ON CONFLICT (id) DO NOTHING",
+    )
+    .bind(info.id.key())
+    .bind(content)
+    .bind(signed("program size in bytes", info.size_bytes)?)
+    .bind(signed("number of chunks", info.chunk_count)?)
+    .bind(info.created_us)
+    .bind(info.id.tenant().name())
+    .execute(connection)
+    .await?;
+    Ok(inserted.rows_affected() == 1)
+}
+
+/// A new content without chunks.
+pub(super) async fn insert_content(connection: &mut PgConnection) -> Result<i64> {
+    Ok(sqlx::query_scalar("INSERT INTO contents DEFAULT VALUES RETURNING id").fetch_one(connection).await?)
+}
+
+pub(super) async fn find_program(connection: &mut PgConnection, id: ProgramId) -> Result<Option<ProgramInfo>> {
+    let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = $1")
+        .bind(id.key())
+        .fetch_optional(connection)
+        .await?;
+    row.as_ref().map(program_info).transpose()
+}
+
+/// Number of jobs that use a program.
+macro_rules! job_count {
+    ($program:literal) => {
+        concat!(
+            "(SELECT COUNT(*) FROM (SELECT id FROM jobs WHERE program_id = ",
+            $program,
+            " UNION SELECT job_id FROM job_programs WHERE program_id = ",
+            $program,
+            ") AS users)"
+        )
+    };
+}
+
+macro_rules! entry_query {
+    ($rest:literal) => {
+        concat!(
+            "SELECT p.id, p.sequence, p.size_bytes, p.chunk_count, p.created_us, p.file_name, ",
+            job_count!("p.id"),
+            " AS job_count FROM programs AS p ",
+            $rest
+        )
+    };
+}
+
+impl PostgresStore {
+    /// One chunk of a content, of a program or an upload.
+    pub(super) async fn chunk_of(&self, content: i64, index: u64) -> Result<Option<Bytes>> {
+        let row =
+            sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = $1 AND chunk_index = $2")
+                .bind(content)
+                .bind(i64::try_from(index).unwrap_or(i64::MAX))
+                .fetch_optional(&mut *self.reader().await?)
+                .await?;
+        match row {
+            Some(row) => chunk_source(&row).await.map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Removes the bytes of a content to which nothing refers any more. Goes on when the caller does not wait; what is
+    /// left when the process ends is removed when a store is opened again.
+    pub(super) async fn remove_chunks(&self, content: i64) -> Result<()> {
+        let store = self.clone();
+        let task = tokio::spawn(async move {
+            while !store.write(0, move |connection| Box::pin(remove_piece(connection, content))).await? {}
+            Ok(())
+        });
+        task.await.map_err(|_| StoreError::unavailable("the service is ending"))?
+    }
+
+    /// Removes what earlier removals left.
+    pub(super) async fn remove_orphans(&self) -> Result<()> {
+        let orphans: Vec<i64> = sqlx::query_scalar(
+            "SELECT id FROM contents AS c
+             WHERE NOT EXISTS (SELECT 1 FROM programs WHERE content_id = c.id)
+               AND NOT EXISTS (SELECT 1 FROM uploads WHERE content_id = c.id)",
+        )
+        .fetch_all(&mut *self.reader().await?)
+        .await?;
+        for content in orphans {
+            self.remove_chunks(content).await?;
+        }
+        Ok(())
+    }
+}
+
+/// Removes some chunks of a content; true once nothing is left of it. Several replicas may remove the same one.
+async fn remove_piece(connection: &mut PgConnection, content: i64) -> Result<bool> {
+    let removed = sqlx::query(
+        "DELETE FROM program_chunks WHERE content_id = $1 AND chunk_index IN
+            (SELECT chunk_index FROM program_chunks WHERE content_id = $1 ORDER BY chunk_index LIMIT $2)",
+    )
+    .bind(content)
+    .bind(REMOVED_CHUNKS)
+    .execute(&mut *connection)
+    .await?
+    .rows_affected();
+    if removed > 0 {
+        return Ok(false);
+    }
+    sqlx::query("DELETE FROM contents WHERE id = $1").bind(content).execute(connection).await?;
+    Ok(true)
+}
+
+/// Stores a program whose chunks are ready, unless it is there.
+async fn put(connection: &mut PgConnection, info: ProgramInfo, chunks: &[Chunk]) -> Result<ProgramInfo> {
+    if let Some(there) = find_program(connection, info.id).await? {
+        return Ok(there);
+    }
+    let content = insert_content(connection).await?;
+    if insert_program(connection, content, &info).await? {
+        insert_chunks(connection, content, chunks).await?;
+        return Ok(info);
+    }
+    // It came another way meanwhile.
+    sqlx::query("DELETE FROM contents WHERE id = $1").bind(content).execute(&mut *connection).await?;
+    let there = find_program(connection, info.id).await?;
+    there.ok_or_else(|| StoreError::unavailable("the program was deleted while it was stored"))
+}
+
+/// Removes a program that no job uses; its content.
+async fn delete(connection: &mut PgConnection, id: ProgramId) -> Result<i64> {
+    // Keeps jobs from being created with it meanwhile.
+    let content = sqlx::query_scalar("SELECT content_id FROM programs WHERE id = $1 FOR UPDATE")
+        .bind(id.key())
+        .fetch_optional(&mut *connection)
+        .await?
+        .ok_or_else(|| StoreError::not_found(Kind::Program, id))?;
+    let users: i64 =
+        sqlx::query_scalar(concat!("SELECT ", job_count!("$1"))).bind(id.key()).fetch_one(&mut *connection).await?;
+    if users > 0 {
+        return Err(StoreError::InUse { kind: Kind::Program, id: id.to_string(), users: users.unsigned_abs() });
+    }
+    sqlx::query("DELETE FROM programs WHERE id = $1").bind(id.key()).execute(connection).await?;
+    Ok(content)
+}
+
+#[async_trait]
+impl Programs for PostgresStore {
+    async fn put_program(&self, tenant: Tenant, source: Bytes) -> Result<ProgramInfo> {
+        check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
+        let hashed = source.clone();
+        let id = offload(source.len(), move || Ok(ProgramId::of(&hashed).of_tenant(tenant))).await?;
+        if let Some(info) = find_program(&mut *self.reader().await?, id).await? {
+            return Ok(info);
+        }
+        let size_bytes = source.len() as u64;
+        let chunks = offload(source.len(), move || Chunk::all(&source, 0)).await?;
+        let payload = chunks.iter().map(|chunk| chunk.data.len()).sum();
+        let info = ProgramInfo { id, size_bytes, chunk_count: chunks.len() as u64, created_us: self.clock().now_us() };
+        let chunks = Arc::new(chunks);
+        self.write(payload, move |connection| {
+            let (info, chunks) = (info.clone(), chunks.clone());
+            Box::pin(async move { put(connection, info, &chunks).await })
+        })
+        .await
+    }
+
+    async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo> {
+        let info = find_program(&mut *self.reader().await?, id).await?;
+        info.ok_or_else(|| StoreError::not_found(Kind::Program, id))
+    }
+
+    async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
+        let row = sqlx::query(entry_query!("WHERE p.id = $1"))
+            .bind(id.key())
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        program_entry(&row.ok_or_else(|| StoreError::not_found(Kind::Program, id))?)
+    }
+
+    async fn list_programs(
+        &self,
+        tenant: Option<Tenant>,
+        file_name: &str,
+        page: &PageRequest,
+    ) -> Result<Page<ProgramEntry>> {
+        let scope = Scope::of([b"programs", file_name.as_bytes(), &tenant_scope(tenant)]);
+        let size = page.bounded_size();
+        let mut sql = QueryBuilder::<Postgres>::new(entry_query!("WHERE TRUE"));
+        if let Some(tenant) = tenant {
+            sql.push(" AND p.tenant = ").push_bind(tenant.name().to_owned());
+        }
+        if !file_name.is_empty() {
+            // An index has only programs with a name.
+            sql.push(" AND p.file_name <> '' AND p.file_name = ").push_bind(file_name);
+        }
+        if let Some(before) = scope.after_sequence(&page.token)? {
+            sql.push(" AND p.sequence < ").push_bind(before);
+        }
+        sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let programs = rows.iter().map(program_entry).collect::<Result<Vec<_>>>()?;
+        Ok(Page::cut(programs, size, |last| scope.sequence_token(last.sequence)))
+    }
+
+    async fn name_program(&self, id: ProgramId, file_name: &str) -> Result<()> {
+        check_size("file name size in bytes", file_name.len(), MAX_FILE_NAME_BYTES)?;
+        let file_name = file_name.to_owned();
+        self.write(file_name.len(), move |connection| {
+            let file_name = file_name.clone();
+            Box::pin(async move {
+                let named = sqlx::query("UPDATE programs SET file_name = $1 WHERE id = $2")
+                    .bind(file_name)
+                    .bind(id.key())
+                    .execute(connection)
+                    .await?;
+                if named.rows_affected() == 0 { Err(StoreError::not_found(Kind::Program, id)) } else { Ok(()) }
+            })
+        })
+        .await
+    }
+
+    async fn program_chunk(&self, id: ProgramId, chunk_index: u64) -> Result<Bytes> {
+        let row = sqlx::query(
+            "SELECT source_bytes, data FROM programs JOIN program_chunks USING (content_id)
+             WHERE id = $1 AND chunk_index = $2",
+        )
+        .bind(id.key())
+        .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
+        .fetch_optional(&mut *self.reader().await?)
+        .await?;
+        match row {
+            Some(row) => chunk_source(&row).await,
+            None => Err(StoreError::not_found(Kind::Program, format_args!("{id}, chunk {chunk_index}"))),
+        }
+    }
+
+    async fn delete_program(&self, id: ProgramId) -> Result<()> {
+        let content = self.write(0, move |connection| Box::pin(delete(connection, id))).await?;
+        self.remove_chunks(content).await
+    }
+
+    async fn begin_upload(&self, expected: ProgramId, size_bytes: u64, client: &str) -> Result<UploadStart> {
+        self.begin(expected, size_bytes, client).await
+    }
+
+    async fn append_upload(&self, id: UploadId, offset: u64, data: Bytes) -> Result<u64> {
+        self.append(id, offset, data).await
+    }
+
+    async fn finish_upload(&self, id: UploadId) -> Result<ProgramInfo> {
+        self.finish(id).await
+    }
+
+    async fn upload(&self, id: UploadId) -> Result<UploadInfo> {
+        Ok(self.find_upload(id).await?.1)
+    }
+
+    async fn uploads(&self) -> Result<Vec<UploadInfo>> {
+        self.all_uploads().await
+    }
+
+    async fn expire_uploads(&self) -> Result<u64> {
+        self.discard_expired().await
+    }
+
+    async fn delete_upload(&self, id: UploadId) -> Result<()> {
+        self.discard(id).await
+    }
+}

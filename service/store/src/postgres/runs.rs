@@ -1,0 +1,359 @@
+//! Runs and their decisions in PostgreSQL. Whoever takes a run up, on whichever replica, counts its attachment up; only
+//! who has the newest one can write to it.
+
+mod checkpoints;
+mod commit;
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use sqlx::postgres::PgRow;
+use sqlx::{PgConnection, Postgres, QueryBuilder};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::PostgresStore;
+use super::lane::{Log, Transaction};
+use crate::Json;
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::page::{Page, PageRequest};
+use crate::runs::{
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run,
+    RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs, TelemetryGap,
+};
+use crate::sql::fault::is_reference;
+use crate::sql::record::{Record as _, signed, to_json, unsigned};
+use crate::sql::runs::{
+    Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, missing, monitor, pack, run, scope,
+};
+use crate::tenant::Tenant;
+
+/// Tells of a run in its job's log of events.
+async fn tell(tx: &mut Transaction, run_id: Uuid, message: &str) -> Result<()> {
+    let sequence = tx.next(Log::Event).await?;
+    let at_us = tx.now_us();
+    sqlx::query(
+        "INSERT INTO job_events (sequence, tenant, job_id, from_state, to_state, at_us, detail)
+         SELECT $1, j.tenant, j.id, j.state, j.state, $2, $3 FROM jobs AS j JOIN runs AS r ON r.job_id = j.id WHERE r.id = $4",
+    )
+    .bind(sequence)
+    .bind(at_us)
+    .bind(message)
+    .bind(run_id.to_string())
+    .execute(&mut tx.connection)
+    .await?;
+    Ok(())
+}
+
+/// Everything of a run but the state of its monitor.
+macro_rules! run_query {
+    ($rest:literal) => {
+        concat!(
+            "SELECT id, tenant, sequence, job_id, kind, state, state_detail, created_us, updated_us, newest_batch, setpoints_received,
+                setpoints_sent, setpoints_digest, settings,
+                (SELECT COUNT(*) FROM run_conditions AS c WHERE c.run_id = runs.id AND c.acknowledged_us IS NULL)
+                    AS open_conditions
+             FROM runs ",
+            $rest
+        )
+    };
+}
+
+async fn find_run(connection: &mut PgConnection, id: Uuid) -> Result<Run> {
+    let row = sqlx::query(run_query!("WHERE id = $1")).bind(id.to_string()).fetch_optional(connection).await?;
+    run(&row.ok_or_else(|| missing(id))?)
+}
+
+async fn find_overrides(connection: &mut PgConnection, id: Uuid) -> Result<Vec<RunOverride>> {
+    let rows = sqlx::query("SELECT * FROM run_overrides WHERE run_id = $1 ORDER BY number")
+        .bind(id.to_string())
+        .fetch_all(connection)
+        .await?;
+    rows.iter().map(change).collect()
+}
+
+/// Takes a run up: its attachment and monitor, and its changes until then.
+async fn take_up(connection: &mut PgConnection, id: Uuid, now_us: i64) -> Result<(Run, u64, PgRow, Vec<RunOverride>)> {
+    let row = sqlx::query(
+        "UPDATE runs SET attachment = attachment + 1, updated_us = $1 WHERE id = $2 AND state = 'open'
+         RETURNING attachment, monitor_bytes, monitor",
+    )
+    .bind(now_us)
+    .bind(id.to_string())
+    .fetch_optional(&mut *connection)
+    .await?;
+    let run = find_run(connection, id).await?;
+    let Some(row) = row else { return Err(StoreError::RunEnded { run_id: id, state: run.state }) };
+    let overrides = find_overrides(connection, id).await?;
+    Ok((run, unsigned(&row, "attachment")?, row, overrides))
+}
+
+/// Why a commit found no run to write to.
+async fn refusal(connection: &mut PgConnection, id: Uuid) -> Result<StoreError> {
+    let run = find_run(connection, id).await?;
+    Ok(match run.state {
+        RunState::Open => StoreError::Detached { run_id: id },
+        state => StoreError::RunEnded { run_id: id, state },
+    })
+}
+
+/// A run whose monitor is packed.
+struct PackedRun {
+    id: Uuid,
+    new: NewRun,
+    monitor_bytes: i64,
+    monitor: Vec<u8>,
+}
+
+async fn insert(connection: &mut PgConnection, packed: &PackedRun, now_us: i64) -> Result<Run> {
+    let PackedRun { id, new, monitor_bytes, monitor } = packed;
+    let inserted = sqlx::query(
+        "INSERT INTO runs (id, job_id, kind, state, state_detail, created_us, updated_us, attachment,
+            setpoints_received, setpoints_sent, settings, monitor_bytes, monitor, tenant)
+         VALUES ($1, $2, $3, 'open', '', $4, $4, 1, 0, 0, $5, $6, $7,
+            COALESCE((SELECT tenant FROM jobs WHERE id = $2), ''))",
+    )
+    .bind(id.to_string())
+    .bind(new.job_id.to_string())
+    .bind(new.kind.as_str())
+    .bind(now_us)
+    .bind(new.settings.get())
+    .bind(monitor_bytes)
+    .bind(monitor.as_slice())
+    .execute(&mut *connection)
+    .await;
+    if let Err(error) = inserted {
+        let unknown = is_reference(&error);
+        return Err(if unknown { StoreError::not_found(Kind::Job, new.job_id) } else { error.into() });
+    }
+    find_run(connection, *id).await
+}
+
+#[async_trait]
+impl Runs for PostgresStore {
+    async fn put_monitoring(&self, job_id: Uuid, config: Json) -> Result<()> {
+        let what = "monitoring configuration size in bytes";
+        check_size(what, config.get().len(), self.settings().max_document_bytes)?;
+        let now_us = self.clock().now_us();
+        self.write(config.get().len(), move |connection| {
+            let config = config.clone();
+            Box::pin(async move {
+                let written = sqlx::query(
+                    "INSERT INTO monitoring (job_id, updated_us, config) VALUES ($1, $2, $3)
+                     ON CONFLICT (job_id) DO UPDATE SET updated_us = EXCLUDED.updated_us, config = EXCLUDED.config",
+                )
+                .bind(job_id.to_string())
+                .bind(now_us)
+                .bind(config.get())
+                .execute(connection)
+                .await;
+                match written {
+                    Err(error) if is_reference(&error) => Err(StoreError::not_found(Kind::Job, job_id)),
+                    written => Ok(written.map(drop)?),
+                }
+            })
+        })
+        .await
+    }
+
+    async fn monitoring(&self, job_id: Uuid) -> Result<Json> {
+        let row =
+            sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1")
+                .bind(job_id.to_string())
+                .fetch_optional(&mut *self.reader().await?)
+                .await?
+                .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
+        let config = row.text_option("config")?.map(str::to_owned);
+        to_json(config.ok_or_else(|| StoreError::not_found(Kind::Monitoring, job_id))?, "config")
+    }
+
+    async fn create_run(&self, new: NewRun) -> Result<AttachedRun> {
+        check_size("run settings size in bytes", new.settings.get().len(), self.settings().max_document_bytes)?;
+        check_size("monitor size in bytes", new.monitor.len(), self.settings().max_snapshot_bytes)?;
+        let (monitor_bytes, packed) = pack(new.monitor.clone()).await?;
+        let state = new.monitor.clone();
+        let payload = packed.len() + new.settings.get().len();
+        let packed = Arc::new(PackedRun { id: Uuid::now_v7(), new, monitor_bytes, monitor: packed });
+        let now_us = self.clock().now_us();
+        let written = self.write(payload, move |connection| {
+            let packed = packed.clone();
+            Box::pin(async move { insert(connection, &packed, now_us).await })
+        });
+        Ok(AttachedRun { run: written.await?, attachment: 1, monitor: state, overrides: Vec::new() })
+    }
+
+    async fn attach_run(&self, id: Uuid) -> Result<AttachedRun> {
+        let now_us = self.clock().now_us();
+        let (run, attachment, row, overrides) =
+            self.write(0, move |connection| Box::pin(take_up(connection, id, now_us))).await?;
+        let monitor = monitor(&row).await?;
+        Ok(AttachedRun { run, attachment, monitor, overrides })
+    }
+
+    async fn commit_run(&self, id: Uuid, attachment: u64, commit: RunCommit) -> Result<Vec<DecisionRecord>> {
+        let attachment = signed("attachment", attachment)?;
+        let packed = Packed::of(commit, self.settings()).await?;
+        let payload = packed.bytes();
+        let packed = Arc::new(packed);
+        self.write_run(payload, move |tx| {
+            let packed = packed.clone();
+            Box::pin(async move { commit::write(tx, id, attachment, &packed).await })
+        })
+        .await
+    }
+
+    async fn run(&self, id: Uuid) -> Result<Run> {
+        find_run(&mut *self.reader().await?, id).await
+    }
+
+    async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
+        let scope = scope(tenant, job_id);
+        let size = page.bounded_size();
+        let mut sql = QueryBuilder::<Postgres>::new(run_query!("WHERE TRUE"));
+        if let Some(tenant) = tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.name().to_owned());
+        }
+        if let Some(job_id) = job_id {
+            sql.push(" AND job_id = ").push_bind(job_id.to_string());
+        }
+        if let Some(before) = scope.after_sequence(&page.token)? {
+            sql.push(" AND sequence < ").push_bind(before);
+        }
+        sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let runs = rows.iter().map(run).collect::<Result<Vec<_>>>()?;
+        Ok(Page::cut(runs, size, |last| scope.sequence_token(last.sequence)))
+    }
+
+    async fn run_conditions(&self, id: Uuid) -> Result<Vec<RunCondition>> {
+        let rows = sqlx::query("SELECT * FROM run_conditions WHERE run_id = $1 ORDER BY decision_number LIMIT $2")
+            .bind(id.to_string())
+            .bind(i64::from(MAX_LISTED))
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        rows.iter().map(condition).collect()
+    }
+
+    async fn acknowledge_condition(
+        &self,
+        id: Uuid,
+        decision_number: Option<u64>,
+        by: String,
+        note: String,
+    ) -> Result<RunCondition> {
+        check_acknowledgement(&by, &note)?;
+        let number = decision_number.map(|number| signed("decision number", number)).transpose()?;
+        self.write_event(by.len() + note.len(), move |tx| {
+            Box::pin(acknowledge(tx, id, number, by.clone(), note.clone()))
+        })
+        .await
+    }
+
+    async fn count_open_conditions(&self, tenant: Option<Tenant>) -> Result<u64> {
+        let mut sql = QueryBuilder::<Postgres>::new(
+            "SELECT COUNT(*) AS open FROM run_conditions AS c WHERE c.acknowledged_us IS NULL",
+        );
+        if let Some(tenant) = tenant {
+            sql.push(" AND EXISTS (SELECT 1 FROM runs AS r WHERE r.id = c.run_id AND r.tenant = ");
+            sql.push_bind(tenant.name().to_owned()).push(")");
+        }
+        unsigned(&sql.build().fetch_one(&mut *self.reader().await?).await?, "open")
+    }
+
+    async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
+        find_overrides(&mut *self.reader().await?, id).await
+    }
+
+    async fn put_run_checkpoint(
+        &self,
+        id: Uuid,
+        attachment: u64,
+        checkpoint: RunCheckpoint,
+        removed: Vec<Range<u64>>,
+    ) -> Result<()> {
+        checkpoints::put(self, id, attachment, checkpoint, removed).await
+    }
+
+    async fn nearest_run_checkpoint(
+        &self,
+        id: Uuid,
+        generation_key: &str,
+        setpoint_index: u64,
+    ) -> Result<Option<RunCheckpoint>> {
+        checkpoints::nearest(self, id, generation_key, setpoint_index).await
+    }
+
+    async fn run_marks(&self, id: Uuid) -> Result<Vec<RunMark>> {
+        checkpoints::marks(self, id).await
+    }
+
+    async fn telemetry_gaps(&self, id: Uuid) -> Result<Vec<TelemetryGap>> {
+        let rows = sqlx::query("SELECT * FROM telemetry_gaps WHERE run_id = $1 ORDER BY first_batch LIMIT $2")
+            .bind(id.to_string())
+            .bind(i64::from(MAX_LISTED))
+            .fetch_all(&mut *self.reader().await?)
+            .await?;
+        rows.iter().map(gap).collect()
+    }
+
+    async fn decisions_after(&self, sequence: i64, filter: &DecisionFilter, limit: u32) -> Result<Vec<DecisionRecord>> {
+        let mut sql = QueryBuilder::<Postgres>::new("SELECT * FROM decisions WHERE sequence > ");
+        sql.push_bind(sequence);
+        if let Some(tenant) = filter.tenant {
+            sql.push(" AND tenant = ").push_bind(tenant.name().to_owned());
+        }
+        if let Some(id) = filter.run_id {
+            sql.push(" AND run_id = ").push_bind(id.to_string());
+        }
+        if let Some(id) = filter.job_id {
+            sql.push(" AND job_id = ").push_bind(id.to_string());
+        }
+        sql.push(" ORDER BY sequence LIMIT ").push_bind(i64::from(limit.min(MAX_DECISIONS)));
+        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(decision).collect()
+    }
+
+    fn watch_decisions(&self) -> watch::Receiver<i64> {
+        self.inner.shared.announcer.decisions()
+    }
+}
+
+async fn acknowledge(
+    tx: &mut Transaction,
+    id: Uuid,
+    number: Option<i64>,
+    by: String,
+    note: String,
+) -> Result<RunCondition> {
+    find_run(&mut tx.connection, id).await?;
+    // Everybody who acknowledges waits for this lock, so none comes in between.
+    tx.lock(Log::Event).await?;
+    let row = sqlx::query(
+        "SELECT * FROM run_conditions WHERE run_id = $1 AND decision_number = COALESCE($2,
+            (SELECT MAX(decision_number) FROM run_conditions WHERE run_id = $1))",
+    )
+    .bind(id.to_string())
+    .bind(number)
+    .fetch_optional(&mut tx.connection)
+    .await?;
+    let mut kept = condition(&row.ok_or_else(|| StoreError::not_found(Kind::Condition, id))?)?;
+    if kept.acknowledged.is_some() {
+        return Ok(kept);
+    }
+    let at_us = tx.now_us();
+    sqlx::query(
+        "UPDATE run_conditions SET acknowledged_us = $1, acknowledged_by = $2, note = $3
+         WHERE run_id = $4 AND decision_number = $5",
+    )
+    .bind(at_us)
+    .bind(&by)
+    .bind(&note)
+    .bind(id.to_string())
+    .bind(signed("decision number", kept.decision_number)?)
+    .execute(&mut tx.connection)
+    .await?;
+    tell(tx, id, &acknowledged(id, kept.decision_number, &by)).await?;
+    kept.acknowledged = Some(Acknowledgement { at_us, by, note });
+    Ok(kept)
+}

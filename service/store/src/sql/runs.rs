@@ -1,0 +1,201 @@
+//! Runs, their commits and conditions as rows.
+
+use bytes::Bytes;
+use uuid::Uuid;
+
+use super::compress::{compress, decompress, offload};
+use super::record::{Record, json, parsed, signed, tenant, unsigned};
+use crate::error::{Kind, Result, StoreError, check_size};
+use crate::page::{Scope, tenant_scope};
+use crate::runs::{
+    Acknowledgement, DecisionRecord, NewDecision, Run, RunCommit, RunCondition, RunOverride, RunSetpoints, RunState,
+    TelemetryGap,
+};
+use crate::settings::StoreSettings;
+use crate::tenant::Tenant;
+
+/// Most gaps and changes in one commit: well within SQLite's 32 766 parameters.
+const MAX_ROWS: u64 = 4096;
+
+/// Longest reason of an end and cause of a change, bytes.
+const MAX_TEXT_BYTES: u64 = 4096;
+
+pub(crate) fn missing(id: Uuid) -> StoreError {
+    StoreError::not_found(Kind::Run, id)
+}
+
+pub(crate) fn run(row: &impl Record) -> Result<Run> {
+    let digest = match row.bytes_option("setpoints_digest")? {
+        Some(digest) => {
+            let digest = digest.try_into().map_err(|_| StoreError::corrupt("a digest has not 32 bytes"))?;
+            Some(digest)
+        }
+        None => None,
+    };
+    let newest_batch = match row.integer_option("newest_batch")? {
+        Some(_) => Some(unsigned(row, "newest_batch")?),
+        None => None,
+    };
+    Ok(Run {
+        id: parsed(row, "id")?,
+        tenant: tenant(row)?,
+        sequence: row.integer("sequence")?,
+        job_id: parsed(row, "job_id")?,
+        kind: parsed(row, "kind")?,
+        state: parsed(row, "state")?,
+        state_detail: row.text("state_detail")?.to_owned(),
+        created_us: row.integer("created_us")?,
+        updated_us: row.integer("updated_us")?,
+        newest_batch,
+        setpoints: RunSetpoints {
+            received: unsigned(row, "setpoints_received")?,
+            sent: unsigned(row, "setpoints_sent")?,
+            digest,
+        },
+        settings: json(row, "settings")?,
+        open_conditions: unsigned(row, "open_conditions")?,
+    })
+}
+
+pub(crate) fn condition(row: &impl Record) -> Result<RunCondition> {
+    let at_us = row.integer_option("acknowledged_us")?;
+    let (by, note) = (row.text("acknowledged_by")?.to_owned(), row.text("note")?.to_owned());
+    Ok(RunCondition {
+        decision_number: unsigned(row, "decision_number")?,
+        action: row.text("action")?.to_owned(),
+        raised_us: row.integer("raised_us")?,
+        acknowledged: at_us.map(|at_us| Acknowledgement { at_us, by, note }),
+    })
+}
+
+/// A commit with its numbers and the monitor's state as the database keeps them.
+#[derive(Debug)]
+pub(crate) struct Packed {
+    pub(crate) newest_batch: Option<i64>,
+    pub(crate) monitor: Option<(i64, Vec<u8>)>,
+    pub(crate) setpoints: Option<[i64; 2]>,
+    pub(crate) digest: Option<Vec<u8>>,
+    pub(crate) decisions: Vec<(i64, NewDecision)>,
+    pub(crate) gaps: Vec<[i64; 2]>,
+    pub(crate) overrides: Vec<([i64; 2], RunOverride)>,
+    pub(crate) end: Option<(RunState, String)>,
+}
+
+impl Packed {
+    /// Refuses a commit that is larger than it may be.
+    pub(crate) async fn of(commit: RunCommit, settings: &StoreSettings) -> Result<Self> {
+        check_commit(&commit, settings)?;
+        let RunCommit { telemetry, decisions, gaps, overrides, setpoints, end } = commit;
+        let (newest_batch, monitor) = match telemetry {
+            Some((newest, monitor)) => {
+                let newest = newest.map(|newest| signed("batch number", newest)).transpose()?;
+                (newest, Some(pack(monitor).await?))
+            }
+            None => (None, None),
+        };
+        let number = |decision: NewDecision| Ok((signed("decision number", decision.number)?, decision));
+        let gap = |gap: TelemetryGap| Ok([signed("batch number", gap.first)?, signed("batch number", gap.last)?]);
+        let change = |change: RunOverride| {
+            let numbers = [signed("change number", change.number)?, signed("setpoint index", change.setpoint_index)?];
+            Ok((numbers, change))
+        };
+        let count = |setpoints: RunSetpoints| {
+            Ok::<_, StoreError>([
+                signed("setpoint index", setpoints.received)?,
+                signed("setpoint index", setpoints.sent)?,
+            ])
+        };
+        Ok(Self {
+            newest_batch,
+            monitor,
+            setpoints: setpoints.map(count).transpose()?,
+            digest: setpoints.and_then(|setpoints| setpoints.digest).map(Vec::from),
+            decisions: decisions.into_iter().map(number).collect::<Result<_>>()?,
+            gaps: gaps.into_iter().map(gap).collect::<Result<_>>()?,
+            overrides: overrides.into_iter().map(change).collect::<Result<_>>()?,
+            end,
+        })
+    }
+
+    pub(crate) fn bytes(&self) -> usize {
+        let decisions: usize = self.decisions.iter().map(|(_, decision)| decision.body.len()).sum();
+        self.monitor.as_ref().map_or(0, |(_, monitor)| monitor.len()) + decisions
+    }
+}
+
+/// Size and compressed bytes of the state of a monitor.
+pub(crate) async fn pack(monitor: Bytes) -> Result<(i64, Vec<u8>)> {
+    let bytes = signed("monitor size in bytes", monitor.len() as u64)?;
+    Ok((bytes, offload(monitor.len(), move || compress(&monitor)).await?))
+}
+
+fn check_commit(commit: &RunCommit, settings: &StoreSettings) -> Result<()> {
+    if let Some((_, monitor)) = &commit.telemetry {
+        check_size("monitor size in bytes", monitor.len(), settings.max_snapshot_bytes)?;
+    }
+    for decision in &commit.decisions {
+        check_size("decision size in bytes", decision.body.len(), settings.max_document_bytes)?;
+    }
+    check_size("telemetry gaps", commit.gaps.len(), MAX_ROWS)?;
+    check_size("changes of the feed override", commit.overrides.len(), MAX_ROWS)?;
+    let texts = commit.overrides.iter().map(|change| &change.cause).chain(commit.end.iter().map(|end| &end.1));
+    for text in texts {
+        check_size("reason size in bytes", text.len(), MAX_TEXT_BYTES)?;
+    }
+    Ok(())
+}
+
+/// Refuses an acknowledgement that is larger than it may be.
+pub(crate) fn check_acknowledgement(by: &str, note: &str) -> Result<()> {
+    for text in [by, note] {
+        check_size("acknowledgement size in bytes", text.len(), MAX_TEXT_BYTES)?;
+    }
+    Ok(())
+}
+
+/// The token scope of a list of runs.
+pub(crate) fn scope(tenant: Option<Tenant>, job_id: Option<Uuid>) -> Scope {
+    let job: &[u8] = job_id.as_ref().map_or(&[], |id| id.as_bytes());
+    Scope::of([b"runs".as_slice(), job, &tenant_scope(tenant)])
+}
+
+pub(crate) fn change(row: &impl Record) -> Result<RunOverride> {
+    Ok(RunOverride {
+        number: unsigned(row, "number")?,
+        setpoint_index: unsigned(row, "setpoint_index")?,
+        ratio: row.real("ratio")?,
+        cause: row.text("cause")?.to_owned(),
+    })
+}
+
+pub(crate) fn gap(row: &impl Record) -> Result<TelemetryGap> {
+    Ok(TelemetryGap { first: unsigned(row, "first_batch")?, last: unsigned(row, "last_batch")? })
+}
+
+pub(crate) fn decision(row: &impl Record) -> Result<DecisionRecord> {
+    Ok(DecisionRecord {
+        sequence: row.integer("sequence")?,
+        run_id: parsed(row, "run_id")?,
+        job_id: parsed(row, "job_id")?,
+        number: unsigned(row, "number")?,
+        at_us: row.integer("at_us")?,
+        body: row.bytes("body")?.to_vec().into(),
+    })
+}
+
+/// State of the monitor of a run.
+pub(crate) async fn monitor(row: &impl Record) -> Result<Bytes> {
+    let size = unsigned(row, "monitor_bytes")?;
+    let packed = row.bytes("monitor")?.to_vec();
+    offload(packed.len(), move || decompress(&packed, size)).await
+}
+
+/// What the log of events says of a condition that a decision raised.
+pub(crate) fn raised(run_id: Uuid, number: i64, action: &str) -> String {
+    format!("runs/{run_id}: decision {number} raised a condition: {action}")
+}
+
+/// What the log of events says of a condition that somebody acknowledged.
+pub(crate) fn acknowledged(run_id: Uuid, number: u64, by: &str) -> String {
+    format!("runs/{run_id}: {by} acknowledged the condition of decision {number}")
+}

@@ -1,0 +1,109 @@
+#!/usr/bin/env bash
+# Runs the tests that need a PostgreSQL server, on one of their own: its own folder, a free port of this machine, and gone
+# with this script.
+#
+#   tests/postgres/run.sh [COMMAND]...
+#
+# The store's suite, or the command, which finds in FEEDWAVE_TEST_STORE the URI of a store with {} where the name of an
+# empty database goes. The server is Debian's: the one that is installed, or else packages unpacked into the target
+# directory, so that nothing is installed.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+scratch=${CARGO_TARGET_DIR:-$PWD/target}/ci
+root=$scratch/postgresql
+readonly packages=(postgresql-15 postgresql-client-15 libpq5 libicu72 libldap-2.5-0 libsasl2-2 libxml2 libgssapi-krb5-2)
+
+missing() {
+    echo "the PostgreSQL server cannot be had: $1" >&2
+    exit 1
+}
+
+# The folder of the programs of the newest server.
+programs() {
+    find "$1/usr/lib/postgresql" -path '*/bin/initdb' -printf '%h\n' 2>/dev/null | sort -V | tail -n 1
+}
+
+unpack() {
+    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || missing "it comes from Debian's packages, and there is no apt-get"
+    rm -rf "$root"
+    mkdir -p "$root/packages"
+    for package in "${packages[@]}"; do
+        (cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
+            (apt-get update >/dev/null 2>&1 && cd "$root/packages" && apt-get download "$package" >/dev/null 2>"$root/apt.log") ||
+            missing "apt-get download $package failed: $(tail -n 1 "$root/apt.log")"
+    done
+    for package in "$root"/packages/*.deb; do
+        dpkg-deb -x "$package" "$root"
+    done
+    touch "$root/complete"
+}
+
+libraries=
+bin=$(programs '')
+if [[ -z $bin ]]; then
+    [[ -e $root/complete ]] || unpack
+    bin=$(programs "$root")
+    libraries=$root/usr/lib/$(dpkg --print-architecture | sed 's/amd64/x86_64/; s/arm64/aarch64/')-linux-gnu
+fi
+[[ -x $bin/postgres ]] || missing "no server in ${bin:-/usr/lib/postgresql}"
+
+folder=$(mktemp -d "${TMPDIR:-/tmp}/feedwave-postgres.XXXXXX")
+# The server refuses to run as root.
+as=()
+if [[ $(id -u) -eq 0 ]]; then
+    user=nobody
+    as=(setpriv --reuid "$user" --regid "$(id -g "$user")" --clear-groups)
+    chown "$user" "$folder"
+fi
+server=
+finish() {
+    if [[ -n $server ]] && kill -INT "$server" 2>/dev/null; then
+        wait "$server" || true
+    fi
+    rm -rf "$folder"
+}
+trap finish EXIT
+trap 'exit 1' INT TERM HUP
+
+run() {
+    (cd "$folder" && exec "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$@")
+}
+
+run "$bin/initdb" --pgdata "$folder/data" --username feedwave --auth trust --encoding UTF8 --locale C \
+    >"$folder/initdb.log" 2>&1 || missing "initdb failed: $(tail -n 1 "$folder/initdb.log")"
+
+# A free port: the server is started on one after another until it has one.
+ready() {
+    local _
+    for _ in $(seq 300); do
+        kill -0 "$server" 2>/dev/null || return 1
+        grep -q 'database system is ready to accept connections' "$folder/server.log" && return 0
+        sleep 0.1
+    done
+    return 1
+}
+for _ in $(seq 20); do
+    port=$((20000 + RANDOM % 12000))
+    : >"$folder/server.log"
+    # Not through a subshell that waits: the process that is ended is the server's.
+    "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$port" -k "$folder" \
+        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning \
+        >>"$folder/server.log" 2>&1 &
+    server=$!
+    ready && break
+    kill -INT "$server" 2>/dev/null && wait "$server" || true
+    server=
+done
+[[ -n $server ]] || missing "it does not start: $(tail -n 1 "$folder/server.log")"
+
+export FEEDWAVE_TEST_STORE="postgres://feedwave@127.0.0.1:$port/{}?connections=6"
+# For tests that restart it, and for people who look into it.
+export FEEDWAVE_TEST_POSTGRES_PID=$server
+echo "PostgreSQL $("$bin/postgres" --version | sed 's/.* //; s/)//') on port $port, process $server"
+if [[ $# -gt 0 ]]; then
+    "$@"
+else
+    cargo test --workspace --test suite
+    cargo test --workspace --test postgres_server --test end_to_end -- --include-ignored --skip exclusive:: --skip documents::
+fi
