@@ -22,7 +22,7 @@ async fn from_another_address(to: SocketAddr) -> TcpStream {
 
 /// Sends a request of HTTP/1.1 and returns what comes up to the end of the answer's head and as much of the body as is said.
 async fn ask(connection: &mut TcpStream, path: &str) -> String {
-    let request = format!("GET {path} HTTP/1.1\r\nhost: feedwave\r\n\r\n");
+    let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\n\r\n");
     connection.write_all(request.as_bytes()).await.unwrap();
     answer(connection).await
 }
@@ -210,7 +210,7 @@ async fn half_a_head_of_http2_is_not_waited_for() {
 async fn half_a_call(server: &Server, announced: u32, sent: usize) -> TcpStream {
     let mut connection = TcpStream::connect(server.grpc).await.unwrap();
     let head = format!(
-        "POST /feedwave.v1.Jobs/CreateJob HTTP/1.1\r\nhost: feedwave\r\ncontent-type: application/grpc-web+proto\r\n\
+        "POST /feedwave.v1.Jobs/CreateJob HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/grpc-web+proto\r\n\
          content-length: {}\r\n\r\n",
         announced + 5
     );
