@@ -31,7 +31,7 @@ use crate::{Machine, Stretch};
 
 use refine::{Released, Row};
 pub use request::{Ahead, MotionRequest, PathItem, Planned, PlannedMotion, PlannedStretch};
-use runs::{Node, Plan, Stop};
+use runs::{Node, Plan, Run, Stop};
 
 /// Settings of a planner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -99,6 +99,8 @@ pub struct Planner<B> {
     entry_speed: f64,
     /// Fastest that the chain may be run until it has slowed down to its commanded speeds, mm/s.
     overspeed: f64,
+    /// The run that the chain goes on with, where a part of that was released.
+    begun: Option<Run>,
     /// Stretches per run of what was planned and not released, in order.
     runs_before: Vec<usize>,
     /// Chain length at which it is planned next.
@@ -141,6 +143,7 @@ impl<B> Planner<B> {
             chain: VecDeque::new(),
             entry_speed: 0.0,
             overspeed: 0.0,
+            begun: None,
             runs_before: Vec::new(),
             next_plan: settings.window.min(FIRST_PLAN),
             chain_bytes: 0,
@@ -267,6 +270,7 @@ impl<B> Planner<B> {
         self.feed_override = feed_override;
         self.entry_speed = speed;
         self.overspeed = speed;
+        self.begun = None;
         self.runs_before.clear();
         // What is known is planned as a whole.
         self.next_plan = usize::MAX;
@@ -281,7 +285,7 @@ impl<B> Planner<B> {
             self.release_chain();
         } else if self.chain.len() >= self.settings.window || self.chain_bytes >= self.settings.window_bytes {
             self.release_window();
-        } else if self.entry_speed > 0.0 && self.plan(LARGEST_RESERVE) {
+        } else if self.entry_speed > 0.0 && self.plan(None) {
             match self.scratch.stop {
                 Some(stop) => self.release_until(stop),
                 None => self.runs_before = self.scratch.run_lengths(0),
@@ -317,7 +321,7 @@ impl<B> Planner<B> {
         if self.chain.is_empty() || self.is_held() {
             return;
         }
-        if !self.plan(Junction::REST.reserve) {
+        if !self.plan(Some(Junction::REST)) {
             return self.clear_chain();
         }
         if let Some(stop) = self.scratch.stop {
@@ -339,8 +343,7 @@ impl<B> Planner<B> {
         if self.is_held() {
             return;
         }
-        // What the next junction will need is not known yet.
-        if !self.plan(LARGEST_RESERVE) {
+        if !self.plan(None) {
             return self.clear_chain();
         }
         if let Some(stop) = self.scratch.stop {
@@ -372,23 +375,25 @@ impl<B> Planner<B> {
         self.next_plan_bytes = window_bytes.max(self.chain_bytes + window_bytes / 4);
     }
 
-    /// Plans the whole chain, from its entry speed to rest at its end, where the junction after it takes the share
-    /// `end_reserve`; whether there is such a plan.
-    fn plan(&mut self, end_reserve: f64) -> bool {
+    /// Plans the whole chain, from its entry speed to rest at its end, where it meets what follows at the junction `end`, if that is
+    /// known; whether there is such a plan.
+    fn plan(&mut self, end: Option<Junction>) -> bool {
         let plan = &mut self.scratch;
         plan.nodes.clear();
-        let exits = self.chain.iter().skip(1).map(|next| next.entry.reserve).chain([end_reserve]);
-        for (element, (Waiting { request, entry }, exit_reserve)) in self.chain.iter().zip(exits).enumerate() {
-            let left = 1.0 - entry.reserve.max(exit_reserve);
+        let exits = self.chain.iter().skip(1).map(|next| Some(next.entry)).chain([end]);
+        for (element, (Waiting { request, entry }, exit)) in self.chain.iter().zip(exits).enumerate() {
+            let left = 1.0 - entry.reserve.max(exit.map_or(LARGEST_RESERVE, |exit| exit.reserve));
             let mut start = request.start;
             let mut entry = *entry;
             for stretch in &request.stretches {
-                plan.nodes.push(Node::new(element, stretch, start, left, entry, request, self.feed_override));
+                let mut node = Node::new(element, stretch, start, left, entry, request, self.feed_override);
+                node.joins = exit.is_some() || start > request.start;
+                plan.nodes.push(node);
                 start = stretch.end;
                 entry = Junction::NONE;
             }
         }
-        plan.gather(&[]);
+        plan.gather(self.begun.as_ref(), &[]);
         if let Some(FreeEntry { least, chosen: chosen @ None }) = &mut self.free_entry {
             *chosen = plan.entry_within([*least, self.entry_speed]);
             match *chosen {
@@ -403,7 +408,7 @@ impl<B> Planner<B> {
             return true;
         }
         // Gathered as in the plan before, the part that was planned can be run as it was planned.
-        plan.gather(&self.runs_before);
+        plan.gather(None, &self.runs_before);
         let is_possible = plan.solve(self.entry_speed);
         self.too_fast |= !is_possible && self.is_restarting();
         debug_assert!(is_possible || self.is_restarting(), "what was planned can be run");
@@ -444,6 +449,7 @@ impl<B> Planner<B> {
         }
         self.entry_speed = 0.0;
         self.overspeed = 0.0;
+        self.begun = None;
         self.runs_before.clear();
         self.count_bytes();
         self.held = Some(VecDeque::new());
@@ -462,6 +468,7 @@ impl<B> Planner<B> {
         if let Some(last) = self.ready.back_mut().filter(|_| count > 0) {
             last.last = Some(self.chain.front().map_or(0.0, |next| next.entry.reserve));
         }
+        self.begun = self.scratch.begun_at(node, self.begun.as_ref());
         self.runs_before = self.scratch.run_lengths(node);
         self.next_plan = self.settings.window;
         self.next_plan_bytes = self.settings.window_bytes;

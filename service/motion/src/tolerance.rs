@@ -159,6 +159,11 @@ pub(crate) const LEAST_START: usize = 32;
 /// Time of what such a start releases at the least, s; and where it costs some hundredths of a second, as the plan for the least time
 /// then has the speed of the plan of runs there, which is below that and the commanded one.
 pub(crate) const START_S: [f64; 2] = [1.0, 5.0];
+/// Length of a run that may go on, in lengths of its stop, from which what is slower is not joined to it but divided from it: twice
+/// the one from which a run with the same acceleration is.
+pub(crate) const LONG_STOPS: f64 = 4.0;
+/// What such a start leaves of a run that may go on, in lengths of its stop, which may become longer.
+pub(crate) const OPEN_STOPS: f64 = 2.0;
 
 /// Memory that a window takes at the most before a part of it is released, bytes: 100 000 straight blocks, or fewer of splines.
 pub(crate) const WINDOW_BYTES: usize = 128 << 20;

@@ -9,6 +9,7 @@ use crate::profile::{change_length, highest_entry, reachable_exit, reachable_spe
 use crate::speed::SpeedPlanner;
 use crate::tolerance::{SAME_COMMAND, SOLVER_SLACK};
 use crate::{MotionRequest, PathLimits, PlannedStretch, Profile, ProfilePart, Stretch, StretchProfile};
+use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 
 /// One stretch of the chain.
@@ -24,8 +25,13 @@ pub(super) struct Node {
     /// Commanded velocity at 100 % override, mm/s, and what of it the limits leave.
     command: f64,
     target_velocity: f64,
+    /// Commanded velocity at the present override, mm/s.
+    commanded: f64,
     follows_override: bool,
     pub(super) entry: Junction,
+    /// Whether it may join the run before it. Where the next junction is not known, limits leave it the largest share that there is,
+    /// which a run would lose as a whole.
+    pub(super) joins: bool,
     /// Path position in its run, mm.
     pub(super) offset: f64,
     pub(super) run: usize,
@@ -43,19 +49,22 @@ impl Node {
         feed_override: f64,
     ) -> Self {
         let hard_velocity = stretch.limits.velocity;
+        let commanded = request.commanded(stretch, feed_override);
         Self {
             element,
             length: stretch.end - start,
             limits: PathLimits {
-                velocity: hard_velocity.min(request.commanded(stretch, feed_override)),
+                velocity: hard_velocity.min(commanded),
                 acceleration: left * stretch.limits.acceleration,
                 jerk: left * stretch.limits.jerk,
             },
             hard_velocity,
             command: stretch.speed_mm_per_s,
             target_velocity: hard_velocity.min(stretch.speed_mm_per_s),
+            commanded,
             follows_override: request.follows_override,
             entry,
+            joins: true,
             offset: 0.0,
             run: 0,
         }
@@ -63,19 +72,23 @@ impl Node {
 }
 
 /// Stretches under one set of limits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Run {
     pub(super) first: usize,
     pub(super) count: usize,
-    length: f64,
+    pub(super) length: f64,
+    /// Length of what of it was released, mm.
+    released_mm: f64,
     limits: PathLimits,
-    pub(super) hard_velocity: f64,
+    hard_velocity: f64,
     target_velocity: f64,
-    /// Time at every stretch's own target velocity, s.
+    /// Time at every stretch's own target velocity, with what was released, s.
     ideal_s: f64,
     /// Largest of each limit among the stretches.
     best: PathLimits,
     command: f64,
+    /// The lowest commanded velocity at the present override, mm/s.
+    commanded: f64,
     follows_override: bool,
     /// Highest speed of the junction at its start, mm/s.
     junction_speed: f64,
@@ -90,12 +103,14 @@ impl Run {
             first: index,
             count: 1,
             length: node.length,
+            released_mm: 0.0,
             limits: node.limits,
             hard_velocity: node.hard_velocity,
             target_velocity: node.target_velocity,
             ideal_s: node.length / node.target_velocity,
             best: node.limits,
             command: node.command,
+            commanded: node.commanded,
             follows_override: node.follows_override,
             junction_speed: node.entry.speed,
             entry: 0.0,
@@ -118,6 +133,7 @@ impl Run {
             hard_velocity: self.hard_velocity.min(node.hard_velocity).min(junction),
             target_velocity: self.target_velocity.min(node.target_velocity).min(junction),
             ideal_s: self.ideal_s + node.length / node.target_velocity,
+            commanded: self.commanded.min(node.commanded),
             best: PathLimits {
                 velocity: self.best.velocity,
                 acceleration: self.best.acceleration.max(b.acceleration),
@@ -129,7 +145,7 @@ impl Run {
 
     /// Whether the next stretch joins this run; then the run with it.
     fn joined_by(&self, node: &Node) -> Option<Self> {
-        if node.entry.acceleration == 0.0 || self.follows_override != node.follows_override {
+        if !node.joins || node.entry.acceleration == 0.0 || self.follows_override != node.follows_override {
             return None;
         }
         // A programmed change of feed takes place where it is programmed.
@@ -141,7 +157,7 @@ impl Run {
         let joined = self.with(node);
         let PathLimits { acceleration, jerk, .. } = joined.limits;
         let velocity = joined.target_velocity;
-        let traverse_s = joined.length / velocity;
+        let traverse_s = (joined.released_mm + joined.length) / velocity;
         let (ramp_s, best_ramp_s) = (acceleration / jerk, joined.best.acceleration / joined.best.jerk);
         let slower_change_s =
             velocity / acceleration - velocity / joined.best.acceleration + (ramp_s - best_ramp_s).max(0.0);
@@ -152,9 +168,24 @@ impl Run {
         // Where it cruises, a lower speed is reached at the price of a small change of speed.
         let cruising_mm = velocity * (velocity / acceleration + ramp_s);
         let step = self.target_velocity.max(node.target_velocity) - velocity;
-        let divides = self.length.max(node.length) >= cruising_mm
+        let divides = (self.released_mm + self.length).max(node.length) >= cruising_mm
             && slower_travel_s > 2.0 * step * (step / jerk).sqrt() / velocity;
         (!divides).then_some(joined)
+    }
+
+    /// The same after all of it was released.
+    fn released(self) -> Self {
+        Self { count: 0, length: 0.0, released_mm: self.released_mm + self.length, ..self }
+    }
+
+    /// Whether it can be run as fast as commanded.
+    pub(super) fn reaches_command(&self) -> bool {
+        self.limits.velocity >= self.commanded
+    }
+
+    /// Length in which it stops from the highest speed of its limits, mm.
+    pub(super) fn stop_mm(&self) -> f64 {
+        change_length(self.limits.velocity, 0.0, &self.limits)
     }
 
     /// Highest speed of its limits, mm/s.
@@ -222,8 +253,9 @@ impl PartialEq for Plan {
 }
 
 impl Plan {
-    /// Gathers the nodes into runs. The first ones have the given numbers of nodes.
-    pub(super) fn gather(&mut self, given: &[usize]) {
+    /// Gathers the nodes into runs. The first node goes on with the run that has begun, if it joins that, or else the first runs
+    /// have the given numbers of nodes.
+    pub(super) fn gather(&mut self, begun: Option<&Run>, given: &[usize]) {
         self.runs.clear();
         let mut given = given.iter().copied();
         // Nodes that still belong to a given run.
@@ -232,6 +264,7 @@ impl Plan {
         for index in 0..self.nodes.len() {
             let node = self.nodes[index];
             let joined = match self.runs.last() {
+                None => begun.and_then(|begun| begun.joined_by(&node)),
                 Some(run) if due > 0 => Some(run.with(&node)),
                 Some(run) if !was_given => run.joined_by(&node),
                 _ => None,
@@ -241,6 +274,7 @@ impl Plan {
                     *run = joined;
                     due -= usize::from(due > 0);
                 }
+                (Some(joined), None) => self.runs.push(joined),
                 _ => {
                     self.runs.push(Run::of(index, &node));
                     let count = given.next();
@@ -253,6 +287,18 @@ impl Plan {
             self.nodes[index].run = run;
             self.nodes[index].offset = offset;
         }
+    }
+
+    /// The run that goes on at this node after what is before it was released, where one does: gathered anew from there, the path
+    /// would have other runs, which can be slower.
+    pub(super) fn begun_at(&self, node: usize, begun: Option<&Run>) -> Option<Run> {
+        let run = self.runs.get(self.nodes.get(node)?.run)?;
+        let (start, others) = self.nodes[run.first..node].split_first()?;
+        let first = match begun.filter(|_| run.released_mm > 0.0) {
+            Some(begun) => begun.with(start),
+            None => Run::of(0, start),
+        };
+        Some(others.iter().fold(first, |run, node| run.with(node)).released())
     }
 
     /// Finds the speeds between the runs, from `entry_speed` to rest; whether there are any.
@@ -303,13 +349,13 @@ impl Plan {
     /// Highest speeds at the starts of the runs from which the path can rest at its end, at no more than `velocity` in
     /// every run.
     fn backward(&mut self, velocity: impl Fn(&Run) -> f64) {
-        self.backward_from(0.0, velocity);
+        self.backward_from(self.runs.len(), 0.0, velocity);
     }
 
-    /// [`Plan::backward`] with another speed than rest at the end.
-    pub(super) fn backward_from(&mut self, end_speed: f64, velocity: impl Fn(&Run) -> f64) {
+    /// [`Plan::backward`] for the first `count` runs, with another speed than rest at their end.
+    pub(super) fn backward_from(&mut self, count: usize, end_speed: f64, velocity: impl Fn(&Run) -> f64) {
         let mut exit = end_speed;
-        for index in (0..self.runs.len()).rev() {
+        for index in (0..count).rev() {
             let run = &self.runs[index];
             let mut cap = velocity(run);
             if index > 0 {

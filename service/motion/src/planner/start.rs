@@ -4,10 +4,15 @@
 //! and from what lies before. Where the way back from rest and that from the highest speed permitted there meet, more of the path
 //! would change nothing: what lies before is released as it would be with all of it known. How far that is ahead is what a stop
 //! takes, so that the first setpoints do not wait for a count of elements, of which each may be many merged blocks.
+//!
+//! That holds for runs that are complete. What the last element leaves to the junction behind it is not known, so it is a run of its
+//! own for once; the run before it may go on with more, which brings it lower limits. Such a run is divided only where it is long: what is
+//! slower does not join it then, and with less acceleration it would still be steady where it is divided. The run that is divided
+//! goes on as the same run ([`Plan::begun_at`]), with the limits and the neighbours that it has in a plan of the whole.
 
 use super::Planner;
 use super::runs::{Plan, Run};
-use crate::tolerance::{LARGEST_RESERVE, START_S};
+use crate::tolerance::{LONG_STOPS, OPEN_STOPS, START_S};
 
 impl<B> Planner<B> {
     /// Releases the first part of a chain that comes from rest, where enough of it is settled; otherwise it is tried again with half
@@ -15,7 +20,7 @@ impl<B> Planner<B> {
     pub(super) fn start(&mut self) {
         self.next_start = Some(self.chain.len() + self.chain.len() / 2);
         let comes_from_rest = self.entry_speed == 0.0 && self.overspeed == 0.0;
-        if self.is_held() || !comes_from_rest || !self.plan(LARGEST_RESERVE) || self.scratch.stop.is_some() {
+        if self.is_held() || !comes_from_rest || !self.plan(None) || self.scratch.stop.is_some() {
             return;
         }
         if let Some((count, speed)) = self.scratch.settled_cut(self.settings.limits.is_some()) {
@@ -41,28 +46,41 @@ impl Plan {
         (0..settled).rev().find_map(|run| {
             let (node, speed, inside_s) = self.place_in_cruise(run).or_else(|| self.place_at_start(run))?;
             // At the commanded speed the plan for the least time is the same.
-            let costs_time = is_least_time && self.runs[run].velocity() >= self.runs[run].hard_velocity;
+            let costs_time = is_least_time && !self.runs[run].reaches_command();
             let least_s = if costs_time { elsewhere_s } else { at_feed_s };
             (before_s[run] + inside_s >= least_s).then(|| (self.element(node), speed))
         })
     }
 
-    /// How many runs at the start have entries that do not depend on where the known path ends. The plan is as it was.
+    /// How many runs at the start have entries that do not depend on what follows what is known. The plan is as it was.
     fn settled_runs(&mut self) -> Option<usize> {
         let entry_speed = self.runs.first()?.entry;
-        let last_velocity = self.runs.last()?.velocity();
-        self.backward_from(last_velocity, Run::velocity);
-        let from_speed: Vec<f64> = self.runs.iter().map(|run| run.entry).collect();
-        self.backward_from(0.0, Run::velocity);
+        let open = self.open_run()?;
+        // Joined by what asks for less, a short run would be another one; a long one is divided instead.
+        let known = if self.runs[open].length >= LONG_STOPS * self.runs[open].stop_mm() { open + 1 } else { open };
+        let last_velocity = self.runs[..known].last()?.velocity();
+        self.backward_from(known, last_velocity, Run::velocity);
+        let from_speed: Vec<f64> = self.runs[..known].iter().map(|run| run.entry).collect();
+        self.backward_from(known, 0.0, Run::velocity);
         let settled = self.runs.iter().zip(&from_speed).take_while(|(run, other)| run.entry == **other).count();
         self.solve(entry_speed).then_some(settled)
+    }
+
+    /// The run that may go on: the last one before the last element, whose limits are not known.
+    fn open_run(&self) -> Option<usize> {
+        let last = self.first_node_of(self.nodes.last()?.element);
+        self.nodes[last].run.checked_sub(1)
     }
 
     /// The last start of an element where a run is at the highest speed of its limits: the node, that speed, and the time up to there.
     fn place_in_cruise(&mut self, run: usize) -> Option<(usize, f64, f64)> {
         let profile = self.profile(run);
         let own = &self.runs[run];
-        let [from, to] = profile.cruise();
+        let [from, mut to] = profile.cruise();
+        if self.open_run() == Some(run) {
+            // With lower limits it would brake earlier.
+            to = to.min(own.length - OPEN_STOPS * own.stop_mm());
+        }
         let speed = profile.cruise_velocity();
         let is_highest = speed > 0.0 && speed >= own.velocity();
         let node = (own.first + 1..own.first + own.count)
