@@ -8,7 +8,12 @@ use crate::{code, feedwave, fixture, number, rows, stderr, stdout};
 
 /// The freeform program on the five-axis mill.
 fn on_mill(command: &str, arguments: &[&str]) -> std::process::Output {
-    let (program, profile) = (fixture("freeform.nc"), fixture("five-axis-mill.toml"));
+    on("five-axis-mill.toml", command, arguments)
+}
+
+/// The same on the mill of a profile.
+fn on(profile: &str, command: &str, arguments: &[&str]) -> std::process::Output {
+    let (program, profile) = (fixture("freeform.nc"), fixture(profile));
     let mut call = feedwave();
     call.arg(command).arg(program).arg("--profile").arg(profile).args(["--tool", "1=120"]).args(arguments);
     call.output().unwrap()
@@ -151,4 +156,37 @@ fn pictures_compare_the_program_with_what_thinning_leaves() {
     let sphere = std::fs::read_to_string(directory.path().join("tool-direction.svg")).unwrap();
     assert!(sphere.contains("as run") && !sphere.contains("thinned"));
     assert!(!directory.path().join("thinning-deviation.svg").exists());
+}
+
+#[test]
+fn the_fitted_method_is_reported_and_drawn_in_three_views() {
+    let output = on("five-axis-fitted.toml", "validate", &["--format", "json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let thinning = &report["thinning"];
+    assert_eq!(thinning["method"], "THINNING_METHOD_FITTED");
+    let of = |name: &str| thinning[name].as_f64().unwrap();
+    // Both tolerances hold everywhere, and the time is less than that of the published method.
+    assert!(of("positionDeviationMm") < 0.01 && of("directionBoundDeg") <= 1.0, "{thinning}");
+    let times: Vec<f64> =
+        thinning["methods"].as_array().unwrap().iter().map(|method| method["timeS"].as_f64().unwrap()).collect();
+    assert!(times.len() == 2 && times[1] < 0.9 * times[0] && of("timeAfterS") == times[1], "{times:?}");
+    let axes = thinning["rotaryAxes"].as_array().unwrap();
+    let sum = |of: &str| axes.iter().map(|axis| axis.get(of).map_or(0, number)).sum::<u64>();
+    let (before, after) = (sum("reversalsBefore"), sum("reversalsAfter"));
+    assert!(before > 1_500 && after < 20, "{before} {after}");
+
+    let directory = tempfile::tempdir().unwrap();
+    let picture = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    let output = on("five-axis-fitted.toml", "plan", &["--plots", directory.path().to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    for name in ["rotary-axes.svg", "tool-direction.svg"] {
+        let text = picture(name);
+        for way in ["as programmed", "thinned as published", "thinned by a fit"] {
+            assert!(text.contains(way), "{name}: {way}");
+        }
+    }
+    assert!(picture("rotary-axes.svg").contains("blocks dropped"));
+    let deviation = picture("thinning-deviation.svg");
+    assert!(deviation.contains("every block, dropped or kept") && deviation.contains("tolerance 10"), "{deviation}");
 }
