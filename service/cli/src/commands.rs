@@ -69,7 +69,7 @@ pub enum Command {
     Interpret(interpret::Args),
     /// Plan the passes of a thread so that its chip breaks, as a program
     ///
-    /// Finds depths, amplitudes and phases with which the vibration of X breaks the chip in both models, depth only and
+    /// Finds depths, amplitudes and phases with which the vibration across the lead breaks the chip in both models, depth only and
     /// full section, within the limits of the machine and the tool, and leaves the finishing pass no more than it may find.
     /// What cannot be cut so is refused with the numbers and what would help.
     ThreadPlan(thread_plan::Args),

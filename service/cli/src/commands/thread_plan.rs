@@ -44,13 +44,25 @@ Examples:
       A left-hand thread with two starts, brought to their places by Z; for scripts.
   feedwave thread-plan --work-diameter 21.3 --threads-per-inch 14 --taper 0.03125 --included-angle 55 --depth 1.16 \\
       --first-depth 0.4 --start-z 4 --end-z -16 --spindle 250 --finishing-thickness 0.08
-      A tapered pipe thread, 1:16 on the diameter."
+      A tapered pipe thread, 1:16 on the diameter.
+  feedwave thread-plan --face-z 0 --start-radius 40 --end-radius 10 --pitch 4 --depth 1 --first-depth 0.4 \\
+      --spindle 200 --finishing-thickness 0.1
+      A scroll on a face: the lead is along X, the tool vibrates along Z."
 )]
 #[command(allow_negative_numbers = true)]
 pub struct Args {
-    /// Diameter of the uncut work at the start position
-    #[arg(long, value_name = "MM", help_heading = "Thread")]
-    work_diameter: f64,
+    /// Diameter of the uncut work at the start position, of a thread along Z
+    #[arg(long, value_name = "MM", required_unless_present = "face_z", help_heading = "Thread")]
+    work_diameter: Option<f64>,
+    /// Z of the uncut face at the start position, of a thread along X: depths and amplitudes are along Z then
+    #[arg(
+        long,
+        value_name = "MM",
+        conflicts_with_all = ["work_diameter", "start_z", "end_z", "side", "hand"],
+        requires_all = ["start_radius", "end_radius"],
+        help_heading = "Thread"
+    )]
+    face_z: Option<f64>,
     /// Distance of neighbouring grooves
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     pitch: Option<f64>,
@@ -67,16 +79,22 @@ pub struct Args {
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     depth: f64,
     /// Where Z starts
-    #[arg(long, value_name = "MM", help_heading = "Thread")]
-    start_z: f64,
+    #[arg(long, value_name = "MM", required_unless_present = "face_z", help_heading = "Thread")]
+    start_z: Option<f64>,
     /// Where the thread ends
-    #[arg(long, value_name = "MM", help_heading = "Thread")]
-    end_z: f64,
-    /// Travel of Z before it reaches the work; its run-up must end there [default: what the profile says, or not
-    /// judged]
+    #[arg(long, value_name = "MM", required_unless_present = "face_z", help_heading = "Thread")]
+    end_z: Option<f64>,
+    /// Radius where X starts, of a thread along X
+    #[arg(long, value_name = "MM", requires = "face_z", help_heading = "Thread")]
+    start_radius: Option<f64>,
+    /// Radius where a thread along X ends
+    #[arg(long, value_name = "MM", requires = "face_z", help_heading = "Thread")]
+    end_radius: Option<f64>,
+    /// Travel of the lead axis before it reaches the work; its run-up must end there [default: what the profile says, or
+    /// not judged]
     #[arg(long, value_name = "MM", help_heading = "Thread")]
     approach: Option<f64>,
-    /// Change of the work's radius per travel of Z, positive where the work grows along the cut
+    /// Change of the work's radius, or of its face, per travel of the lead axis, positive where the work grows along the cut
     #[arg(long, value_name = "MM/MM", default_value_t = 0.0, help_heading = "Thread")]
     taper: f64,
     /// Outside or inside
@@ -88,7 +106,7 @@ pub struct Args {
     /// Included angle of the tool [default: what the profile says, or 60]
     #[arg(long, value_name = "DEGREES", help_heading = "Tool and material")]
     included_angle: Option<f64>,
-    /// Width of the tool's tip along Z; 0 for a pointed tool
+    /// Width of the tool's tip along the lead; 0 for a pointed tool
     #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Tool and material")]
     root_flat: f64,
     /// Largest depth of the first pass
@@ -221,7 +239,7 @@ option_values! {
 option_values! {
     /// How passes are brought to their place.
     Method: PassMethod {
-        /// Method 1: by the start position in Z
+        /// Method 1: by the start position along the lead
         StartPosition => StartPosition,
         /// Method 2: by the start angle Q
         StartAngle => StartAngle,
@@ -230,7 +248,7 @@ option_values! {
 option_values! {
     /// How the vibration starts.
     StartUp: ThreadStartUp {
-        /// X moves to the vibration position beforehand
+        /// The tool moves to the vibration position beforehand
         Preparatory => Preparatory,
         /// The vibration starts from phase 0 after its phase shift
         Delayed => Delayed,
@@ -249,11 +267,18 @@ impl Args {
             side: self.side.value(),
             hand: self.hand.map_or(0, Hand::value),
             rotation: self.rotation.map_or(0, Rotation::value),
-            work_diameter_mm: self.work_diameter,
+            lead_axis: match self.face_z {
+                Some(_) => proto::ThreadLeadAxis::X.into(),
+                None => proto::ThreadLeadAxis::Z.into(),
+            },
+            work_diameter_mm: self.work_diameter.unwrap_or_default(),
+            face_z_mm: self.face_z.unwrap_or_default(),
+            start_radius_mm: self.start_radius.unwrap_or_default(),
+            end_radius_mm: self.end_radius.unwrap_or_default(),
             starts: self.starts,
             taper: self.taper,
-            start_z_mm: self.start_z,
-            end_z_mm: self.end_z,
+            start_z_mm: self.start_z.unwrap_or_default(),
+            end_z_mm: self.end_z.unwrap_or_default(),
             approach_mm: self.approach,
             included_angle_deg: self.included_angle,
             root_flat_mm: self.root_flat,

@@ -212,7 +212,7 @@ fn a_picture_has_title_axes_with_units_and_legend() {
     let figures = plots().figures();
     for (name, wanted) in [
         ("tool-path", &["Tool path", "Z, mm", "X (radius), mm", "rapid", "cutting with vibration"][..]),
-        ("tool-path", &["threading with vibration of X", "beyond the scale: start at Z 150 mm, X (radius) 100 mm"]),
+        ("tool-path", &["threading with vibration", "beyond the scale: start at Z 150 mm, X (radius) 100 mm"]),
         ("position", &["time, s", "path position, mm", "with vibration", "start of the vibration"]),
         (
             "feed",

@@ -39,7 +39,7 @@ fn ink(stretch: Stretch) -> Ink {
         Stretch::Vibrating => Ink::line("cutting with vibration along the path", theme::VIBRATION, 3.4),
         Stretch::Oscillating => Ink::line("cutting with an oscillating tool", theme::PALETTE[4], 3.4),
         Stretch::Threading => Ink::line("threading", theme::PALETTE[5], 2.2),
-        Stretch::VibratingThread => Ink::line("threading with vibration of X", theme::PALETTE[3], 3.4),
+        Stretch::VibratingThread => Ink::line("threading with vibration", theme::PALETTE[3], 3.4),
         Stretch::Rapid => Ink::dashed("rapid moves", theme::MUTED, 1.5),
         Stretch::Unknown => Ink::dashed("swung by the rotary axes: only the ends are known", theme::BAD, 1.2),
     }

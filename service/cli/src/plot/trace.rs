@@ -15,7 +15,7 @@ pub enum Stretch {
     Oscillating,
     /// A threading pass.
     Threading,
-    /// A threading pass with vibration of X.
+    /// A threading pass with vibration.
     VibratingThread,
     /// Where the tool goes with the rotary axes, and how, only the machine knows.
     Unknown,

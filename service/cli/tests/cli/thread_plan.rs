@@ -90,3 +90,81 @@ fn every_wrong_option_is_named() {
     let output = plan(&["--lead=3"]);
     assert_eq!(code(&output), 2, "pitch and lead at once");
 }
+
+const SCROLL: [&str; 10] = [
+    "thread-plan",
+    "--face-z=0",
+    "--start-radius=40",
+    "--end-radius=10",
+    "--pitch=4",
+    "--depth=1",
+    "--first-depth=0.4",
+    "--finishing-allowance=0.05",
+    "--finishing-thickness=0.2",
+    "--spindle=200",
+];
+
+#[test]
+fn a_scroll_is_planned_along_x_and_its_program_is_accepted() {
+    let directory = tempfile::tempdir().unwrap();
+    let (file, pictures) = (directory.path().join("scroll.nc"), directory.path().join("pictures"));
+    let more =
+        [format!("--out={}", file.display()), format!("--plots={}", pictures.display()), "--format=json".to_owned()];
+    let scroll = |more: &[String]| {
+        let arguments: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            SCROLL.iter().map(|argument| argument as _).chain(more.iter().map(|argument| argument as _)).collect();
+        run(&arguments)
+    };
+    let output = scroll(&more);
+    assert_eq!(code(&output), 0, "{}{}", stderr(&output), stdout(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let geometry = &answer["thread"]["geometry"];
+    assert_eq!(
+        (geometry["leadAxis"].as_str(), geometry["startRadiusMm"].as_f64()),
+        (Some("THREAD_LEAD_AXIS_X"), Some(40.0))
+    );
+    let program = std::fs::read_to_string(&file).unwrap();
+    assert!(program.contains("G165 P3 Z0.0 Q1.2") && program.contains("G32 X20.0 F4.0"), "{program}");
+    assert_eq!(std::fs::read_dir(pictures).unwrap().count(), 6);
+    let (report, accepted) = super::validate_json(&file);
+    assert_eq!(accepted, 0, "{:#?}", report["findings"]);
+    let thread = &report["threads"][0];
+    assert_eq!(thread["thread"]["geometry"]["leadAxis"], "THREAD_LEAD_AXIS_X");
+    let passes = thread["report"]["passes"].as_array().unwrap();
+    let planned = answer["report"]["passes"].as_array().unwrap();
+    assert_eq!(passes.len(), planned.len());
+    for (pass, planned) in passes.iter().zip(planned) {
+        assert_eq!(
+            (&pass["depth"]["broken"], &pass["section"]["broken"]),
+            (&planned["depth"]["broken"], &planned["section"]["broken"])
+        );
+    }
+    // What belongs to threads along Z is no word of a face.
+    for other in ["--start-z=5", "--side=internal", "--hand=left", "--work-diameter=10"] {
+        assert_eq!(code(&scroll(&[other.to_owned()])), 2, "{other}");
+    }
+    let incomplete =
+        run(&[&"thread-plan", &"--face-z=0", &"--pitch=4", &"--depth=1", &"--first-depth=0.4", &"--spindle=200"]);
+    assert_eq!(code(&incomplete), 2);
+}
+
+#[test]
+fn the_pictures_of_a_thread_on_a_face_name_its_axes() {
+    let directory = tempfile::tempdir().unwrap();
+    let (out, plots) = (directory.path().join("face.csv"), directory.path().join("pictures"));
+    let output = run(&[&"plan", &super::fixture("thread-face.nc"), &"--out", &out, &"--plots", &plots]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let picture = |name: &str| std::fs::read_to_string(plots.join(name)).unwrap();
+    for (name, wanted) in [
+        ("thread-line-11-section.svg", ["along X from the tip of the first pass", "on a face at Z 0 mm"]),
+        ("thread-line-11-position.svg", ["Z over the spindle angle", "Z, mm"]),
+        ("thread-line-11-unrolled.svg", ["X (radius), mm", "of the circumference, at its largest"]),
+        ("tool-path.svg", ["threading with vibration", "spindle axis"]),
+    ] {
+        let text = picture(name);
+        for wanted in wanted {
+            assert!(text.contains(wanted), "{name}: {wanted}");
+        }
+        assert!(!text.contains("vibration of X") && !text.contains("along Z from"), "{name}");
+    }
+}

@@ -2,9 +2,13 @@
 
 use std::f64::consts::PI;
 
-use feedwave_cutting::thread::{LeadAxis, ThreadFollower, ThreadPath};
+use feedwave_cutting::thread::{
+    DepthLaw, GrooveProfile, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, StartUp, ThreadFollower,
+    ThreadGeometry, ThreadLimits, ThreadPath, ThreadRequest, ThreadSide, ThreadTextOptions, plan_thread,
+    thread_program_text,
+};
 
-use super::common::{run, validate};
+use super::common::{all_bits, resume, run, snapshots, validate};
 use super::{accepted, check_limits, codes, cutting, lathe, lines, near, wave};
 
 const FACE: &str = include_str!("../../../../tests/fixtures/thread-face.nc");
@@ -115,4 +119,155 @@ fn the_axis_that_vibrates_is_stated_and_is_not_that_of_the_lead() {
     }
     // What does not vibrate may lead anywhere.
     accepted(&FACE.replace("G32 X20.0 F4.0 A0.0", "G32 Z-40.0 F4.0 A0.0"), &lathe());
+}
+
+/// A cone steeper than 45 degrees, from the small end: the cycles lead along X and feed in along X.
+fn cone(words: &str, vibration: &str) -> String {
+    let off = if vibration.is_empty() { "" } else { "G165 P0\n" };
+    format!("G97 S200 M3\nG0 X70 Z5\n{vibration}{words}{off}G0 X80 Z10\nM30\n")
+}
+
+const CYCLES: [&str; 2] = [
+    "G92 X60 Z-2 R-20 F2\nX59.8\nX59.7\n",
+    // One flank, two finishing passes.
+    "G76 P020060 Q50 R0.02\nG76 X59.4 Z-2 R-20 P400 Q150 F2\n",
+];
+
+#[test]
+fn cycles_of_a_steep_cone_lead_along_x() {
+    let mut config = lathe();
+    config.profile.language.turning.thread_chamfer_tenths = Some(0);
+    for (cycle, vibration) in CYCLES.into_iter().flat_map(|cycle| [(cycle, ""), (cycle, "G165 P3 Z5.5 Q1.3\n")]) {
+        let program = cone(cycle, vibration);
+        let report = validate(&program, &config);
+        assert!(report.is_accepted(), "{program}{:#?}", report.findings);
+        let setpoints = run(&program, &config);
+        check_limits(&setpoints, &config);
+        assert_eq!((setpoints.axes[0].last(), setpoints.axes[1].last()), (Some(&40.0), Some(&10.0)));
+        // While the lead axis runs at its speed X goes 2 mm in a revolution.
+        let exact: Vec<usize> = (1..setpoints.len())
+            .filter(|&k| {
+                let turned_deg = setpoints.spindle[k] - setpoints.spindle[k - 1];
+                let along_mm = setpoints.axes[0][k] - setpoints.axes[0][k - 1];
+                setpoints.feed[k] > 0.0 && near(along_mm / turned_deg * 360.0, 2.0, 1e-6)
+            })
+            .collect();
+        assert!(exact.len() > 5_000, "{}", exact.len());
+        // The deepest pass is as deep as its X says: the cone falls by 0.35 mm on each mm of the radius.
+        let above_mm = |k: usize| setpoints.axes[1][k] - (5.0 - 0.35 * (setpoints.axes[0][k] - 10.0));
+        let deepest_mm = exact.iter().map(|&k| above_mm(k)).fold(f64::INFINITY, f64::min);
+        assert!(near(deepest_mm, if cycle == CYCLES[0] { -0.0525 } else { -0.105 }, 1e-4), "{program}{deepest_mm}");
+        for at in [0.2, 0.5, 0.8] {
+            let taken = snapshots(program.as_bytes(), &config);
+            let (index, offset, snapshot) = &taken[(taken.len() as f64 * at) as usize];
+            let (first, rest) = resume(program.as_bytes(), &config, *offset, snapshot);
+            assert_eq!(first, *index);
+            assert!(all_bits(&rest) == all_bits(&setpoints)[first as usize..], "{program}from {first}");
+        }
+        if vibration.is_empty() {
+            continue;
+        }
+        let [section] = report.threads.as_slice() else { panic!("{} threads", report.threads.len()) };
+        assert_eq!(section.job.geometry.lead_axis, LeadAxis::X);
+        assert!(section.job.passes[0].vibrates() && near(section.job.passes[0].depth_mm, 0.5, 0.2));
+        // Away from the face: towards larger Z, by no more than the amplitude.
+        let most_mm = section.job.passes.iter().map(|pass| pass.amplitude_mm).fold(0.0, f64::max);
+        assert!(setpoints.vibration.iter().all(|offset| (0.0..=most_mm + 1e-9).contains(offset)));
+        assert!(setpoints.vibration.iter().any(|offset| *offset > 0.9 * most_mm));
+    }
+}
+
+#[test]
+fn a_vibration_into_the_work_and_a_pull_out_along_the_lead_are_refused() {
+    let mut config = lathe();
+    config.profile.language.turning.thread_chamfer_tenths = Some(0);
+    let found = |text: &str, config: &feedwave_cutting::PipelineConfig| {
+        let report = validate(text, config);
+        assert!(!report.is_accepted(), "{text}");
+        codes(&report)
+    };
+    // From the large end the work is on the side of larger Z.
+    let inwards = "G92 X20 Z-2 R20 F2\n";
+    assert!(found(&cone(inwards, "G165 P3 Z5.5 Q1.3\n"), &config).contains(&"PRG-THREAD-CYCLE-SIDE".to_owned()));
+    accepted(&cone(inwards, ""), &config);
+    // A bore that narrows has it at smaller Z again.
+    let bore = "G97 S200 M3\nG0 X10 Z5\nG165 P3 Z5.5 Q1.3\nG92 X20 Z-2 R20 F2\nG165 P0\nM30\n";
+    accepted(bore, &config);
+    assert!(
+        found(&bore.replace("R20", "R-20").replace("X10", "X4").replace("X20", "X60"), &config)
+            .contains(&"PRG-THREAD-CYCLE-SIDE".to_owned())
+    );
+    config.profile.language.turning.thread_chamfer_tenths = Some(10);
+    for vibration in ["", "G165 P3 Z5.5 Q1.3\n"] {
+        assert!(
+            found(&cone(CYCLES[0], vibration), &config).contains(&"THREAD-TRAVEL".to_owned())
+                || found(&cone(CYCLES[0], vibration), &config).contains(&"PRG-THREAD-TRAVEL".to_owned())
+        );
+    }
+    // At exactly 45 degrees the tool is pulled out, and both axes keep their limits.
+    let equal = cone("G92 X60 Z-15 R-20 F2\n", "");
+    accepted(&equal, &config);
+    check_limits(&run(&equal, &config), &config);
+}
+
+#[test]
+fn a_pass_above_the_face_without_vibration_is_a_thread_of_its_own() {
+    let program = FACE.replace("G0 Z-1.0\nG32 X20.0 F4.0 A0.0", "G0 Z0.2\nG32 X20.0 F4.0 A0.0");
+    let report = accepted(&program, &lathe());
+    assert_eq!(report.threads.iter().map(|section| section.job.passes.len()).collect::<Vec<_>>(), [3]);
+    check_limits(&run(&program, &lathe()), &lathe());
+    let vibrating = program.replace("G32 X20.0 F4.0 A0.0", "G32 X20.0 F4.0");
+    assert!(codes(&validate(&vibrating, &lathe())).contains(&"THREAD-FACE-SIDE".to_owned()));
+}
+
+#[test]
+fn a_planned_thread_on_a_face_is_accepted_and_breaks_its_chip() {
+    for (taper, law) in [(0.0, DepthLaw::SquareRoot), (-0.1, DepthLaw::Constant), (0.2, DepthLaw::SquareRoot)] {
+        for (start_mm, end_mm, starts) in [(40.0, 10.0, 1), (12.0, 45.0, 2)] {
+            let geometry = ThreadGeometry {
+                lead_axis: LeadAxis::X,
+                side: ThreadSide::External,
+                work_mm: -1.5,
+                start_mm,
+                end_mm,
+                taper,
+                lead_mm: 4.0 * f64::from(starts),
+                starts,
+                rotation: SpindleRotation::Forward,
+            };
+            let request = ThreadRequest {
+                geometry,
+                hand: None,
+                profile: GrooveProfile::pointed(60.0),
+                depth_mm: 1.0,
+                finishing_allowance_mm: 0.05,
+                first_depth_mm: 0.4,
+                infeed: InfeedPattern::Radial,
+                law,
+                method: PassMethod::StartAngle,
+                start_up: StartUp::Preparatory,
+                vibrations_per_rev: 2.0,
+                spindle_rev_per_min: 150.0,
+                amplitude_margin: 1.1,
+                limits: ThreadLimits { finishing_thickness_mm: Some(0.2), ..ThreadLimits::default() },
+            };
+            let plan = plan_thread(&request).unwrap_or_else(|findings| panic!("{findings:#?}"));
+            let text = thread_program_text(&plan.job, &ThreadTextOptions::default());
+            let report = accepted(&text, &lathe());
+            let [section] = report.threads.as_slice() else { panic!("{} threads", report.threads.len()) };
+            let job = &section.job;
+            assert_eq!((job.geometry.lead_axis, job.geometry.starts), (LeadAxis::X, starts));
+            assert!(near(job.geometry.taper, taper, 1e-4) && near(job.geometry.work_mm, -1.5, 1e-9));
+            assert_eq!(job.passes.len(), plan.job.passes.len());
+            for (read, planned) in job.passes.iter().zip(&plan.job.passes) {
+                assert!(near(read.depth_mm, planned.depth_mm, 1e-4), "{read:?} {planned:?}\n{text}");
+                assert!(near(read.amplitude_mm, planned.amplitude_mm, 1e-4), "{read:?} {planned:?}\n{text}");
+                assert_eq!(read.start, planned.start);
+            }
+            let vibrating = job.passes.iter().zip(&section.report.passes).filter(|(pass, _)| pass.vibrates());
+            assert!(vibrating.clone().count() >= 2);
+            assert!(vibrating.clone().all(|(_, pass)| pass.depth.broken && pass.section.broken), "{text}");
+            check_limits(&run(&text, &lathe()), &lathe());
+        }
+    }
 }

@@ -108,6 +108,13 @@ crate::finding_codes! {
         example: lathe("M3 S500\nG0 X27 Z5\nG76 P021060 Q50 R0.05\nG76 X27 Z-20 P1000 Q300 F1.5"),
     }
 
+    "PRG-THREAD-CYCLE-SIDE" [THREAD_CYCLE_SIDE: Error] {
+        meaning: "a vibrating threading cycle along X whose work is on the side of larger Z",
+        cause: "The taper is steeper than 45°, so that the lead is along X and the vibration along Z, away from a face towards larger Z: here that is into the work.",
+        cure: "Switch the vibration off for this cycle.",
+        example: lathe("M3 S300\nG0 X70 Z5\nG165 P3 Z5.5 Q1.3\nG92 X20 Z-2 R20 F2\nG165 P0\nM30"),
+    }
+
     "PRG-THREAD-CYCLE-PASSES" [THREAD_CYCLE_PASSES: Error] {
         meaning: "a threading cycle of too many passes",
         cause: "The first depth is so small against the height that more than 100 passes follow.",

@@ -35,20 +35,20 @@ impl SectionPicture<'_> {
         Figure::new(format!("{}-section", groove.name), title, subtitle, body)
     }
 
-    /// Place across the groove of a pass' tip, mm along Z from the first pass.
-    fn tip_z_mm(&self, index: usize) -> f64 {
+    /// Place across the groove of a pass' tip, mm along the lead from the first pass.
+    fn tip_along_mm(&self, index: usize) -> f64 {
         self.groove.job.geometry.direction() * self.groove.report.passes[index].place.axial_offset_mm
     }
 
-    fn depth_at_mm(&self, index: usize, tip_mm: f64, z_mm: f64) -> f64 {
-        self.groove.job.profile.depth_at_mm(tip_mm, z_mm - self.tip_z_mm(index))
+    fn depth_at_mm(&self, index: usize, tip_mm: f64, along_mm: f64) -> f64 {
+        self.groove.job.profile.depth_at_mm(tip_mm, along_mm - self.tip_along_mm(index))
     }
 
-    /// What is shown along Z: the widest groove with a margin.
-    fn range_z(&self) -> Range<f64> {
+    /// What is shown along the lead: the widest groove with a margin.
+    fn range_along(&self) -> Range<f64> {
         let edges = self.groove.passes.iter().map(|&index| {
             let half_mm = 0.5 * self.groove.job.profile.width_mm(self.groove.pass(index).depth_mm);
-            let tip_mm = self.tip_z_mm(index);
+            let tip_mm = self.tip_along_mm(index);
             (tip_mm - half_mm, tip_mm + half_mm)
         });
         let (low, high) =
@@ -58,7 +58,7 @@ impl SectionPicture<'_> {
     }
 
     fn places(&self) -> Vec<f64> {
-        let range = self.range_z();
+        let range = self.range_along();
         let step = |step: u32| range.start + (range.end - range.start) * f64::from(step) / f64::from(PLACES);
         (0..=PLACES).map(step).collect()
     }
@@ -140,16 +140,17 @@ impl SectionPicture<'_> {
         panel
     }
 
-    /// A point of the section: Z from the tip of the first pass, X on the radius.
-    fn at(&self, z_mm: f64, depth_mm: f64) -> Place {
-        (z_mm, self.groove.job.geometry.across_mm(depth_mm, 0.0))
+    /// A point of the section: along the lead from the tip of the first pass, and across it.
+    fn at(&self, along_mm: f64, depth_mm: f64) -> Place {
+        (along_mm, self.groove.job.geometry.across_mm(depth_mm, 0.0))
     }
 
     fn panel(&self, title: &str) -> Panel {
         let deepest_mm = self.groove.passes.iter().map(|index| self.groove.pass(*index).depth_mm).fold(0.0, f64::max);
         let edges = [self.at(0.0, -0.08 * deepest_mm).1, self.at(0.0, 1.08 * deepest_mm).1];
         let y = edges[0].min(edges[1])..edges[0].max(edges[1]);
-        let z = Axis::new("along Z from the tip of the first pass", MM, self.range_z());
+        let along = self.groove.job.geometry.lead_axis.along().letter();
+        let z = Axis::new(format!("along {along} from the tip of the first pass"), MM, self.range_along());
         let mut panel = Panel::new(title, z, Axis::new(self.groove.across_name(), MM, y)).in_proportion();
         // The work, where nothing was cut.
         let surface_mm = self.at(0.0, 0.0).1;
@@ -187,10 +188,10 @@ impl SectionPicture<'_> {
         if tip_mm <= 0.0 {
             return Vec::new();
         }
-        let (tip_z_mm, flat_mm) = (self.tip_z_mm(index), 0.5 * self.groove.job.profile.root_flat_mm);
+        let (tip_along_mm, flat_mm) = (self.tip_along_mm(index), 0.5 * self.groove.job.profile.root_flat_mm);
         let half_mm = 0.5 * self.groove.job.profile.width_mm(tip_mm);
         let corners = [(-half_mm, 0.0), (-flat_mm, tip_mm), (flat_mm, tip_mm), (half_mm, 0.0)];
-        corners.map(|(z_mm, depth_mm)| self.at(tip_z_mm + z_mm, depth_mm)).to_vec()
+        corners.map(|(along_mm, depth_mm)| self.at(tip_along_mm + along_mm, depth_mm)).to_vec()
     }
 
     /// The number of each pass in what it removes, where there is space.

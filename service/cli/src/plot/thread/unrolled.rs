@@ -1,5 +1,7 @@
-//! The unrolled work: the spindle angle to the right, Z upwards, the paths of all passes as ribbons that are wide where
+//! The unrolled work: the spindle angle to the right, the axis of the lead upwards, the paths of all passes as ribbons that are wide where
 //! the tool is deep and narrow where it retreats.
+
+use feedwave_cutting::thread::LeadAxis;
 
 use super::super::figure::{Axis, Beside, DEGREES, Figure, MM, Panel};
 use super::super::theme::{self, Ink};
@@ -26,7 +28,12 @@ impl UnrolledPicture<'_> {
     pub(super) fn figure(&self) -> Figure {
         let groove = self.groove;
         let circumference_mm = std::f64::consts::TAU * groove.job.geometry.winding_radius_mm();
-        let label = format!("spindle angle (360 degrees are {circumference_mm:.2} mm of the circumference)");
+        // On a face every turn is of another length.
+        let place = match groove.job.geometry.lead_axis {
+            LeadAxis::Z => "",
+            LeadAxis::X => ", at its largest",
+        };
+        let label = format!("spindle angle (360 degrees are {circumference_mm:.2} mm of the circumference{place})");
         let x = Axis::new(label, DEGREES.of_circumference(circumference_mm / 360.0), 0.0..360.0);
         let lane_mm = self.lane_mm();
         let lead_mm = groove.job.geometry.lead_mm;

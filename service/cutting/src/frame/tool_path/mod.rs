@@ -39,7 +39,7 @@ pub enum ToolMotion {
     Oscillating,
     /// A threading pass.
     Threading,
-    /// A threading pass with vibration of X.
+    /// A threading pass with vibration.
     VibratingThread,
 }
 

@@ -35,6 +35,7 @@ pub use following::{PassFollowing, ThreadDrives, ThreadFollowing};
 pub use geometry::{GrooveProfile, Hand, LeadAxis, SpindleRotation, ThreadGeometry, ThreadSide};
 pub use infeed::{DepthLaw, InfeedPattern};
 pub use job::{GroovePlace, ThreadJob, ThreadPass, ThreadPosition};
+pub use pass::TAPER_SHARE;
 pub use path::{MAX_THREAD_PARTS, ThreadPath, ThreadPlace};
 pub(crate) use path::{PathColumns, PathPart, PathVibration};
 pub use planner::{PassMethod, ThreadPlan, ThreadRequest, plan_thread};

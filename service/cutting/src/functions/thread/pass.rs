@@ -11,7 +11,7 @@ use crate::shared::checks::{MAX_BLOCK_DURATION_S, check_travel, too_long};
 
 /// Share of the limits of the axis across the lead that changes of its speed take beside the vibration: on a taper, at a
 /// pull-out, between parts. It is the same with and without vibration, since passes with different run-ups would not meet in one groove.
-pub(crate) const TAPER_SHARE: f64 = 0.2;
+pub const TAPER_SHARE: f64 = 0.2;
 
 /// A threading block that waits for the planner.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

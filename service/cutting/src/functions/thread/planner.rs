@@ -14,8 +14,8 @@ use super::code;
 use super::parameters::refusal;
 use super::report::ThreadLimits;
 use super::{
-    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, MAX_THREAD_PASSES, RunUp, StartUp, ThreadDrives,
-    ThreadGeometry, ThreadJob, ThreadPass, ThreadReport, judge_thread, reduce_deg,
+    ChipLevel, DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, MAX_THREAD_PASSES, RunUp, StartUp, ThreadDrives,
+    ThreadGeometry, ThreadJob, ThreadPass, ThreadReport, ThreadSide, judge_thread, reduce_deg,
 };
 use crate::shared::wording::{decimal, round_down, round_to, round_up};
 
@@ -168,6 +168,11 @@ fn check(request: &ThreadRequest) -> Vec<Finding> {
         && !(relief_deg >= 0.0 && relief_deg <= 0.5 * request.profile.included_angle_deg)
     {
         refuse("relief_angle", relief_deg, "deg", "from 0 to half the included angle");
+    }
+    if request.geometry.lead_axis == LeadAxis::X && request.geometry.side == ThreadSide::Internal {
+        let message = "a thread on a face is planned from its side of larger Z: a program could not say otherwise";
+        let finding = Finding::new(code::THREAD_FACE_SIDE, span, message);
+        findings.push(finding.suggest("turn the work, so that its face is on the side of larger Z"));
     }
     findings.extend(no_crests(request, span));
     findings.extend(other_hand(request, span));

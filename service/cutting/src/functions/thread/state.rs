@@ -174,13 +174,15 @@ impl Threads {
                 findings.push(vibrates_along_lead(vibrating, first.span));
                 return None;
             }
-            self.close(inputs, analysis, findings);
-            path.check_speeds((across, 0.0), false, machine, first.span, findings);
-            return path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still });
+            return self.alone(first, path, still, inputs, analysis, findings);
         }
         if let Some(finding) = self.switch.on().and_then(|mode| above_face(mode, first)) {
-            findings.push(finding);
-            return None;
+            if first.mv.amplitude_mm != Some(0.0) {
+                findings.push(finding);
+                return None;
+            }
+            // It is none of the passes of a thread in this face.
+            return self.alone(first, path, still, inputs, analysis, findings);
         }
         let is_judged = analysis.is_some();
         let vibration = self.join(first, &path, still, inputs, analysis, findings)?;
@@ -188,6 +190,22 @@ impl Threads {
         path.check_speeds((across, peak_mm_per_s), true, machine, first.span, findings);
         let number = self.open.as_ref().map(|open| open.job.passes.len() as u64);
         path.check_length(is_judged, number, first.span, findings).then_some(Pass { path, vibration })
+    }
+
+    /// A pass without vibration that joins no thread; the open one is closed.
+    fn alone(
+        &mut self,
+        first: &ThreadBlock,
+        path: PassPath,
+        still: PathVibration,
+        inputs: &ThreadInputs<'_>,
+        analysis: Option<&mut ThreadAnalysis>,
+        findings: &mut FindingLog,
+    ) -> Option<Pass> {
+        self.close(inputs, analysis, findings);
+        let across = still.lead_axis.across();
+        path.check_speeds((across, 0.0), false, inputs.machine, first.span, findings);
+        path.check_length(false, None, first.span, findings).then_some(Pass { path, vibration: still })
     }
 
     /// Adds a pass to its thread and says how it vibrates.

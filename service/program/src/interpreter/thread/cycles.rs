@@ -20,7 +20,7 @@ use super::words::AMOUNTS_MM;
 use crate::code;
 use crate::dialect::{Group, Meaning, letter_bit};
 use crate::state::{CycleModes, Motion};
-use crate::{Axis, Finding, PullOut};
+use crate::{Axis, Finding, Function, PullOut};
 
 /// Tapers, mm on the radius.
 const TAPERS_MM: RangeInclusive<f64> = -1_000.0..=1_000.0;
@@ -400,6 +400,9 @@ impl Execution<'_> {
         if chamfer_mm > 0.0 && cycle.taper_mm.abs() > length {
             return self.thread_travel("a thread steeper than 45° has no chamfer: set it to 00 in the P of G76");
         }
+        if self.vibrates_into_work(cycle, outwards * (end_z - z), passes) {
+            return;
+        }
         if largest_shift > 0.0 && !cycle.alternating {
             let first_mm = passes.first().map_or(0.0, |pass| pass.depth_mm);
             self.note_flank(slope * (cycle.height_mm - first_mm));
@@ -429,6 +432,30 @@ impl Execution<'_> {
             self.rapid_to(x, z);
         }
         self.state.position = start;
+    }
+
+    /// Refuses the vibration of a cycle whose lead is along X, where the work is on the side of larger Z: there it would
+    /// retreat into the work. `outwards_mm` is the travel along Z, negative where X grows into the work.
+    fn vibrates_into_work(&mut self, cycle: &VCycle, outwards_mm: f64, passes: &[Pass]) -> bool {
+        let vibrates = self.state.functions_on.contains(Function::ThreadVibration)
+            && passes.iter().any(|pass| !pass.finishing)
+            && cycle.taper_mm.abs() >= outwards_mm.abs();
+        if !vibrates || cycle.taper_mm * outwards_mm > 0.0 {
+            return false;
+        }
+        let span = self.block.span();
+        self.findings.push_with(code::THREAD_CYCLE_SIDE, |code| {
+            let message = format!(
+                "the taper of {} mm over {} mm leads along X, and the work is on the side of larger Z, to which the vibration retreats",
+                cycle.taper_mm,
+                outwards_mm.abs()
+            );
+            Finding::new(code, span, message)
+                .with_value("taper", cycle.taper_mm, "mm")
+                .with_value("length", outwards_mm.abs(), "mm")
+                .suggest("switch the vibration of threads off for this cycle")
+        });
+        true
     }
 
     /// The passes of a cycle; `None` after a finding.

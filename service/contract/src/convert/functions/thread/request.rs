@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use feedwave_cutting::thread::{
-    DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, ThreadDrives, ThreadGeometry,
-    ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
+    DepthLaw, GrooveProfile, Hand, InfeedPattern, LeadAxis, PassMethod, SpindleRotation, TAPER_SHARE, ThreadDrives,
+    ThreadGeometry, ThreadLimits, ThreadRequest, ThreadTextOptions, ThreadVibrationSettings,
 };
 use feedwave_cutting::{DEFAULT_PERIOD_US, MAX_PERIOD_US, MIN_PERIOD_US, MachineProfile};
 use feedwave_motion::{MachineAxis, MachineKind};
@@ -137,21 +137,17 @@ fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: O
             None
         }
     };
-    if given.start_z_mm == given.end_z_mm {
-        checked.0.add("end_z_mm", "must differ from start_z_mm");
-    }
-    let work_diameter_mm = checked.within("work_diameter_mm", given.work_diameter_mm, LENGTH_MM);
-    let start_z_mm = checked.within("start_z_mm", given.start_z_mm, -1e6..=1e6);
-    let end_z_mm = checked.within("end_z_mm", given.end_z_mm, -1e6..=1e6);
+    let lead_axis = lead_axis(checked, given);
+    let [work_mm, start_mm, end_mm] = place(checked, given, lead_axis.unwrap_or_default());
     let taper = checked.within("taper", given.taper, -1.0..=1.0);
     let side = enumeration(checked.0, "side", given.side);
     let rotation = enumeration(checked.0, "rotation", given.rotation);
     let forward = ThreadGeometry {
-        lead_axis: LeadAxis::Z,
+        lead_axis: lead_axis?,
         side: side_from_proto(side?),
-        work_mm: 0.5 * work_diameter_mm,
-        start_mm: start_z_mm,
-        end_mm: end_z_mm,
+        work_mm,
+        start_mm,
+        end_mm,
         taper,
         // A stated lead is the lead to the last bit.
         lead_mm: match given.advance {
@@ -162,6 +158,47 @@ fn geometry(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, hand: O
         rotation: SpindleRotation::Forward,
     };
     Some(ThreadGeometry { rotation: rotation_for(&forward, rotation?, hand), ..forward })
+}
+
+fn lead_axis(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest) -> Option<LeadAxis> {
+    let lead_axis = match enumeration(checked.0, "lead_axis", given.lead_axis)? {
+        proto::ThreadLeadAxis::Unspecified | proto::ThreadLeadAxis::Z => return Some(LeadAxis::Z),
+        proto::ThreadLeadAxis::X => LeadAxis::X,
+    };
+    if given.side() == proto::ThreadSide::Internal {
+        checked.0.add("side", "must be outside along X: a face is threaded from its side of larger Z");
+    }
+    if given.hand() != proto::ThreadHand::Unspecified {
+        checked.0.add("hand", "must be unspecified along X: only a thread along Z has a hand");
+    }
+    Some(lead_axis)
+}
+
+/// Surface of the work, start and end of the lead: what belongs to one axis of the lead must not be stated with the other.
+fn place(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest, lead_axis: LeadAxis) -> [f64; 3] {
+    let along_z =
+        [("work_diameter_mm", given.work_diameter_mm), ("start_z_mm", given.start_z_mm), ("end_z_mm", given.end_z_mm)];
+    let along_x = [
+        ("face_z_mm", given.face_z_mm),
+        ("start_radius_mm", given.start_radius_mm),
+        ("end_radius_mm", given.end_radius_mm),
+    ];
+    let (stated, others, work_scale, ranges) = match lead_axis {
+        LeadAxis::Z => (along_z, along_x, 0.5, [LENGTH_MM, -1e6..=1e6]),
+        LeadAxis::X => (along_x, along_z, 1.0, [-1e6..=1e6, 0.0..=1e6]),
+    };
+    for (field, value) in others {
+        if value != 0.0 {
+            checked.0.add(field, "must be absent with this axis of the lead");
+        }
+    }
+    let [work, start, end] = stated;
+    if start.1 == end.1 {
+        checked.0.add(end.0, format!("must differ from {}", start.0));
+    }
+    let [work_range, range] = ranges;
+    let work_mm = work_scale * checked.within(work.0, work.1, work_range);
+    [work_mm, checked.within(start.0, start.1, range.clone()), checked.within(end.0, end.1, range)]
 }
 
 /// The stated rotation, or the one that makes the requested hand in this direction of cut.
@@ -193,8 +230,8 @@ fn infeed(checked: &mut Checked<'_>, given: &proto::PlanThreadRequest) -> Option
     })
 }
 
-/// What machine and request allow: Z carries the lead, X the vibration; of several axes for one letter the weakest
-/// counts. What neither states is not judged.
+/// What machine and request allow: one axis carries the lead, the other the vibration; of several axes for one letter the
+/// weakest counts. What neither states is not judged.
 fn limits(
     checked: &mut Checked<'_>,
     given: &proto::PlanThreadRequest,
@@ -228,14 +265,23 @@ fn limits(
         checked.0.add(machine_field, "must be a lathe with axes X and Z");
         return None;
     };
+    let (lead_axis, lead, vibrating) = match given.lead_axis() {
+        proto::ThreadLeadAxis::X => (LeadAxis::X, x, z),
+        proto::ThreadLeadAxis::Z | proto::ThreadLeadAxis::Unspecified => (LeadAxis::Z, z, x),
+    };
+    // On a taper the axis across accelerates with the lead axis, too.
+    let share = if given.taper == 0.0 { 1.0 } else { 1.0 - TAPER_SHARE };
     Some(ThreadLimits {
-        lead_velocity_mm_per_s: z.0,
-        lead_acceleration_mm_per_s2: z.1,
-        lead_jerk_mm_per_s3: z.2,
-        vibration_velocity_mm_per_s: x.0,
-        vibration_acceleration_mm_per_s2: x.1,
-        vibration_jerk_mm_per_s3: x.2,
-        drives: ThreadDrives { vibrating: profile.following.of(Axis::X), lead: profile.following.of(Axis::Z) },
+        lead_velocity_mm_per_s: lead.0,
+        lead_acceleration_mm_per_s2: lead.1,
+        lead_jerk_mm_per_s3: lead.2,
+        vibration_velocity_mm_per_s: vibrating.0,
+        vibration_acceleration_mm_per_s2: share * vibrating.1,
+        vibration_jerk_mm_per_s3: share * vibrating.2,
+        drives: ThreadDrives {
+            vibrating: profile.following.of(lead_axis.across()),
+            lead: profile.following.of(lead_axis.along()),
+        },
         ..stated
     })
 }
@@ -300,6 +346,38 @@ mod tests {
         assert_eq!(hand(proto::ThreadHand::Left, open), SpindleRotation::Reverse);
         // What contradicts is left to the planner, which says so.
         assert_eq!(hand(proto::ThreadHand::Left, proto::SpindleRotation::Forward), SpindleRotation::Forward);
+    }
+
+    #[test]
+    fn a_thread_on_a_face_leads_along_x() {
+        let mut lathe = MachineProfile::lathe();
+        lathe.machine.axes[0].max_velocity_per_s = 123.0;
+        let face = proto::PlanThreadRequest {
+            lead_axis: proto::ThreadLeadAxis::X.into(),
+            work_diameter_mm: 0.0,
+            start_z_mm: 0.0,
+            end_z_mm: 0.0,
+            face_z_mm: -1.5,
+            start_radius_mm: 40.0,
+            end_radius_mm: 10.0,
+            ..request()
+        };
+        let converted = convert_on(&lathe, &face).unwrap();
+        let geometry = converted.geometry;
+        assert_eq!((geometry.lead_axis, geometry.work_mm), (LeadAxis::X, -1.5));
+        assert_eq!((geometry.start_mm, geometry.end_mm), (40.0, 10.0));
+        assert_eq!(converted.limits.lead_velocity_mm_per_s, 123.0);
+        let wrong = proto::PlanThreadRequest {
+            side: proto::ThreadSide::Internal.into(),
+            hand: proto::ThreadHand::Left.into(),
+            start_z_mm: 5.0,
+            end_radius_mm: -1.0,
+            ..face
+        };
+        let fields = convert_on(&lathe, &wrong).unwrap_err();
+        assert_eq!(fields, ["side", "hand", "start_z_mm", "end_radius_mm"]);
+        let mixed = proto::PlanThreadRequest { face_z_mm: 1.0, ..request() };
+        assert_eq!(convert_on(&lathe, &mixed).unwrap_err(), ["face_z_mm"]);
     }
 
     #[test]
