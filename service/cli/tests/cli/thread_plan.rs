@@ -154,6 +154,8 @@ fn the_pictures_of_a_thread_on_a_face_name_its_axes() {
     let (out, plots) = (directory.path().join("face.csv"), directory.path().join("pictures"));
     let output = run(&[&"plan", &super::fixture("thread-face.nc"), &"--out", &out, &"--plots", &plots]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let told = stdout(&run(&[&"validate", &super::fixture("thread-face.nc")]));
+    assert!(told.contains("pass 3 leaves 0.385 mm along Z"), "{told}");
     let picture = |name: &str| std::fs::read_to_string(plots.join(name)).unwrap();
     for (name, wanted) in [
         ("thread-line-11-section.svg", ["along X from the tip of the first pass", "on a face at Z 0 mm"]),

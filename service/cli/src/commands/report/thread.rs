@@ -63,7 +63,11 @@ pub(in super::super) fn text(heading: &str, thread: &Thread, report: &ThreadRepo
         ratio_row(&mut rows, report);
     }
     if let Some(crests) = &report.crests {
-        crest_rows(&mut rows, crests);
+        let across = match geometry.lead_axis() {
+            ThreadLeadAxis::X => "along Z",
+            ThreadLeadAxis::Z | ThreadLeadAxis::Unspecified => "on the radius",
+        };
+        crest_rows(&mut rows, crests, across);
     }
     if let Some(following) = &report.following {
         following_rows(&mut rows, following);
@@ -267,11 +271,12 @@ fn ratio_row(rows: &mut Rows, report: &ThreadReport) {
     }
 }
 
-fn crest_rows(rows: &mut Rows, crests: &CrestReport) {
+/// `across` says in which direction depths are.
+fn crest_rows(rows: &mut Rows, crests: &CrestReport, across: &str) {
     rows.row(
         "crests",
         format!(
-            "pass {} leaves {} mm on the radius ({} mm with the flanks)",
+            "pass {} leaves {} mm {across} ({} mm with the flanks)",
             crests.pass + 1,
             number(crests.crest_mm, 3),
             number(crests.section_crest_mm, 3)
