@@ -246,3 +246,37 @@ fn a_feed_hold_near_a_corner_keeps_the_limits() {
     let program = (chords.to_owned(), [-82.714953, 48.549822, 0.641826]);
     check_program(&program, 10.0_f64.powf(5.646801394390512), 1_000, &holds, PlanQuality::LeastTime).unwrap();
 }
+
+/// A change of the feed where what brakes from the speed of that instant can just come to rest before a corner, and rounding lacks
+/// 2.4e-11 of the length: found by random programs.
+#[test]
+fn a_change_of_the_feed_where_a_stop_just_fits_keeps_the_limits() {
+    let blocks = [
+        Block::Line(1.0, 1.681_569_245_869_841_2),
+        Block::Spline(0.1, 1.025_893_136_175_345_4, 2.0, -0.331_361_324_400_477_5),
+        Block::Control("G64 P0.002 Q0"),
+        Block::Line(0.018_024_636_362_946_61, 2.807_632_646_072_888_4),
+        Block::Line(0.557_421_610_726_973_2, 1.898_707_929_244_712),
+        Block::Line(0.044_277_117_513_908_53, 0.141_968_270_439_567_45),
+        Block::Chords(49, 0.038_404_944_594_409_58, -0.065_294_943_542_437_88),
+        Block::Line(1.0, -2.693_723_098_412_091_7),
+        Block::Line(0.027_710_144_965_761_532, 0.0),
+        Block::Spline(1.133_497_070_832_522, 0.864_846_835_078_044_8, 2.306_415_550_955_185_4, 1.545_836_635_210_824_8),
+        Block::Line(0.002_676_530_375_586_389_6, 0.801_849_493_048_919_3),
+    ];
+    let mut index = 0;
+    let mut overrides = Vec::new();
+    for (step, ratio) in [
+        (240, 0.0),
+        (107, 1.081_783_353_388_049_2),
+        (259, 0.992_828_759_584_019_6),
+        (256, 0.0),
+        (91, 1.604_237_103_033_205),
+        (136, 1.357_602_103_448_238_8),
+        (50, 1.0),
+    ] {
+        index += step;
+        overrides.push((index, ratio));
+    }
+    check(&blocks, 10.0_f64.powf(4.799_488_926_670_524_5), 1_000, &overrides, PlanQuality::Fast).unwrap();
+}

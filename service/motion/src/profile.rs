@@ -86,7 +86,8 @@ pub(crate) fn highest_entry(exit: f64, wanted: f64, length: f64, limits: &PathLi
     if to_exit >= wanted { wanted } else { to_exit.max(reachable_speed(0.0, wanted, length, limits)) }
 }
 
-/// Highest speed, at most `wanted`, to which a change from `from` leads within `length`, up or down.
+/// Highest speed, at most `wanted`, to which a change from `from` leads within `length`, up or down; the lowest above it
+/// where there is none.
 ///
 /// Braking without acceleration at its end takes *longer* to a small speed than to rest: (v + u)·√(v − u) grows with u
 /// up to v/3. A speed that is a little too high for `wanted` may still stop, so the answer then lies below the hump.
@@ -97,9 +98,9 @@ pub(crate) fn reachable_exit(from: f64, wanted: f64, length: f64, limits: &PathL
     if change_length(from, wanted, limits) <= length * (1.0 + SOLVER_SLACK) {
         return wanted;
     }
-    if change_length(from, 0.0, limits) > length {
-        // Only rounding brings it here, on lengths so short that the last bits of the speeds matter: brake as far as
-        // it goes, which is a hair above what was wanted.
+    let to_rest = change_length(from, 0.0, limits);
+    if to_rest > length * (1.0 + SOLVER_SLACK) {
+        // Faster than commanded: brake as far as it goes.
         let (mut high, mut low) = (from, wanted);
         for _ in 0..SOLVER_STEPS {
             let middle = 0.5 * (low + high);
@@ -111,7 +112,8 @@ pub(crate) fn reachable_exit(from: f64, wanted: f64, length: f64, limits: &PathL
         }
         return high;
     }
-    largest_fitting(0.0, wanted, length, |speed| change_length(from, speed, limits))
+    // Where rest just fits, a bit that it lacks must not lead to the other side of the hump, which is far above `wanted`.
+    largest_fitting(0.0, wanted, length.max(to_rest), |speed| change_length(from, speed, limits))
 }
 
 /// Largest speed of [low, high) whose changes of speed take no more than `length`: a root of the increasing function

@@ -94,6 +94,8 @@ pub(super) struct Run {
     junction_speed: f64,
     /// Speed at its start, mm/s.
     pub(super) entry: f64,
+    /// Highest speed at its start from which the path ahead can be run, mm/s.
+    highest: f64,
     profile: Option<Profile>,
 }
 
@@ -114,6 +116,7 @@ impl Run {
             follows_override: node.follows_override,
             junction_speed: node.entry.speed,
             entry: 0.0,
+            highest: 0.0,
             profile: None,
         }
     }
@@ -206,6 +209,8 @@ impl Run {
             debug_assert!(profile.is_some(), "the passes leave room for every change of speed");
             return profile.unwrap_or_else(|| Profile::with_cruise(length, entry, entry.max(exit), exit, &limits));
         }
+        let change = change_length(entry, exit, &limits);
+        debug_assert!(change <= length * (1.0 + SOLVER_SLACK), "the passes leave room to brake");
         // Faster than commanded: down to the command at once, where the length permits it.
         let command = limits.velocity.max(exit);
         let needed = change_length(entry, command, &limits) + change_length(command, exit, &limits);
@@ -306,16 +311,23 @@ impl Plan {
         self.stop = None;
         let velocity = |run: &Run| run.limits.velocity;
         self.backward(velocity);
-        let Some(first) = self.runs.first_mut() else { return true };
-        if entry_speed > first.entry * (1.0 + SOLVER_SLACK) {
+        let Some(first) = self.runs.first() else { return true };
+        let is_overspeed = entry_speed > first.entry * (1.0 + SOLVER_SLACK);
+        if is_overspeed {
             self.backward(|run| run.hard_velocity);
             if entry_speed > self.runs[0].entry * (1.0 + SOLVER_SLACK) {
                 return false;
             }
+        }
+        for run in &mut self.runs {
+            run.highest = run.entry;
+        }
+        if is_overspeed {
             // Lower speeds than the highest possible ones are possible too, and are what is commanded.
             self.backward(velocity);
         }
-        self.runs[0].entry = entry_speed;
+        // There is room for the highest speed to the bit only: what rounding has brought above it would grow from run to run.
+        self.runs[0].entry = entry_speed.min(self.runs[0].highest);
         for index in 0..self.runs.len() {
             let run = self.runs[index];
             if run.limits.velocity <= 0.0 {
@@ -328,7 +340,8 @@ impl Plan {
                 }
             }
             if let Some(next) = self.runs.get_mut(index + 1) {
-                next.entry = reachable_exit(run.entry, next.entry, run.length, &run.limits);
+                let exit = reachable_exit(run.entry, next.entry, run.length, &run.limits);
+                next.entry = exit.min(next.highest);
             }
         }
         true

@@ -79,6 +79,15 @@ fn braking_takes_longer_to_a_small_speed_than_to_rest() {
     // A speed from which only rest is within reach stays within reach of what lies below the hump.
     let exit = reachable_exit(1.0, 0.4, 1.02, &limits);
     assert!(exit > 0.0 && exit < 1.0 / 3.0 && change_length(1.0, exit, &limits) <= 1.02, "{exit}");
+    // Where rest just fits it is the answer, also where rounding makes the length miss it, and not the speed beyond the
+    // hump to which braking is as long: (1 + u)²·(1 − u) = 1 at u = (√5 − 1)/2 = 0.618.
+    for rounding in [0.0, 1e-15, 1e-12, 0.9 * SOLVER_SLACK] {
+        let exit = reachable_exit(1.0, 0.4, 1.0 - rounding, &limits);
+        assert!(exit < 1e-9, "{exit} with {rounding} less than a stop takes");
+    }
+    // What cannot stop brakes as far as it goes.
+    let exit = reachable_exit(1.0, 0.4, 1.0 - 1e-8, &limits);
+    assert!((exit - 0.5 * (5.0_f64.sqrt() - 1.0)).abs() < 1e-7, "{exit}");
     // Beyond it nothing keeps from the wanted speed.
     assert_eq!(reachable_exit(1.0, 0.9, 1.02, &limits), 0.9);
 }
