@@ -103,6 +103,7 @@ fn the_example_states_every_key_with_its_default() {
         max_bytes: Some(1),
         ..RetentionConfig::default()
     };
+    full.mtconnect.listen = Some(([127, 0, 0, 1], 5_000).into());
     full.telemetry.otlp_endpoint = Some(String::new());
     let full = serde_json::to_value(full).expect("configuration is serializable");
     let mut keys = BTreeSet::new();

@@ -23,4 +23,4 @@ pub use programs::{SHAFT, SHAFT_CURED, SHAFT_END_X_MM, SHAFT_END_Z_MM, long_dwel
 pub use raw::Raw;
 pub use server::{Home, Server, shared_store};
 pub use setpoints::{Setpoints, header_of, stream};
-pub use web::{Answer, Web};
+pub use web::{Answer, Open, ServerEvent, Web};

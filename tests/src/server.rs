@@ -102,7 +102,8 @@ impl Home {
         let address = |key: &str| -> SocketAddr {
             ready[key].as_str().and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{key} in {ready}"))
         };
-        Server { grpc: address("grpc"), http: address("http"), child, log, home: self }
+        let mtconnect = ready.get("mtconnect").map(|_| address("mtconnect"));
+        Server { grpc: address("grpc"), http: address("http"), mtconnect, child, log, home: self }
     }
 }
 
@@ -132,6 +133,8 @@ pub struct Server {
     pub grpc: SocketAddr,
     /// Address of the HTTP port.
     pub http: SocketAddr,
+    /// Address of the MTConnect agent, where there is one.
+    pub mtconnect: Option<SocketAddr>,
     child: Child,
     log: PathBuf,
     home: Home,

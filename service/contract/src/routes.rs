@@ -13,10 +13,20 @@ pub enum Route {
     ListJobEvents,
     /// Runs.
     ListRuns,
+    /// One run, with what it does now.
+    GetRun,
     /// Decisions of runs.
     ListDecisions,
     /// The audit log.
     ListAuditEntries,
+    /// The bytes of a program.
+    ReadProgram,
+    /// What machines do now.
+    ListStates,
+    /// What one machine does now.
+    GetMachineState,
+    /// States, events and decisions as they happen.
+    Follow,
     /// The service about itself.
     GetState,
     /// Figures for Prometheus.
@@ -66,7 +76,7 @@ const fn text(route: Route, path: &'static str, body: &'static str, purpose: &'s
 }
 
 /// Every route; each answers GET and HEAD.
-pub const ROUTES: [RouteEntry; 11] = [
+pub const ROUTES: [RouteEntry; 16] = [
     messages(
         Route::ListJobs,
         "/v1/jobs",
@@ -90,6 +100,7 @@ pub const ROUTES: [RouteEntry; 11] = [
         "State changes of jobs, oldest first.",
     ),
     messages(Route::ListRuns, "/v1/runs", Some("ListRunsRequest"), "ListRunsResponse", "Runs, newest first."),
+    messages(Route::GetRun, "/v1/runs/{id}", None, "Run", "The run `runs/{id}`, with what it does now."),
     messages(
         Route::ListDecisions,
         "/v1/decisions",
@@ -104,8 +115,43 @@ pub const ROUTES: [RouteEntry; 11] = [
         "ListAuditEntriesResponse",
         "The audit log, oldest first. Needs the role admin.",
     ),
+    messages(
+        Route::ListStates,
+        "/v1/machines",
+        Some("ListStatesRequest"),
+        "ListStatesResponse",
+        "What machines do now, in the order of their names.",
+    ),
+    messages(
+        Route::GetMachineState,
+        "/v1/machines/{id}/state",
+        None,
+        "MachineState",
+        "What the machine `machines/{id}` does now.",
+    ),
+    text(
+        Route::Follow,
+        "/v1/stream",
+        "`text/event-stream`",
+        "What happens, as server-sent events whose data is a message as JSON: `state` (MachineState; at first of every \
+         machine, then of each that changes, five times a second at most), `gone` (of a machine that was deleted, its name), \
+         `job` (JobEvent), `decision` (Decision). An `id` is the places in the logs of jobs and of decisions; \
+         `Last-Event-ID` goes on behind it, and where it is of another store or too far behind, `reset` says that the lists \
+         are to be read anew. A comment comes where there is nothing to say for `http.heartbeat_s`.",
+    ),
+    text(
+        Route::ReadProgram,
+        "/v1/programs/{id}",
+        "`text/plain`",
+        "The bytes of the program `programs/{id}`, from the parameter `offset` on at most `length`; never more than 4 MiB.",
+    ),
     messages(Route::GetState, "/v1/state", None, "ServerState", "The service about itself."),
-    text(Route::GetMetrics, "/metrics", "Prometheus text format", "Figures of the service."),
+    text(
+        Route::GetMetrics,
+        "/metrics",
+        "Prometheus text format",
+        "Figures of the service and of machines; OpenMetrics where `Accept` asks for it.",
+    ),
     text(Route::GetHealth, "/healthz", "`ok`", "Whether the process lives."),
     text(
         Route::GetReadiness,

@@ -228,6 +228,12 @@ impl Default for MonitoringConfig {
 }
 
 impl MonitoringConfig {
+    /// Unit of the deviation: mm, or mm/s² with acceleration sensors.
+    pub fn deviation_unit(&self) -> &'static str {
+        let is_acceleration = |sensors: Sensors| sensors.quantity == Quantity::Acceleration;
+        if self.tool.or(self.work).is_some_and(is_acceleration) { "mm/s²" } else { "mm" }
+    }
+
     /// All that is wrong, one violation per field; empty when the monitor can run.
     pub fn violations(&self) -> Vec<Violation> {
         validate::violations(self)

@@ -170,6 +170,16 @@ impl Monitor {
         self.run.held_feed.is_some()
     }
 
+    /// Number of the tool in the spindle; 0 until one is named.
+    pub fn tool(&self) -> u32 {
+        self.run.tool
+    }
+
+    /// Programmed spindle speed as it was told last, rev/min.
+    pub fn programmed_rev_per_min(&self) -> Option<f64> {
+        self.run.programmed_rev_per_min
+    }
+
     /// X_i⁰, Y_i⁰ by angular point (one in time), once [`State::Baseline`] is left.
     pub fn baseline(&self) -> &[[f64; 2]] {
         &self.run.baseline

@@ -7,11 +7,13 @@ mod events;
 mod guarded;
 mod jobs;
 mod lobes;
+mod log;
 mod machines;
 mod mask;
 mod programs;
 mod runs;
 mod setpoints;
+mod states;
 mod telemetry;
 mod threads;
 mod tools;
@@ -21,15 +23,18 @@ use std::sync::Arc;
 use feedwave_store::{Page, PageRequest, Scope, Store, StoreError};
 use tonic::{Request, Response, Status};
 
-pub(crate) use decisions::decision_from_record;
+pub(crate) use decisions::{DecisionLog, decision_from_record};
+pub(crate) use events::EventLog;
 pub(crate) use guarded::deadline;
 pub(crate) use jobs::state_to_proto;
-pub(crate) use telemetry::run_state_to_proto;
+pub(crate) use log::{LogFilter, LogWatch, Recent};
+pub(crate) use telemetry::{condition_to_proto, config_from_message, run_settings, run_state_to_proto};
 
 use crate::access::Caller;
 use crate::config::Limits;
 use crate::engine::Engine;
 use crate::error::{Error, Result, Violations};
+use crate::floor::{Floor, Floors};
 use crate::observability::metrics::Metrics;
 use crate::records::Records;
 
@@ -40,7 +45,9 @@ pub struct Api {
     pub(crate) engine: Engine,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) limits: Limits,
-    pub(crate) recent_events: Arc<events::RecentEvents>,
+    pub(crate) recent_events: Arc<Recent<EventLog>>,
+    pub(crate) recent_decisions: Arc<Recent<DecisionLog>>,
+    pub(crate) floors: Floors,
     /// Who is answered.
     pub(crate) caller: Caller,
 }
@@ -55,9 +62,25 @@ impl Api {
     /// Services over a store and an engine.
     #[must_use]
     pub fn new(store: Store, engine: Engine, metrics: Arc<Metrics>, limits: Limits) -> Self {
-        let recent_events = Arc::new(events::RecentEvents::new(&store));
+        let recent_events = Arc::new(Recent::new(&store));
+        let recent_decisions = Arc::new(Recent::new(&store));
         let caller = Caller::service();
-        Self { store: Records::new(store, caller.clone()), engine, metrics, limits, recent_events, caller }
+        let floors = Floors::default();
+        let store = Records::new(store, caller.clone());
+        Self { store, engine, metrics, limits, recent_events, recent_decisions, floors, caller }
+    }
+
+    /// What machines do, as the caller sees it.
+    pub(crate) fn floor(&self) -> Floor {
+        self.floors.of(self.caller.tenant())
+    }
+
+    /// Takes over from the log what machines do. Call once, before anybody asks.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub async fn restore_floors(&self) -> Result<()> {
+        self.floors.restore(self.store.of_all_tenants()).await
     }
 
     /// The services as this caller sees them.

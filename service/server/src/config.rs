@@ -7,7 +7,9 @@
 
 mod auth;
 mod connections;
+mod cors;
 mod jwt;
+mod mtconnect;
 mod tls;
 
 use std::fmt;
@@ -17,12 +19,14 @@ use std::time::Duration;
 
 pub use auth::AuthConfig;
 pub use connections::ConnectionLimits;
+pub use cors::CorsConfig;
 use feedwave_contract::MAX_MESSAGE_BYTES;
 pub use feedwave_store::{InvalidStoreUri, StoreUri};
 use figment::Figment;
 use figment::providers::{Env, Format, Serialized, Toml};
 use figment::value::Value;
 pub use jwt::JwtConfig;
+pub use mtconnect::MtConnectConfig;
 use serde::{Deserialize, Serialize};
 pub use tls::{ClientCertificates, TlsConfig};
 
@@ -42,6 +46,10 @@ pub struct Config {
     pub grpc: GrpcConfig,
     /// The read-only HTTP port.
     pub http: HttpConfig,
+    /// Pages of other origins.
+    pub cors: CorsConfig,
+    /// The MTConnect agent.
+    pub mtconnect: MtConnectConfig,
     /// Encryption of both ports; absent: as `grpc.tls` says, and HTTP has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsConfig>,
@@ -88,11 +96,21 @@ impl Default for GrpcConfig {
 pub struct HttpConfig {
     /// Address and port; port 0 takes a free one.
     pub listen: SocketAddr,
+    /// How long a stream of events says nothing at most, s.
+    pub heartbeat_s: u64,
 }
 
 impl Default for HttpConfig {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)) }
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)), heartbeat_s: 15 }
+    }
+}
+
+impl HttpConfig {
+    /// [`HttpConfig::heartbeat_s`]
+    #[must_use]
+    pub const fn heartbeat(&self) -> Duration {
+        Duration::from_secs(self.heartbeat_s)
     }
 }
 
@@ -466,7 +484,9 @@ impl Config {
         range("limits.validation_attempts", limits.validation_attempts.into(), 1, 1_000);
         range("limits.drain_s", limits.drain_s, 0, 3_600);
         range("retention.audit_entries", self.retention.audit_entries, 1_000, 1_000_000_000);
-        for (key, value, low, high) in self.connections.ranges(message_bytes) {
+        range("http.heartbeat_s", self.http.heartbeat_s, 1, 300);
+        for (key, value, low, high) in self.connections.ranges(message_bytes).into_iter().chain(self.mtconnect.ranges())
+        {
             range(key, value, low, high);
         }
         if let Some(jwt) = &self.auth.jwt {
@@ -475,6 +495,8 @@ impl Config {
             }
             problems.extend(jwt.problems());
         }
+        problems.extend(self.mtconnect.problems());
+        problems.extend(self.cors.problem().map(|reason| ("cors.origins", reason)));
         if let Err(problem) = self.store_uri() {
             problems.push(problem);
         }

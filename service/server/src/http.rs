@@ -4,10 +4,13 @@
 
 mod bounds;
 mod conditional;
+mod live;
+mod page;
 mod query;
 
 use std::convert::Infallible;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::rejection::PathRejection;
@@ -18,13 +21,17 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
+pub(crate) use conditional::Tagged;
 use feedwave_contract::json;
 use feedwave_contract::proto::{
-    GetJobRequest, GetReportRequest, JobStateCount, ListAuditEntriesRequest, ListDecisionsRequest,
-    ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ServerState,
+    GetJobRequest, GetReportRequest, GetRunRequest, GetStateRequest, JobStateCount, ListAuditEntriesRequest,
+    ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ListStatesRequest,
+    ReadProgramRequest, ServerState,
 };
 use feedwave_contract::routes::{ROUTES, Route};
 use feedwave_store::JobState;
+use futures_util::TryStreamExt as _;
+use prometheus::proto::MetricFamily;
 use prost::Name;
 use prost_types::Timestamp;
 use query::Query;
@@ -37,7 +44,7 @@ use crate::audit::{AuditLog, asked};
 use crate::connections::{Connection, in_json};
 use crate::error::{Error, Result, Violations};
 use crate::lifecycle::REQUEST_ID;
-use crate::observability::metrics::Metrics;
+use crate::observability::metrics::{Metrics, machines, open, text_of};
 use crate::observability::{REVISION, VERSION};
 use crate::readiness::Readiness;
 
@@ -54,6 +61,8 @@ pub struct HttpState {
     pub(crate) audit: AuditLog,
     /// When the service was started.
     pub start_time: Timestamp,
+    /// How long a stream of events says nothing at most.
+    pub heartbeat: Duration,
 }
 
 /// The routes of the port.
@@ -66,6 +75,7 @@ pub fn router(state: HttpState) -> Router {
         router.route(entry.path, handler(entry.route).layer(from_fn_with_state(guard, guarded)))
     });
     routes
+        .merge(page::routes())
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
         .layer(panics)
@@ -123,6 +133,11 @@ fn handler(route: Route) -> MethodRouter<HttpState> {
         Route::GetReport => get(get_report),
         Route::ListJobEvents => get(list_job_events),
         Route::ListRuns => get(list_runs),
+        Route::GetRun => get(get_run),
+        Route::ReadProgram => get(read_program),
+        Route::ListStates => get(list_states),
+        Route::GetMachineState => get(get_machine_state),
+        Route::Follow => get(live::follow),
         Route::ListDecisions => get(list_decisions),
         Route::ListAuditEntries => get(list_audit_entries),
         Route::GetState => get(get_state),
@@ -172,23 +187,24 @@ async fn list_jobs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Ans
     Ok(message(&headers, &api.list_jobs(request).await?))
 }
 
-/// What a path says in place of a job's id; an answer in our own words where it is not even text.
-type JobId = Result<Path<String>, PathRejection>;
+/// What a path says in place of an id; an answer in our own words where it is not even text.
+type Id = Result<Path<String>, PathRejection>;
 
-fn job_name(id: JobId) -> Result<String, HttpError> {
+/// The name of a resource of a collection.
+fn name(collection: &str, id: Id) -> Result<String, HttpError> {
     let mut violations = Violations::default();
-    let name = violations.check("name", id).map(|Path(id)| format!("jobs/{id}"));
+    let name = violations.check("name", id).map(|Path(id)| format!("{collection}/{id}"));
     violations.finish()?;
     Ok(name.unwrap_or_default())
 }
 
-async fn get_job(api: Api, id: JobId, headers: HeaderMap) -> Answer {
-    let response = api.get_job(GetJobRequest { name: job_name(id)? }).await?;
+async fn get_job(api: Api, id: Id, headers: HeaderMap) -> Answer {
+    let response = api.get_job(GetJobRequest { name: name("jobs", id)? }).await?;
     Ok(message(&headers, &response.job.unwrap_or_default()))
 }
 
-async fn get_report(api: Api, id: JobId, headers: HeaderMap) -> Answer {
-    let response = api.get_report(GetReportRequest { job: job_name(id)? }).await?;
+async fn get_report(api: Api, id: Id, headers: HeaderMap) -> Answer {
+    let response = api.get_report(GetReportRequest { job: name("jobs", id)? }).await?;
     Ok(message(&headers, &response.report.unwrap_or_default()))
 }
 
@@ -213,6 +229,49 @@ async fn list_runs(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Ans
     };
     query.finish()?;
     Ok(message(&headers, &api.list_runs(request).await?))
+}
+
+async fn get_run(api: Api, id: Id, headers: HeaderMap) -> Answer {
+    let response = api.get_run(GetRunRequest { name: name("runs", id)? }).await?;
+    Ok(message(&headers, &response.run.unwrap_or_default()))
+}
+
+async fn list_states(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let request = ListStatesRequest { page_size: query.number("pageSize"), page_token: query.text("pageToken") };
+    query.finish()?;
+    if request != ListStatesRequest::default() {
+        return Ok(message(&headers, &api.list_states(request)?));
+    }
+    let body = api.floor().first_page(|| Ok(Tagged::new(json::to_string(&api.list_states(request)?))))?;
+    Ok(body.response(&headers))
+}
+
+async fn get_machine_state(api: Api, id: Id, headers: HeaderMap) -> Answer {
+    let response = api.get_machine_state(&GetStateRequest { name: name("machines", id)? })?;
+    Ok(message(&headers, &response.state.unwrap_or_default()))
+}
+
+/// Most bytes of a program in one answer.
+const MAX_PROGRAM_BYTES: u64 = 4 << 20;
+
+async fn read_program(api: Api, id: Id, RawQuery(raw): RawQuery) -> Answer {
+    let mut query = Query::parse(raw.as_deref());
+    let (offset, length): (u64, u64) = (query.number("offset"), query.number("length"));
+    query.finish()?;
+    let length = if length == 0 { MAX_PROGRAM_BYTES } else { length.min(MAX_PROGRAM_BYTES) };
+    let request = ReadProgramRequest { name: name("programs", id)?, offset, length };
+    let pieces: Vec<_> = api.read_program(request).await?.map_ok(|piece| piece.data).try_collect().await?;
+    let headers = [
+        (header::CONTENT_TYPE, "text/plain"),
+        // Another program has another name.
+        (header::CACHE_CONTROL, "private, max-age=86400, immutable"),
+        // A program that one client may read another may not.
+        (header::VARY, "authorization, x-feedwave-tenant"),
+        // Whatever is in it, it is no page.
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    Ok((headers, pieces.concat()).into_response())
 }
 
 async fn list_decisions(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
@@ -288,24 +347,36 @@ fn active(api: &Api, jobs: &[(JobState, u64)]) -> Active {
     }
 }
 
-/// The figures of the process, or of the one tenant that the caller may see.
-async fn get_metrics(api: Api) -> Answer {
-    let text = match api.caller.confined_to() {
+/// The figures of the process and of all machines, or of the one tenant that the caller may see and of the machines as it
+/// sees them.
+async fn get_metrics(api: Api, headers: HeaderMap) -> Answer {
+    let families = match api.caller.confined_to() {
         Some(_) => figures_of_tenant(&api).await?,
         None => figures_of_process(&api).await,
     };
-    Ok(([(header::CONTENT_TYPE, prometheus::TEXT_FORMAT)], text).into_response())
+    let mut accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let (content_type, text) = if accepted.any(open::is_accepted) {
+        (open::CONTENT_TYPE, open::write(&families))
+    } else {
+        (prometheus::TEXT_FORMAT, text_of(&families))
+    };
+    // One path has two forms.
+    let headers = [(header::CONTENT_TYPE, content_type), (header::VARY, "accept")];
+    Ok((headers, text).into_response())
 }
 
-async fn figures_of_tenant(api: &Api) -> Result<String> {
+async fn figures_of_tenant(api: &Api) -> Result<Vec<MetricFamily>> {
     let jobs = api.store.count_jobs().await?;
     let active = active(api, &jobs);
     let jobs = jobs.iter().map(|(state, count)| (state.as_str(), *count));
     let open = api.store.count_open_conditions().await?;
-    Ok(Metrics::text_of_tenant(jobs, active.streams, active.validations, active.queued_validations, open))
+    let machines = api.floor().states(None, machines::MAX_MACHINES);
+    let machines = machines::gather(machines.iter().map(|shown| &shown.state));
+    let Active { streams, validations, queued_validations } = active;
+    Ok(Metrics::families_of_tenant(jobs, streams, validations, queued_validations, open, machines))
 }
 
-async fn figures_of_process(api: &Api) -> String {
+async fn figures_of_process(api: &Api) -> Vec<MetricFamily> {
     let stats = api.store.of_all_tenants().stats();
     api.metrics.store_write_queue.set(stats.write_queue_depth.try_into().unwrap_or(i64::MAX));
     api.metrics.store_bytes.set(stats.database_bytes.try_into().unwrap_or(i64::MAX));
@@ -320,7 +391,8 @@ async fn figures_of_process(api: &Api) -> String {
     for (state, count) in jobs {
         api.metrics.jobs.with_label_values(&[state.as_str()]).set(count.try_into().unwrap_or(i64::MAX));
     }
-    api.metrics.to_text()
+    let machines = api.floors.of_all_tenants(machines::MAX_MACHINES);
+    api.metrics.families(machines::gather(machines.iter()))
 }
 
 async fn get_ready(State(state): State<HttpState>) -> Answer {

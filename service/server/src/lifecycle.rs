@@ -9,7 +9,7 @@ use feedwave_store::{Store, StoreError, StoreSettings};
 use http::Request;
 use jiff::Timestamp;
 use tokio::net::TcpListener;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinError, JoinHandle};
 use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
@@ -27,10 +27,12 @@ use crate::audit::AuditLog;
 use crate::config::{Config, ConnectionLimits};
 use crate::connections::{App, Clients, Connection, Port, Tls, TlsError, app};
 use crate::engine::Engine;
+use crate::error::Error;
 use crate::http::{HttpState, router};
+use crate::mtconnect::{Agent, AgentState};
 use crate::observability::metrics::Metrics;
 use crate::observability::rpc::RpcLayer;
-use crate::{readiness, retention, services};
+use crate::{mtconnect, readiness, retention, services};
 
 /// The header with the id of a call.
 pub(crate) const REQUEST_ID: &str = "x-request-id";
@@ -84,6 +86,7 @@ pub struct Server;
 pub struct RunningServer {
     grpc_addr: SocketAddr,
     http_addr: SocketAddr,
+    mtconnect_addr: Option<SocketAddr>,
     config: Config,
     engine: Engine,
     metrics: Arc<Metrics>,
@@ -92,6 +95,7 @@ pub struct RunningServer {
     certificates: Certificates,
     grpc: JoinHandle<()>,
     http: JoinHandle<()>,
+    mtconnect: Option<JoinHandle<()>>,
     http_stop: CancellationToken,
 }
 
@@ -106,10 +110,16 @@ impl Server {
         let (grpc_listener, grpc_addr) = listen("grpc.listen", config.grpc.listen).await?;
         let (http_listener, http_addr) = listen("http.listen", config.http.listen).await?;
 
+        let mtconnect_listener = match config.mtconnect.listen {
+            Some(address) => Some(listen("mtconnect.listen", address).await?),
+            None => None,
+        };
         let draining = CancellationToken::new();
         let engine = Engine::new(store.clone(), metrics.clone(), config.limits.clone(), draining.clone());
         let api = Api::new(store.clone(), engine.clone(), metrics.clone(), config.limits.clone());
-        api.seed_machines().await.map_err(|error| StartError::Setup(error.to_string()))?;
+        let setup = |error: Error| StartError::Setup(error.to_string());
+        api.seed_machines().await.map_err(setup)?;
+        api.restore_floors().await.map_err(setup)?;
 
         let health = HealthReporter::new();
         for service in services::names() {
@@ -131,6 +141,7 @@ impl Server {
             access: access.clone(),
             audit: audit.clone(),
             start_time: timestamp(Timestamp::now().as_microsecond()),
+            heartbeat: config.http.heartbeat(),
         };
         let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
             name,
@@ -142,9 +153,17 @@ impl Server {
             // A client that still reads when its connection is closed has the time that open calls have.
             linger: config.limits.drain(),
         };
-        let grpc = grpc_app(&api, access, audit, &health, &draining)?;
+        let mtconnect_addr = mtconnect_listener.as_ref().map(|(_, address)| *address);
+        let mtconnect = match mtconnect_listener {
+            Some((listener, _)) => {
+                let app = mtconnect_app(&api, &config).await.map_err(setup)?;
+                Some(tokio::spawn(port("mtconnect", listener, app, None).serve(http_stop.clone())))
+            }
+            None => None,
+        };
+        let grpc = grpc_app(&api, access, audit, &config, &health, &draining)?;
         let grpc = port("grpc", grpc_listener, grpc, certificates.grpc.as_ref()).serve(draining.clone());
-        let http = app(router(http_state));
+        let http = app(ServiceBuilder::new().option_layer(config.cors.for_http()).service(router(http_state)));
         let http = port("http", http_listener, http, certificates.http.as_ref()).serve(http_stop.clone());
 
         engine.start();
@@ -154,6 +173,7 @@ impl Server {
         Ok(RunningServer {
             grpc_addr,
             http_addr,
+            mtconnect_addr,
             engine,
             metrics,
             store,
@@ -161,10 +181,23 @@ impl Server {
             certificates,
             grpc: tokio::spawn(grpc),
             http: tokio::spawn(http),
+            mtconnect,
             http_stop,
             config,
         })
     }
+}
+
+/// The MTConnect agent, which follows the machines from here on.
+async fn mtconnect_app(api: &Api, config: &Config) -> Result<App, Error> {
+    let agent = Agent::new(config.mtconnect.buffer_size);
+    let store = api.store.of_all_tenants();
+    // Clients of the standard do not say who they are: they all see what one tenant sees.
+    let reader = agent.begin(&api.floors.of(config.mtconnect.tenant()), store).await?;
+    let draining = api.engine.draining();
+    api.engine.spawn(agent.clone().follow(reader, store.clone(), draining.clone()));
+    let state = AgentState::new(agent, config.mtconnect.streams, draining.clone());
+    Ok(app(mtconnect::router(state)))
 }
 
 /// The gRPC services with what is around each call.
@@ -172,6 +205,7 @@ fn grpc_app(
     api: &Api,
     access: Access,
     audit: AuditLog,
+    config: &Config,
     health: &HealthReporter,
     draining: &CancellationToken,
 ) -> Result<App, StartError> {
@@ -183,6 +217,8 @@ fn grpc_app(
         .on_response(DefaultOnResponse::new().level(Level::DEBUG))
         .on_failure(DefaultOnFailure::new().level(Level::WARN));
     let service = ServiceBuilder::new()
+        // Asked before anything else: whoever asks so has not said who it is.
+        .option_layer(config.cors.for_grpc_web())
         .layer(tonic_web::GrpcWebLayer::new())
         .layer(MapRequestLayer::new(bound_request_id))
         .layer(SetRequestIdLayer::x_request_id(NewRequestId))
@@ -278,6 +314,12 @@ impl RunningServer {
         self.http_addr
     }
 
+    /// Address of the MTConnect agent, where there is one.
+    #[must_use]
+    pub const fn mtconnect_addr(&self) -> Option<SocketAddr> {
+        self.mtconnect_addr
+    }
+
     /// The figures that `/metrics` shows.
     #[must_use]
     pub fn metrics(&self) -> &Metrics {
@@ -294,6 +336,7 @@ impl RunningServer {
         tokio::select! {
             ended = &mut self.grpc => format!("the gRPC port ended: {ended:?}"),
             ended = &mut self.http => format!("the HTTP port ended: {ended:?}"),
+            ended = ended(self.mtconnect.as_mut()) => format!("the MTConnect port ended: {ended:?}"),
         }
     }
 
@@ -316,6 +359,11 @@ impl RunningServer {
             self.grpc.abort();
         }
         self.http_stop.cancel();
+        if let Some(mut mtconnect) = self.mtconnect.take()
+            && tokio::time::timeout(drain, &mut mtconnect).await.is_err()
+        {
+            mtconnect.abort();
+        }
         if !self.http.is_finished() && tokio::time::timeout(drain, &mut self.http).await.is_err() {
             self.http.abort();
         }
@@ -323,6 +371,14 @@ impl RunningServer {
         if tokio::time::timeout(drain.max(LEAST_CLOSING), self.store.close()).await.is_err() {
             tracing::error!("the store could not be closed: the disk does not answer");
         }
+    }
+}
+
+/// The end of a port; of one that is not there, never.
+async fn ended(port: Option<&mut JoinHandle<()>>) -> Result<(), JoinError> {
+    match port {
+        Some(port) => port.await,
+        None => std::future::pending().await,
     }
 }
 

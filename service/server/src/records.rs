@@ -98,11 +98,12 @@ impl Records {
         self.store.report(id).await
     }
 
-    /// See [`feedwave_store::Jobs::delete_job`].
-    pub(crate) async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<()> {
+    /// See [`feedwave_store::Jobs::delete_job`]; the job as it was.
+    pub(crate) async fn delete_job(&self, id: Uuid, etag: Option<&str>) -> Result<Job> {
         self.caller.concerns(names::job(id));
-        self.job(id).await?;
-        self.store.delete_job(id, etag).await
+        let job = self.job(id).await?;
+        self.store.delete_job(id, etag).await?;
+        Ok(job)
     }
 
     /// See [`feedwave_store::Jobs::events_after`].

@@ -188,6 +188,8 @@ pub struct DecisionRecord {
     pub run_id: Uuid,
     /// The run's job.
     pub job_id: Uuid,
+    /// The tenant whose run it is.
+    pub tenant: Tenant,
     /// Counts up from 0 in a run.
     pub number: u64,
     /// When it was stored, microseconds since the Unix epoch.
@@ -269,6 +271,34 @@ pub struct DecisionFilter {
     pub job_id: Option<Uuid>,
 }
 
+/// The runs of a machine, as far as its present state needs them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MachineRuns {
+    /// The machine's identifier.
+    pub machine_id: String,
+    /// The tenant whose runs they are.
+    pub tenant: Tenant,
+    /// The run that began last.
+    pub newest: Uuid,
+    /// Runs that came to their end.
+    pub finished: u64,
+}
+
+/// A condition that nobody has acknowledged, and where it belongs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OpenCondition {
+    /// The machine's identifier.
+    pub machine_id: String,
+    /// The tenant whose run it is of.
+    pub tenant: Tenant,
+    /// The run that it is of.
+    pub run_id: Uuid,
+    /// The run's job.
+    pub job_id: Uuid,
+    /// The condition.
+    pub condition: RunCondition,
+}
+
 /// Most gaps and conditions that are listed of a run.
 pub const MAX_LISTED: u32 = 500;
 /// Most decisions that [`Runs::decisions_after`] returns at a time.
@@ -344,6 +374,25 @@ pub trait Runs {
     /// # Errors
     /// `Unavailable`.
     async fn count_open_conditions(&self, tenant: Option<Tenant>) -> Result<u64>;
+
+    /// The newest unacknowledged conditions of every tenant's runs on every machine, at most `limit` of each,
+    /// oldest first.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn open_conditions(&self, limit: u32) -> Result<Vec<OpenCondition>>;
+
+    /// The runs of every tenant on every machine that has had one of it, by identifier and tenant.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn machine_runs(&self) -> Result<Vec<MachineRuns>>;
+
+    /// The decision that a run made last.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn last_decision(&self, id: Uuid) -> Result<Option<DecisionRecord>>;
 
     /// Changes of the feed override of a run, in order.
     ///

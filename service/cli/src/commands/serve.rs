@@ -60,7 +60,8 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
     // Without a handler a write beyond a limit of file sizes ends the process; with one it fails, and is told.
     let _file_size = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CliError::new)?;
     let mut server = Server::start(config).await.map_err(CliError::new)?;
-    tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), "ready");
+    let mtconnect = server.mtconnect_addr().map(tracing::field::display);
+    tracing::info!(grpc = %server.grpc_addr(), http = %server.http_addr(), mtconnect, "ready");
     if let Some(path) = &args.ready_file {
         write_ready_file(path, &server)
             .map_err(|error| CliError::new(format!("--ready-file: {}: {error}", path.display())))?;
@@ -84,10 +85,13 @@ pub async fn run(args: Args, global: &GlobalArgs) -> Result<ExitCode, CliError> 
 
 /// Written to another file and renamed, so that a reader never gets half of it.
 fn write_ready_file(path: &Path, server: &RunningServer) -> std::io::Result<()> {
-    let addresses = serde_json::json!({
+    let mut addresses = serde_json::json!({
         "grpc": server.grpc_addr().to_string(),
         "http": server.http_addr().to_string(),
     });
+    if let Some(address) = server.mtconnect_addr() {
+        addresses["mtconnect"] = address.to_string().into();
+    }
     let mut beside = path.as_os_str().to_owned();
     beside.push(".part");
     std::fs::write(&beside, format!("{addresses}\n"))?;

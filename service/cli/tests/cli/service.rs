@@ -31,7 +31,7 @@ impl Service {
         let free_port = SocketAddr::from(([127, 0, 0, 1], 0));
         let config = Config {
             grpc: GrpcConfig { listen: free_port, ..grpc },
-            http: HttpConfig { listen: free_port },
+            http: HttpConfig { listen: free_port, ..HttpConfig::default() },
             store: StoreConfig::of_file(&directory.path().join("test.db")).unwrap(),
             ..Config::default()
         };

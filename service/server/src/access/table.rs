@@ -33,7 +33,7 @@ const MACHINE: Needs = Needs::Role(Role::Machine);
 const ADMIN: Needs = Needs::Role(Role::Admin);
 
 /// Every method of the contract, and of health and reflection.
-const METHODS: [(&str, Needs, Effect); 48] = [
+const METHODS: [(&str, Needs, Effect); 51] = [
     ("/feedwave.v1.Jobs/CreateJob", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/UploadProgram", PLANNER, CHANGES),
     ("/feedwave.v1.Jobs/GetUpload", PLANNER, READS),
@@ -71,6 +71,9 @@ const METHODS: [(&str, Needs, Effect); 48] = [
     ("/feedwave.v1.Machines/ListMachines", VIEWER, READS),
     ("/feedwave.v1.Machines/UpdateMachine", ADMIN, CHANGES),
     ("/feedwave.v1.Machines/DeleteMachine", ADMIN, CHANGES),
+    ("/feedwave.v1.Machines/GetState", VIEWER, READS),
+    ("/feedwave.v1.Machines/ListStates", VIEWER, READS),
+    ("/feedwave.v1.Machines/WatchState", VIEWER, READS),
     ("/feedwave.v1.Tools/CreateTool", ADMIN, CHANGES),
     ("/feedwave.v1.Tools/GetTool", VIEWER, READS),
     ("/feedwave.v1.Tools/ListTools", VIEWER, READS),
@@ -101,6 +104,11 @@ pub(crate) const fn of_route(route: Route) -> Needs {
         | Route::GetReport
         | Route::ListJobEvents
         | Route::ListRuns
+        | Route::GetRun
+        | Route::ReadProgram
+        | Route::ListStates
+        | Route::GetMachineState
+        | Route::Follow
         | Route::ListDecisions
         | Route::GetState
         | Route::GetMetrics => VIEWER,

@@ -1,23 +1,43 @@
 //! Decisions: listed, and watched as they become durable.
 
-use std::collections::VecDeque;
+use std::sync::Arc;
 
 use feedwave_contract::names;
 use feedwave_contract::proto::{
     Decision, ListDecisionsRequest, ListDecisionsResponse, WatchDecisionsRequest, WatchDecisionsResponse,
 };
-use feedwave_store::{DecisionFilter, DecisionRecord};
-use futures_util::{Stream, stream};
+use feedwave_store::{DecisionFilter, DecisionRecord, Store};
+use futures_util::{Stream, TryStreamExt as _};
 use tokio::sync::watch;
 
+use super::log::{Entry, Log, LogFilter, LogWatch};
 use super::{Api, LogPage, cursor, page_request};
 use crate::engine::name_decision;
 use crate::error::{Error, Result, Violations};
-use crate::records::Records;
 use crate::stored::decision_from_stored;
 
-/// Decisions read together for a watcher.
-const DECISION_PAGE: u32 = 100;
+/// The log of decisions.
+#[derive(Debug)]
+pub(crate) struct DecisionLog;
+
+impl Log for DecisionLog {
+    type Message = Decision;
+
+    fn newest(store: &Store) -> watch::Receiver<i64> {
+        store.watch_decisions()
+    }
+
+    async fn read(store: &Store, after: i64, filter: LogFilter, limit: u32) -> Result<Vec<Arc<Entry<Decision>>>> {
+        let filter = DecisionFilter { tenant: filter.tenant, run_id: filter.run, job_id: filter.job };
+        let records = store.decisions_after(after, &filter, limit).await?;
+        let entry = |record: &DecisionRecord| {
+            let decision = decision_from_record(record)?;
+            let of = LogFilter { tenant: Some(record.tenant), job: Some(record.job_id), run: Some(record.run_id) };
+            Ok(Entry::new(record.sequence, of, decision))
+        };
+        records.iter().map(entry).collect()
+    }
+}
 
 /// A stored decision.
 ///
@@ -57,13 +77,10 @@ impl Api {
         let mut violations = Violations::default();
         let filter = filter(&mut violations, &request.job, &request.run);
         violations.finish()?;
-        let newest = self.store.watch_decisions();
-        let after = request.after.map_or_else(|| *newest.borrow(), cursor);
-        let watch = DecisionWatch { store: self.store.clone(), newest, after, filter, read: VecDeque::new() };
-        Ok(stream::try_unfold(watch, async |mut watch| {
-            let decision = watch.next().await?;
-            Ok(decision.map(|decision| (WatchDecisionsResponse { decision: Some(decision) }, watch)))
-        }))
+        let filter = LogFilter { tenant: Some(self.caller.tenant()), job: filter.job_id, run: filter.run_id };
+        let watch =
+            LogWatch::new(self.store.of_all_tenants(), &self.recent_decisions, request.after.map(cursor), filter);
+        Ok(watch.messages().map_ok(|decision| WatchDecisionsResponse { decision: Some(decision) }))
     }
 }
 
@@ -72,34 +89,4 @@ fn filter(violations: &mut Violations, job: &str, run: &str) -> DecisionFilter {
     let run_id = if run.is_empty() { None } else { violations.check("run", names::parse_run(run)) };
     // Records are asked for the caller's tenant.
     DecisionFilter { tenant: None, run_id, job_id }
-}
-
-/// Reads decisions as they come.
-struct DecisionWatch {
-    store: Records,
-    newest: watch::Receiver<i64>,
-    after: i64,
-    filter: DecisionFilter,
-    read: VecDeque<Decision>,
-}
-
-impl DecisionWatch {
-    /// The next decision; `None` when the store was closed.
-    async fn next(&mut self) -> Result<Option<Decision>> {
-        loop {
-            if let Some(decision) = self.read.pop_front() {
-                return Ok(Some(decision));
-            }
-            let newest = *self.newest.borrow_and_update();
-            if newest > self.after {
-                let records = self.store.decisions_after(self.after, &self.filter, DECISION_PAGE).await?;
-                // Decisions of other runs are passed over; a full page may not reach the newest one.
-                let last = records.last().map_or(newest, |record| record.sequence);
-                self.after = if records.len() < DECISION_PAGE as usize { last.max(newest) } else { last };
-                self.read = records.iter().map(decision_from_record).collect::<Result<_>>()?;
-            } else if self.newest.changed().await.is_err() {
-                return Ok(None);
-            }
-        }
-    }
 }

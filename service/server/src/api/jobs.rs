@@ -432,7 +432,8 @@ impl Api {
     /// As the contract says.
     pub async fn delete_job(&self, request: DeleteJobRequest) -> Result<DeleteJobResponse> {
         let id = job_id("name", &request.name)?;
-        self.store.delete_job(id, etag(&request.etag)).await?;
+        let deleted = self.store.delete_job(id, etag(&request.etag)).await?;
+        self.floor().forget_job(&deleted.machine_id, id);
         self.engine.cancel_job(id);
         tracing::info!(job = %id, "deleted");
         Ok(DeleteJobResponse {})

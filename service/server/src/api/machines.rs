@@ -5,13 +5,16 @@ use feedwave_contract::names;
 use feedwave_contract::proto::machines_server::Machines;
 use feedwave_contract::proto::{
     CreateMachineRequest, CreateMachineResponse, DeleteMachineRequest, DeleteMachineResponse, GetMachineRequest,
-    GetMachineResponse, ListMachinesRequest, ListMachinesResponse, Machine, UpdateMachineRequest,
-    UpdateMachineResponse,
+    GetMachineResponse, GetStateRequest, GetStateResponse, ListMachinesRequest, ListMachinesResponse,
+    ListStatesRequest, ListStatesResponse, Machine, UpdateMachineRequest, UpdateMachineResponse, WatchStateRequest,
+    WatchStateResponse,
 };
 use feedwave_cutting::MachineProfile;
 use feedwave_store::{Json, MachineRecord};
 use tonic::{Request, Response, Status, async_trait};
 
+use super::guarded::{Guarded, deadline};
+use super::jobs::ResponseStream;
 use super::{Api, etag, mask, page_request};
 use crate::error::{Error, Result, Violations};
 use crate::stored;
@@ -65,7 +68,9 @@ impl Api {
         violations.check("machine_id", names::check_id(&request.machine_id));
         let document = checked_document(violations, &request.machine.unwrap_or_default())?;
         let record = self.store.create_machine(Some(&request.machine_id), document).await?;
-        Ok(CreateMachineResponse { machine: Some(from_record(&record)?) })
+        let machine = from_record(&record)?;
+        self.floors.put_machine(&record.id, &record.etag, &machine.display_name);
+        Ok(CreateMachineResponse { machine: Some(machine) })
     }
 
     /// Reads a machine.
@@ -106,7 +111,9 @@ impl Api {
         // What is kept was just read: it must not have changed since.
         let expected = etag(&given.etag).or_else(|| updated.keeps_stored.then_some(record.etag.as_str()));
         let record = self.store.update_machine(id, expected, document).await?;
-        Ok(UpdateMachineResponse { machine: Some(from_record(&record)?) })
+        let machine = from_record(&record)?;
+        self.floors.put_machine(&record.id, &record.etag, &machine.display_name);
+        Ok(UpdateMachineResponse { machine: Some(machine) })
     }
 
     /// Removes a machine.
@@ -116,6 +123,7 @@ impl Api {
     pub async fn delete_machine(&self, request: DeleteMachineRequest) -> Result<DeleteMachineResponse> {
         let id = names::parse_machine(&request.name).map_err(|error| Error::invalid("name", error.to_string()))?;
         self.store.delete_machine(id, etag(&request.etag)).await?;
+        self.floors.remove_machine(id);
         Ok(DeleteMachineResponse {})
     }
 }
@@ -152,5 +160,26 @@ impl Machines for Api {
         request: Request<DeleteMachineRequest>,
     ) -> Result<Response<DeleteMachineResponse>, Status> {
         self.answer(request, async |api, request| api.delete_machine(request).await).await
+    }
+
+    async fn get_state(&self, request: Request<GetStateRequest>) -> Result<Response<GetStateResponse>, Status> {
+        self.answer(request, async |api, request| api.get_machine_state(&request)).await
+    }
+
+    async fn list_states(&self, request: Request<ListStatesRequest>) -> Result<Response<ListStatesResponse>, Status> {
+        self.answer(request, async |api, request| api.list_states(request)).await
+    }
+
+    type WatchStateStream = ResponseStream<WatchStateResponse>;
+
+    async fn watch_state(
+        &self,
+        request: Request<WatchStateRequest>,
+    ) -> Result<Response<Self::WatchStateStream>, Status> {
+        let deadline = deadline(request.metadata().as_ref());
+        let api = self.called_by(request.extensions());
+        let states = Box::pin(api.watch_states(&request.into_inner())?);
+        let guarded = Guarded::new(states, deadline).ends_with(self.engine.draining(), Error::Draining);
+        Ok(Response::new(Box::pin(guarded)))
     }
 }

@@ -202,7 +202,11 @@ impl Api {
     }
 
     /// Reads the bytes of a program.
-    async fn read_program(
+    /// The bytes of a program, in pieces.
+    ///
+    /// # Errors
+    /// As the contract says.
+    pub(crate) async fn read_program(
         &self,
         request: ReadProgramRequest,
     ) -> Result<impl Stream<Item = Result<ReadProgramResponse>> + Send + 'static> {

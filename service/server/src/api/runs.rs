@@ -117,7 +117,8 @@ impl Api {
         violations.finish()?;
         let started = started(&attached, &config, &columns, encoding, start.start_index)?;
         let plan = LivePlan { config, columns, first_index: start.start_index, sensor_time_ns: start.sensor_time_ns };
-        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard).await?;
+        let presence = self.floor().taken_up(self.store.of_all_tenants(), &detail.job, &attached.run).await?;
+        let (intake, run) = self.engine.drive(&detail, &attached, plan, guard, presence).await?;
         tracing::info!(run = %attached.run.id, first_index = start.start_index, "live run");
         self.engine.spawn(take_in(messages, intake));
         let started = stream::once(std::future::ready(Ok(started)));

@@ -51,7 +51,8 @@ fn run_to_proto(run: &RunRecord) -> Run {
     }
 }
 
-fn condition_to_proto(condition: &ConditionRecord) -> RunCondition {
+/// A condition as the contract has it.
+pub(crate) fn condition_to_proto(condition: &ConditionRecord) -> RunCondition {
     let action = match condition.action.as_str() {
         "hold_feed" => proto::DecisionAction::HoldFeed,
         "stop" => proto::DecisionAction::Stop,
@@ -80,12 +81,12 @@ pub(crate) const fn run_state_to_proto(state: RunState) -> proto::RunState {
 }
 
 /// What a stored run was made with.
-pub(super) fn run_settings(run: &RunRecord) -> Result<RunSettings> {
+pub(crate) fn run_settings(run: &RunRecord) -> Result<RunSettings> {
     stored::from_stored(run.settings.get())
 }
 
 /// How telemetry is judged, from a stored message.
-pub(super) fn config_from_message(message: &proto::MonitoringConfig) -> Result<MonitoringConfig> {
+pub(crate) fn config_from_message(message: &proto::MonitoringConfig) -> Result<MonitoringConfig> {
     let mut violations = Violations::default();
     monitoring_from_proto(&mut violations, "config", message)
         .ok_or_else(|| Error::internal(format!("a stored configuration is refused: {:?}", violations.as_slice())))
@@ -145,7 +146,13 @@ impl Api {
         let gaps = gaps.iter().map(|gap| BatchGap { first: gap.first, last: gap.last }).collect();
         let monitoring = run_settings(&record)?.monitoring;
         let conditions = self.store.run_conditions(&record).await?.iter().map(condition_to_proto).collect();
-        Ok(GetRunResponse { run: Some(Run { gaps, monitoring, conditions, ..run_to_proto(&record) }) })
+        let activity = match self.floor().activity_of(self.store.of_all_tenants(), &record).await {
+            Ok(activity) => Some(activity),
+            // What is whole of the run is read all the same; the job says that it is damaged.
+            Err(Error::Damaged(_)) => None,
+            Err(error) => return Err(error),
+        };
+        Ok(GetRunResponse { run: Some(Run { gaps, monitoring, conditions, activity, ..run_to_proto(&record) }) })
     }
 
     /// Acknowledges a condition of a run.
@@ -173,7 +180,10 @@ impl Api {
         let id = id.ok_or_else(|| Error::internal("a request was neither accepted nor refused"))?;
         let condition = self.store.acknowledge_condition(id, decision_number, by, note).await?;
         tracing::info!(run = %id, decision = condition.decision_number, "condition acknowledged");
-        Ok(AcknowledgeConditionResponse { condition: Some(condition_to_proto(&condition)) })
+        let condition = condition_to_proto(&condition);
+        let job = self.store.job(self.store.run(id).await?.job_id).await?;
+        self.floor().acknowledge(&job.machine_id, id, &condition);
+        Ok(AcknowledgeConditionResponse { condition: Some(condition) })
     }
 
     /// Lists runs.
@@ -216,9 +226,11 @@ impl Api {
         let guard = self.engine.enter(job);
         let cancelled = guard.token().clone();
         self.caller.concerns(names::job(job));
-        self.caller.check_machine(&self.store.job(job).await?.machine_id)?;
+        let record = self.store.job(job).await?;
+        self.caller.check_machine(&record.machine_id)?;
         let attached = self.attach(target, job).await?;
-        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard)?;
+        let presence = self.floor().taken_up(self.store.of_all_tenants(), &record, &attached.run).await?;
+        let (intake, ingestion) = self.engine.ingest(&attached, start.sensor_time_ns, guard, presence)?;
         tracing::info!(run = %attached.run.id, durable_batch = attached.run.newest_batch, "telemetry");
         let started = started(&attached)?;
         self.engine.spawn(take_in(messages, intake));

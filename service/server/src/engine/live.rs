@@ -9,6 +9,7 @@ mod feed;
 mod receipts;
 mod replay;
 mod setpoints;
+mod view;
 mod worker;
 
 use std::pin::Pin;
@@ -29,12 +30,14 @@ use super::columns::ColumnSet;
 use super::telemetry::RunWork;
 use super::{Engine, JobGuard};
 use crate::error::{Error, Result};
+use crate::floor::Presence;
 use crate::observability::metrics::GaugeGuard;
 pub(crate) use feed::feed_change_to_proto;
 use feedwave_contract::proto;
 use proto::run_response::Message;
 use receipts::Receipts;
 use setpoints::Setpoints;
+use view::LiveView;
 use worker::Worker;
 
 /// Inputs that wait for the thread; a client that is faster waits then.
@@ -119,7 +122,7 @@ impl Stream for LiveRun {
 }
 
 impl Engine {
-    /// Goes on with a live run that `guard` registers work on its job for.
+    /// Goes on with a live run that `guard` registers work on its job for, and that the floor sees as `presence`.
     ///
     /// # Errors
     /// [`Error::Overloaded`] when too many runs are in progress, and those of the store.
@@ -129,10 +132,12 @@ impl Engine {
         attached: &AttachedRun,
         plan: LivePlan,
         guard: JobGuard,
+        presence: Presence,
     ) -> Result<(LiveIntake, LiveRun)> {
         let inner = &self.inner;
         let RunWork { session, place, ends } = self.work_on(attached, plan.sensor_time_ns, &guard)?;
         let feed = Feed::new(&attached.overrides)?;
+        let view = LiveView::new(presence, &plan.config);
         let first_index = plan.first_index;
         let mut generator = self.generator(detail, attached.run.id, plan, &feed.changes()).await?;
         let RunSetpoints { received, sent, digest } = attached.run.setpoints;
@@ -146,7 +151,7 @@ impl Engine {
         let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
         // The client says that it has the setpoints before the first that it asks for.
         let receipts = Receipts::new(received.max(first_index), inner.limits.receipt_patience());
-        let mut worker = Worker::new(session, generator, feed, receipts, input, outlet, ends, runtime, metrics);
+        let mut worker = Worker::new(session, generator, feed, view, receipts, input, outlet, ends, runtime, metrics);
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);

@@ -120,6 +120,11 @@ impl Session {
         })
     }
 
+    /// The monitor as it is now, durable or not.
+    pub(super) const fn monitor(&self) -> &Monitor {
+        &self.monitor
+    }
+
     /// Overrides decided last.
     pub(super) fn overrides(&self) -> Overrides {
         self.monitor.overrides()

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use feedwave_contract::names;
 use feedwave_contract::proto;
+use feedwave_contract::proto::Execution;
 use feedwave_store::{AttachedRun, RunCommit, RunState};
 use futures_util::Stream;
 use proto::ingest_response::Message;
@@ -18,6 +19,7 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 use super::session::Session;
 use super::{Engine, JobGuard, until};
 use crate::error::{Error, Result};
+use crate::floor::Presence;
 use crate::observability::metrics::{GaugeGuard, Metrics};
 
 /// Batches that wait for the thread; a sender that is faster than it waits then.
@@ -141,7 +143,7 @@ impl Engine {
         Ok(RunWork { session, place, ends })
     }
 
-    /// Takes in the telemetry of a run that `guard` registers work on its job for. An intake that is dropped
+    /// Takes in the telemetry of a run that `guard` registers work on its job for, and that the floor sees as `presence`. An intake that is dropped
     /// without its end leaves the run open.
     ///
     /// # Errors
@@ -151,6 +153,7 @@ impl Engine {
         attached: &AttachedRun,
         sensor_time_ns: Option<u64>,
         guard: JobGuard,
+        presence: Presence,
     ) -> Result<(Intake, Ingestion)> {
         let inner = &self.inner;
         let RunWork { session, place, ends } = self.work_on(attached, sensor_time_ns, &guard)?;
@@ -160,7 +163,7 @@ impl Engine {
         let error = Arc::new(Mutex::new(None));
         let told = error.clone();
         let (runtime, metrics) = (Handle::current(), inner.metrics.clone());
-        let mut worker = Worker { session, input, open: true, outlet, ends, runtime, metrics };
+        let mut worker = Worker { session, presence, input, open: true, outlet, ends, runtime, metrics };
         let active = GaugeGuard::new(&inner.metrics.active_runs);
         inner.tasks.spawn_blocking(move || {
             let _held = (place, active, guard);
@@ -176,6 +179,7 @@ impl Engine {
 /// Everything that the thread works with.
 struct Worker {
     session: Session,
+    presence: Presence,
     input: mpsc::Receiver<Input>,
     /// Whether more may come.
     open: bool,
@@ -191,20 +195,32 @@ enum Wake {
     Input(Option<Input>),
     Silence,
     Commit,
+    /// The floor is to be told how things are.
+    Show,
     Ended(Error),
 }
 
 impl Worker {
     fn run(&mut self) -> Result<()> {
+        self.presence.connect();
+        let outcome = self.work();
+        self.presence.leave(outcome.as_ref().err());
+        outcome
+    }
+
+    fn work(&mut self) -> Result<()> {
         loop {
             let mut finished = false;
             let mut cause = None;
             let mut ended = None;
             match self.wait() {
                 Wake::Input(Some(first)) => (finished, cause) = self.gather(first)?,
-                Wake::Input(None) => self.open = false,
+                Wake::Input(None) => {
+                    self.open = false;
+                    self.presence.lose();
+                }
                 Wake::Silence => self.session.fall_silent()?,
-                Wake::Commit => {}
+                Wake::Commit | Wake::Show => {}
                 Wake::Ended(error) => ended = Some(error),
             }
             // Silence counts on after the client has gone: its fallback is part of the log.
@@ -213,10 +229,27 @@ impl Worker {
             if finished || commit_at.is_some_and(|at| last || at <= Instant::now()) {
                 self.commit(finished, cause)?;
             }
+            if finished {
+                self.presence.end(RunState::Finished);
+            }
+            self.show();
             if last {
                 return ended.map_or(Ok(()), Err);
             }
         }
+    }
+
+    /// Tells the floor, where it is time.
+    fn show(&mut self) {
+        if !self.presence.is_due() {
+            return;
+        }
+        let monitor = self.session.monitor();
+        self.presence.observe(monitor);
+        if self.presence.execution() != Execution::Finished {
+            self.presence.set_execution(Presence::execution_of(monitor));
+        }
+        self.presence.tell();
     }
 
     fn wait(&mut self) -> Wake {
@@ -224,6 +257,7 @@ impl Worker {
             return Wake::Input(Some(input));
         }
         let (silence, commit) = (until(self.session.silence_at()), until(self.session.commit_at()));
+        let show = until(self.presence.due());
         let (input, ends, open) = (&mut self.input, &self.ends, self.open);
         self.runtime.block_on(async {
             tokio::select! {
@@ -232,6 +266,7 @@ impl Worker {
                 input = input.recv(), if open => Wake::Input(input),
                 () = silence => Wake::Silence,
                 () = commit => Wake::Commit,
+                () = show => Wake::Show,
             }
         })
     }
@@ -246,6 +281,7 @@ impl Worker {
                     self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
                     self.runtime.block_on(self.session.check_resume(&batch))?;
                     self.session.take(&batch, arrival, false)?;
+                    self.presence.heard();
                     if !self.session.waiting_decisions().is_empty() {
                         // Nothing that came later is waited for.
                         cause = Some(arrival);
@@ -270,6 +306,7 @@ impl Worker {
         let besides = RunCommit { end, ..RunCommit::default() };
         let durable = self.runtime.block_on(self.session.commit(&self.metrics, besides))?;
         let decided = !durable.decisions.is_empty();
+        self.presence.decided(&durable.decisions);
         let decisions = durable.decisions.into_iter().map(Message::Decision);
         for message in decisions.chain(durable.ack.map(Message::Ack)) {
             let message = proto::IngestResponse { message: Some(message) };

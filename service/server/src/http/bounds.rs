@@ -15,13 +15,17 @@ use http_body::{Frame, SizeHint};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tower_http::catch_panic::ResponseForPanic;
 
+use super::live::WatchedBody;
 use super::{HttpError, HttpState};
-use crate::connections::{Connection, Held, OpenCall, Resource, in_json};
+use crate::connections::{Connection, Held, OpenCall, Resource, Unread, in_json};
 use crate::error::{Error, Result};
 use crate::observability::metrics::Metrics;
 
 /// Paths that probes ask, however much there is to do.
 const PROBES: [&str; 2] = ["/healthz", "/readyz"];
+
+/// The path whose answer stays open.
+const WATCH: &str = "/v1/stream";
 
 /// Places for requests.
 #[derive(Clone, Debug)]
@@ -45,13 +49,19 @@ impl Bounds {
         Self { metrics: state.api.metrics.clone(), places: Arc::new(Semaphore::new(limit)), limit }
     }
 
+    /// Places for a request. One that stays open counts as a watcher, of which there may be many more than requests.
     fn admit(&self, path: &str, connection: Option<&Arc<Connection>>) -> Result<Places> {
         let _of_connection = connection.map(Connection::begin_call);
         if PROBES.contains(&path) {
             return Ok(Places { _of_connection, ..Places::default() });
         }
-        let of_client = |connection: &Arc<Connection>| connection.clients().take(connection.client(), Resource::Call);
+        let stays = path == WATCH;
+        let resource = if stays { Resource::Watcher } else { Resource::Call };
+        let of_client = |connection: &Arc<Connection>| connection.clients().take(connection.client(), resource);
         let _of_client = connection.map(of_client).transpose()?;
+        if stays {
+            return Ok(Places { _of_client, _of_connection, ..Places::default() });
+        }
         let what = "requests in progress";
         let _in_all = self.places.clone().try_acquire_owned().map_err(|_| {
             self.metrics.connections.refused(what);
@@ -65,14 +75,21 @@ impl Bounds {
 pub(super) async fn bounded(State(bounds): State<Bounds>, request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
     match bounds.admit(request.uri().path(), connection.as_ref()) {
-        Ok(places) => next.run(request).await.map(|body| Body::new(Holding { body, _places: places })),
+        Ok(places) => next.run(request).await.map(|body| {
+            let body = WatchedBody::new(body);
+            if let Some(connection) = connection {
+                let watched: Arc<dyn Unread> = body.watched();
+                connection.watch(Arc::downgrade(&watched));
+            }
+            Body::new(Holding { body, _places: places })
+        }),
         Err(error) => HttpError(error).into_response(),
     }
 }
 
 /// A body that holds the places of its request.
 struct Holding {
-    body: Body,
+    body: WatchedBody,
     _places: Places,
 }
 

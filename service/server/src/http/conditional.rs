@@ -2,23 +2,49 @@
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use sha2::{Digest as _, Sha256};
 
-/// The body with its entity tag, or 304 where the client has it already.
-pub(super) fn response(request: &HeaderMap, body: String) -> Response {
-    let tag = entity_tag(body.as_bytes());
-    let mut response = if has(request, &tag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        ([(header::CONTENT_TYPE, "application/json")], body).into_response()
-    };
-    let headers = response.headers_mut();
-    if let Ok(tag) = HeaderValue::from_str(&tag) {
-        headers.insert(header::ETAG, tag);
+/// A body with its entity tag.
+#[derive(Debug)]
+pub(crate) struct Tagged {
+    tag: String,
+    content_type: HeaderValue,
+    body: Bytes,
+}
+
+impl Tagged {
+    /// A body of JSON.
+    pub(super) fn new(body: impl Into<Bytes>) -> Self {
+        Self::of_type(body, HeaderValue::from_static("application/json"))
     }
-    // A copy may be kept, but has to be asked about each time.
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    response
+
+    /// A body of another type.
+    pub(crate) fn of_type(body: impl Into<Bytes>, content_type: HeaderValue) -> Self {
+        let body = body.into();
+        Self { tag: entity_tag(&body), content_type, body }
+    }
+
+    /// The body with its tag, or 304 where the client has it already.
+    pub(crate) fn response(&self, request: &HeaderMap) -> Response {
+        let mut response = if has(request, &self.tag) {
+            StatusCode::NOT_MODIFIED.into_response()
+        } else {
+            ([(header::CONTENT_TYPE, self.content_type.clone())], self.body.clone()).into_response()
+        };
+        let headers = response.headers_mut();
+        if let Ok(tag) = HeaderValue::from_str(&self.tag) {
+            headers.insert(header::ETAG, tag);
+        }
+        // A copy may be kept, but has to be asked about each time.
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+        response
+    }
+}
+
+/// JSON with its entity tag, or 304 where the client has it already.
+pub(super) fn response(request: &HeaderMap, body: String) -> Response {
+    Tagged::new(body).response(request)
 }
 
 /// The tag of a body: equal bodies, and only those, have equal tags.

@@ -1,6 +1,8 @@
 //! What `/metrics` shows. Each server has its own registry: nothing is global.
 
 mod connections;
+pub(crate) mod machines;
+pub(crate) mod open;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,6 +10,7 @@ use std::time::Duration;
 
 pub use connections::ConnectionMetrics;
 use feedwave_store::{Observer, Tenant};
+use prometheus::proto::MetricFamily;
 use prometheus::{
     Encoder, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge, IntGaugeVec, Opts, Registry,
     TextEncoder,
@@ -172,16 +175,16 @@ impl Metrics {
         }
     }
 
-    /// The figures of one tenant in the text form that Prometheus reads: jobs by state, streams and validations, and
-    /// conditions that nobody has acknowledged.
-    #[must_use]
-    pub fn text_of_tenant<'a>(
+    /// The figures of one tenant: jobs by state, streams and validations, conditions that nobody has acknowledged; and others,
+    /// by name.
+    pub(crate) fn families_of_tenant<'a>(
         jobs: impl IntoIterator<Item = (&'a str, u64)>,
         streams: u64,
         validations: u64,
         queued_validations: u64,
         open_conditions: u64,
-    ) -> String {
+        others: Vec<MetricFamily>,
+    ) -> Vec<MetricFamily> {
         let own = Self::new();
         let signed = |count: u64| i64::try_from(count).unwrap_or(i64::MAX);
         for (state, count) in jobs {
@@ -198,20 +201,33 @@ impl Metrics {
             // Their names differ, as those of all metrics do.
             let _ = shown.register(collector);
         }
-        text(&shown)
+        gathered(&shown, others)
     }
 
     /// The text form that Prometheus reads.
     #[must_use]
     pub fn to_text(&self) -> String {
-        text(&self.registry)
+        text_of(&self.families(Vec::new()))
+    }
+
+    /// The figures, and others, by name.
+    pub(crate) fn families(&self, others: Vec<MetricFamily>) -> Vec<MetricFamily> {
+        gathered(&self.registry, others)
     }
 }
 
-fn text(registry: &Registry) -> String {
+fn gathered(registry: &Registry, others: Vec<MetricFamily>) -> Vec<MetricFamily> {
+    let mut families = registry.gather();
+    families.extend(others);
+    families.sort_by(|one, other| one.name().cmp(other.name()));
+    families
+}
+
+/// Families of metrics in the text form that Prometheus reads.
+pub(crate) fn text_of(families: &[MetricFamily]) -> String {
     let mut text = Vec::new();
     // Writing into memory does not fail, and label values are valid: nothing to report.
-    let _ = TextEncoder::new().encode(&registry.gather(), &mut text);
+    let _ = TextEncoder::new().encode(families, &mut text);
     String::from_utf8_lossy(&text).into_owned()
 }
 

@@ -8,8 +8,8 @@ use super::record::{Record, json, parsed, signed, tenant, unsigned};
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Scope, tenant_scope};
 use crate::runs::{
-    Acknowledgement, DecisionRecord, NewDecision, Run, RunCommit, RunCondition, RunOverride, RunSetpoints, RunState,
-    TelemetryGap,
+    Acknowledgement, DecisionRecord, MachineRuns, NewDecision, OpenCondition, Run, RunCommit, RunCondition,
+    RunOverride, RunSetpoints, RunState, TelemetryGap,
 };
 use crate::settings::StoreSettings;
 use crate::tenant::Tenant;
@@ -177,9 +177,54 @@ pub(crate) fn decision(row: &impl Record) -> Result<DecisionRecord> {
         sequence: row.integer("sequence")?,
         run_id: parsed(row, "run_id")?,
         job_id: parsed(row, "job_id")?,
+        tenant: tenant(row)?,
         number: unsigned(row, "number")?,
         at_us: row.integer("at_us")?,
         body: row.bytes("body")?.to_vec().into(),
+    })
+}
+
+/// Unacknowledged conditions, at most so many of a tenant on a machine.
+macro_rules! open_conditions_query {
+    ($limit:literal) => {
+        concat!(
+            "SELECT * FROM (
+                SELECT c.*, r.tenant, r.job_id, j.machine_id, ROW_NUMBER() OVER (
+                        PARTITION BY r.tenant, j.machine_id ORDER BY c.raised_us DESC, c.decision_number DESC) AS place
+                FROM run_conditions AS c JOIN runs AS r ON r.id = c.run_id JOIN jobs AS j ON j.id = r.job_id
+                WHERE c.acknowledged_us IS NULL) AS open
+             WHERE place <= ",
+            $limit,
+            " ORDER BY raised_us, decision_number"
+        )
+    };
+}
+pub(crate) use open_conditions_query;
+
+/// The newest run of each tenant on each machine, and how many came to their end.
+pub(crate) const MACHINE_RUNS: &str = "SELECT * FROM (
+        SELECT j.machine_id, r.tenant, r.id,
+            COUNT(*) FILTER (WHERE r.state = 'finished') OVER (PARTITION BY j.machine_id, r.tenant) AS finished,
+            ROW_NUMBER() OVER (PARTITION BY j.machine_id, r.tenant ORDER BY r.sequence DESC) AS place
+        FROM runs AS r JOIN jobs AS j ON j.id = r.job_id) AS found
+     WHERE place = 1 ORDER BY machine_id, tenant";
+
+pub(crate) fn open_condition(row: &impl Record) -> Result<OpenCondition> {
+    Ok(OpenCondition {
+        machine_id: row.text("machine_id")?.to_owned(),
+        tenant: tenant(row)?,
+        run_id: parsed(row, "run_id")?,
+        job_id: parsed(row, "job_id")?,
+        condition: condition(row)?,
+    })
+}
+
+pub(crate) fn machine_runs(row: &impl Record) -> Result<MachineRuns> {
+    Ok(MachineRuns {
+        machine_id: row.text("machine_id")?.to_owned(),
+        tenant: tenant(row)?,
+        newest: parsed(row, "id")?,
+        finished: unsigned(row, "finished")?,
     })
 }
 

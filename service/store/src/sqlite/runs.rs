@@ -18,13 +18,14 @@ use crate::Json;
 use crate::error::{Kind, Result, StoreError, check_size};
 use crate::page::{Page, PageRequest};
 use crate::runs::{
-    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, NewRun, Run,
-    RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs, TelemetryGap,
+    Acknowledgement, AttachedRun, DecisionFilter, DecisionRecord, MAX_DECISIONS, MAX_LISTED, MachineRuns, NewRun,
+    OpenCondition, Run, RunCheckpoint, RunCommit, RunCondition, RunMark, RunOverride, RunState, Runs, TelemetryGap,
 };
 use crate::sql::fault::is_reference;
 use crate::sql::record::{signed, to_json, unsigned};
 use crate::sql::runs::{
-    Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, missing, monitor, pack, run, scope,
+    MACHINE_RUNS, Packed, acknowledged, change, check_acknowledgement, condition, decision, gap, machine_runs, missing,
+    monitor, open_condition, open_conditions_query, pack, run, scope,
 };
 use crate::tenant::Tenant;
 
@@ -279,6 +280,24 @@ impl Runs for SqliteStore {
             sql.push_bind(tenant.name().to_owned()).push(")");
         }
         unsigned(&sql.build().fetch_one(&mut *self.reader().await?).await?, "open")
+    }
+
+    async fn open_conditions(&self, limit: u32) -> Result<Vec<OpenCondition>> {
+        let rows = sqlx::query(open_conditions_query!("?")).bind(limit).fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(open_condition).collect()
+    }
+
+    async fn machine_runs(&self) -> Result<Vec<MachineRuns>> {
+        let rows = sqlx::query(MACHINE_RUNS).fetch_all(&mut *self.reader().await?).await?;
+        rows.iter().map(machine_runs).collect()
+    }
+
+    async fn last_decision(&self, id: Uuid) -> Result<Option<DecisionRecord>> {
+        let row = sqlx::query("SELECT * FROM decisions WHERE run_id = ? ORDER BY number DESC LIMIT 1")
+            .bind(id.to_string())
+            .fetch_optional(&mut *self.reader().await?)
+            .await?;
+        row.as_ref().map(decision).transpose()
     }
 
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {

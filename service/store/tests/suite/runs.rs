@@ -2,7 +2,7 @@
 
 use feedwave_store::{
     AttachedRun, DecisionFilter, EventFilter, Kind, NewDecision, NewRun, PageRequest, RunCheckpoint, RunCommit,
-    RunKind, RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap,
+    RunKind, RunMark, RunOverride, RunSetpoints, RunState, Store, StoreError, StoreSettings, TelemetryGap, Tenant,
 };
 use uuid::Uuid;
 
@@ -121,6 +121,61 @@ async fn conditions_stay_until_somebody_has_seen_them() {
     assert_eq!(told.len(), 4);
     assert!(told.iter().all(|event| event.from_state == event.to_state && event.detail.contains("condition")));
     assert_eq!(store.latest_sequence(), told[3].sequence);
+}
+
+#[tokio::test]
+async fn what_a_machine_did_last_is_found_by_the_machine() {
+    let place = Place::new();
+    let (store, first) = with_run(&place).await;
+    let job = store.job(first.run.job_id).await.unwrap();
+    let end = |state| RunCommit { end: Some((state, String::new())), ..RunCommit::default() };
+    store.commit_run(first.run.id, first.attachment, end(RunState::Finished)).await.unwrap();
+    let second = store.create_run(new_run(job.id)).await.unwrap();
+    let mut other = new_job("of-another", job.program_id);
+    other.machine_id = "another".to_owned();
+    let other = store.create_job(other).await.unwrap();
+    let third = store.create_run(new_run(other.id)).await.unwrap();
+    store.commit_run(third.run.id, third.attachment, end(RunState::Stopped)).await.unwrap();
+
+    let theirs: Tenant = "theirs".parse().unwrap();
+    let program = store.put_program(theirs, "G1 X10 F100\nM30\n".into()).await.unwrap();
+    let mut foreign = new_job("theirs", program.id);
+    (foreign.tenant, foreign.machine_id) = (theirs, job.machine_id.clone());
+    let foreign = store.create_job(foreign).await.unwrap();
+    let fourth = store.create_run(new_run(foreign.id)).await.unwrap();
+
+    let ours = Tenant::DEFAULT;
+    let runs = store.machine_runs().await.unwrap();
+    let mut expected = [
+        ("another", ours, third.run.id, 0),
+        (job.machine_id.as_str(), ours, second.run.id, 1),
+        (job.machine_id.as_str(), theirs, fourth.run.id, 0),
+    ];
+    expected.sort_by_key(|(machine, tenant, ..)| (*machine, *tenant));
+    let found: Vec<_> =
+        runs.iter().map(|runs| (runs.machine_id.as_str(), runs.tenant, runs.newest, runs.finished)).collect();
+    assert_eq!(found, expected);
+
+    assert!(store.last_decision(second.run.id).await.unwrap().is_none());
+    let raising = NewDecision { raises_condition: true, ..decision(4) };
+    let commit = RunCommit { decisions: vec![decision(3), raising], ..RunCommit::default() };
+    store.commit_run(second.run.id, second.attachment, commit).await.unwrap();
+    let last = store.last_decision(second.run.id).await.unwrap().unwrap();
+    assert_eq!((last.number, last.run_id, last.job_id, last.tenant), (4, second.run.id, job.id, ours));
+    let commit = RunCommit {
+        decisions: (5..9).map(|number| NewDecision { raises_condition: true, ..decision(number) }).collect(),
+        ..RunCommit::default()
+    };
+    store.commit_run(fourth.run.id, fourth.attachment, commit).await.unwrap();
+    let open = store.open_conditions(3).await.unwrap();
+    let mut found: Vec<_> = open.iter().map(|open| (open.tenant, open.condition.decision_number)).collect();
+    found.sort_unstable();
+    assert_eq!(found, [(ours, 4), (theirs, 6), (theirs, 7), (theirs, 8)], "each tenant has its own bound");
+    let open = open.iter().find(|open| open.tenant == ours).unwrap();
+    assert_eq!((&open.machine_id, open.run_id, open.job_id), (&job.machine_id, second.run.id, job.id));
+    assert_eq!(open.condition.acknowledged, None);
+    store.acknowledge_condition(second.run.id, Some(4), "Ada".to_owned(), String::new()).await.unwrap();
+    assert!(store.open_conditions(3).await.unwrap().iter().all(|open| open.tenant == theirs));
 }
 
 #[tokio::test]

@@ -46,7 +46,7 @@ async fn start(stage: &mut Stage, directory: &Path) -> Result<RunningServer, Cli
     let free_port = SocketAddr::from(([127, 0, 0, 1], 0));
     let config = Config {
         grpc: GrpcConfig { listen: free_port, ..GrpcConfig::default() },
-        http: HttpConfig { listen: free_port },
+        http: HttpConfig { listen: free_port, ..HttpConfig::default() },
         store: StoreConfig::of_file(&directory.join("demo.db")).map_err(CliError::trouble)?,
         ..Config::default()
     };

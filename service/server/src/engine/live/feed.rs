@@ -95,6 +95,11 @@ impl Feed {
         })
     }
 
+    /// Changes so far.
+    pub(super) fn log(&self) -> &[RunOverride] {
+        &self.log
+    }
+
     /// Changes so far, for the pipeline.
     pub(super) fn changes(&self) -> Vec<OverrideChange> {
         self.log.iter().map(|change| OverrideChange { index: change.setpoint_index, ratio: change.ratio }).collect()

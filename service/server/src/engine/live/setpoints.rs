@@ -81,6 +81,11 @@ impl Setpoints {
         self.pipeline.earliest_override().max(self.first_index)
     }
 
+    /// The setpoints that were generated last.
+    pub(super) const fn block(&self) -> &SetpointBlock {
+        &self.block
+    }
+
     /// Whether the path rests at the last setpoint.
     pub(super) const fn at_rest(&self) -> bool {
         self.at_rest

@@ -14,6 +14,7 @@ use super::checkpoint;
 use super::feed::{Cause, Feed, feed_change_to_proto};
 use super::receipts::Receipts;
 use super::setpoints::{Next, Setpoints};
+use super::view::{LiveView, Reached};
 use super::{CHUNKS_IN_FLIGHT, LiveInput, MESSAGES_IN_FLIGHT, Message, Outgoing};
 use crate::engine::session::Session;
 use crate::engine::telemetry::RunEnds;
@@ -34,6 +35,8 @@ enum Wake {
     /// Setpoints have waited too long for a receipt.
     Overdue,
     Commit,
+    /// The floor is to be told how things are.
+    Show,
     Ended(Error),
 }
 
@@ -42,6 +45,7 @@ pub(super) struct Worker {
     session: Session,
     setpoints: Setpoints,
     feed: Feed,
+    view: LiveView,
     input: mpsc::Receiver<LiveInput>,
     /// Whether the client may say more.
     open: bool,
@@ -66,6 +70,7 @@ impl Worker {
         session: Session,
         setpoints: Setpoints,
         feed: Feed,
+        view: LiveView,
         receipts: Receipts,
         input: mpsc::Receiver<LiveInput>,
         outlet: mpsc::Sender<Outgoing>,
@@ -79,6 +84,7 @@ impl Worker {
             session,
             setpoints,
             feed,
+            view,
             input,
             open: true,
             outlet,
@@ -94,19 +100,29 @@ impl Worker {
     }
 
     pub(super) fn run(&mut self) -> Result<()> {
+        self.view.presence.connect();
+        let outcome = self.work();
+        self.view.presence.leave(outcome.as_ref().err());
+        outcome
+    }
+
+    fn work(&mut self) -> Result<()> {
         loop {
             let mut ended = None;
             let mut cause = None;
             match self.wait() {
                 Wake::Input(Some(first)) => cause = self.gather(first)?,
-                Wake::Input(None) => self.open = false,
+                Wake::Input(None) => {
+                    self.open = false;
+                    self.view.presence.lose();
+                }
                 Wake::Slot(place) => self.hand_out(place)?,
                 Wake::Overdue => ended = Some(self.overdue()),
                 Wake::Silence => {
                     self.session.cut_thread(self.cuts_thread())?;
                     self.session.fall_silent()?;
                 }
-                Wake::Commit => {}
+                Wake::Commit | Wake::Show => {}
                 Wake::Ended(error) => ended = Some(error),
             }
             for decision in self.session.waiting_decisions() {
@@ -131,6 +147,10 @@ impl Worker {
             if due || change.is_some() || end.is_some() {
                 self.commit(change, end, cause)?;
             }
+            self.view.show(
+                self.session.monitor(),
+                reached(&self.setpoints, &self.feed, self.receipts.received(), self.total),
+            );
             if last {
                 return ended.map_or(Ok(()), Err);
             }
@@ -179,6 +199,7 @@ impl Worker {
         let (silence, commit) = (until(self.session.silence_at()), until(self.commit_at()));
         // A client that is gone owes nothing: it says what it has when it takes the run up.
         let overdue = until(self.receipts.overdue_at().filter(|_| self.open));
+        let show = until(self.view.presence.due());
         let generates = self.open && self.total.is_none() && self.setpoints.next_index() < self.credit_end();
         let (input, ends, slots) = (&mut self.input, &self.ends, self.slots.clone());
         self.runtime.block_on(async {
@@ -190,6 +211,7 @@ impl Worker {
                 () = commit => Wake::Commit,
                 () = overdue => Wake::Overdue,
                 Ok(place) = slots.acquire_owned(), if generates => Wake::Slot(place),
+                () = show => Wake::Show,
             }
         })
     }
@@ -208,6 +230,7 @@ impl Worker {
                     self.metrics.telemetry_samples.inc_by(batch.time_ns.len() as u64);
                     self.session.cut_thread(self.cuts_thread())?;
                     self.session.take(&batch, arrival, true)?;
+                    self.view.presence.heard();
                     if !self.session.waiting_decisions().is_empty() {
                         return Ok(Some(arrival));
                     }
@@ -256,6 +279,7 @@ impl Worker {
             return Err(Error::invalid("receipt.received", why));
         }
         self.receipts.receive(received, sent, Instant::now());
+        self.view.presence.touch();
         Ok(())
     }
 
@@ -286,7 +310,11 @@ impl Worker {
     /// Generates the next setpoints and hands them out.
     fn hand_out(&mut self, place: OwnedSemaphorePermit) -> Result<()> {
         let before = self.setpoints.next_index();
-        match self.setpoints.next(self.credit_end())? {
+        let next = self.setpoints.next(self.credit_end())?;
+        if !matches!(next, Next::End) {
+            self.view.note(self.setpoints.block());
+        }
+        match next {
             Next::Chunk(chunk) => {
                 self.metrics.setpoints.inc_by(u64::from(chunk.count));
                 self.receipts.owes(Instant::now());
@@ -328,6 +356,7 @@ impl Worker {
             self.durable = progress;
         }
         let decided = !durable.decisions.is_empty();
+        self.view.decided(&durable.decisions);
         for decision in durable.decisions {
             self.tell(Message::Decision(decision), None)?;
         }
@@ -342,6 +371,8 @@ impl Worker {
             self.tell(Message::Ack(ack), None)?;
         }
         let Some((state, message)) = end else { return Ok(()) };
+        let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
+        self.view.end(state, self.session.monitor(), reached);
         let digest = setpoints.digest.unwrap_or_default().iter().map(|byte| format!("{byte:02x}")).collect();
         let state = crate::api::run_state_to_proto(state).into();
         self.tell(Message::Ended(proto::RunEnded { state, message, setpoint_count: progress.sent, digest }), None)
@@ -357,4 +388,9 @@ impl Worker {
             }
         }
     }
+}
+
+/// How far a run is, for those who look.
+fn reached<'a>(setpoints: &Setpoints, feed: &'a Feed, taken: u64, total: Option<u64>) -> Reached<'a> {
+    Reached { taken, sent: setpoints.next_index(), total, changes: feed.log(), held: feed.held }
 }

@@ -53,7 +53,15 @@ pub(super) async fn write(
     for (number, decision) in &packed.decisions {
         let sequence = insert_decision(tx, id, of, (*number, decision), at_us).await?;
         let NewDecision { number, body, .. } = decision;
-        records.push(DecisionRecord { sequence, run_id: id, job_id: of.1, number: *number, at_us, body: body.clone() });
+        records.push(DecisionRecord {
+            sequence,
+            run_id: id,
+            job_id: of.1,
+            tenant: of.0,
+            number: *number,
+            at_us,
+            body: body.clone(),
+        });
     }
     Ok(records)
 }

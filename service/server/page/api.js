@@ -1,0 +1,105 @@
+// What the service answers, and what it says by itself.
+
+const FIRST_PAUSE_MS = 2000;
+const LONGEST_PAUSE_MS = 30000;
+/** A stream that says nothing for so long is dead: the service says something at least every few minutes at most. */
+const SILENCE_MS = 320000;
+
+let token = null;
+try {
+  token = sessionStorage.getItem("token");
+} catch {
+  // Asked for again with every page.
+}
+
+export const setToken = (value) => {
+  token = value;
+  try {
+    sessionStorage.setItem("token", value);
+  } catch {
+    // As above.
+  }
+};
+
+/** An answer that is none. */
+export class Refused extends Error {
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const request = async (path, headers = {}, signal = undefined) => {
+  const all = token ? { ...headers, authorization: `Bearer ${token}` } : headers;
+  const response = await fetch(path, { headers: all, signal, cache: "no-cache" });
+  if (response.ok) return response;
+  let message = `${response.status}`;
+  try {
+    message = (await response.json()).message ?? message;
+  } catch {
+    // A proxy in between has other words.
+  }
+  throw new Refused(response.status, message);
+};
+
+/** The JSON at a path. */
+export const read = async (path, signal) => (await request(path, {}, signal)).json();
+
+/** The bytes at a path. */
+export const readBytes = async (path, signal) => new Uint8Array(await (await request(path, {}, signal)).arrayBuffer());
+
+/** The stream of events: calls `on.state`, `on.gone`, `on.job`, `on.decision`, `on.reset`, `on.open`, `on.lost`, `on.refused`. */
+export const follow = (on) => {
+  let last = null;
+  let pause = FIRST_PAUSE_MS;
+  const take = (block) => {
+    let [event, data] = ["", ""];
+    for (const line of block.split("\n")) {
+      if (line.startsWith("id: ")) last = line.slice(4);
+      else if (line.startsWith("event: ")) event = line.slice(7);
+      else if (line.startsWith("data: ")) data += line.slice(6);
+    }
+    if (event && on[event]) on[event](JSON.parse(data));
+  };
+  const once = async () => {
+    const stop = new AbortController();
+    let silence = setTimeout(() => stop.abort(), SILENCE_MS);
+    try {
+      const headers = { accept: "text/event-stream", ...(last === null ? {} : { "last-event-id": last }) };
+      const response = await request("/v1/stream", headers, stop.signal);
+      on.open();
+      pause = FIRST_PAUSE_MS;
+      const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+      let text = "";
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) return;
+        clearTimeout(silence);
+        silence = setTimeout(() => stop.abort(), SILENCE_MS);
+        text += value;
+        const blocks = text.split("\n\n");
+        text = blocks.pop();
+        blocks.forEach(take);
+      }
+    } finally {
+      clearTimeout(silence);
+    }
+  };
+  const forever = async () => {
+    for (;;) {
+      try {
+        await once();
+      } catch (error) {
+        if (error instanceof Refused && (error.status === 401 || error.status === 403)) {
+          on.refused(error);
+          return;
+        }
+      }
+      on.lost();
+      await new Promise((resume) => setTimeout(resume, pause));
+      pause = Math.min(LONGEST_PAUSE_MS, pause * 2);
+    }
+  };
+  forever();
+};
+

@@ -1,0 +1,92 @@
+// Trends over one time axis: a line of steps or of points, a band of limits, marks of decisions.
+
+import { element, setAttribute, setText } from "./dom.js";
+import { clock, number, t } from "./text.js";
+
+/** Where nothing is laid out yet. */
+const USUAL_WIDTH = 1000;
+const HEIGHT = 150;
+const LEFT = 70;
+const RIGHT = 12;
+const TOP = 10;
+const BOTTOM = 22;
+const MOST_POINTS = 100;
+
+/** Round numbers for about so many ticks. */
+const ticks = (from, to, count) => {
+  const raw = (to - from) / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
+  const list = [];
+  for (let value = Math.ceil(from / step) * step; value <= to + step * 1e-9; value += step) list.push(value);
+  return list;
+};
+
+/**
+ * A chart with a heading. `draw` is given `{ from, to, points, lower, upper, digits, unit, factor, isStep, now }`: times in
+ * ms, points as `[time, value, isWeak]`.
+ */
+export const chart = () => {
+  const heading = element("h3", { class: "chart-name" });
+  const last = element("span", { class: "chart-last" });
+  const svg = element("svg", { class: "chart", viewBox: `0 0 ${USUAL_WIDTH} ${HEIGHT}`, role: "img" });
+  const root = element("figure", { class: "trend" }, element("figcaption", {}, heading, last), svg);
+  const draw = (name, { from, to, points, lower, upper, digits, unit, factor = 1, isStep = false }) => {
+    const width = svg.clientWidth || USUAL_WIDTH;
+    setAttribute(svg, "viewBox", `0 0 ${width} ${HEIGHT}`);
+    setText(heading, unit ? `${name} (${unit})` : name);
+    const known = points.filter(([, value]) => Number.isFinite(value));
+    setText(last, known.length > 0 ? number(known.at(-1)[1] * factor, digits) : t("empty"));
+    const values = [...known.map(([, value]) => value), lower, upper].filter((value) => Number.isFinite(value));
+    let [least, most] = [Math.min(...values), Math.max(...values)];
+    if (values.length === 0) [least, most] = [0, 1];
+    const margin = (most - least) * 0.12 || Math.abs(most) * 0.1 || 1;
+    [least, most] = [least - margin, most + margin];
+    const x = (time) => LEFT + ((time - from) / Math.max(1, to - from)) * (width - LEFT - RIGHT);
+    const y = (value) => TOP + ((most - value) / (most - least)) * (HEIGHT - TOP - BOTTOM);
+    const parts = [];
+    if (Number.isFinite(lower) && Number.isFinite(upper)) {
+      parts.push(element("rect", { class: "chart-band", x: LEFT, width: width - LEFT - RIGHT, y: y(upper), height: Math.max(1, y(lower) - y(upper)) }));
+    }
+    for (const tick of ticks(least, most, 4)) {
+      parts.push(element("line", { class: "chart-grid", x1: LEFT, x2: width - RIGHT, y1: y(tick), y2: y(tick) }));
+      parts.push(element("text", { class: "chart-tick", x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, number(tick * factor, digits)));
+    }
+    let d = "";
+    let before = null;
+    for (const [time, value] of known) {
+      if (before === null) d += `M${x(time).toFixed(1)} ${y(value).toFixed(1)}`;
+      else if (isStep) d += `H${x(time).toFixed(1)}V${y(value).toFixed(1)}`;
+      else d += `L${x(time).toFixed(1)} ${y(value).toFixed(1)}`;
+      before = value;
+    }
+    if (isStep && before !== null) d += `H${x(to).toFixed(1)}`;
+    parts.push(element("path", { class: "chart-line", d }));
+    // A point for each of very many values would hide them.
+    for (const [time, value, isWeak] of isStep || known.length > MOST_POINTS ? [] : known) {
+      parts.push(element("circle", { class: isWeak ? "chart-point weak" : "chart-point", cx: x(time), cy: y(value), r: 3 }));
+    }
+    for (const time of [from, (from + to) / 2, to]) {
+      const anchor = time === from ? "start" : time === to ? "end" : "middle";
+      parts.push(element("text", { class: "chart-tick", x: x(time), y: HEIGHT - 6, "text-anchor": anchor }, clock(time)));
+    }
+    svg.replaceChildren(...parts);
+    const said = known.length === 0
+      ? `${name}: ${t("empty")}`
+      : t("chart", {
+        name,
+        from: number(Math.min(...known.map(([, value]) => value)) * factor, digits),
+        to: number(Math.max(...known.map(([, value]) => value)) * factor, digits),
+        last: number(known.at(-1)[1] * factor, digits),
+        unit,
+      });
+    setAttribute(svg, "aria-label", said);
+  };
+  return { root, draw };
+};
+
+/** Where a time is on the axis of the charts, as a length of CSS in a box as wide as they are. */
+export const timePlace = (time, from, to) => {
+  const share = (time - from) / Math.max(1, to - from);
+  return `calc(${LEFT}px + (100% - ${LEFT + RIGHT}px) * ${share.toFixed(5)})`;
+};

@@ -1,0 +1,190 @@
+// The page: which view is shown, what all views know, the bar at the top.
+
+import { board } from "./board.js";
+import { element, keep, setAttribute, setText } from "./dom.js";
+import { follow, setToken } from "./api.js";
+import { jobs } from "./jobs.js";
+import { program } from "./program.js";
+import { run } from "./run.js";
+import { conditionText, nameOf, stateOf } from "./state.js";
+import { clock, currentLanguage, remember, remembered, switchLanguage, t } from "./text.js";
+
+/** Listeners of one kind. */
+const listeners = () => {
+  const all = new Set();
+  return {
+    add: (listener) => {
+      all.add(listener);
+      return () => all.delete(listener);
+    },
+    call: (...values) => [...all].forEach((listener) => listener(...values)),
+  };
+};
+
+const changes = listeners();
+const decisions = listeners();
+const jobEvents = listeners();
+const resets = listeners();
+
+/** What all views know. */
+const store = {
+  machines: new Map(),
+  isRead: false,
+  onChange: changes.add,
+  onDecision: decisions.add,
+  onJob: jobEvents.add,
+  onReset: resets.add,
+};
+
+const content = document.getElementById("content");
+const connection = document.getElementById("connection");
+const summary = document.getElementById("summary");
+const alarms = document.getElementById("alarms");
+let view = null;
+let lostSince = null;
+
+const THEMES = ["auto", "light", "dark"];
+const NAMES = { auto: "themeAuto", light: "themeLight", dark: "themeDark" };
+let theme = THEMES.includes(remembered("theme")) ? remembered("theme") : "auto";
+
+const paintTheme = () => setAttribute(document.documentElement, "data-theme", theme === "auto" ? null : theme);
+
+const missing = (place) => {
+  const notice = element("p", { class: "notice" });
+  place.append(notice);
+  const draw = () => setText(notice, t("missing"));
+  draw();
+  return { draw, end: () => {} };
+};
+
+const viewOf = (path, parameters) => {
+  if (path === "/") return ["board", (place) => board(place, store, parameters)];
+  if (path === "/jobs") return ["jobs", (place) => jobs(place, store)];
+  const of = path.match(/^\/((runs|jobs)\/[0-9a-f-]{36})$/);
+  if (of?.[2] === "runs") return ["run", (place) => run(place, store, of[1])];
+  if (of?.[2] === "jobs") return ["program", (place) => program(place, store, of[1])];
+  return ["missing", missing];
+};
+
+const show = () => {
+  const [name, make] = viewOf(location.pathname, new URLSearchParams(location.search));
+  view?.end();
+  content.replaceChildren();
+  document.body.dataset.view = name;
+  view = make(content);
+  drawHead();
+};
+
+const drawHead = () => {
+  document.documentElement.lang = currentLanguage();
+  for (const node of document.querySelectorAll("[data-text]")) setText(node, t(node.dataset.text));
+  for (const link of document.querySelectorAll("[data-view]")) {
+    if (link !== document.body) setAttribute(link, "aria-current", link.dataset.view === document.body.dataset.view ? "page" : null);
+  }
+  setText(document.getElementById("language"), t("other"));
+  setAttribute(document.getElementById("language"), "lang", currentLanguage() === "en" ? "de" : "en");
+  setText(document.getElementById("theme"), t(NAMES[theme]));
+  const counts = new Map();
+  for (const machine of store.machines.values()) {
+    const state = stateOf(machine);
+    counts.set(state, (counts.get(state) ?? 0) + 1);
+  }
+  const order = ["fault", "stopped", "held", "interrupted", "running", "ready", "done", "idle"];
+  const list = order.filter((state) => counts.has(state)).map((state) => [state, counts.get(state)]);
+  const level = { fault: "fault", stopped: "hold", held: "hold" };
+  keep(
+    summary, list, ([state]) => state, () => element("span", { class: "count" }),
+    (node, [state, count]) => {
+      setText(node, `${count} ${t(state)}`);
+      setAttribute(node, "data-level", level[state]);
+    },
+  );
+  setAttribute(connection, "hidden", lostSince === null);
+  if (lostSince !== null) setText(connection, t("lost", { time: clock(lostSince) }));
+};
+
+/** Says new faults to who cannot see them. */
+const said = new Set();
+const announce = (machine) => {
+  for (const condition of machine.conditions ?? []) {
+    const key = `${machine.machine} ${condition.code} ${condition.raiseTime ?? ""}`;
+    if (condition.severity !== "CONDITION_SEVERITY_FAULT" || said.has(key)) continue;
+    said.add(key);
+    if (store.isRead) setText(alarms, `${nameOf(machine)}: ${conditionText(condition)}`);
+  }
+};
+
+const askForToken = () => {
+  view?.end();
+  view = null;
+  const input = element("input", { type: "password", id: "token", autocomplete: "current-password", required: true });
+  const submit = (event) => {
+    event.preventDefault();
+    setToken(input.value);
+    location.reload();
+  };
+  content.replaceChildren(
+    element(
+      "form", { class: "token", onsubmit: submit },
+      element("p", {}, t("tokenWhy")), element("label", { for: "token" }, t("token")), input,
+      element("button", { type: "submit" }, t("tokenGo")),
+    ),
+  );
+  input.focus();
+};
+
+follow({
+  open: () => {
+    lostSince = null;
+    // The states of all machines come now; those that are not among them are gone.
+    store.machines.clear();
+    drawHead();
+  },
+  lost: () => {
+    lostSince ??= Date.now();
+    drawHead();
+  },
+  refused: askForToken,
+  state: (machine) => {
+    announce(machine);
+    store.machines.set(machine.machine, machine);
+    store.isRead = true;
+    changes.call(machine);
+    drawHead();
+  },
+  gone: ({ machine }) => {
+    store.machines.delete(machine);
+    changes.call();
+    drawHead();
+  },
+  decision: decisions.call,
+  job: jobEvents.call,
+  reset: resets.call,
+});
+
+document.getElementById("language").addEventListener("click", () => {
+  switchLanguage();
+  drawHead();
+  view?.draw();
+});
+document.getElementById("theme").addEventListener("click", () => {
+  theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length];
+  remember("theme", theme);
+  paintTheme();
+  drawHead();
+});
+document.addEventListener("click", (event) => {
+  const link = event.target.closest("a[href^='/']");
+  if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey) return;
+  event.preventDefault();
+  history.pushState(null, "", link.getAttribute("href"));
+  show();
+  content.focus({ preventScroll: true });
+  scrollTo(0, 0);
+});
+addEventListener("popstate", show);
+document.querySelector(".skip").addEventListener("click", () => content.focus());
+
+paintTheme();
+show();
+

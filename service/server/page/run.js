@@ -1,0 +1,305 @@
+// One run: what it does, its trends on one time axis, its decisions with what was seen.
+
+import { chart, timePlace } from "./chart.js";
+import { element, keep, setAttribute, setText } from "./dom.js";
+import { read } from "./api.js";
+import { clock, code, duration, measured, number, percent, short, t } from "./text.js";
+import {
+  conditionText, feedReason, isAvailable, levelOf, limitBar, nameOf, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
+} from "./state.js";
+
+/** Decisions that are kept and drawn. */
+const MOST_DECISIONS = 2000;
+const MOST_POINTS = 1500;
+
+const facts = () => element("dl", { class: "facts" });
+
+const setFacts = (list, entries) => {
+  const flat = entries.filter(([, value]) => value !== null && value !== undefined);
+  keep(
+    list, flat, ([name]) => name,
+    () => element("div", {}, element("dt"), element("dd")),
+    (row, [name, value]) => {
+      setText(row.firstChild, name);
+      setText(row.lastChild, value);
+    },
+  );
+};
+
+const evidenceOf = (decision) => {
+  const inputs = decision.inputs ?? {};
+  const rules = inputs.rules ?? {};
+  const property = rules.property;
+  const process = inputs.process;
+  if (!process) return null;
+  const value = property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY"
+    ? process.line?.frequencyHz
+    : property === "PROCESS_PROPERTY_VIBRATION_AMPLITUDE" ? process.line?.amplitude : process.maxDeviation;
+  return { property, value, lower: rules.feed?.lower, upper: rules.feed?.upper, line: process.line };
+};
+
+/** A run by its name; `runs/7`. */
+export const run = (place, store, name) => {
+  let machine = null;
+  let record = null;
+  let decisions = [];
+  let selected = null;
+  let failure = null;
+  const feeds = [];
+  const stop = new AbortController();
+
+  const icon = stateIcon();
+  const title = element("h1", { class: "title" });
+  const stateWord = element("span", { class: "state" });
+  const subtitle = element("p", { class: "subtitle" });
+  const notice = element("p", { class: "notice" });
+  const reason = element("p", { class: "reason" });
+  const process = element("div", { class: "process" }, element("span", { class: "process-text" }), limitBar());
+  const overview = facts();
+  const alarms = element("ul", { class: "alarms" });
+  const trends = ["override", "property", "spindle", "feed"].map(() => chart());
+  const timeline = element("div", { class: "timeline", role: "listbox", tabindex: "0" });
+  const detail = element("section", { class: "detail", "aria-live": "polite" });
+  const detailTitle = element("h3");
+  const detailFacts = facts();
+  detail.append(detailTitle, detailFacts);
+  const trendTitle = element("h2");
+  const decisionTitle = element("h2");
+  const alarmTitle = element("h2");
+  const body = element(
+    "div", { class: "run", hidden: true },
+    element("section", { class: "run-head" }, element("div", { class: "heading" }, icon, title, stateWord), subtitle, reason, process, overview),
+    element("section", {}, alarmTitle, alarms),
+    element("section", { class: "trends" }, trendTitle, ...trends.map((one) => one.root)),
+    element("section", {}, decisionTitle, timeline, detail),
+  );
+  place.append(notice, body);
+
+  const activity = () => (machine?.run?.run === name ? machine.run : record?.activity);
+  const unit = () => activity()?.process?.unit ?? (record?.monitoring?.tool?.quantity === "SENSOR_QUANTITY_ACCELERATION" ? "mm/s²" : "mm");
+
+  const drawHead = () => {
+    const now = activity();
+    const view = { ...machine, ...(now ?? {}), conditions: machine?.conditions, machine: machine?.machine ?? "" };
+    const state = stateOf(view);
+    const available = isAvailable(view);
+    setAttribute(body, "data-level", levelOf(view));
+    paintIcon(icon, state);
+    setText(title, now?.jobDisplayName || name);
+    setText(stateWord, t(state));
+    const kind = record.kind === "RUN_KIND_LIVE" ? t("live") : t("telemetryRun");
+    const of = machine ? nameOf(machine) : "";
+    setText(subtitle, [of, kind, t("sinceTime", { time: clock(record.createTime) })].filter(Boolean).join(" · "));
+    const overrides = available ? now?.overrides : undefined;
+    setText(reason, overrides ? feedReason(now) : "");
+    const shown = available ? now?.process : undefined;
+    setAttribute(process, "hidden", shown?.value === undefined);
+    if (shown?.value !== undefined) {
+      setText(process.firstChild, `${propertyOf(shown)} ${measured(shown.value, shown.unit)} ${shown.unit}`);
+      paintBar(process.lastChild, shown);
+    }
+    const commanded = available ? now?.commanded : undefined;
+    const speed = commanded?.spindleRevPerMin ?? now?.programmedRevPerMin;
+    const line = shown?.line;
+    setFacts(overview, [
+      [t("override"), overrides ? percent(overrides.feed, 1) : "–"],
+      [t("pathFeed"), commanded ? `${number(commanded.feedMmPerMin, 1)} mm/min` : "–"],
+      [t("spindle"), speed === undefined || !overrides ? "–" : `${number(speed * overrides.spindle)} /min (${percent(overrides.spindle)})`],
+      [t("progress"), now?.progress ? `${percent(now.progress.ratio)} · ${now.progress.remainingS === undefined ? "–" : `≈ ${duration(now.progress.remainingS)}`}` : null],
+      [t("source"), commanded ? t("line", { line: commanded.line }) : null],
+      [t("dominant"), line ? `${number(line.frequencyHz, 1)} Hz · ${measured(line.amplitude, shown.deviationUnit)} ${shown.deviationUnit}` : null],
+    ]);
+  };
+
+  const drawAlarms = () => {
+    const conditions = (machine?.conditions ?? []).filter((one) => one.run === name);
+    keep(
+      alarms, conditions, (one) => `${one.code}-${one.decisionNumber ?? ""}`,
+      () => element("li", {}, element("span", { class: "alarm-text" }), element("span", { class: "alarm-note" })),
+      (row, one) => {
+        setAttribute(row, "data-severity", short(one.severity, "CONDITION_SEVERITY_").toLowerCase());
+        setText(row.firstChild, conditionText(one));
+        const seen = !one.needsAcknowledgement ? "" : one.acknowledgedBy ? t("acknowledged", { name: one.acknowledgedBy }) : t("toAcknowledge");
+        setText(row.lastChild, [one.raiseTime ? t("sinceTime", { time: clock(one.raiseTime) }) : "", seen].filter(Boolean).join(" · "));
+      },
+    );
+    setText(alarmTitle, conditions.length > 0 ? t("condition") : t("noConditions"));
+  };
+
+  const times = () => {
+    const begin = Date.parse(record.createTime);
+    const ended = record.state !== "RUN_STATE_OPEN";
+    const end = ended ? Date.parse(record.updateTime) : Date.now();
+    return [begin, Math.max(end, begin + 1000, ...decisions.slice(-1).map((one) => Date.parse(one.time)))];
+  };
+
+  const drawTrends = () => {
+    const [from, to] = times();
+    const at = decisions.map((one) => [Date.parse(one.time), one]);
+    const first = at.length > 0 ? [[from, at[0][1].inputs?.before]] : [];
+    const steps = [...first, ...at.map(([time, one]) => [time, one.outcome?.after])];
+    const bounds = record.monitoring?.rules?.feedBounds;
+    trends[0].draw(t("override"), {
+      from, to, isStep: true, digits: 0, unit: "%", factor: 100, lower: bounds?.lower, upper: bounds?.upper,
+      points: steps.map(([time, after]) => [time, after?.feed]),
+    });
+    const seen = at.map(([time, one]) => [time, evidenceOf(one)]).filter(([, evidence]) => evidence);
+    const rule = seen.at(-1)?.[1] ?? { lower: record.monitoring?.rules?.feed?.lower, upper: record.monitoring?.rules?.feed?.upper, property: record.monitoring?.rules?.property };
+    const shownUnit = rule.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : unit();
+    trends[1].draw(propertyOf(rule), {
+      from, to, digits: shownUnit === "mm" ? 4 : 1, unit: shownUnit, lower: rule.lower, upper: rule.upper,
+      points: seen.map(([time, evidence]) => [time, evidence.value]),
+    });
+    trends[2].draw(t("spindleSpeed"), {
+      from, to, isStep: true, digits: 0, unit: "/min",
+      points: at.map(([time, one]) => [time, one.inputs?.currentRevPerMin ?? (one.inputs?.programmedRevPerMin ?? NaN) * (one.outcome?.after?.spindle ?? NaN)]),
+    });
+    trends[3].draw(t("pathFeed"), { from, to, digits: 0, unit: "mm/min", points: feeds });
+    setText(trendTitle, t("trends"));
+  };
+
+  const drawDecisions = () => {
+    const [from, to] = times();
+    setText(decisionTitle, decisions.length > 0 ? t("decisions") : t("noDecisions"));
+    setAttribute(timeline, "aria-label", t("decisions"));
+    setAttribute(timeline, "hidden", decisions.length === 0);
+    setAttribute(timeline, "data-dense", decisions.length > 100);
+    keep(
+      timeline, decisions, (one) => one.number,
+      (one) => element("span", { class: "decision", role: "option", onclick: () => select(Number(one.number)) }),
+      (mark, one) => {
+        const outcome = one.outcome ?? {};
+        mark.id = `decision-${one.number}`;
+        mark.style.insetInlineStart = timePlace(Date.parse(one.time), from, to);
+        setAttribute(mark, "data-action", short(outcome.action, "DECISION_ACTION_").toLowerCase());
+        setAttribute(mark, "aria-selected", selected === Number(one.number) ? "true" : "false");
+        setAttribute(mark, "aria-label", `${t("decision", { number: one.number })}: ${code(short(outcome.reason, "DECISION_REASON_"))}`);
+      },
+    );
+    setAttribute(timeline, "aria-activedescendant", selected === null ? null : `decision-${selected}`);
+    const one = decisions.find((decision) => Number(decision.number) === selected);
+    setAttribute(detail, "hidden", !one);
+    if (one) drawDetail(one);
+  };
+
+  const drawDetail = (one) => {
+    const outcome = one.outcome ?? {};
+    const evidence = evidenceOf(one);
+    const inputs = one.inputs ?? {};
+    const hold = short(outcome.holdReason, "HOLD_REASON_");
+    const why = code(short(outcome.reason, "DECISION_REASON_"));
+    const shownUnit = evidence?.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : unit();
+    const both = (overrides) => (overrides ? `${t("feed")} ${percent(overrides.feed, 1)} · ${t("spindle")} ${percent(overrides.spindle, 1)}` : "–");
+    const bound = outcome.feedBound && outcome.feedBound !== "OVERRIDE_BOUND_UNSPECIFIED" ? ` (${t("bounds")})` : "";
+    setText(detailTitle, t("decision", { number: one.number }));
+    setFacts(detailFacts, [
+      [t("time"), clock(one.time)],
+      [t("action"), code(short(outcome.action, "DECISION_ACTION_"))],
+      [t("reason"), hold && hold !== "UNSPECIFIED" ? `${why}: ${code(hold)}` : why],
+      [t("seen"), evidence ? `${propertyOf(evidence)} ${measured(evidence.value, shownUnit)} ${shownUnit}` : inputs.unfit || inputs.silenceNs ? t("noEvidence") : null],
+      [t("limit"), evidence ? t("limits", { lower: measured(evidence.lower, shownUnit), upper: measured(evidence.upper, shownUnit), unit: shownUnit }) : null],
+      [t("dominant"), evidence?.line ? `${number(evidence.line.frequencyHz, 1)} Hz · ${measured(evidence.line.amplitude, unit())} ${unit()}` : null],
+      [t("window"), one.span ? t("samples", { valid: number(one.span.valid), all: number(one.span.samples) }) : null],
+      [t("before"), both(inputs.before)],
+      [t("after"), both(outcome.after) + bound],
+    ]);
+  };
+
+  const select = (number) => {
+    selected = number;
+    drawDecisions();
+  };
+
+  timeline.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1, Home: -Infinity, End: Infinity }[event.key];
+    if (step === undefined || decisions.length === 0) return;
+    event.preventDefault();
+    const at = decisions.findIndex((one) => Number(one.number) === selected);
+    // Without a selection an arrow begins at the newest one.
+    const from = at < 0 ? decisions.length - 1 - step : at;
+    const next = Number.isFinite(step) ? from + step : step < 0 ? 0 : decisions.length - 1;
+    select(Number(decisions[Math.min(decisions.length - 1, Math.max(0, next))].number));
+  });
+
+  const draw = () => {
+    setAttribute(notice, "hidden", record !== null && !failure);
+    setText(notice, failure ? t("failed", { reason: failure }) : t("loading"));
+    setAttribute(body, "hidden", record === null);
+    if (!record) return;
+    drawHead();
+    drawAlarms();
+    drawTrends();
+    drawDecisions();
+  };
+
+  const changed = () => {
+    machine = [...store.machines.values()].find((one) => one.run?.run === name) ?? machine;
+    const now = machine?.run;
+    if (now?.run === name && isAvailable(now) && now.commanded) {
+      feeds.push([Date.parse(now.updateTime), now.commanded.feedMmPerMin]);
+      if (feeds.length > MOST_POINTS) feeds.splice(0, feeds.length - MOST_POINTS);
+    }
+    if (record) drawHead();
+    if (record) drawAlarms();
+  };
+
+  const readDecisions = async () => {
+    const after = decisions.length > 0 ? decisions.at(-1).sequence : "0";
+    let token = "";
+    do {
+      const query = new URLSearchParams({ run: name, after, pageSize: "500", ...(token ? { pageToken: token } : {}) });
+      const page = await read(`/v1/decisions?${query}`, stop.signal);
+      add(page.decisions);
+      token = page.nextPageToken;
+    } while (token);
+  };
+  const add = (list) => {
+    const known = new Set(decisions.map((one) => one.number));
+    decisions.push(...list.filter((one) => one.run === name && !known.has(one.number)));
+    decisions.sort((a, b) => Number(a.number) - Number(b.number));
+    if (decisions.length > MOST_DECISIONS) decisions = decisions.slice(-MOST_DECISIONS);
+  };
+  const readAll = async () => {
+    try {
+      record = await read(`/v1/${name}`, stop.signal);
+      await readDecisions();
+      failure = null;
+    } catch (error) {
+      if (stop.signal.aborted) return;
+      failure = error.message;
+    }
+    changed();
+    draw();
+  };
+  const subscriptions = [
+    store.onChange(changed),
+    store.onDecision((decision) => {
+      if (decision.run !== name) return;
+      add([decision]);
+      draw();
+    }),
+    store.onReset(readAll),
+    store.onJob((event) => {
+      if (record && event.job === record.job) readAll();
+    }),
+  ];
+  const tick = setInterval(() => {
+    if (record?.state === "RUN_STATE_OPEN") draw();
+    const ended = activity() && ["EXECUTION_FINISHED", "EXECUTION_STOPPED"].includes(activity().execution);
+    if (record?.state === "RUN_STATE_OPEN" && ended) readAll();
+  }, 1000);
+  // Charts are drawn for the width that they have.
+  const resized = new ResizeObserver(() => record && drawTrends());
+  resized.observe(trends[0].root);
+  draw();
+  readAll();
+  return {
+    draw,
+    end: () => {
+      stop.abort();
+      resized.disconnect();
+      clearInterval(tick);
+      subscriptions.forEach((unsubscribe) => unsubscribe());
+    },
+  };
+};

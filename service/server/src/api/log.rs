@@ -1,0 +1,205 @@
+//! Logs of the store as they are followed: state changes of jobs, and decisions. The newest records are read once for all
+//! who watch.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, OnceLock};
+
+use feedwave_contract::json;
+use feedwave_contract::json::Name;
+use feedwave_store::{Store, Tenant};
+use futures_util::{Stream, stream};
+use tokio::sync::{Mutex, watch};
+use uuid::Uuid;
+
+use crate::error::Result;
+
+/// Records read together for a watcher, and for all of them.
+const PAGE: u32 = 500;
+/// Records kept; a watcher that is further behind reads the store itself.
+const KEPT: usize = 4_096;
+
+/// A record of a log.
+#[derive(Debug)]
+pub(crate) struct Entry<M> {
+    /// Its place in the log.
+    pub(crate) sequence: i64,
+    /// Whose it is, and what it is of: a filter by these wants it.
+    of: LogFilter,
+    /// What the contract says of it.
+    pub(crate) message: M,
+    json: OnceLock<String>,
+}
+
+impl<M: Name> Entry<M> {
+    pub(super) fn new(sequence: i64, of: LogFilter, message: M) -> Arc<Self> {
+        Arc::new(Self { sequence, of, message, json: OnceLock::new() })
+    }
+
+    /// The message as JSON, written once for all who watch.
+    pub(crate) fn json(&self) -> &str {
+        self.json.get_or_init(|| json::to_string(&self.message))
+    }
+}
+
+/// Which records are wanted; the default wants all.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LogFilter {
+    /// Only this tenant's.
+    pub(super) tenant: Option<Tenant>,
+    /// Only those of this job.
+    pub(super) job: Option<Uuid>,
+    /// Only those of this run.
+    pub(super) run: Option<Uuid>,
+}
+
+impl LogFilter {
+    /// All that a tenant has.
+    pub(crate) fn of_tenant(tenant: Tenant) -> Self {
+        Self { tenant: Some(tenant), ..Self::default() }
+    }
+
+    fn wants<M>(&self, entry: &Entry<M>) -> bool {
+        let Self { tenant, job, run } = *self;
+        let of = &entry.of;
+        let is_theirs = tenant.is_none() || of.tenant == tenant;
+        is_theirs && (job.is_none() || of.job == job) && (run.is_none() || of.run == run)
+    }
+}
+
+/// A log of the store.
+pub(crate) trait Log: Send + Sync + 'static {
+    /// What the contract says of a record.
+    type Message: Name + Clone + Send + Sync;
+
+    /// The place of the newest record.
+    fn newest(store: &Store) -> watch::Receiver<i64>;
+
+    /// Records behind a place, at most `limit`.
+    fn read(
+        store: &Store,
+        after: i64,
+        filter: LogFilter,
+        limit: u32,
+    ) -> impl Future<Output = Result<Vec<Arc<Entry<Self::Message>>>>> + Send;
+}
+
+/// The newest records of a log.
+#[derive(Debug)]
+pub(crate) struct Recent<L: Log> {
+    kept: Mutex<Kept<L::Message>>,
+}
+
+#[derive(Debug)]
+struct Kept<M> {
+    /// Every record behind this place up to `to` is here.
+    from: i64,
+    to: i64,
+    entries: VecDeque<Arc<Entry<M>>>,
+}
+
+/// Records behind a cursor.
+struct Found<M> {
+    /// Those that were wanted.
+    entries: Vec<Arc<Entry<M>>>,
+    /// Place up to which there is no other.
+    to: i64,
+}
+
+impl<L: Log> Recent<L> {
+    /// Records from the newest of the store on.
+    pub(crate) fn new(store: &Store) -> Self {
+        let newest = *L::newest(store).borrow();
+        Self { kept: Mutex::new(Kept { from: newest, to: newest, entries: VecDeque::new() }) }
+    }
+
+    /// At most a page of records behind `after`; `None` where they are not kept. `newest` is the newest one that is
+    /// durable.
+    async fn after(
+        &self,
+        store: &Store,
+        after: i64,
+        newest: i64,
+        filter: LogFilter,
+    ) -> Result<Option<Found<L::Message>>> {
+        let mut kept = self.kept.lock().await;
+        // What nobody has watched need not be read now.
+        let oldest = newest.saturating_sub(i64::try_from(KEPT).unwrap_or(i64::MAX));
+        if kept.to < oldest {
+            *kept = Kept { from: oldest, to: oldest, entries: VecDeque::new() };
+        }
+        while kept.to < newest {
+            let entries = L::read(store, kept.to, LogFilter::default(), PAGE).await?;
+            // Places have gaps where a write was taken back.
+            kept.to = entries.last().map_or(newest, |last| last.sequence);
+            kept.entries.extend(entries);
+            let surplus = kept.entries.len().saturating_sub(KEPT);
+            for _ in 0..surplus {
+                if let Some(passed) = kept.entries.pop_front() {
+                    kept.from = passed.sequence;
+                }
+            }
+        }
+        if after < kept.from {
+            return Ok(None);
+        }
+        let first = kept.entries.partition_point(|entry| entry.sequence <= after);
+        let wanted = kept.entries.range(first..).filter(|entry| filter.wants(entry));
+        let entries: Vec<_> = wanted.take(PAGE as usize).cloned().collect();
+        let is_all = entries.len() < PAGE as usize;
+        let to = if is_all { kept.to } else { entries.last().map_or(kept.to, |last| last.sequence) };
+        Ok(Some(Found { entries, to }))
+    }
+}
+
+/// Reads the records of a log as they come. A wait that is given up has passed nothing over.
+pub(crate) struct LogWatch<L: Log> {
+    store: Store,
+    recent: Arc<Recent<L>>,
+    newest: watch::Receiver<i64>,
+    after: i64,
+    filter: LogFilter,
+    read: VecDeque<Arc<Entry<L::Message>>>,
+}
+
+impl<L: Log> LogWatch<L> {
+    /// Follows a log behind a place; where none is named, behind the newest record.
+    pub(crate) fn new(store: &Store, recent: &Arc<Recent<L>>, after: Option<i64>, filter: LogFilter) -> Self {
+        let newest = L::newest(store);
+        let after = after.unwrap_or_else(|| *newest.borrow());
+        Self { store: store.clone(), recent: recent.clone(), newest, after, filter, read: VecDeque::new() }
+    }
+
+    /// Place up to which records have been handed on.
+    pub(crate) fn place(&self) -> i64 {
+        self.read.front().map_or(self.after, |next| next.sequence - 1)
+    }
+
+    /// The next record; `None` when the store was closed.
+    pub(crate) async fn next(&mut self) -> Result<Option<Arc<Entry<L::Message>>>> {
+        loop {
+            if let Some(entry) = self.read.pop_front() {
+                return Ok(Some(entry));
+            }
+            let newest = *self.newest.borrow_and_update();
+            if newest > self.after {
+                if let Some(found) = self.recent.after(&self.store, self.after, newest, self.filter).await? {
+                    self.after = found.to.max(self.after);
+                    self.read.extend(found.entries);
+                    continue;
+                }
+                let entries = L::read(&self.store, self.after, self.filter, PAGE).await?;
+                // Records of others are passed over; a full page may not reach the newest one.
+                let last = entries.last().map_or(newest, |entry| entry.sequence);
+                self.after = if entries.len() < PAGE as usize { last.max(newest) } else { last };
+                self.read.extend(entries);
+            } else if self.newest.changed().await.is_err() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// The messages of the records, without end.
+    pub(super) fn messages(self) -> impl Stream<Item = Result<L::Message>> + Send {
+        stream::try_unfold(self, async |mut watch| Ok(watch.next().await?.map(|entry| (entry.message.clone(), watch))))
+    }
+}

@@ -1,0 +1,456 @@
+//! What machines do now: one live model per machine, filled by the runs that are connected, read by all that shows it.
+//!
+//! Invariants: a run tells of itself a few times a second at most, whether anybody looks or not, so that its cost is
+//! bounded; whoever looks takes the newest state when it can, so that nothing queues up for slow readers. What is here is
+//! never asked for a decision and can be made anew from the log. There is a floor for each tenant, with all machines and no
+//! runs but its own.
+
+mod alarms;
+mod course;
+mod floors;
+mod handed_out;
+mod presence;
+mod restore;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Bound;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+
+use bytes::Bytes;
+use feedwave_contract::proto::{
+    Availability, Execution, MachineCondition, MachineState, RunActivity, RunCondition as ConditionMessage,
+};
+use feedwave_contract::{json, names};
+use tokio::sync::watch;
+use tokio::time::{Instant, sleep_until};
+use uuid::Uuid;
+
+pub(crate) use course::Course;
+pub(crate) use floors::Floors;
+pub(crate) use handed_out::HandedOut;
+pub(crate) use presence::Presence;
+
+use crate::error::Result;
+use crate::http::Tagged;
+
+/// Least time between two states of a machine that a reader is given.
+pub(crate) const STATE_INTERVAL: Duration = Duration::from_millis(200);
+/// Most conditions of a state.
+const MAX_CONDITIONS: usize = 32;
+/// Most unacknowledged conditions that are remembered of a machine; the store has the others.
+const MAX_LOGGED: u32 = 64;
+
+/// The state of a machine at one time.
+#[derive(Debug)]
+pub(crate) struct Shown {
+    /// Counts the changes of all machines.
+    pub(crate) version: u64,
+    /// The state.
+    pub(crate) state: MachineState,
+    /// Version of the machine in the store; empty where it is in none.
+    pub(crate) etag: String,
+    json: OnceLock<Bytes>,
+}
+
+impl Shown {
+    fn new(version: u64, state: MachineState, etag: String) -> Arc<Self> {
+        Arc::new(Self { version, state, etag, json: OnceLock::new() })
+    }
+
+    /// The state as JSON, written once for all readers.
+    pub(crate) fn json(&self) -> &Bytes {
+        self.json.get_or_init(|| json::to_string(&self.state).into())
+    }
+
+    /// The identifier of the machine.
+    pub(crate) fn machine_id(&self) -> &str {
+        self.state.machine.strip_prefix("machines/").unwrap_or(&self.state.machine)
+    }
+}
+
+/// What is known of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct RunView {
+    id: Uuid,
+    job_id: Uuid,
+    /// Place in the order in which runs began.
+    sequence: i64,
+    activity: RunActivity,
+    /// Conditions that are not in the log.
+    alarms: Vec<MachineCondition>,
+}
+
+/// A run whose stream is connected.
+#[derive(Debug)]
+struct Connected {
+    /// Tells streams of the same run apart.
+    ticket: u64,
+    view: RunView,
+    /// Its job was deleted: it is forgotten with its stream.
+    forgotten: bool,
+}
+
+/// A condition that a decision raised.
+#[derive(Clone, Debug)]
+struct Logged {
+    run: Uuid,
+    job_id: Uuid,
+    condition: ConditionMessage,
+}
+
+#[derive(Debug)]
+struct Machine {
+    display_name: String,
+    /// Its version, while it is in the store.
+    etag: Option<String>,
+    /// The newest stream last.
+    connected: Vec<Connected>,
+    /// The newest run whose stream is not connected.
+    resting: Option<RunView>,
+    logged: Vec<Logged>,
+    finished: u64,
+    shown: Arc<Shown>,
+}
+
+impl Machine {
+    fn new(id: &str) -> Self {
+        let state = MachineState { machine: names::machine(id), ..MachineState::default() };
+        Self {
+            display_name: String::new(),
+            etag: None,
+            connected: Vec::new(),
+            resting: None,
+            logged: Vec::new(),
+            finished: 0,
+            shown: Shown::new(0, state, String::new()),
+        }
+    }
+
+    /// The run that the state is about: the one that was connected last, or the newest.
+    fn run(&self) -> Option<&RunView> {
+        self.connected.last().map(|connected| &connected.view).or(self.resting.as_ref())
+    }
+
+    /// Keeps what is left of a run whose stream is gone.
+    fn rest(&mut self, view: RunView) {
+        if self.resting.as_ref().is_none_or(|resting| resting.sequence <= view.sequence) {
+            self.resting = Some(view);
+        }
+    }
+
+    fn state(&self) -> MachineState {
+        let run = self.run();
+        let activity = run.map(|view| &view.activity);
+        let unavailable = Availability::Unavailable;
+        MachineState {
+            machine: self.shown.state.machine.clone(),
+            display_name: self.display_name.clone(),
+            availability: activity.map_or(unavailable, RunActivity::availability).into(),
+            execution: activity.map_or(Execution::Idle, RunActivity::execution).into(),
+            execution_time: activity.and_then(|activity| activity.execution_time),
+            run: activity.cloned(),
+            other_runs: u32::try_from(self.connected.len().saturating_sub(1)).unwrap_or(u32::MAX),
+            conditions: self.conditions(run),
+            finished_runs: self.finished,
+        }
+    }
+
+    fn conditions(&self, run: Option<&RunView>) -> Vec<MachineCondition> {
+        let logged = self.logged.iter().map(|logged| alarms::of_log(logged.run, &logged.condition));
+        let mut conditions: Vec<_> =
+            run.into_iter().flat_map(|view| view.alarms.iter().cloned()).chain(logged).collect();
+        // The worst first, of these the newest; what was acknowledged comes behind what was not.
+        let rank = |condition: &MachineCondition| {
+            let time = condition.raise_time.map_or((0, 0), |time| (time.seconds, time.nanos));
+            let waits = condition.needs_acknowledgement && condition.acknowledge_time.is_none();
+            std::cmp::Reverse((condition.severity, waits, time))
+        };
+        conditions.sort_by_key(rank);
+        conditions.truncate(MAX_CONDITIONS);
+        conditions
+    }
+
+    /// Forgets conditions that were acknowledged and hold nothing any more.
+    fn forget_acknowledged(&mut self) {
+        let held = self.run().filter(|view| view.activity.feed_held).map(|view| view.id);
+        self.logged.retain(|logged| logged.condition.acknowledge_time.is_none() || held == Some(logged.run));
+        let surplus = self.logged.len().saturating_sub(MAX_LOGGED as usize);
+        self.logged.drain(..surplus);
+    }
+
+    fn is_needed(&self) -> bool {
+        self.etag.is_some() || !self.connected.is_empty()
+    }
+}
+
+#[derive(Debug, Default)]
+struct Board {
+    version: u64,
+    tickets: u64,
+    machines: BTreeMap<String, Machine>,
+    /// Version at which a machine went last.
+    removed: u64,
+    /// The first page of states as it was written last, and of which version it is.
+    first_page: Option<(u64, Arc<Tagged>)>,
+}
+
+impl Board {
+    /// Changes a machine, which is made where it is not known, and shows what became of it.
+    fn change(&mut self, id: &str, change: impl FnOnce(&mut Machine)) {
+        let machine = self.machines.entry(id.to_owned()).or_insert_with(|| Machine::new(id));
+        change(machine);
+        machine.forget_acknowledged();
+        self.version += 1;
+        if machine.is_needed() {
+            let state = machine.state();
+            machine.shown = Shown::new(self.version, state, machine.etag.clone().unwrap_or_default());
+        } else {
+            self.machines.remove(id);
+            self.removed = self.version;
+        }
+    }
+}
+
+/// What changed since a reader looked last.
+#[derive(Debug, Default)]
+pub(crate) struct Changes {
+    /// States of machines that changed, by identifier.
+    pub(crate) states: Vec<Arc<Shown>>,
+    /// Machines that the reader was shown and that are gone.
+    pub(crate) gone: Vec<String>,
+}
+
+/// Follows machines at the reader's own pace.
+#[derive(Debug)]
+pub(crate) struct FloorReader {
+    floor: Floor,
+    newest: watch::Receiver<u64>,
+    /// Only this machine.
+    machine: Option<String>,
+    /// Before that, nothing is read again.
+    not_before: Option<Instant>,
+    seen: u64,
+    shown: BTreeSet<String>,
+}
+
+impl FloorReader {
+    /// What changed since the last call, as soon as something has, but not sooner than [`STATE_INTERVAL`] after that call; at
+    /// first everything. `None` when there will be no more.
+    pub(crate) async fn next(&mut self) -> Option<Changes> {
+        if let Some(not_before) = self.not_before {
+            // What is given up while it waits has not seen anything.
+            while *self.newest.borrow() <= self.seen {
+                self.newest.changed().await.ok()?;
+            }
+            sleep_until(not_before).await;
+        }
+        self.not_before = Some(Instant::now() + STATE_INTERVAL);
+        Some(self.changes())
+    }
+
+    fn changes(&mut self) -> Changes {
+        let board = self.floor.board();
+        let wanted = |id: &str| self.machine.as_deref().is_none_or(|machine| machine == id);
+        let changed = board.machines.iter().filter(|(id, machine)| machine.shown.version > self.seen && wanted(id));
+        let states: Vec<_> = changed.map(|(_, machine)| machine.shown.clone()).collect();
+        let gone = if board.removed > self.seen {
+            let gone = self.shown.iter().filter(|id| !board.machines.contains_key(*id)).cloned().collect();
+            self.shown.retain(|id| board.machines.contains_key(id));
+            gone
+        } else {
+            Vec::new()
+        };
+        self.seen = board.version;
+        drop(board);
+        self.shown.extend(states.iter().map(|shown| shown.machine_id().to_owned()));
+        Changes { states, gone }
+    }
+}
+
+/// The machines and what they do, as one tenant sees them. Cloning is cheap.
+#[derive(Clone, Debug)]
+pub(crate) struct Floor {
+    board: Arc<Mutex<Board>>,
+    newest: Arc<watch::Sender<u64>>,
+}
+
+impl Floor {
+    /// A floor without machines.
+    pub(crate) fn new() -> Self {
+        Self { board: Arc::default(), newest: Arc::new(watch::Sender::new(0)) }
+    }
+
+    fn board(&self) -> MutexGuard<'_, Board> {
+        // Every change leaves a whole board behind, so a poisoned one is valid.
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, id: &str, change: impl FnOnce(&mut Machine)) {
+        let version = {
+            let mut board = self.board();
+            board.change(id, change);
+            board.version
+        };
+        self.newest.send_modify(|newest| *newest = version.max(*newest));
+    }
+
+    /// A machine is in the store, in this version and under this name for people.
+    pub(crate) fn put_machine(&self, id: &str, etag: &str, display_name: &str) {
+        self.change(id, |machine| {
+            machine.etag = Some(etag.to_owned());
+            display_name.clone_into(&mut machine.display_name);
+        });
+    }
+
+    /// A machine is in the store no more.
+    pub(crate) fn remove_machine(&self, id: &str) {
+        self.change(id, |machine| {
+            machine.etag = None;
+            machine.display_name.clear();
+        });
+    }
+
+    /// Takes over what the log says of a machine.
+    fn restore_machine(&self, id: &str, resting: Option<RunView>, finished: u64, logged: Vec<Logged>) {
+        self.change(id, |machine| {
+            machine.resting = resting;
+            machine.finished = finished;
+            machine.logged = logged;
+        });
+    }
+
+    /// A stream of a run is connected; its ticket.
+    fn connect(&self, id: &str, view: RunView, logged: Vec<Logged>) -> u64 {
+        let ticket = {
+            let mut board = self.board();
+            board.tickets += 1;
+            board.tickets
+        };
+        self.change(id, |machine| {
+            if machine.resting.as_ref().is_some_and(|resting| resting.id == view.id) {
+                machine.resting = None;
+            }
+            for new in logged {
+                let known =
+                    |old: &Logged| old.run == new.run && old.condition.decision_number == new.condition.decision_number;
+                if !machine.logged.iter().any(known) {
+                    machine.logged.push(new);
+                }
+            }
+            machine.connected.push(Connected { ticket, view, forgotten: false });
+        });
+        ticket
+    }
+
+    fn update(&self, id: &str, ticket: u64, view: &RunView) {
+        self.change(id, |machine| {
+            let connected = machine.connected.iter_mut().find(|connected| connected.ticket == ticket);
+            if let Some(connected) = connected {
+                connected.view.clone_from(view);
+            }
+        });
+    }
+
+    /// The stream is gone; what is left of its run, where it is not another stream's by now.
+    fn disconnect(&self, id: &str, ticket: u64, view: Option<RunView>) {
+        self.change(id, |machine| {
+            let mut forgotten = false;
+            machine.connected.retain(|connected| {
+                forgotten |= connected.ticket == ticket && connected.forgotten;
+                connected.ticket != ticket
+            });
+            if let Some(view) = view.filter(|_| !forgotten) {
+                let goes_on = machine.connected.iter().any(|connected| connected.view.id == view.id);
+                if !goes_on {
+                    machine.finished += u64::from(view.activity.execution() == Execution::Finished);
+                    machine.rest(view);
+                }
+            }
+        });
+    }
+
+    fn raise(&self, id: &str, logged: Logged) {
+        self.change(id, |machine| machine.logged.push(logged));
+    }
+
+    /// Somebody acknowledged a condition of a run on a machine.
+    pub(crate) fn acknowledge(&self, machine_id: &str, run: Uuid, condition: &ConditionMessage) {
+        self.change(machine_id, |machine| {
+            let known = |logged: &&mut Logged| {
+                logged.run == run && logged.condition.decision_number == condition.decision_number
+            };
+            if let Some(logged) = machine.logged.iter_mut().find(known) {
+                logged.condition.clone_from(condition);
+            }
+        });
+    }
+
+    /// A job was deleted, and its runs with it.
+    pub(crate) fn forget_job(&self, machine_id: &str, job_id: Uuid) {
+        self.change(machine_id, |machine| {
+            machine.resting = machine.resting.take().filter(|view| view.job_id != job_id);
+            machine.logged.retain(|logged| logged.job_id != job_id);
+            for connected in machine.connected.iter_mut().filter(|connected| connected.view.job_id == job_id) {
+                connected.forgotten = true;
+            }
+        });
+    }
+
+    /// The state of a machine.
+    pub(crate) fn state(&self, id: &str) -> Option<Arc<Shown>> {
+        self.board().machines.get(id).map(|machine| machine.shown.clone())
+    }
+
+    /// States by identifier, behind one or from the first on, at most `limit`.
+    pub(crate) fn states(&self, after: Option<&str>, limit: usize) -> Vec<Arc<Shown>> {
+        let from = after.map_or(Bound::Unbounded, Bound::Excluded);
+        let board = self.board();
+        let range = board.machines.range::<str, _>((from, Bound::Unbounded));
+        range.take(limit).map(|(_, machine)| machine.shown.clone()).collect()
+    }
+
+    /// What a run does, where it is the one that a machine shows, or one that is connected.
+    pub(crate) fn activity(&self, machine_id: &str, run: Uuid) -> Option<RunActivity> {
+        let board = self.board();
+        let machine = board.machines.get(machine_id)?;
+        let connected = machine.connected.iter().rev().map(|connected| &connected.view);
+        let view = connected.chain(&machine.resting).find(|view| view.id == run);
+        view.map(|view| view.activity.clone())
+    }
+
+    /// Follows all machines, or one.
+    pub(crate) fn reader(&self, machine: Option<String>) -> FloorReader {
+        let newest = self.newest.subscribe();
+        FloorReader { floor: self.clone(), newest, machine, not_before: None, seen: 0, shown: BTreeSet::new() }
+    }
+
+    /// The first page of states, written once for all who poll: by `write` where something has changed since.
+    ///
+    /// # Errors
+    /// Those of `write`.
+    pub(crate) fn first_page(&self, write: impl FnOnce() -> Result<Tagged>) -> Result<Arc<Tagged>> {
+        let version = {
+            let board = self.board();
+            if let Some((_, page)) = board.first_page.as_ref().filter(|(version, _)| *version == board.version) {
+                return Ok(page.clone());
+            }
+            board.version
+        };
+        let page = Arc::new(write()?);
+        // What has changed meanwhile is written with the next request.
+        self.board().first_page = Some((version, page.clone()));
+        Ok(page)
+    }
+
+    /// Whether nothing is known but what every tenant sees, and nobody follows it.
+    fn is_blank(&self) -> bool {
+        let is_blank = |machine: &Machine| {
+            let Machine { connected, resting, logged, finished, .. } = machine;
+            connected.is_empty() && resting.is_none() && logged.is_empty() && *finished == 0
+        };
+        Arc::strong_count(&self.board) == 1 && self.board().machines.values().all(is_blank)
+    }
+}

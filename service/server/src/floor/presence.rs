@@ -1,0 +1,368 @@
+//! A run whose stream is connected, as it tells the floor of itself.
+
+use std::time::Instant;
+
+use feedwave_contract::convert::{state_to_proto, timestamp};
+use feedwave_contract::names;
+use feedwave_contract::proto::{
+    self, Availability, CommandedState, Decision, DecisionAction, DecisionBrief, DecisionReason, Execution,
+    MachineCondition, Overrides, RunActivity, RunProgress,
+};
+use feedwave_monitoring::{Monitor, State};
+use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, RunState};
+use jiff::Timestamp;
+
+use super::alarms::{self, Alarms};
+use super::{Floor, Logged, RunView, STATE_INTERVAL};
+use crate::api::{condition_to_proto, decision_from_record};
+use crate::error::{Error, Result};
+use crate::stored;
+
+/// What the log has of a run.
+#[derive(Debug)]
+pub(crate) struct RunBase<'a> {
+    /// Its job.
+    pub(crate) job: &'a Job,
+    /// The run.
+    pub(crate) run: &'a Run,
+    /// The decision it made last.
+    pub(crate) last_decision: Option<&'a DecisionRecord>,
+    /// Its conditions.
+    pub(crate) conditions: &'a [RunCondition],
+    /// Unit of the deviation.
+    pub(crate) deviation_unit: &'static str,
+}
+
+/// A run on the floor; it leaves when it is dropped.
+#[derive(Debug)]
+pub(crate) struct Presence {
+    floor: Floor,
+    machine_id: String,
+    ticket: Option<u64>,
+    view: RunView,
+    alarms: Alarms,
+    logged: Vec<Logged>,
+    deviation_unit: &'static str,
+    /// Machining time of the job at the programmed feed, s; 0 where it is not known.
+    planned_s: f64,
+    /// What the floor was not told yet.
+    is_changed: bool,
+    /// The floor is to be told at once.
+    is_urgent: bool,
+    told_at: Instant,
+}
+
+fn now() -> prost_types::Timestamp {
+    timestamp(Timestamp::now().as_microsecond())
+}
+
+/// What the state of a run in the log means for what it does, while no stream of it is connected.
+const fn execution_at_rest(state: RunState) -> Execution {
+    match state {
+        RunState::Open => Execution::Interrupted,
+        RunState::Finished => Execution::Finished,
+        RunState::Stopped | RunState::Aborted => Execution::Stopped,
+    }
+}
+
+fn brief(decision: &Decision) -> DecisionBrief {
+    DecisionBrief {
+        sequence: decision.sequence,
+        number: decision.number,
+        time: decision.time,
+        before: decision.inputs.as_ref().and_then(|inputs| inputs.before),
+        outcome: decision.outcome,
+    }
+}
+
+impl RunBase<'_> {
+    /// What is known of the run without its stream.
+    pub(super) fn at_rest(&self) -> Result<(RunView, Alarms)> {
+        let Self { job, run, .. } = self;
+        let summary: proto::ProgramSummary = match &job.summary {
+            Some(summary) => stored::from_stored(summary.get())?,
+            None => proto::ProgramSummary::default(),
+        };
+        let last = self.last_decision.map(decision_from_record).transpose()?;
+        let taken = run.setpoints;
+        let activity = RunActivity {
+            run: names::run(run.id),
+            job: names::job(job.id),
+            job_display_name: job.display_name.clone(),
+            program: names::program(job.program_id),
+            kind: match run.kind {
+                RunKind::Telemetry => proto::RunKind::Telemetry,
+                RunKind::Live => proto::RunKind::Live,
+            }
+            .into(),
+            availability: Availability::Unavailable.into(),
+            execution: self.execution().into(),
+            execution_time: Some(timestamp(run.updated_us)),
+            create_time: Some(timestamp(run.created_us)),
+            progress: (run.kind == RunKind::Live).then(|| RunProgress {
+                taken: taken.received,
+                sent: taken.sent,
+                setpoint_count: (run.state == RunState::Finished).then_some(taken.sent),
+                ratio: if run.state == RunState::Finished { 1.0 } else { 0.0 },
+                ..RunProgress::default()
+            }),
+            last_decision: last.as_ref().map(brief),
+            finding_warnings: summary.warnings,
+            update_time: Some(timestamp(run.updated_us)),
+            ..RunActivity::default()
+        };
+        let mut alarms = Alarms::new(&activity.run, summary.warnings, activity.create_time);
+        // What stopped the machine stays to be seen.
+        if let Some(last) = last.filter(|_| run.state == RunState::Stopped) {
+            alarms.decided(&last, alarms::reading(&last, self.deviation_unit).as_ref());
+            alarms.rest();
+        }
+        let view = RunView { id: run.id, job_id: job.id, sequence: run.sequence, activity, alarms: alarms.all() };
+        Ok((view, alarms))
+    }
+
+    fn execution(&self) -> Execution {
+        // A run of a job that ended cannot be taken up.
+        let is_over = matches!(self.job.state, JobState::Cancelled | JobState::Failed);
+        match execution_at_rest(self.run.state) {
+            Execution::Interrupted if is_over => Execution::Stopped,
+            execution => execution,
+        }
+    }
+
+    pub(super) fn logged(&self) -> Vec<Logged> {
+        let logged =
+            |condition| Logged { run: self.run.id, job_id: self.job.id, condition: condition_to_proto(condition) };
+        self.conditions.iter().map(logged).collect()
+    }
+}
+
+impl Floor {
+    /// A run that is to be connected.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] when something stored cannot be read.
+    pub(crate) fn presence(&self, base: &RunBase<'_>) -> Result<Presence> {
+        let (view, alarms) = base.at_rest()?;
+        let summary: proto::ProgramSummary = match &base.job.summary {
+            Some(summary) => stored::from_stored(summary.get())?,
+            None => proto::ProgramSummary::default(),
+        };
+        Ok(Presence {
+            floor: self.clone(),
+            machine_id: base.job.machine_id.clone(),
+            ticket: None,
+            view,
+            alarms,
+            logged: base.logged(),
+            deviation_unit: base.deviation_unit,
+            planned_s: summary.duration_s,
+            is_changed: false,
+            is_urgent: false,
+            told_at: Instant::now(),
+        })
+    }
+}
+
+impl Presence {
+    /// Machining time of the job at the programmed feed, s; 0 where it is not known.
+    pub(crate) const fn planned_s(&self) -> f64 {
+        self.planned_s
+    }
+
+    /// The stream is connected.
+    pub(crate) fn connect(&mut self) {
+        let activity = &mut self.view.activity;
+        activity.set_availability(Availability::Available);
+        activity.set_execution(Execution::Ready);
+        activity.execution_time = Some(now());
+        activity.update_time = activity.execution_time;
+        let logged = std::mem::take(&mut self.logged);
+        self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged));
+        self.told_at = Instant::now();
+    }
+
+    /// What the run does; nothing is told by that alone.
+    pub(crate) fn set_execution(&mut self, execution: Execution) {
+        let activity = &mut self.view.activity;
+        if activity.execution() != execution {
+            activity.set_execution(execution);
+            activity.execution_time = Some(now());
+            self.is_urgent = true;
+        }
+    }
+
+    /// What the run does.
+    pub(crate) fn execution(&self) -> Execution {
+        self.view.activity.execution()
+    }
+
+    /// The client is gone, while the run is still attended to.
+    pub(crate) fn lose(&mut self) {
+        if self.view.activity.availability() == Availability::Available {
+            self.unmeasure();
+            self.is_urgent = true;
+        }
+    }
+
+    /// Takes away what is no longer current.
+    fn unmeasure(&mut self) {
+        let activity = &mut self.view.activity;
+        activity.set_availability(Availability::Unavailable);
+        activity.commanded = None;
+        activity.overrides = None;
+        activity.programmed_rev_per_min = None;
+        activity.tool = None;
+        activity.process = None;
+        activity.monitor = proto::MonitorState::Unspecified.into();
+        if let Some(progress) = &mut activity.progress {
+            progress.remaining_s = None;
+        }
+        self.alarms.rest();
+    }
+
+    /// Something of the run has changed that can wait to be told.
+    pub(crate) const fn touch(&mut self) {
+        self.is_changed = true;
+    }
+
+    /// When the floor is to be told of what has changed; `None` where nothing has.
+    pub(crate) fn due(&self) -> Option<Instant> {
+        if self.is_urgent {
+            return Some(self.told_at);
+        }
+        self.is_changed.then(|| self.told_at + STATE_INTERVAL)
+    }
+
+    /// Whether the floor is to be told now.
+    pub(crate) fn is_due(&self) -> bool {
+        self.is_urgent || (self.is_changed && self.told_at.elapsed() >= STATE_INTERVAL)
+    }
+
+    /// Telemetry came.
+    pub(crate) fn heard(&mut self) {
+        self.is_changed = true;
+        self.is_urgent |= self.alarms.heard();
+    }
+
+    /// Decisions became durable.
+    pub(crate) fn decided(&mut self, decisions: &[Decision]) {
+        for decision in decisions {
+            let reading = alarms::reading(decision, self.deviation_unit);
+            self.alarms.decided(decision, reading.as_ref());
+            let outcome = decision.outcome.unwrap_or_default();
+            let activity = &mut self.view.activity;
+            match outcome.reason() {
+                // The data says nothing any more, or the baseline is another one.
+                DecisionReason::Data
+                | DecisionReason::Silence
+                | DecisionReason::ToolFit
+                | DecisionReason::ReplaceTool => activity.process = None,
+                _ => activity.process = reading.or(activity.process.take()),
+            }
+            activity.last_decision = Some(brief(decision));
+            if outcome.reason() == DecisionReason::AboveLimitAtBound {
+                self.raise(decision, outcome.action());
+            }
+            self.is_urgent = true;
+        }
+    }
+
+    fn raise(&self, decision: &Decision, action: DecisionAction) {
+        let condition = proto::RunCondition {
+            decision_number: decision.number,
+            action: action.into(),
+            raise_time: decision.time,
+            ..proto::RunCondition::default()
+        };
+        self.floor.raise(&self.machine_id, Logged { run: self.view.id, job_id: self.view.job_id, condition });
+    }
+
+    /// What the monitor knows.
+    pub(crate) fn observe(&mut self, monitor: &Monitor) {
+        let activity = &mut self.view.activity;
+        if activity.availability() != Availability::Available {
+            return;
+        }
+        activity.set_monitor(state_to_proto(monitor.state()));
+        activity.programmed_rev_per_min = monitor.programmed_rev_per_min();
+        activity.tool = Some(monitor.tool()).filter(|tool| *tool > 0);
+        activity.feed_held = monitor.holds_feed();
+        let overrides = monitor.overrides();
+        activity.overrides = Some(Overrides { feed: overrides.feed, spindle: overrides.spindle });
+    }
+
+    /// What follows from the state of a monitor for what a run of telemetry does.
+    pub(crate) fn execution_of(monitor: &Monitor) -> Execution {
+        match monitor.state() {
+            State::Stopped => Execution::Stopped,
+            _ if monitor.holds_feed() => Execution::Held,
+            State::Baseline | State::IdleRunUp { .. } | State::WaitingForContact => Execution::Ready,
+            State::Settling | State::Measuring => Execution::Running,
+        }
+    }
+
+    /// Where a live run is: how far, at which setpoint, under which ratio of the feed.
+    pub(crate) fn proceed(&mut self, progress: RunProgress, commanded: Option<CommandedState>, feed: f64, held: bool) {
+        let activity = &mut self.view.activity;
+        activity.progress = Some(progress);
+        activity.held = held;
+        if activity.availability() == Availability::Available {
+            activity.commanded = commanded;
+            if let Some(overrides) = &mut activity.overrides {
+                overrides.feed = feed;
+            }
+        } else if let Some(progress) = &mut activity.progress {
+            progress.remaining_s = None;
+        }
+    }
+
+    /// Tells the floor.
+    pub(crate) fn tell(&mut self) {
+        self.is_changed = false;
+        self.is_urgent = false;
+        self.told_at = Instant::now();
+        let alarms: Vec<MachineCondition> = self.alarms.all();
+        self.view.alarms = alarms;
+        self.view.activity.update_time = Some(now());
+        if let Some(ticket) = self.ticket {
+            self.floor.update(&self.machine_id, ticket, &self.view);
+        }
+    }
+
+    /// The run came to its end.
+    pub(crate) fn end(&mut self, state: RunState) {
+        self.set_execution(execution_at_rest(state));
+    }
+
+    /// The stream has ended, with an error or without.
+    pub(crate) fn leave(&mut self, error: Option<&Error>) {
+        let Some(ticket) = self.ticket.take() else { return };
+        self.unmeasure();
+        let has_ended = matches!(self.execution(), Execution::Finished | Execution::Stopped)
+            && self.view.activity.kind() == proto::RunKind::Live;
+        let is_finished = self.execution() == Execution::Finished;
+        match error {
+            _ if has_ended || is_finished => {}
+            None | Some(Error::Draining) => self.set_execution(Execution::Interrupted),
+            Some(Error::JobCancelled { .. }) => self.set_execution(Execution::Stopped),
+            // Another stream tells of the run.
+            Some(Error::TakenUp { .. }) => {
+                self.floor.disconnect(&self.machine_id, ticket, None);
+                return;
+            }
+            Some(error) => {
+                self.set_execution(Execution::Fault);
+                self.alarms.failed(&self.view.activity.run, error, now());
+            }
+        }
+        self.tell();
+        self.floor.disconnect(&self.machine_id, ticket, Some(self.view.clone()));
+    }
+}
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        self.leave(None);
+    }
+}

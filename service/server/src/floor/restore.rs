@@ -1,0 +1,125 @@
+//! The floor as the log has it, after a start of the service.
+
+use std::collections::HashMap;
+
+use feedwave_contract::proto::{Machine, RunActivity};
+use feedwave_monitoring::MonitoringConfig;
+use feedwave_store::{PageRequest, Run, Store, Tenant};
+use uuid::Uuid;
+
+use super::presence::RunBase;
+use super::{Floor, Floors, Logged, MAX_LOGGED, RunView};
+use crate::api::{condition_to_proto, config_from_message, run_settings};
+use crate::error::{Error, Result};
+use crate::stored;
+
+impl Floors {
+    /// Takes over the machines of the store and what the log says of their newest runs.
+    ///
+    /// # Errors
+    /// Those of the store. A machine whose records are damaged is left out, and said so in the log.
+    pub(crate) async fn restore(&self, store: &Store) -> Result<()> {
+        let mut page = PageRequest { size: feedwave_store::MAX_PAGE_SIZE, token: String::new() };
+        loop {
+            let machines = store.list_machines(&page).await?;
+            for record in &machines.items {
+                let machine = readable(&record.id, stored::from_stored::<Machine>(record.body.get()))?;
+                self.put_machine(&record.id, &record.etag, &machine.unwrap_or_default().display_name);
+            }
+            match machines.next_token {
+                Some(token) => page.token = token,
+                None => break,
+            }
+        }
+        let mut open: HashMap<(Tenant, String), Vec<Logged>> = HashMap::new();
+        for found in store.open_conditions(MAX_LOGGED).await? {
+            let condition = condition_to_proto(&found.condition);
+            let logged = Logged { run: found.run_id, job_id: found.job_id, condition };
+            open.entry((found.tenant, found.machine_id)).or_default().push(logged);
+        }
+        for runs in store.machine_runs().await? {
+            let view = readable(&runs.machine_id, newest_view(store, runs.newest).await)?;
+            let of = (runs.tenant, runs.machine_id);
+            let logged = open.remove(&of).unwrap_or_default();
+            self.of(of.0).restore_machine(&of.1, view, runs.finished, logged);
+        }
+        Ok(())
+    }
+}
+
+impl Floor {
+    /// What a run does, or did: as the floor knows it, otherwise as the log has it.
+    ///
+    /// # Errors
+    /// Those of the store, and what cannot be read of it.
+    pub(crate) async fn activity_of(&self, store: &Store, run: &Run) -> Result<RunActivity> {
+        let job = store.job(run.job_id).await?;
+        match self.activity(&job.machine_id, run.id) {
+            Some(activity) => Ok(activity),
+            None => Ok(view_of(store, run).await?.activity),
+        }
+    }
+}
+
+/// What could be read of a machine: damage of one is said, and keeps nobody from the others.
+fn readable<T>(machine: &str, read: Result<T>) -> Result<Option<T>> {
+    match read {
+        Ok(read) => Ok(Some(read)),
+        Err(error @ (Error::Damaged(_) | Error::Internal(_))) => {
+            tracing::error!(machine, %error, "what the machine did last is not known");
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+async fn newest_view(store: &Store, run: Uuid) -> Result<RunView> {
+    view_of(store, &store.run(run).await?).await
+}
+
+/// A run as the log has it.
+async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
+    let job = store.job(run.job_id).await?;
+    let last_decision = store.last_decision(run.id).await?;
+    let deviation_unit = deviation_unit(run)?;
+    let base = RunBase { job: &job, run, last_decision: last_decision.as_ref(), conditions: &[], deviation_unit };
+    Ok(base.at_rest()?.0)
+}
+
+/// Unit of the deviation in a run.
+pub(super) fn deviation_unit(run: &Run) -> Result<&'static str> {
+    let monitoring = run_settings(run)?.monitoring;
+    let config = monitoring.as_ref().map(config_from_message).transpose()?;
+    Ok(config.as_ref().unwrap_or(&MonitoringConfig::default()).deviation_unit())
+}
+
+impl Floor {
+    /// A run that a client has taken up, to be connected.
+    ///
+    /// # Errors
+    /// Those of the store, and what cannot be read of it.
+    pub(crate) async fn taken_up(
+        &self,
+        store: &Store,
+        job: &feedwave_store::Job,
+        run: &Run,
+    ) -> Result<super::Presence> {
+        let last_decision = store.last_decision(run.id).await?;
+        let conditions = open_of(store, run.id).await?;
+        let base = RunBase {
+            job,
+            run,
+            last_decision: last_decision.as_ref(),
+            conditions: &conditions,
+            deviation_unit: deviation_unit(run)?,
+        };
+        self.presence(&base)
+    }
+}
+
+/// Conditions of a run that nobody has acknowledged.
+async fn open_of(store: &Store, run: Uuid) -> Result<Vec<feedwave_store::RunCondition>> {
+    let mut conditions = store.run_conditions(run).await?;
+    conditions.retain(|condition| condition.acknowledged.is_none());
+    Ok(conditions)
+}

@@ -1,0 +1,245 @@
+//! The floor without a service around it.
+
+use feedwave_contract::proto::{ConditionSeverity, DecisionAction};
+use feedwave_store::{Job, JobState, Run, RunKind, RunSetpoints, RunState, Tenant};
+
+use super::presence::RunBase;
+use super::*;
+use crate::error::Error;
+
+fn job(id: u128) -> Job {
+    Job {
+        id: Uuid::from_u128(id),
+        sequence: 1,
+        tenant: Tenant::DEFAULT,
+        owner: String::new(),
+        request_id: String::new(),
+        display_name: "Shaft".to_owned(),
+        program_id: "7".repeat(64).parse().unwrap(),
+        program_size_bytes: 1,
+        machine_id: "lathe".to_owned(),
+        state: JobState::Ready,
+        state_detail: String::new(),
+        findings: None,
+        summary: None,
+        created_us: 0,
+        updated_us: 0,
+        revision: 1,
+        attempts: 1,
+    }
+}
+
+fn run(id: u128, sequence: i64, state: RunState) -> Run {
+    Run {
+        id: Uuid::from_u128(id),
+        sequence,
+        job_id: Uuid::from_u128(1),
+        tenant: Tenant::DEFAULT,
+        kind: RunKind::Live,
+        state,
+        state_detail: String::new(),
+        created_us: 0,
+        updated_us: 0,
+        newest_batch: None,
+        setpoints: RunSetpoints { received: 7, sent: 9, digest: None },
+        settings: feedwave_store::RawValue::from_string("{}".to_owned()).unwrap(),
+        open_conditions: 0,
+    }
+}
+
+fn presence(floor: &Floor, id: u128, sequence: i64) -> Presence {
+    let (job, run) = (job(1), run(id, sequence, RunState::Open));
+    let base = RunBase { job: &job, run: &run, last_decision: None, conditions: &[], deviation_unit: "mm" };
+    floor.presence(&base).unwrap()
+}
+
+fn lathe(floor: &Floor) -> MachineState {
+    floor.state("lathe").unwrap().state.clone()
+}
+
+#[test]
+fn a_run_is_there_from_its_connection_to_its_end() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "Lathe 1");
+    assert_eq!((lathe(&floor).execution(), lathe(&floor).display_name.as_str()), (Execution::Idle, "Lathe 1"));
+    let mut first = presence(&floor, 10, 1);
+    assert!(lathe(&floor).run.is_none(), "it is not connected yet");
+    first.connect();
+    assert_eq!((lathe(&floor).execution(), lathe(&floor).availability()), (Execution::Ready, Availability::Available));
+    first.end(RunState::Finished);
+    first.tell();
+    first.leave(None);
+    let state = lathe(&floor);
+    assert_eq!((state.execution(), state.availability()), (Execution::Finished, Availability::Unavailable));
+    assert_eq!(state.finished_runs, 1);
+    drop(first);
+    assert_eq!(lathe(&floor).finished_runs, 1, "it leaves once");
+}
+
+#[test]
+fn the_newest_stream_is_shown_and_the_others_are_counted() {
+    let floor = Floor::new();
+    let (mut first, mut second) = (presence(&floor, 10, 1), presence(&floor, 20, 2));
+    first.connect();
+    second.connect();
+    let shown = |floor: &Floor| (lathe(floor).run.map(|run| run.run), lathe(floor).other_runs);
+    assert_eq!(shown(&floor), (Some(names::run(Uuid::from_u128(20))), 1));
+    drop(second);
+    assert_eq!(shown(&floor), (Some(names::run(Uuid::from_u128(10))), 0));
+    drop(first);
+    // A machine that is in no store is forgotten with its last run.
+    assert!(floor.state("lathe").is_none());
+}
+
+#[test]
+fn how_a_stream_ended_is_what_the_run_does() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "");
+    let cancelled = Error::JobCancelled { job: String::new() };
+    let cases = [
+        (None, Execution::Interrupted),
+        (Some(Error::Draining), Execution::Interrupted),
+        (Some(cancelled), Execution::Stopped),
+        (Some(Error::internal("the disk is gone")), Execution::Fault),
+    ];
+    for (error, execution) in cases {
+        let mut presence = presence(&floor, 10, 1);
+        presence.connect();
+        presence.leave(error.as_ref());
+        assert_eq!(lathe(&floor).execution(), execution, "{error:?}");
+    }
+    let [condition] = &lathe(&floor).conditions[..] else { panic!("{:?}", lathe(&floor).conditions) };
+    assert_eq!((condition.severity(), condition.code.as_str()), (ConditionSeverity::Fault, "INTERNAL"));
+    // A stream that another one replaced says nothing of the run any more.
+    let mut first = presence(&floor, 10, 1);
+    first.connect();
+    let mut second = presence(&floor, 10, 1);
+    second.connect();
+    first.leave(Some(&Error::TakenUp { run: String::new() }));
+    assert_eq!((lathe(&floor).execution(), lathe(&floor).other_runs), (Execution::Ready, 0));
+}
+
+#[test]
+fn conditions_of_the_log_stay_until_they_are_acknowledged() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "");
+    let mut presence = presence(&floor, 10, 1);
+    presence.connect();
+    let condition = |acknowledged_by: &str| ConditionMessage {
+        decision_number: 3,
+        action: DecisionAction::HoldFeed.into(),
+        acknowledge_time: (!acknowledged_by.is_empty()).then(Default::default),
+        acknowledged_by: acknowledged_by.to_owned(),
+        ..Default::default()
+    };
+    let (run, job_id) = (Uuid::from_u128(10), Uuid::from_u128(1));
+    floor.raise("lathe", Logged { run, job_id, condition: condition("") });
+    presence.leave(None);
+    assert_eq!(lathe(&floor).conditions.len(), 1);
+    floor.acknowledge("lathe", run, &condition("Ada"));
+    assert!(lathe(&floor).conditions.is_empty());
+    for _ in 0..2 * MAX_LOGGED {
+        floor.raise("lathe", Logged { run, job_id, condition: condition("") });
+    }
+    assert_eq!(lathe(&floor).conditions.len(), MAX_CONDITIONS);
+    assert_eq!(floor.board().machines["lathe"].logged.len(), MAX_LOGGED as usize);
+    floor.forget_job("lathe", job_id);
+    assert!(lathe(&floor).conditions.is_empty() && lathe(&floor).run.is_none());
+}
+
+#[test]
+fn a_deleted_job_is_forgotten_with_the_stream_of_its_run() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "");
+    let mut presence = presence(&floor, 10, 1);
+    presence.connect();
+    floor.forget_job("lathe", Uuid::from_u128(1));
+    presence.leave(Some(&Error::JobCancelled { job: String::new() }));
+    assert!(lathe(&floor).run.is_none());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_reader_is_told_of_what_changed_at_its_own_pace() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "");
+    floor.put_machine("mill", "1", "");
+    let mut reader = floor.reader(None);
+    let ids = |changes: &Changes| changes.states.iter().map(|shown| shown.machine_id().to_owned()).collect::<Vec<_>>();
+    assert_eq!(ids(&reader.next().await.unwrap()), ["lathe", "mill"]);
+    for number in 0..100 {
+        floor.put_machine("mill", "1", &number.to_string());
+    }
+    let before = Instant::now();
+    let changes = reader.next().await.unwrap();
+    assert_eq!((ids(&changes), changes.states[0].state.display_name.as_str()), (vec!["mill".to_owned()], "99"));
+    assert_eq!(before.elapsed(), STATE_INTERVAL, "what follows at once is joined");
+    // A wait that is given up misses nothing.
+    floor.remove_machine("mill");
+    assert!(tokio::time::timeout(STATE_INTERVAL / 2, reader.next()).await.is_err());
+    assert_eq!(reader.next().await.unwrap().gone, ["mill"]);
+    let mut of_lathe = floor.reader(Some("lathe".to_owned()));
+    assert_eq!(ids(&of_lathe.next().await.unwrap()), ["lathe"]);
+}
+
+#[test]
+fn a_run_is_on_the_floor_of_its_tenant_alone() {
+    let floors = Floors::default();
+    let [ours, theirs] = ["ours", "theirs"].map(|name| name.parse::<Tenant>().unwrap());
+    floors.put_machine("lathe", "1", "Lathe 1");
+    let mut watch = floors.of(theirs).reader(None);
+    let first = watch.changes();
+    assert_eq!(first.states.len(), 1);
+    let mut run = presence(&floors.of(ours), 3, 5);
+    run.connect();
+    run.set_execution(Execution::Running);
+    run.tell();
+
+    assert_eq!(lathe(&floors.of(ours)).execution(), Execution::Running);
+    for other in [theirs, Tenant::DEFAULT] {
+        let state = lathe(&floors.of(other));
+        assert_eq!((state.execution(), state.run, state.other_runs), (Execution::Idle, None, 0));
+        assert_eq!(floors.of(other).activity("lathe", Uuid::from_u128(3)), None);
+    }
+    // Who watches is not even woken.
+    assert!(!watch.newest.has_changed().unwrap());
+    // Machines are everybody's.
+    floors.put_machine("lathe", "2", "Turning centre");
+    floors.put_machine("mill", "1", "");
+    let changes = watch.changes();
+    let named: Vec<_> = changes.states.iter().map(|shown| shown.state.display_name.as_str()).collect();
+    assert_eq!(named, ["Turning centre", ""]);
+    assert_eq!(lathe(&floors.of(ours)).execution(), Execution::Running);
+    floors.remove_machine("mill");
+    assert_eq!(watch.changes().gone, ["mill"]);
+    assert!(floors.of(ours).state("mill").is_none());
+
+    // Who may see all sees it, whoever else has a floor.
+    let mut second = presence(&floors.of(theirs), 9, 1);
+    second.connect();
+    second.end(RunState::Finished);
+    second.leave(None);
+    let all = floors.of_all_tenants(10);
+    let [state] = &all[..] else { panic!("{all:?}") };
+    assert_eq!((state.execution(), state.finished_runs), (Execution::Running, 1));
+    run.leave(None);
+    drop(second);
+    assert_eq!(floors.of_all_tenants(10)[0].run.as_ref().unwrap().run, names::run(Uuid::from_u128(3)), "the newer one");
+}
+
+#[test]
+fn asking_for_tenants_that_have_nothing_fills_no_memory() {
+    let floors = Floors::default();
+    floors.put_machine("lathe", "1", "");
+    let theirs: Tenant = "theirs".parse().unwrap();
+    let mut run = presence(&floors.of(theirs), 3, 5);
+    run.connect();
+    drop(run);
+    let watched: Tenant = "watched".parse().unwrap();
+    let _watch = floors.of(watched).reader(None);
+    for number in 0..1_000 {
+        let asked: Tenant = format!("t{number}").parse().unwrap();
+        assert_eq!(lathe(&floors.of(asked)).execution(), Execution::Idle);
+    }
+    assert_eq!(lathe(&floors.of(theirs)).execution(), Execution::Interrupted, "what is known stays");
+    assert!(floors.len() <= 4, "{}", floors.len());
+}

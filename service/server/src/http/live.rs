@@ -1,0 +1,242 @@
+//! Server-sent events: states of machines, state changes of jobs, decisions, on one stream.
+//!
+//! Invariant: nothing is queued for a client. A stream knows how far it is in each log and which states it has told of;
+//! what is next is looked up when the connection can take it, so that a slow client costs no more than a quick one.
+
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::IntoResponse as _;
+use bytes::Bytes;
+use feedwave_contract::names;
+use futures_util::stream;
+use http_body::{Frame, SizeHint};
+use serde_json::json;
+use tokio::time::{Instant, sleep_until};
+use tokio_util::sync::CancellationToken;
+
+use super::{Answer, HttpState};
+use crate::api::{Api, DecisionLog, EventLog, LogFilter, LogWatch};
+use crate::connections::Unread;
+use crate::error::{Error, Result};
+use crate::floor::{Changes, FloorReader};
+
+/// How long a client waits before it asks again, ms.
+const RETRY_MS: u32 = 2_000;
+/// Records that a client may be behind and still has told one by one; who is further behind reads the lists.
+const MOST_BEHIND: i64 = 10_000;
+/// The header of a client that comes back.
+const LAST_EVENT_ID: &str = "last-event-id";
+
+/// Places in both logs, as they stand in the id of an event: `7-12` is behind event 7 of jobs and decision 12.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Cursor {
+    events: i64,
+    decisions: i64,
+}
+
+impl Cursor {
+    fn parse(text: &str) -> Option<Self> {
+        let (events, decisions) = text.split_once('-')?;
+        // A sign would be another text for the same place.
+        let place = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok()).flatten();
+        Some(Self { events: place(events)?, decisions: place(decisions)? })
+    }
+
+    /// Whether a client that is here can be told what it missed, record by record.
+    fn is_near(self, newest: Self) -> bool {
+        let near = |here: i64, newest: i64| (0..=MOST_BEHIND).contains(&newest.saturating_sub(here));
+        near(self.events, newest.events) && near(self.decisions, newest.decisions)
+    }
+}
+
+/// What a client is told.
+struct Live {
+    events: LogWatch<EventLog>,
+    decisions: LogWatch<DecisionLog>,
+    floor: FloorReader,
+    draining: CancellationToken,
+    heartbeat: Duration,
+    /// The first words.
+    greeting: Option<String>,
+}
+
+impl Live {
+    fn new(api: &Api, last: Option<&str>, heartbeat: Duration) -> Self {
+        let newest =
+            Cursor { events: *api.store.watch_events().borrow(), decisions: *api.store.watch_decisions().borrow() };
+        let store = api.store.of_all_tenants();
+        let asked = last.map(Cursor::parse);
+        let resumed = asked.flatten().filter(|cursor| cursor.is_near(newest));
+        let from = resumed.unwrap_or(newest);
+        let filter = LogFilter::of_tenant(api.caller.tenant());
+        let mut live = Self {
+            events: LogWatch::new(store, &api.recent_events, Some(from.events), filter),
+            decisions: LogWatch::new(store, &api.recent_decisions, Some(from.decisions), filter),
+            floor: api.floor().reader(None),
+            draining: api.engine.draining().clone(),
+            heartbeat,
+            greeting: None,
+        };
+        let mut greeting = format!("retry: {RETRY_MS}\nid: {}\n\n", live.id());
+        if asked.is_some() && resumed.is_none() {
+            greeting.push_str("event: reset\ndata: {}\n\n");
+        }
+        live.greeting = Some(greeting);
+        live
+    }
+
+    fn id(&self) -> String {
+        format!("{}-{}", self.events.place(), self.decisions.place())
+    }
+
+    /// The next words; `None` where the stream ends.
+    async fn next(&mut self) -> Result<Option<Bytes>> {
+        if let Some(greeting) = self.greeting.take() {
+            return Ok(Some(greeting.into()));
+        }
+        let silent_until = Instant::now() + self.heartbeat;
+        let (kind, json) = tokio::select! {
+            biased;
+            () = self.draining.cancelled() => return Ok(None),
+            event = self.events.next() => match event? {
+                Some(event) => ("job", event.json().to_owned()),
+                None => return Ok(None),
+            },
+            decision = self.decisions.next() => match decision? {
+                Some(decision) => ("decision", decision.json().to_owned()),
+                None => return Ok(None),
+            },
+            changes = self.floor.next() => return Ok(changes.map(|changes| states(&changes))),
+            () = sleep_until(silent_until) => return Ok(Some(Bytes::from_static(b":\n\n"))),
+        };
+        Ok(Some(format!("id: {}\nevent: {kind}\ndata: {json}\n\n", self.id()).into()))
+    }
+}
+
+/// States as events. They have no id: who comes back is told the newest ones anyway.
+fn states(changes: &Changes) -> Bytes {
+    let mut text = Vec::new();
+    for shown in &changes.states {
+        text.extend_from_slice(b"event: state\ndata: ");
+        text.extend_from_slice(shown.json());
+        text.extend_from_slice(b"\n\n");
+    }
+    for id in &changes.gone {
+        let gone = json!({ "machine": names::machine(id) });
+        text.extend_from_slice(format!("event: gone\ndata: {gone}\n\n").as_bytes());
+    }
+    text.into()
+}
+
+/// `GET /v1/stream`
+pub(super) async fn follow(State(state): State<HttpState>, api: Api, headers: HeaderMap) -> Answer {
+    let last = headers.get(LAST_EVENT_ID).and_then(|value| value.to_str().ok());
+    let live = Live::new(&api, last, state.heartbeat);
+    let words = stream::try_unfold(live, async |mut live| {
+        let next = live.next().await;
+        if let Err(error) = &next {
+            tracing::warn!(%error, "a stream of events ended");
+        }
+        Ok::<_, Error>(next?.map(|words| (words, live)))
+    });
+    let mut response = Body::from_stream(words).into_response();
+    for (name, value) in [
+        (header::CONTENT_TYPE, "text/event-stream"),
+        (header::CACHE_CONTROL, "no-cache"),
+        // Proxies would gather events otherwise.
+        (header::HeaderName::from_static("x-accel-buffering"), "no"),
+    ] {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    Ok(response)
+}
+
+/// A body that can be ended from outside when nobody reads it.
+pub(super) struct WatchedBody(Arc<Watched>);
+
+/// What the connection and whoever watches over it share.
+pub(super) struct Watched(Mutex<Reading>);
+
+struct Reading {
+    /// The rest; `None` once it was ended.
+    rest: Option<Body>,
+    /// When the last frame was handed over, while the next one has not been asked for.
+    waiting_since: Option<Instant>,
+}
+
+impl WatchedBody {
+    pub(super) fn new(body: Body) -> Self {
+        Self(Arc::new(Watched(Mutex::new(Reading { rest: Some(body), waiting_since: None }))))
+    }
+
+    /// What can be ended from outside.
+    pub(super) fn watched(&self) -> Arc<Watched> {
+        self.0.clone()
+    }
+}
+
+impl http_body::Body for WatchedBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let mut reading = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        reading.waiting_since = None;
+        let Some(rest) = &mut reading.rest else {
+            return Poll::Ready(Some(Err(axum::Error::new("the stream was not read"))));
+        };
+        let polled = Pin::new(rest).poll_frame(cx);
+        if let Poll::Ready(Some(Ok(_))) = &polled {
+            reading.waiting_since = Some(Instant::now());
+        }
+        polled
+    }
+
+    fn is_end_stream(&self) -> bool {
+        let reading = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        reading.rest.as_ref().is_some_and(http_body::Body::is_end_stream)
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        let reading = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        reading.rest.as_ref().map(http_body::Body::size_hint).unwrap_or_default()
+    }
+}
+
+impl Unread for Watched {
+    fn end_if_unread(&self, since: Instant) {
+        let mut reading = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if reading.waiting_since.is_some_and(|waiting| waiting <= since) {
+            reading.rest = None;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cursor_is_two_places_and_nothing_else() {
+        assert_eq!(Cursor::parse("7-12"), Some(Cursor { events: 7, decisions: 12 }));
+        for text in ["", "7", "7-", "-7", "+7-1", "7-12-1", "7--12", "a-b", "99999999999999999999-1"] {
+            assert_eq!(Cursor::parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn who_is_too_far_behind_or_ahead_starts_over() {
+        let newest = Cursor { events: 20_000, decisions: 5 };
+        assert!(Cursor { events: 10_000, decisions: 0 }.is_near(newest));
+        assert!(newest.is_near(newest));
+        assert!(!Cursor { events: 9_999, decisions: 5 }.is_near(newest));
+        // Of another store, or one that was brought back from a copy.
+        assert!(!Cursor { events: 20_000, decisions: 6 }.is_near(newest));
+    }
+}
