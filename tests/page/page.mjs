@@ -1,0 +1,241 @@
+// Every screen of the page in a real browser, and every kind of document of the MTConnect agent: see run.sh.
+
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { readFileSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+import { Service, until } from "./service.mjs";
+
+const scratch = process.argv[2];
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const service = new Service(join(scratch, "service"));
+const LARGE = { width: 1920, height: 1080 };
+const SMALL = { width: 390, height: 844 };
+
+let browser;
+const problems = [];
+
+/** A page that may ask nothing but the service, and whose console stays empty. */
+const open = async (path, options = {}) => {
+  const context = await browser.newContext({ viewport: LARGE, locale: "en-GB", ...options });
+  const page = await context.newPage();
+  page.on("request", (request) => {
+    if (!request.url().startsWith(`${service.url}/`)) problems.push(`asks ${request.url()}`);
+  });
+  page.on("console", (message) => {
+    // A service that is away is said so by the browser as well.
+    const isAway = page.isServiceAway && /ERR_CONNECTION|ERR_INCOMPLETE|net::/.test(message.text());
+    if (["error", "warning"].includes(message.type()) && !isAway) problems.push(`console: ${message.text()}`);
+  });
+  page.on("pageerror", (error) => problems.push(`error: ${error.stack}`));
+  await page.goto(service.url + path);
+  return page;
+};
+
+const shot = (page, name) => page.screenshot({ path: join(scratch, "screenshots", `${name}.png`), animations: "disabled" });
+
+/** What is laid out is as wide as the window, and nothing that a screen reader needs is missing. */
+const isAccessible = async (page, name) => {
+  const widths = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
+  assert.ok(widths[0] <= widths[1], `${name} is wider than its window: ${widths}`);
+  // As a script of the browser's owner: the page's own policy permits no foreign ones.
+  await page.evaluate(axe);
+  const { violations } = await page.evaluate(() => globalThis.axe.run(document));
+  const told = violations.map((one) => `${one.id}: ${one.help}: ${one.nodes.map((node) => node.html).slice(0, 3).join(" | ")}`);
+  assert.deepEqual(told, [], `${name} has violations`);
+};
+
+const textOf = (page, selector) => page.locator(selector).innerText();
+const percent = (ratio) => `${Math.round(ratio * 100)}`;
+
+/** The state of a machine, once two answers in turn are the same: then nothing moves any more. */
+const settled = (machine) => {
+  let before = "";
+  let same = 0;
+  return until(`${machine} is at rest`, async () => {
+    const state = await service.get(`/v1/machines/${machine}/state`);
+    const text = JSON.stringify({ ...state, run: { ...state.run, updateTime: "" } });
+    same = text === before ? same + 1 : 0;
+    before = text;
+    return same >= 15 ? state : null;
+  });
+};
+
+const board = async (state) => {
+  const page = await open("/");
+  const card = page.locator(`a.card[href="/${state.run.run}"]`);
+  await card.waitFor();
+  assert.equal(await page.locator("a.card").count(), (await service.get("/v1/machines")).states.length);
+  await until("the card shows the override", async () =>
+    (await card.locator(".override .figure").innerText()).replace(/\D/g, "") === percent(state.run.overrides.feed));
+  assert.match(await card.locator(".job").innerText(), new RegExp(`Pocket.* ${state.run.commanded.line}$`));
+  assert.equal((await card.locator(".state").innerText()).toLowerCase(), "running");
+  const alarm = await card.locator(".alarm").innerText();
+  assert.equal(alarm !== "", (state.conditions ?? []).length > 0);
+  await isAccessible(page, "board");
+  await shot(page, "board");
+
+  // In the other language, in the dark, on the wall, on a telephone, and at twice the size.
+  await page.locator("#language").click();
+  assert.equal(await page.evaluate(() => document.documentElement.lang), "de");
+  assert.equal((await card.locator(".state").innerText()).toLowerCase(), "läuft");
+  await page.locator("#theme").click();
+  await page.locator("#theme").click();
+  await isAccessible(page, "board, dark and German");
+  await shot(page, "board-dark-german");
+  await page.goto(`${service.url}/?view=wall`);
+  await card.waitFor();
+  const size = await card.locator(".override .figure").evaluate((node) => parseFloat(getComputedStyle(node).fontSize));
+  assert.ok(size >= 56, `figures of the wall are ${size} px high`);
+  const cut = await page.locator("a.card").evaluateAll((cards) => cards
+    .filter((card) => card.scrollWidth > card.clientWidth || card.scrollHeight > card.clientHeight)
+    .map((card) => card.innerText));
+  assert.deepEqual(cut, [], "cards of the wall that are not wholly seen");
+  await shot(page, "wall");
+  await page.context().close();
+  for (const [name, viewport] of [["telephone", SMALL], ["twice", { width: 960, height: 540 }]]) {
+    const other = await open("/", { viewport });
+    await other.locator("a.card").first().waitFor();
+    await isAccessible(other, name);
+    await shot(other, `board-${name}`);
+    await other.context().close();
+  }
+};
+
+const run = async (state) => {
+  const page = await open("/");
+  // From the board by the keyboard alone.
+  const card = page.locator(`a.card[href="/${state.run.run}"]`);
+  await card.waitFor();
+  await until("the card has the focus", async () => {
+    await page.keyboard.press("Tab");
+    return card.evaluate((node) => node === document.activeElement);
+  });
+  await page.keyboard.press("Enter");
+  await page.locator(".run .title").waitFor();
+  assert.equal(new URL(page.url()).pathname, `/${state.run.run}`);
+  assert.equal(await textOf(page, ".run .title"), "Pocket");
+  const { decisions } = await service.get(`/v1/decisions?run=${state.run.run}&pageSize=500`);
+  assert.ok(decisions.length > 0, "nothing was decided");
+  await until("all decisions are drawn", async () => (await page.locator(".timeline .decision").count()) === decisions.length);
+  const facts = await textOf(page, ".run-head .facts");
+  for (const part of [state.run.overrides.feed * 100, state.run.commanded.feedMmPerMin]) {
+    assert.ok(facts.replaceAll(",", "").includes(part.toFixed(1).replace(/\.0$/, "")), `${part} is not in ${facts}`);
+  }
+  // Each decision with what was seen.
+  await page.locator(".timeline").focus();
+  await page.keyboard.press("Home");
+  assert.match(await textOf(page, ".detail h3"), new RegExp(` ${decisions[0].number}$`));
+  await page.keyboard.press("End");
+  assert.match(await textOf(page, ".detail h3"), new RegExp(` ${decisions.at(-1).number}$`));
+  const after = percent(decisions.at(-1).outcome.after.feed);
+  assert.ok((await textOf(page, ".detail .facts")).includes(after), `${after} is not in the detail`);
+  await isAccessible(page, "run");
+  await page.screenshot({ path: join(scratch, "screenshots", "run.png"), fullPage: true });
+  await page.setViewportSize(SMALL);
+  await until("the charts are as wide as they are shown", () => page.locator("svg.chart").evaluateAll((charts) =>
+    charts.every((chart) => chart.viewBox.baseVal.width === chart.clientWidth)));
+  await isAccessible(page, "run on a telephone");
+  await page.screenshot({ path: join(scratch, "screenshots", "run-telephone.png"), fullPage: true });
+  await page.context().close();
+};
+
+const jobs = async (wrong) => {
+  const page = await open("/jobs");
+  const listed = (await service.get("/v1/jobs")).jobs;
+  await until("all jobs are listed", async () => (await page.locator("table.jobs tbody tr").count()) === listed.length);
+  const row = page.locator("table.jobs tbody tr", { hasText: "Wrong" });
+  assert.match(await row.innerText(), /rejected/i);
+  assert.match(await row.innerText(), new RegExp(`errors: ${wrong.summary.errors}\\b`));
+  await isAccessible(page, "jobs");
+  await shot(page, "jobs");
+  await row.locator("a").click();
+
+  // The program: every finding under its line, reached by a key.
+  await page.locator(".source .finding").first().waitFor();
+  const report = await service.get(`/v1/${wrong.name}/report`);
+  const own = report.findings.filter((finding) => finding.line > 0);
+  assert.ok(own.length > 0, JSON.stringify(report).slice(0, 500));
+  assert.equal(await page.locator(".source .finding").count(), own.length);
+  for (const finding of own) {
+    assert.equal(await page.locator(".source .finding", { hasText: finding.message }).count() > 0, true, finding.message);
+  }
+  await page.keyboard.press("n");
+  await page.locator(".source .finding[data-current]").waitFor();
+  await isAccessible(page, "program");
+  await shot(page, "program");
+  await page.context().close();
+};
+
+/** Every kind of document of the MTConnect agent, held against the schema of the standard. */
+const documents = async (state) => {
+  const asked = [
+    ["Devices", "/probe"], ["Devices", "/mill/probe"], ["Streams", "/current"], ["Streams", "/sample?count=10000"],
+    ["Streams", "/current?path=//Linear"], ["Error", "/sample?from=999999999"], ["Error", "/nobody/current"], ["Error", "/asset/7"],
+  ];
+  for (const [kind, path] of asked) {
+    const text = await (await fetch(`http://127.0.0.1:${service.ports.mtconnect}${path}`)).text();
+    const file = join(scratch, "service", "document.xml");
+    writeFileSync(file, text);
+    const schema = join(process.env.SCHEMAS, `MTConnect${kind}_2.5_1.0.xsd`);
+    const checked = spawnSync("xmllint", ["--noout", "--nonet", "--schema", schema, file], { encoding: "utf8" });
+    assert.equal(checked.status, 0, `${path}: ${checked.error ?? checked.stderr}`);
+    if (path === "/current") {
+      assert.match(text, />ACTIVE<.*>Pocket</s);
+      assert.ok(text.includes(`>${Math.round(state.run.overrides.feed * 1e4) / 100}<`), "the override of the run");
+    }
+  }
+};
+
+/** The service goes and comes back under an open page, which says so, and since when. */
+const interruption = async (state) => {
+  const page = await open("/");
+  const card = page.locator(`a.card[href="/${state.run.run}"]`);
+  await card.waitFor();
+  page.isServiceAway = true;
+  await service.kill();
+  await page.locator("#connection").waitFor({ state: "visible" });
+  await shot(page, "lost");
+  await service.start();
+  await page.locator("#connection").waitFor({ state: "hidden", timeout: 60_000 });
+  page.isServiceAway = false;
+  await until("the run is shown as the log has it", async () =>
+    (await card.locator(".state").innerText()).toLowerCase() === "interrupted");
+  assert.equal((await card.locator(".override .figure").innerText()).trim(), "–", "what is not current is not shown");
+  await shot(page, "interrupted");
+  await page.context().close();
+};
+
+try {
+  await service.start();
+  const part = await service.submit(join(scratch, "part.nc"), "--machine", "mill", "--display-name", "Pocket");
+  assert.equal(part.state, "JOB_STATE_READY", JSON.stringify(part));
+  const wrong = await service.submit(join(scratch, "wrong.nc"), "--machine", "lathe", "--display-name", "Wrong");
+  assert.equal(wrong.state, "JOB_STATE_REJECTED");
+  const client = service.run(part.name, "--cut", "5-14:1.5");
+  await until("the machine cuts, and something was decided", async () => {
+    const state = await service.get("/v1/machines/mill/state");
+    if (client.exitCode !== null) throw new Error(`the run ended too soon: ${client.exitCode}: ${JSON.stringify(state)}`);
+    const changed = state.run?.lastDecision && state.run?.overrides?.feed !== 1;
+    return state.execution === "EXECUTION_RUNNING" && state.run.commanded && changed;
+  });
+  // From here on the machine stands still, so that the page and the service can be compared.
+  client.kill("SIGSTOP");
+  const state = await settled("mill");
+  assert.equal(state.availability, "AVAILABILITY_AVAILABLE", JSON.stringify(state));
+
+  browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"] });
+  await documents(state);
+  await board(state);
+  await run(state);
+  await jobs(wrong);
+  await interruption(state);
+  assert.deepEqual(problems, []);
+  console.log(`page: every screen as the service says; screenshots in ${join(scratch, "screenshots")}`);
+} finally {
+  await browser?.close();
+  service.end();
+}
