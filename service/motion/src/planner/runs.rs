@@ -94,7 +94,8 @@ pub(super) struct Run {
     junction_speed: f64,
     /// Speed at its start, mm/s.
     pub(super) entry: f64,
-    /// Highest speed at its start from which the path ahead can be run, mm/s.
+    /// Highest speed at its start from which the path ahead can be run, mm/s; found by every planning.
+    #[serde(skip)]
     highest: f64,
     profile: Option<Profile>,
 }
