@@ -122,6 +122,7 @@ fn each_place_has_the_cure_that_helps() {
     let chords = summary(&format!("G17 G21 G90 F20000. G64 P0.01 Q0\nG0 X2.\nG1\n{polygon}M30\n"), &mill());
     // The path rests before its last two chords, where the curve ends; that is another place.
     let short: Vec<_> = chords.slowdowns.iter().filter(|at| at.cause == SlowdownCause::ShortBlocks).collect();
+    assert!(!short.is_empty(), "{:#?}", chords.slowdowns);
     assert!(short.iter().all(|at| at.cure == SlowdownCure::Arc), "{:?}", chords.slowdowns);
     // An arc that the acceleration of its axes limits, between a start and an end that are none of it.
     let arc = summary("G17 G21 G90 F20000. G61\nG0 X20.\nG3 I-20. J0.\nM30\n", &mill());

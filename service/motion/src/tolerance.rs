@@ -321,3 +321,7 @@ pub(crate) const AT_REST: f64 = 1e-9;
 pub(crate) const SPEED_GRADE: f64 = 6e-3;
 /// Part of what a window found beyond the next one's start in which that keeps its knots.
 pub(crate) const KEPT_KNOTS: f64 = 0.6;
+/// What is tried where no way was found on from a window: its time as a share of what it would be, and [`KEPT_KNOTS`].
+pub(crate) const OTHER_WINDOWS: [[f64; 2]; 2] = [[0.5, KEPT_KNOTS], [1.0, 0.9]];
+/// Time of what is left of a window, s, down to which a way on is tried from farther on it; what is left is braking then.
+pub(crate) const LEAST_FOUND_S: f64 = 0.1;

@@ -19,8 +19,8 @@ use super::{Planned, PlannedMotion, Planner};
 use crate::junction::Junction;
 use crate::speed::{AxisLimits, Course, End, Guess, Path, Span, SpeedPlanner, Window};
 use crate::tolerance::{
-    AT_COMMAND, AT_REST, FIRST_WINDOW_S, HANDOVER, KEPT_KNOTS, MOST_RUN_S, NO_RESERVE, RESERVED_S, SMOOTH_RESERVE,
-    WINDOW_S, WORTHWHILE,
+    AT_COMMAND, AT_REST, FIRST_WINDOW_S, HANDOVER, KEPT_KNOTS, LEAST_FOUND_S, MOST_RUN_S, NO_RESERVE, OTHER_WINDOWS,
+    RESERVED_S, SMOOTH_RESERVE, WINDOW_S, WORTHWHILE,
 };
 use crate::{Curve, ProfilePart, StretchProfile};
 
@@ -214,6 +214,8 @@ struct Task<'a, B> {
     /// What the junction at its end takes.
     exit_reserve: f64,
     is_last: bool,
+    /// Part of what was found beyond its start in which it keeps the knots.
+    kept: f64,
 }
 
 /// What came of it.
@@ -249,26 +251,47 @@ impl Row {
                 return self.leave(ready, single.max(1));
             }
         }
+        let known = (ahead.nodes.len(), ahead.item, ahead.stretch, ahead.end);
         let window_s = (2.0 * self.window_s).clamp(FIRST_WINDOW_S, WINDOW_S);
-        let (count, exit_reserve, is_last) = extend(&mut ahead, window_s);
-        let joints = self.joints(&ahead.nodes[..count]);
-        let outcome = self.plan(&Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last }, limits, speed);
+        let (mut count, mut exit_reserve, mut is_last) = extend(&mut ahead, window_s);
+        let mut joints = self.joints(&ahead.nodes[..count]);
+        let task = Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last, kept: KEPT_KNOTS };
+        let mut outcome = self.plan(&task, limits, speed);
+        // Up to another end, or on other knots, there may be a way on.
+        let mut others = OTHER_WINDOWS.iter().filter(|_| self.found.is_some());
+        while matches!(outcome, Outcome::NotFound)
+            && let Some(&[share, kept]) = others.next()
+        {
+            ahead.nodes.truncate(known.0);
+            (_, ahead.item, ahead.stretch, ahead.end) = known;
+            (count, exit_reserve, is_last) = extend(&mut ahead, share * window_s);
+            joints = self.joints(&ahead.nodes[..count]);
+            outcome =
+                self.plan(&Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last, kept }, limits, speed);
+        }
         match outcome {
             Outcome::Faster(course) => {
                 self.window_s = window_s;
                 self.keep(ready, &course, count, (!is_last).then_some(joints));
             }
-            _ if self.found.is_some() => {
-                // What was found before goes on to its end.
+            other if self.found.is_some() => {
+                let known = self.known;
+                let joints = self.joints(&ahead.nodes[..known]);
                 if let Some(found) = self.found.take() {
-                    let known = self.known;
-                    self.put(ready, &found, Some(known));
+                    if matches!(other, Outcome::NotFound) && found.duration() > LEAST_FOUND_S {
+                        // From somewhat farther on it there may be a way.
+                        self.keep(ready, &found, known, Some(joints));
+                    } else {
+                        // What was found before goes on to its end.
+                        self.put(ready, &found, Some(known));
+                    }
                 }
             }
             Outcome::NotFound if count > single => {
                 let exit_reserve = ahead.nodes[single].reserve;
                 let joints = self.joints(&ahead.nodes[..single]);
-                let task = Task { ahead: &ahead, count: single, joints: &joints, exit_reserve, is_last: true };
+                let (count, is_last, kept) = (single, true, KEPT_KNOTS);
+                let task = Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last, kept };
                 match self.plan(&task, limits, speed) {
                     Outcome::Faster(course) => self.put(ready, &course, Some(single)),
                     _ => self.leave(ready, single),
@@ -395,7 +418,7 @@ impl Row {
             End::reserving(at_rest(start_speed), start_acceleration, entry_reserve, jerk),
             End::reserving(at_rest(guess.end_speed()), 0.0, task.exit_reserve, jerk),
         ];
-        let knots = self.found.as_ref().map_or_else(Vec::new, |found| found.knots(KEPT_KNOTS));
+        let knots = self.found.as_ref().map_or_else(Vec::new, |found| found.knots(task.kept));
         let window = Window { knots: &knots, is_possible: true, goes_on: !task.is_last };
         match speed.plan_window(&path, ends, &guess, window) {
             Some(course) if course.duration() < guess.duration_s => Outcome::Faster(course),
