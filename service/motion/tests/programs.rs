@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{machine, programs, seconds, within};
+use common::{machine, planned, programs, seconds, within};
 use feedwave_program::PathControl;
 
 #[test]
@@ -44,6 +44,18 @@ fn rounding_never_costs_time() {
             println!("| {} | {tolerance_mm} mm | {now:.3} s | {stop:.3} s |", program.name);
             assert!(now <= stop * 1.001, "{} within {tolerance_mm} mm: {now} s of {stop} s", program.name);
         }
+    }
+}
+
+#[test]
+fn a_circle_in_chords_does_not_stop_on_its_way() {
+    // From a speed from which the path can just stop before its last blocks, it cannot reach the low speed that they want.
+    let machine = machine();
+    for tolerance_mm in [0.002, 0.003, 0.005, 0.007, 0.01, 0.015, 0.02, 0.05, 0.1] {
+        let stretches = planned(&common::chord_circle(), within(tolerance_mm), &machine);
+        let inside = &stretches[..stretches.len() - 1];
+        let lowest = inside.iter().map(|&(_, speed)| speed).fold(f64::INFINITY, f64::min);
+        assert!(lowest > 5.0, "{lowest} mm/s within {tolerance_mm} mm");
     }
 }
 

@@ -97,6 +97,8 @@ pub(super) struct Run {
     /// Highest speed at its start from which the path ahead can be run, mm/s; found by every planning.
     #[serde(skip)]
     highest: f64,
+    /// Highest speed at its start from which that of the next one is reached, mm/s: from a little more the path can stop, and only stop.
+    pub(super) passing: f64,
     profile: Option<Profile>,
 }
 
@@ -118,6 +120,7 @@ impl Run {
             junction_speed: node.entry.speed,
             entry: 0.0,
             highest: 0.0,
+            passing: 0.0,
             profile: None,
         }
     }
@@ -341,7 +344,11 @@ impl Plan {
                 }
             }
             if let Some(next) = self.runs.get_mut(index + 1) {
-                let exit = reachable_exit(run.entry, next.entry, run.length, &run.limits);
+                // What is a little faster before a place may have to stop there, which takes far longer.
+                let passes = run.entry <= next.passing
+                    || change_length(run.entry, next.passing, &run.limits) <= run.length * (1.0 + SOLVER_SLACK);
+                let wanted = if passes { next.passing } else { next.entry };
+                let exit = reachable_exit(run.entry, wanted, run.length, &run.limits);
                 next.entry = exit.min(next.highest);
             }
         }
@@ -368,7 +375,7 @@ impl Plan {
 
     /// [`Plan::backward`] for the first `count` runs, with another speed than rest at their end.
     pub(super) fn backward_from(&mut self, count: usize, end_speed: f64, velocity: impl Fn(&Run) -> f64) {
-        let mut exit = end_speed;
+        let (mut exit, mut passing) = (end_speed, end_speed);
         for index in (0..count).rev() {
             let run = &self.runs[index];
             let mut cap = velocity(run);
@@ -376,7 +383,9 @@ impl Plan {
                 cap = cap.min(run.junction_speed).min(velocity(&self.runs[index - 1]));
             }
             exit = highest_entry(exit, cap, run.length, &run.hard_limits());
+            passing = reachable_speed(passing, cap, run.length, &run.hard_limits()).min(cap);
             self.runs[index].entry = exit;
+            self.runs[index].passing = passing;
         }
     }
 

@@ -59,10 +59,13 @@ impl Plan {
         // Joined by what asks for less, a short run would be another one; a long one is divided instead.
         let known = if self.runs[open].length >= LONG_STOPS * self.runs[open].stop_mm() { open + 1 } else { open };
         let last_velocity = self.runs[..known].last()?.velocity();
-        self.backward_from(known, last_velocity, Run::velocity);
-        let from_speed: Vec<f64> = self.runs[..known].iter().map(|run| run.entry).collect();
-        self.backward_from(known, 0.0, Run::velocity);
-        let settled = self.runs.iter().zip(&from_speed).take_while(|(run, other)| run.entry == **other).count();
+        let mut speeds = |end_speed: f64| -> Vec<f64> {
+            self.backward_from(known, end_speed, Run::velocity);
+            self.runs[..known].iter().map(|run| run.passing).collect()
+        };
+        // A change of speed takes longest to a third of it.
+        let [rest, slow, fast] = [0.0, last_velocity / 3.0, last_velocity].map(&mut speeds);
+        let settled = (0..known).take_while(|&run| rest[run] == slow[run] && slow[run] == fast[run]).count();
         self.solve(entry_speed).then_some(settled)
     }
 

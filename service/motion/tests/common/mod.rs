@@ -14,7 +14,7 @@ use feedwave_motion::{Element, Machine, MachineAxis, MachineKind};
 use feedwave_program::{ArcGeometry, Axis, Feed, Move, MoveKind, PathControl, Plane, Position, SourceSpan, Spindle};
 
 #[allow(unused_imports, reason = "every test uses a part of it")]
-pub use run::{Cut, PERIOD_S, request, seconds, smoothed, smoothed_elements, within};
+pub use run::{Cut, PERIOD_S, planned, request, seconds, smoothed, smoothed_elements, within};
 
 /// X, Y and Z, mm.
 pub type Point = [f64; 3];

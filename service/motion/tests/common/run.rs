@@ -65,16 +65,25 @@ pub fn request(element: Element, rest_at_end: bool, machine: &Machine) -> Motion
 /// Time of a program under this path control, s.
 #[must_use]
 pub fn seconds(program: &Program, control: PathControl, machine: &Machine) -> f64 {
+    planned(program, control, machine).iter().map(|&(duration_s, _)| duration_s).sum()
+}
+
+/// The plan of runs of a program: by stretch, its time, s, and the speed at its end, mm/s.
+#[must_use]
+pub fn planned(program: &Program, control: PathControl, machine: &Machine) -> Vec<(f64, f64)> {
     let mut planner = Planner::<()>::new(PlannerSettings::new(machine, 5_000, PERIOD_S));
     for Smoothed { element, rest_at_end, .. } in smoothed(program, control, CornerSpeed::Steady) {
         planner.push_motion(request(element, rest_at_end, machine));
     }
     planner.finish();
-    let mut seconds = 0.0;
-    while let Some(planned) = planner.pop() {
-        if let Planned::Motion(motion) = planned {
-            seconds += motion.stretches.iter().map(|stretch| stretch.profile.duration()).sum::<f64>();
+    let mut stretches = Vec::new();
+    while let Some(item) = planner.pop() {
+        if let Planned::Motion(motion) = item {
+            stretches.extend(motion.stretches.iter().map(|stretch| {
+                let duration_s = stretch.profile.duration();
+                (duration_s, stretch.profile.state(duration_s).1)
+            }));
         }
     }
-    seconds
+    stretches
 }
