@@ -120,7 +120,6 @@ fn each_place_has_the_cure_that_helps() {
         .map(|angle_rad| format!("X{:.4} Y{:.4}\n", 2.0 * angle_rad.cos(), 2.0 * angle_rad.sin()))
         .collect();
     let chords = summary(&format!("G17 G21 G90 F20000. G64 P0.01 Q0\nG0 X2.\nG1\n{polygon}M30\n"), &mill());
-    // The path rests before its last two chords, where the curve ends; that is another place.
     let short: Vec<_> = chords.slowdowns.iter().filter(|at| at.cause == SlowdownCause::ShortBlocks).collect();
     assert!(!short.is_empty(), "{:#?}", chords.slowdowns);
     assert!(short.iter().all(|at| at.cure == SlowdownCure::Arc), "{:?}", chords.slowdowns);
