@@ -12,6 +12,7 @@ mod batch;
 mod channel;
 mod config;
 mod decision;
+mod learning;
 mod lobes;
 mod monitor;
 mod points;
@@ -26,6 +27,10 @@ pub use config::{
 pub use decision::{
     Action, Bound, Decision, Evidence, HoldReason, Inputs, Outcome, Overrides, Properties, Reason, Removed, Span,
     decide, windows_at_bound,
+};
+pub use learning::{
+    CutRecord, Estimate, LearningError, LearningModel, Learnt, LearntMode, MAX_LEARNING_SAMPLES, MAX_RECORDS,
+    MIN_RECORD_SAMPLES, learn,
 };
 pub use lobes::{
     ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,

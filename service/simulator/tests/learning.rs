@@ -1,0 +1,211 @@
+//! Learning from telemetry against what the simulated machine really is.
+
+mod common;
+
+use common::{Log, Path, everywhere, follow};
+use feedwave_monitoring::{CutRecord, Estimate, LearningError, LearningModel, Learnt, Mode, Pair, learn};
+use feedwave_simulator::{Description, Material, Process, SensorPair, Tool};
+
+const DEPTH_MM: f64 = 2.0;
+const REV_PER_MIN: f64 = 3_100.0;
+const FEEDS: [f64; 2] = [700.0, 1_500.0];
+/// Samples of a record.
+const SAMPLES: usize = 6_000;
+
+/// A worn mill in steel whose edges run out.
+fn description(seed: u64) -> Description {
+    Description {
+        seed,
+        tool: Tool { run_out_mm: 0.004, edge_run_out_mm: 0.006, ..Tool::default() },
+        material: Material {
+            tangential_n_per_mm2: 1_850.0,
+            radial_ratio: 0.35,
+            edge_tangential_n_per_mm: 22.0,
+            edge_radial_n_per_mm: 31.0,
+            ..Material::default()
+        },
+        // Every edge has a chip from its entry to its exit.
+        process: Process::Milling { entry_deg: 25.0, exit_deg: 130.0 },
+        contacts: everywhere(DEPTH_MM),
+        tool_sensors: Some(SensorPair { noise: 4e-4, ..SensorPair::default() }),
+        ..Description::default()
+    }
+}
+
+/// What the tool library says: stiffness as it is, the rest not quite.
+fn library(description: &Description, frequency: f64, damping: f64) -> LearningModel {
+    let Process::Milling { entry_deg, exit_deg } = description.process else { panic!("milling") };
+    let of = |mode: Mode| Mode {
+        frequency_hz: mode.frequency_hz * frequency,
+        damping_ratio: mode.damping_ratio * damping,
+        ..mode
+    };
+    LearningModel {
+        sample_rate_hz: f64::from(description.sample_rate_hz),
+        edges: description.tool.edge_count,
+        entry_rad: entry_deg.to_radians(),
+        exit_rad: exit_deg.to_radians(),
+        mode_x: of(description.tool.mode_x),
+        mode_y: of(description.tool.mode_y),
+    }
+}
+
+/// A cut with noise of its own.
+fn cut(description: &Description, feed_mm_per_min: f64) -> Log {
+    let seed = 1_000 * description.seed + feed_mm_per_min as u64;
+    let mut path = Path::default();
+    let periods = SAMPLES * 1_000 / description.sample_rate_hz as usize + 2;
+    path.add(periods, feed_mm_per_min, REV_PER_MIN, [0.8, 0.6]);
+    follow(Description { seed, ..description.clone() }, &path)
+}
+
+fn record(log: &Log, feed_mm_per_min: f64) -> CutRecord<'_> {
+    CutRecord {
+        deflection_mm: Pair { x: &log.tool[0][..SAMPLES], y: &log.tool[1][..SAMPLES] },
+        spindle_angle_deg: &log.spindle_angle_deg[..SAMPLES],
+        feed_mm_per_min,
+        depth_mm: DEPTH_MM,
+        feed_direction: [0.8, 0.6],
+    }
+}
+
+fn learnt(description: &Description, model: &LearningModel) -> Result<Learnt, LearningError> {
+    let logs = FEEDS.map(|feed| cut(description, feed));
+    let records: Vec<_> = logs.iter().zip(FEEDS).map(|(log, feed)| record(log, feed)).collect();
+    learn(model, &records)
+}
+
+/// Every estimate beside the truth.
+fn estimates(description: &Description, learnt: &Learnt) -> [(&'static str, Estimate, f64); 10] {
+    let (material, tool) = (&description.material, &description.tool);
+    let radial = material.radial_ratio * material.tangential_n_per_mm2;
+    [
+        ("K_tc", learnt.tangential_n_per_mm2, material.tangential_n_per_mm2),
+        ("K_te", learnt.edge_tangential_n_per_mm, material.edge_tangential_n_per_mm),
+        ("K_rc", learnt.radial_n_per_mm2, radial),
+        ("K_re", learnt.edge_radial_n_per_mm, material.edge_radial_n_per_mm),
+        ("run-out of the edges", learnt.edge_run_out_mm.expect("four edges"), tool.edge_run_out_mm),
+        ("run-out of the surface", learnt.run_out_mm, tool.run_out_mm),
+        ("frequency in X", learnt.mode_x.frequency_hz, tool.mode_x.frequency_hz),
+        ("damping in X", learnt.mode_x.damping_ratio, tool.mode_x.damping_ratio),
+        ("frequency in Y", learnt.mode_y.frequency_hz, tool.mode_y.frequency_hz),
+        ("damping in Y", learnt.mode_y.damping_ratio, tool.mode_y.damping_ratio),
+    ]
+}
+
+#[test]
+fn the_truth_is_within_the_stated_interval_for_95_of_100_seeds() {
+    const SEEDS: u64 = 60;
+    let mut within = [0_u64; 10];
+    for seed in 0..SEEDS {
+        let description = description(seed);
+        let learnt = learnt(&description, &library(&description, 0.96, 1.3)).expect("enough to learn from");
+        assert!((learnt.residual_mm / 4e-4 - 1.0).abs() < 0.03, "{learnt:?}");
+        for (within, (name, estimate, truth)) in within.iter_mut().zip(estimates(&description, &learnt)) {
+            let [low, high] = estimate.interval();
+            *within += u64::from((low..=high).contains(&truth));
+            // An interval as wide as the value would hold anything.
+            assert!(estimate.standard_error < 0.12 * truth, "{name}: {estimate:?}");
+            assert!((estimate.value - truth).abs() < 6.0 * estimate.standard_error, "{name}: {estimate:?}, {truth}");
+        }
+    }
+    // 95 % of 60 are 57; by chance three standard deviations of 1.69 fewer.
+    assert!(within.iter().all(|within| *within >= 52), "{within:?}");
+    let all = within.iter().sum::<u64>() as f64 / (10 * SEEDS) as f64;
+    assert!((0.93..=0.985).contains(&all), "{all}");
+}
+
+#[test]
+fn what_is_learnt_does_not_depend_on_the_library() {
+    let description = description(3);
+    let near = learnt(&description, &library(&description, 1.0, 1.0)).expect("learnt");
+    for (frequency, damping) in [(0.82, 0.5), (1.2, 2.0), (0.93, 1.0)] {
+        let far = learnt(&description, &library(&description, frequency, damping)).expect("learnt");
+        for ((name, near, _), (_, far, _)) in
+            estimates(&description, &near).into_iter().zip(estimates(&description, &far))
+        {
+            // Other samples are left out while the mode settles: the noise of a third of them differs.
+            assert!((near.value - far.value).abs() < 2.0 * far.standard_error, "{name}: {near:?} {far:?}");
+        }
+    }
+    let model = library(&description, 1.0, 1.0);
+    assert_eq!(near.dominant(&model), near.mode_x, "2ζk of X is smaller");
+}
+
+#[test]
+fn the_same_records_give_the_same_bits() {
+    let description = description(5);
+    let model = library(&description, 0.97, 1.1);
+    assert_eq!(learnt(&description, &model), learnt(&description, &model));
+}
+
+#[test]
+fn a_vibration_that_no_model_has_widens_the_intervals() {
+    let quiet = description(8);
+    let mut shaken = quiet.clone();
+    shaken.sway = Some(feedwave_simulator::Sway { amplitude_mm: 1e-3, frequency_hz: 37.0 });
+    let model = library(&quiet, 0.98, 1.0);
+    let (quiet, shaken) = (learnt(&quiet, &model).expect("learnt"), learnt(&shaken, &model).expect("learnt"));
+    assert!(quiet.correlation_factor < 1.2, "{}", quiet.correlation_factor);
+    assert!(shaken.correlation_factor > 3.0, "{}", shaken.correlation_factor);
+    let wider = shaken.tangential_n_per_mm2.standard_error / quiet.tangential_n_per_mm2.standard_error;
+    assert!(wider > 3.0, "{wider}");
+}
+
+#[test]
+fn one_edge_has_no_run_out_against_itself() {
+    let mut description = description(1);
+    description.tool.edge_count = 1;
+    description.tool.edge_run_out_mm = 0.0;
+    let learnt = learnt(&description, &library(&description, 0.97, 1.0)).expect("learnt");
+    assert_eq!(learnt.edge_run_out_mm, None);
+    let [low, high] = learnt.tangential_n_per_mm2.interval();
+    assert!(low < 1_900.0 && high > 1_800.0 && high - low < 150.0, "{low} {high}");
+}
+
+#[test]
+fn where_nothing_can_be_learnt_it_is_said() {
+    let description = description(0);
+    let model = library(&description, 1.0, 1.0);
+    let log = cut(&description, FEEDS[0]);
+    let whole = record(&log, FEEDS[0]);
+    let short = CutRecord {
+        deflection_mm: Pair { x: &log.tool[0][..900], y: &log.tool[1][..900] },
+        spindle_angle_deg: &log.spindle_angle_deg[..900],
+        ..whole
+    };
+    assert!(matches!(learn(&model, &[short]), Err(LearningError::Samples { .. })));
+    assert!(matches!(learn(&model, &[]), Err(LearningError::Samples { .. })));
+    let uneven = CutRecord { spindle_angle_deg: &log.spindle_angle_deg[..5_999], ..whole };
+    assert_eq!(learn(&model, &[whole, uneven]), Err(LearningError::Columns { record: 1 }));
+    let mut broken = log.clone();
+    broken.tool[0][4_000] = f64::NAN;
+    assert!(matches!(learn(&model, &[record(&broken, FEEDS[0])]), Err(LearningError::Value { field: "a sample", .. })));
+    for wrong in [
+        LearningModel { edges: 0, ..model },
+        LearningModel { exit_rad: model.entry_rad, ..model },
+        LearningModel { sample_rate_hz: f64::NAN, ..model },
+        LearningModel { mode_x: Mode { damping_ratio: 1.5, ..model.mode_x }, ..model },
+    ] {
+        assert!(matches!(learn(&wrong, &[whole]), Err(LearningError::Value { .. })), "{wrong:?}");
+    }
+    // A spindle that stands still cuts nothing.
+    let still = vec![0.0; SAMPLES];
+    assert!(learn(&model, &[CutRecord { spindle_angle_deg: &still, ..whole }]).is_err());
+    // Behind a gap between the edges every chip is as thick: the edge's share of the force is not to be told.
+    let narrow = LearningModel { entry_rad: 1.57, exit_rad: 1.5715, ..model };
+    assert!(matches!(learn(&narrow, &[whole]), Err(LearningError::NotIdentifiable(_) | LearningError::NoFit(_))));
+}
+
+#[test]
+fn chips_that_end_before_the_exit_are_learnt_from_as_well() {
+    // Half immersed: at the exit the chip is thinner than the run-out of the edges, and some of them cut air.
+    for seed in 0..4 {
+        let description =
+            Description { process: Process::Milling { entry_deg: 90.0, exit_deg: 180.0 }, ..description(seed) };
+        let learnt = learnt(&description, &library(&description, 0.97, 1.2)).expect("learnt");
+        for (name, estimate, truth) in estimates(&description, &learnt) {
+            assert!((estimate.value / truth - 1.0).abs() < 0.06, "{name}: {estimate:?}, {truth}");
+        }
+    }
+}
