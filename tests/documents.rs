@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Where text is written that may cite a page.
-const FOLDERS: [&str; 9] = ["service", "proto", "clients", "tests", "migrations", "deploy", "fuzz", "docs", ".ci"];
+const FOLDERS: [&str; 10] =
+    ["service", "proto", "clients", "tests", "migrations", "deploy", "fuzz", "docs", "editors", ".ci"];
 
 /// The page that is about a machining function, by the folder of the function.
 const PAGES: [(&str, &str); 5] = [

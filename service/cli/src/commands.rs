@@ -17,6 +17,7 @@ mod installation;
 mod interpret;
 mod lobes;
 mod local;
+mod lsp;
 mod machine;
 mod offsets;
 mod overrides;
@@ -127,6 +128,11 @@ pub enum Command {
     /// Writes a new random token to standard output, once: the service keeps its hash alone, in the file of known clients
     /// (auth.clients), to which --clients adds it. The service takes a changed file over within 10 s, or on SIGHUP.
     Token(token::Args),
+    /// Serve an editor: findings as one types, hover, quick fixes, times
+    ///
+    /// Speaks the language server protocol on standard input and output. A program is judged as by `feedwave validate`, in every
+    /// version as a whole; a judgement ends when a newer version comes.
+    Lsp(lsp::Args),
     /// Write the completions of a shell to standard output
     Completions(installation::CompletionArgs),
     /// Write manual pages, one for each command
@@ -164,6 +170,7 @@ impl Command {
             Self::Program(args) => resources::programs::run(args).await,
             Self::Job(args) => resources::jobs::run(args).await,
             Self::Token(args) => token::run(&args),
+            Self::Lsp(args) => lsp::run(&args),
             Self::Completions(args) => installation::completions(&args),
             Self::Man(args) => installation::man(&args),
             Self::Demo(args) => demo::run(args).await,

@@ -44,8 +44,9 @@ use crate::{
 
 use corner::Corner;
 use execute::Execution;
-pub(crate) use flow::FlowState;
+pub(crate) use flow::{FlowState, Statement, called_program, classify, digits, name};
 use flow::{Index, Indexer};
+pub(crate) use lines::find_line_end;
 pub(crate) use system::System;
 
 pub(crate) use angle::AngleLine;

@@ -22,6 +22,7 @@ mod lookalike;
 mod machine_code;
 mod number;
 mod operation;
+mod outline;
 mod parameters;
 mod reader;
 mod settings;
@@ -49,6 +50,7 @@ pub use operation::{
     OperationKind, PathControl, PullOut, Spindle, SpindleDirection, SpindleSpeed, SplineGeometry, ThreadKind,
     ThreadMove, ThreadPlane,
 };
+pub use outline::{Outline, Stretch, StretchKind, Target, Vocabulary, WordRole, is_file_of_program};
 pub use parameters::InitialParameters;
 pub use reader::{Reader, Reading};
 pub use settings::{

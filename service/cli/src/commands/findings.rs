@@ -85,7 +85,7 @@ impl Snippets {
     }
 }
 
-fn help(finding: &Finding) -> Option<String> {
+pub(super) fn help(finding: &Finding) -> Option<String> {
     let cures = finding.suggestions.iter().map(|suggestion| match &suggestion.replacement {
         // What is removed, and what the message says already, is not said again.
         Some(replacement) if !replacement.is_empty() && suggestion.message != format!("write {replacement}") => {
@@ -153,7 +153,7 @@ impl fmt::Display for Shown<'_> {
 }
 
 /// How often it was met, and where first and worst, for a finding that was met more than once.
-fn repetition(finding: &Finding) -> String {
+pub(super) fn repetition(finding: &Finding) -> String {
     let Finding { occurrences, first, worst, .. } = finding;
     if *occurrences < 2 {
         return String::new();

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use feedwave_contract::convert::{action_to_proto, finding_to_proto};
 use feedwave_contract::json;
 use feedwave_contract::proto::{
-    Action, ActionFeedMode, ActionKind, ActionPlane, ActionSpindle, ActionSpindleDirection, AxisPosition,
+    Action, ActionFeed, ActionFeedMode, ActionKind, ActionPlane, ActionSpindle, ActionSpindleDirection, AxisPosition,
 };
 use feedwave_cutting::{Frame, Interpretation, InterpretationStep};
 use feedwave_program::Severity;
@@ -95,7 +95,7 @@ pub(super) fn run(args: Args) -> Result<ExitCode, CliError> {
 }
 
 /// An action for people.
-fn text(action: &Action) -> String {
+pub(super) fn text(action: &Action) -> String {
     let place =
         if action.file.is_empty() { action.line.to_string() } else { format!("{}:{}", action.file, action.line) };
     let kind = action.kind().as_str_name().trim_start_matches("ACTION_KIND_").to_lowercase().replace('_', " ");
@@ -125,12 +125,7 @@ fn text(action: &Action) -> String {
         line.push_str(&format!("  lead {} mm", number(thread.lead_mm)));
     }
     if let Some(feed) = &action.feed {
-        let unit = match feed.mode() {
-            ActionFeedMode::PerRevolution => "/rev",
-            ActionFeedMode::InverseTime => " 1/min",
-            _ => "/min",
-        };
-        line.push_str(&format!("  F{}{unit}", number(feed.value)));
+        line.push_str(&format!("  {}", feed_text(feed)));
     }
     if let Some(spindle) = action.spindle.as_ref().filter(|_| action.kind() != ActionKind::Rapid) {
         line.push_str(&format!("  {}", spindle_text(spindle)));
@@ -166,7 +161,18 @@ fn rest(action: &Action, line: &mut String) {
     }
 }
 
-fn spindle_text(spindle: &ActionSpindle) -> String {
+/// A feed as a program writes it, with its unit.
+pub(super) fn feed_text(feed: &ActionFeed) -> String {
+    let unit = match feed.mode() {
+        ActionFeedMode::PerRevolution => "/rev",
+        ActionFeedMode::InverseTime => " 1/min",
+        _ => "/min",
+    };
+    format!("F{}{unit}", number(feed.value))
+}
+
+/// A spindle as a program writes it.
+pub(super) fn spindle_text(spindle: &ActionSpindle) -> String {
     let sense = match spindle.direction() {
         ActionSpindleDirection::Clockwise => "M3",
         ActionSpindleDirection::CounterClockwise => "M4",
@@ -180,7 +186,7 @@ fn spindle_text(spindle: &ActionSpindle) -> String {
 }
 
 /// X, Y and Z of the end, and the other axes where they move or are away from 0.
-fn axes(end: &AxisPosition, start: &AxisPosition) -> String {
+pub(super) fn axes(end: &AxisPosition, start: &AxisPosition) -> String {
     let values = |at: &AxisPosition| [at.x, at.y, at.z, at.a, at.b, at.c, at.u, at.v, at.w];
     let places = "xyzabcuvw".chars().zip(values(end)).zip(values(start)).enumerate();
     let shown = places.filter(|(index, ((_, end), start))| *index < 3 || *end != 0.0 || *start != 0.0);

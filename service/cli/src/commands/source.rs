@@ -59,7 +59,11 @@ pub(super) struct IncludeArgs {
 impl IncludeArgs {
     /// Opens a program with the further files.
     pub(super) fn open(&self, path: &Path) -> Result<Source, CliError> {
-        let mut source = Source::open(path)?;
+        self.around(Source::open(path)?)
+    }
+
+    /// A program that is open already, with the further files.
+    pub(super) fn around(&self, mut source: Source) -> Result<Source, CliError> {
         for directory in &self.include {
             source.include(directory, directory, 0)?;
         }
@@ -157,6 +161,11 @@ impl Source {
     /// The names of the further program files, in the order of their places.
     pub(super) fn further_names(&self) -> Arc<[String]> {
         self.further.iter().map(|file| file.name.clone()).collect()
+    }
+
+    /// Where the further program files are, with their names.
+    pub(super) fn further_paths(&self) -> impl Iterator<Item = (&str, &Path)> {
+        self.further.iter().map(|file| (file.name.as_str(), file.path.as_path()))
     }
 
     /// The further program files with their names.

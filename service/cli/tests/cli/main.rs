@@ -12,6 +12,7 @@ mod five_axis;
 mod installation;
 mod interpret;
 mod lobes;
+mod lsp;
 mod oscillation;
 mod reports;
 mod resources;

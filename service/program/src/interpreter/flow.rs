@@ -14,8 +14,9 @@ mod targets;
 mod values;
 mod whole_lines;
 
+pub(crate) use calls::called_program;
 pub(super) use index::{Index, Indexer};
-use line::Statement;
+pub(crate) use line::{Statement, classify, digits, name};
 
 use serde::{Deserialize, Serialize};
 

@@ -128,7 +128,7 @@ impl Interpreter {
 
 /// Offset of the first line feed or carriage return, eight bytes at a time.
 #[inline]
-pub(super) fn find_line_end(bytes: &[u8]) -> Option<usize> {
+pub(crate) fn find_line_end(bytes: &[u8]) -> Option<usize> {
     const ONES: u64 = u64::from_ne_bytes([1; 8]);
     const HIGHS: u64 = u64::from_ne_bytes([0x80; 8]);
     let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');

@@ -3,10 +3,10 @@
 use super::line::skip_blanks;
 use super::{CallKind, CallRequest, CallTarget, Interpreter, Jump, ModalCall, Pending};
 use crate::code;
-use crate::dialect::{Flow, Group, Meaning};
+use crate::dialect::{CodeTable, Flow, Group, Meaning};
 use crate::lexer::{Lexer, TokenKind};
 use crate::parameters::LOCALS;
-use crate::{DecimalPointRule, Finding, FindingLog, SourceSpan};
+use crate::{DecimalPointRule, Finding, FindingLog, LanguageSettings, SourceSpan};
 
 /// Most repetitions of a called program.
 const MAX_REPEATS: u32 = 99_999_999;
@@ -39,6 +39,22 @@ const fn local_of(letter: u8) -> usize {
         b'Z' => 26,
         _ => 0,
     }
+}
+
+/// The number of the program that `P` of `M98` calls, and the repetitions that stand before it: with more than four digits
+/// and no `L`, where numbers of programs have four.
+pub(crate) fn called_program(
+    table: &CodeTable,
+    settings: &LanguageSettings,
+    p: u32,
+    digits: u32,
+    has_l: bool,
+) -> (u32, Option<u32>) {
+    let splits = table.dialect.flow == Flow::MacroB
+        && settings.program_number_digits == 4
+        && !has_l
+        && (digits > 4 || p > 9_999);
+    if splits { (p % 10_000, Some(p / 10_000)) } else { (p, None) }
 }
 
 /// The words of a macro call.
@@ -115,12 +131,11 @@ impl Interpreter {
             }
             return self.no_program(span, findings);
         };
-        // More than four digits without L: repetitions before the number.
-        let splits = self.table.dialect.flow == Flow::MacroB
-            && self.settings.program_number_digits == 4
-            && self.block.word(b'L').is_none()
-            && self.block.word(b'P').is_some_and(|word| word.number.integer_digits() > 4 || p > 9_999);
-        let (number, repeats) = if splits { (p % 10_000, p / 10_000) } else { (p, self.whole_word(b'L').unwrap_or(1)) };
+        let digits = self.block.word(b'P').map_or(0, |word| word.number.integer_digits());
+        let times = self.whole_word(b'L');
+        let has_l = self.block.word(b'L').is_some();
+        let (number, before) = called_program(&self.table, &self.settings, p, digits, has_l);
+        let repeats = before.or(times).unwrap_or(1);
         let target = CallTarget::Program { number, label };
         let request = CallRequest { kind: CallKind::Plain, target, repeats, arguments: Vec::new() };
         self.wait(span, Jump::Call(request));

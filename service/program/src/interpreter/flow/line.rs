@@ -6,7 +6,7 @@ use crate::dialect::Flow;
 
 /// A control statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(in crate::interpreter) enum Statement {
+pub(crate) enum Statement {
     /// `WHILE […] DOm` or `DOm`.
     Do,
     /// `ENDm`
@@ -49,7 +49,7 @@ const O_WORDS: [(&[u8], Statement); 15] = [
 
 impl Statement {
     /// The statement as it is written.
-    pub(in crate::interpreter) fn word(self) -> String {
+    pub(crate) fn word(self) -> String {
         let of = |(word, statement): &(&[u8], Self)| {
             (*statement == self).then(|| String::from_utf8_lossy(word).to_ascii_lowercase())
         };
@@ -63,18 +63,18 @@ impl Statement {
 
 /// What [`classify`] finds.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Line {
+pub(crate) struct Line {
     /// `N`
-    pub(super) label: Option<u32>,
+    pub(crate) label: Option<u32>,
     /// The number of the program that begins here.
-    pub(super) program: Option<u32>,
+    pub(crate) program: Option<u32>,
     /// With the number or the name of it.
-    pub(super) statement: Option<(Statement, String)>,
+    pub(crate) statement: Option<(Statement, String)>,
 }
 
 impl Line {
     /// Whether a program or a subprogram begins here.
-    pub(super) fn begins_program(&self) -> bool {
+    pub(crate) fn begins_program(&self) -> bool {
         self.program.is_some() || matches!(self.statement, Some((Statement::Sub, _)))
     }
 }
@@ -95,7 +95,7 @@ pub(super) fn letters(line: &[u8], at: usize) -> (usize, usize) {
 }
 
 /// The digits from `at` on as a number of at most eight of them, and where they end.
-pub(super) fn digits(line: &[u8], at: usize) -> Option<(u32, usize)> {
+pub(crate) fn digits(line: &[u8], at: usize) -> Option<(u32, usize)> {
     let start = skip_blanks(line, at);
     let length = line[start..].iter().take_while(|byte| byte.is_ascii_digit()).count();
     let text = core::str::from_utf8(&line[start..start + length]).ok()?;
@@ -107,7 +107,7 @@ pub(super) fn digits(line: &[u8], at: usize) -> Option<(u32, usize)> {
 }
 
 /// What a line has for control flow. Lines that block delete leaves out have nothing.
-pub(super) fn classify(line: &[u8], flow: Flow, block_delete: bool) -> Line {
+pub(crate) fn classify(line: &[u8], flow: Flow, block_delete: bool) -> Line {
     let mut found = Line::default();
     let mut at = skip_blanks(line, 0);
     if line[at..].starts_with(b"\xef\xbb\xbf") {
@@ -202,7 +202,7 @@ pub(super) fn statement(letters: &[u8]) -> Option<Statement> {
 
 /// The number or `<name>` of an O-word from `at` on, and where it ends: names in lower case and without blanks, in `<>`, numbers
 /// without leading zeros.
-pub(super) fn name(line: &[u8], at: usize) -> Option<(String, usize)> {
+pub(crate) fn name(line: &[u8], at: usize) -> Option<(String, usize)> {
     let start = skip_blanks(line, at);
     if line.get(start) != Some(&b'<') {
         return digits(line, start).map(|(number, end)| (number.to_string(), end));

@@ -269,11 +269,7 @@ impl Interpreter {
 
     /// Whether a further file is named after a program: `O1000.nc`, `1000`, `rect.ngc`, in any folder and case.
     fn is_file_of(&self, file: u32, name: &str) -> bool {
-        let path = &self.programs[file as usize - 1];
-        let file_name = path.rsplit(['/', '\\']).next().unwrap_or(path).to_ascii_lowercase();
-        let stem = file_name.split('.').next().unwrap_or_default();
-        let number = stem.strip_prefix('o').unwrap_or(stem).trim_start_matches('0');
-        stem == name || number == name
+        crate::outline::is_file_of_program(&self.programs[file as usize - 1], name)
     }
 
     fn find_sub(&self, name: &str, own: u32, pending: &Pending, findings: &mut FindingLog) -> Result<Mark, Progress> {

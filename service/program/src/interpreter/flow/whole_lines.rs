@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Mark;
-use super::line;
+use super::{Mark, classify};
 use crate::block::Rest;
 use crate::code;
 use crate::dialect::Group;
@@ -111,7 +110,7 @@ impl Interpreter {
 
     /// Whether a line behind the end begins a program or a subprogram.
     pub(in crate::interpreter) fn begins_program(&self, line: &[u8]) -> bool {
-        line::classify(line, self.table.dialect.flow, false).begins_program()
+        classify(line, self.table.dialect.flow, false).begins_program()
     }
 
     /// Whether the file that ends is that of a called program, which is an error.
