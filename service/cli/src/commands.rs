@@ -13,6 +13,7 @@ mod decisions;
 mod demo;
 mod findings;
 pub mod healthcheck;
+mod improve;
 mod installation;
 mod interpret;
 mod lobes;
@@ -58,6 +59,13 @@ pub enum Command {
     /// Shows everything found, each finding under its source line with the suggested cure, then for every section with
     /// vibration along the path whether the chip breaks and whether the machine can follow, then times and extents.
     Validate(validate::Args),
+    /// Find vibrations that break every chip, and change the program to them
+    ///
+    /// For every block that switches vibration along the path on, finds the frequency with which the least amplitude breaks every
+    /// chip of its sections: with a margin, up to the largest feed override, within a tolerance of the spindle speed, and within
+    /// the limits of the axes. Writes the changed words as a unified diff, and says each change's reason and gain; what comes
+    /// out is validated again. The program itself is never written.
+    Improve(improve::Args),
     /// Turn a program into a file of setpoints, and into pictures
     ///
     /// Writes one row per interpolation period: index, time, each axis, path position, feed, vibration offset, spindle
@@ -154,6 +162,7 @@ impl Command {
     pub async fn run(self) -> Result<ExitCode, CliError> {
         let result = match self {
             Self::Validate(args) => validate::run(args),
+            Self::Improve(args) => improve::run(&args),
             Self::Plan(args) => plan::run(args),
             Self::Interpret(args) => interpret::run(args),
             Self::ThreadPlan(args) => thread_plan::run(args),

@@ -8,6 +8,7 @@ mod thinning;
 mod thread;
 mod tool_oscillation;
 
+pub(super) use motion::suggestions_of_motion;
 pub(super) use thread::text as thread_text;
 
 use feedwave_contract::proto::{AxisSummary, LimitTimes, PeakPlace, ProgramSummary, ValidationReport};

@@ -123,7 +123,12 @@ impl Source {
 
     /// A program in memory.
     pub(super) fn of_text(name: &str, text: &str) -> Result<Self, CliError> {
-        Self::spool(text.as_bytes(), name)
+        Self::of_bytes(name, text.as_bytes())
+    }
+
+    /// A program in memory, whatever its bytes.
+    pub(super) fn of_bytes(name: &str, bytes: &[u8]) -> Result<Self, CliError> {
+        Self::spool(bytes, name)
     }
 
     fn spool(mut input: impl io::Read, name: &str) -> Result<Self, CliError> {

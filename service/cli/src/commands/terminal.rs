@@ -68,11 +68,13 @@ impl Style {
 
 /// Writes a result.
 pub(super) fn print(text: &str) -> Result<(), CliError> {
+    print_bytes(text.as_bytes())
+}
+
+/// Writes a result that need not be text.
+pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
     let mut stdout = io::stdout().lock();
-    stdout
-        .write_all(text.as_bytes())
-        .and_then(|()| stdout.flush())
-        .map_err(|error| CliError::written("standard output", &error))
+    stdout.write_all(bytes).and_then(|()| stdout.flush()).map_err(|error| CliError::written("standard output", &error))
 }
 
 /// Writes a message of the contract as one JSON object.

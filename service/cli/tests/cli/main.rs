@@ -9,6 +9,7 @@ use serde_json::Value;
 
 mod encryption;
 mod five_axis;
+mod improve;
 mod installation;
 mod interpret;
 mod lobes;

@@ -2,6 +2,7 @@
 
 use feedwave_contract::proto::{
     AxisLimitTimes, PathDeviation, PlanQuality, ProgramSummary, QualityTime, Slowdown, SlowdownCause, SlowdownCure,
+    ValidationReport,
 };
 
 use super::super::terminal::number;
@@ -78,20 +79,34 @@ pub(super) fn slowdown_table(rows: &mut Rows, summary: &ProgramSummary) {
     rows.table(&table);
 }
 
-fn row(at: &Slowdown) -> Vec<String> {
-    let cause = match at.cause() {
+/// What would save time, a line for each of the worst places; nothing where little is lost.
+pub(in crate::commands) fn suggestions_of_motion(report: &ValidationReport) -> Vec<String> {
+    let Some(summary) = &report.summary else { return Vec::new() };
+    let worth = summary.slowdowns.iter().filter(|at| at.lost_s > LEAST_SHARE * summary.duration_s && at.cure != 0);
+    let line = |at: &Slowdown| {
+        let (place, lost, slowest) = (place(at.line, &at.file), number(at.lost_s, 3), number(at.slowest_mm_per_min, 4));
+        format!("{place}: {}, {lost} s lost at {slowest} mm/min ({})", cure(at), cause(at))
+    };
+    worth.map(line).collect()
+}
+
+fn cause(at: &Slowdown) -> &'static str {
+    match at.cause() {
         SlowdownCause::ExactStop => "exact stop",
         SlowdownCause::RoundedCorner => "rounded corner",
         SlowdownCause::ShortBlocks => "short blocks",
         SlowdownCause::Curve => "curve",
         SlowdownCause::Corner | SlowdownCause::Unspecified => "corner",
-    };
+    }
+}
+
+fn row(at: &Slowdown) -> Vec<String> {
     vec![
         place(at.line, &at.file),
         format!("{} s", number(at.lost_s, 3)),
         at.times.to_string(),
         number(at.slowest_mm_per_min, 4),
-        cause.to_owned(),
+        cause(at).to_owned(),
         cure(at),
     ]
 }

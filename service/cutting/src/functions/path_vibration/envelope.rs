@@ -208,7 +208,7 @@ impl VibrationDemand {
 /// From one speed to reserve limits for to the next lower one.
 const SPEED_STEP: f64 = 0.9;
 /// By what factors the peaks of velocity, acceleration and jerk exceed those of the sine at a rate r of the envelope.
-fn growth(rate: f64) -> [f64; 3] {
+pub(super) fn growth(rate: f64) -> [f64; 3] {
     let [b1, b2, b3] = BLEND_PEAKS;
     let square = rate * rate;
     let root = |a: f64, b: f64| (a * a + b * b).sqrt();

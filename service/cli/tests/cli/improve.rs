@@ -1,0 +1,171 @@
+//! `feedwave improve`: what it changes is enough, what it does not change it says, and nothing else of a program moves.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use super::{code, feedwave, fixture, run, stderr, stdout, validate_json};
+
+/// A program in a directory of its own.
+fn program(text: &str) -> (tempfile::TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("part.nc");
+    fs::write(&path, text).unwrap();
+    (directory, path)
+}
+
+fn improve(path: &Path, options: &[&str]) -> Output {
+    feedwave().arg("improve").args(options).arg(path).output().unwrap()
+}
+
+/// Least margin of a program at the largest override.
+fn margin(path: &Path) -> f64 {
+    let (report, _) = validate_json(path);
+    let sections = report["sections"].as_array().unwrap().iter();
+    sections
+        .map(|section| section["atMaxFeedOverride"]["breakingMargin"].as_f64().unwrap())
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn the_trap_is_left_and_only_its_words_change() {
+    let (directory, path) = program(&fs::read_to_string(fixture("spec-trap.nc")).unwrap());
+    let better = directory.path().join("better.nc");
+    let output = run(&[&"improve", &path, &"--out", &better]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let diff = stdout(&output);
+    let changed: Vec<&str> = diff.lines().filter(|line| line.starts_with(['+', '-'])).collect();
+    assert_eq!(changed.len(), 4, "{diff}");
+    assert_eq!(changed[2], "-G200 F50 A0.03");
+    // The amplitude is more than enough and stays.
+    assert_eq!(changed[3], "+G200 F41.65 A0.03", "{diff}");
+    let before = fs::read_to_string(&path).unwrap();
+    assert_eq!(fs::read_to_string(&better).unwrap(), before.replace("F50 A0.03", "F41.65 A0.03"));
+    let told = stderr(&output);
+    for said in ["1 word changed", "line 6: F50 becomes F41.65", "does not break", "margin 0 to ", "before", "100 %"] {
+        assert!(told.contains(said), "{said} is not in\n{told}");
+    }
+    assert!(margin(&path) < 1e-9 && margin(&better) > 1.1, "{}", margin(&better));
+    // What is improved has nothing left to change.
+    let again = run(&[&"improve", &better]);
+    assert_eq!((code(&again), stdout(&again)), (0, String::new()));
+    assert!(stderr(&again).contains("nothing is changed"), "{}", stderr(&again));
+}
+
+#[test]
+fn the_least_amplitude_is_asked_for_and_the_diff_can_be_applied() {
+    let (directory, path) = program(&fs::read_to_string(fixture("spec-trap.nc")).unwrap());
+    let output =
+        improve(&path, &["--least-amplitude", "--speed-tolerance", "0", "--margin", "1", "--feed-override", "100"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    // Half the feed of a revolution, at half a vibration: F41.667 or F58.333, rounded to words.
+    let diff = stdout(&output);
+    assert!(diff.contains(" A0.0051"), "{diff}");
+    let patch = directory.path().join("a.patch");
+    fs::write(&patch, &diff).unwrap();
+    let patched = directory.path().join("patched.nc");
+    let applied = std::process::Command::new("patch").arg("-o").arg(&patched).arg(&path).arg(&patch).output();
+    let Ok(applied) = applied else { return };
+    assert!(applied.status.success(), "{}", String::from_utf8_lossy(&applied.stderr));
+    assert!(fs::read_to_string(&patched).unwrap().contains(" A0.0051"));
+}
+
+/// A lathe program with a vibration of these words over a cut at this speed and feed.
+fn turning(words: &str, rev_per_min: u32, feed: &str) -> String {
+    format!(
+        "%\r\nO1 (\u{fc})\r\nG21 G97 G99 S{rev_per_min} M3\r\nG0 X40. Z2.\r\nN30  G200 {words} (KEEP , THIS)\r\nG1 Z-30. {feed}\r\nG201\r\n\
+         G0 X60.\r\nM30\r\n%\r\n"
+    )
+}
+
+#[test]
+fn layout_comments_and_line_ends_stay() {
+    let (directory, path) = program(&turning("A.02F40.", 600, "F0.1"));
+    let better = directory.path().join("better.nc");
+    let output = run(&[&"improve", &path, &"--out", &better]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let (before, after) = (fs::read_to_string(&path).unwrap(), fs::read_to_string(&better).unwrap());
+    let lines = before.split("\r\n").zip(after.split("\r\n")).filter(|(one, other)| one != other);
+    let lines: Vec<_> = lines.collect();
+    assert_eq!(lines.len(), 1, "{after}");
+    let (new_start, new_end) = (lines[0].1.starts_with("N30  G200 A0."), lines[0].1.ends_with(" (KEEP , THIS)"));
+    assert!(new_start && new_end, "{}", lines[0].1);
+    assert!(margin(&better) >= 1.1, "{}", margin(&better));
+}
+
+#[test]
+fn a_program_in_inches_gets_an_amplitude_in_inches() {
+    let text = turning("F50. A0.0008", 1_000, "F.004")
+        .replace("G21", "G20")
+        .replace("X40. Z2.", "X1.5 Z.1")
+        .replace("Z-30.", "Z-1.");
+    let (directory, path) = program(&text.replace("X60.", "X2."));
+    let better = directory.path().join("better.nc");
+    let output = run(&[&"improve", &path, &"--out", &better]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let after = fs::read_to_string(&better).unwrap();
+    let amplitude = after.split(" A").nth(1).unwrap().split(' ').next().unwrap();
+    let inches: f64 = amplitude.parse().unwrap();
+    // Half of 0.004 in, with margin, override and tolerance.
+    assert!((0.002..0.004).contains(&inches), "{after}");
+    assert!(margin(&better) >= 1.1);
+}
+
+#[test]
+fn what_cannot_be_improved_says_why_and_stays() {
+    for (text, options, reason) in [
+        // A thick chip, and axes that are asked for too much.
+        (turning("F50 A0.03", 1_000, "F3.0"), &[][..], "no vibration within the range"),
+        (turning("F50 A0.03", 1_000, "F0.1"), &["--frequency", "50:50"][..], "no vibration within the range"),
+        (turning("F50 A0.03", 1_000, "F0.1"), &["--frequency", "900:950"][..], "no frequency of the range"),
+        (
+            turning("F50 A0.03", 1_000, "F0.1").replace("G97 G99 S1000", "G96 G99 S100"),
+            &[][..],
+            "constant surface speed",
+        ),
+        (
+            turning("F#1 A0.03", 1_000, "F0.1").replace("%\r\nO1", "%\r\nO1\r\n#1=50.\r\n(").replace("(\u{fc})", ")"),
+            &[][..],
+            "not both written as numbers",
+        ),
+        (turning("F50 A0.03", 1_000, "F0.1").replace(" M3", ""), &[][..], "nothing is cut with a turning spindle"),
+    ] {
+        let (_directory, path) = program(&text);
+        let output = improve(&path, options);
+        assert_eq!((code(&output), stdout(&output)), (1, String::new()), "{reason}: {}", stderr(&output));
+        let told = stderr(&output);
+        let refused =
+            told.contains("nothing is improved in a program with errors") && reason.contains("turning spindle");
+        assert!(told.contains(reason) || refused, "{reason} is not in\n{told}");
+    }
+}
+
+#[test]
+fn programs_with_errors_and_wrong_options_are_refused() {
+    let output = run(&[&"improve", &fixture("bad.nc")]);
+    assert_eq!((code(&output), stdout(&output)), (1, String::new()));
+    assert!(stderr(&output).contains("nothing is improved"), "{}", stderr(&output));
+    let (_directory, path) = program(&turning("F50 A0.03", 1_000, "F0.1"));
+    let same = path.clone();
+    let output = run(&[&"improve", &path, &"--out", &same]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("is the program itself"), "{}", stderr(&output));
+    for option in [
+        "--margin=0.5",
+        "--margin=nan",
+        "--speed-tolerance=50",
+        "--frequency=80:30",
+        "--frequency=80",
+        "--feed-override=90",
+    ] {
+        assert_eq!(code(&run(&[&"improve", &path, &option])), 2, "{option}");
+    }
+}
+
+#[test]
+fn slow_places_are_suggestions_with_their_figures() {
+    let output = run(&[&"improve", &"--machine-kind", &"mill", &fixture("contour-mill.nc")]);
+    assert_eq!((code(&output), stdout(&output)), (0, String::new()), "{}", stderr(&output));
+    let told = stderr(&output);
+    assert!(told.contains("would save time") && told.contains(" s lost at "), "{told}");
+}
