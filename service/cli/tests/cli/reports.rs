@@ -83,7 +83,7 @@ fn differences(path: &str, left: &Value, right: &Value, into: &mut Vec<String>) 
 /// The body of an answer of the HTTP port.
 fn get(service: &Service, path: &str) -> Value {
     let mut stream = TcpStream::connect(service.http_address()).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: feedwave\r\nConnection: close\r\n\r\n").unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     let (head, body) = answer.split_once("\r\n\r\n").unwrap();
