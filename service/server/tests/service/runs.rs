@@ -273,6 +273,35 @@ async fn a_run_that_breaks_anywhere_continues_with_the_same_bits() {
     assert_eq!(replayed.digest, ended.digest);
 }
 
+/// What was handed out and never arrived comes again as it was, and a change lies behind it.
+#[tokio::test]
+async fn a_change_after_a_break_leaves_what_was_handed_out_before_as_it_was() {
+    let server = TestServer::start().await;
+    let (_, job) = monitored_job(&server, config(), PART).await;
+    let mut client = RunsClient::new(server.channel.clone());
+    let mut run = LiveRun::begin(&mut client, &job.name).await;
+    let name = run.started.run.clone();
+    run.credit(400).await;
+    run.reach(400).await;
+    let mut chunks = std::mem::take(&mut run.chunks);
+    assert_eq!(run.next_index, 400);
+    run.credit(900).await;
+    run.reach(900).await;
+    drop(run);
+    let mut run = LiveRun::take_up(&mut client, &name, 400).await;
+    run.command(RunCommandKind::Hold).await;
+    let held = run.change().await;
+    assert_eq!((held.setpoint_index, held.ratio), (900, 0.0));
+    run.command(RunCommandKind::Resume).await;
+    run.change().await;
+    let ended = run.finish().await;
+    chunks.append(&mut run.chunks);
+    assert_eq!(bits(&chunks), streamed(&server, &job.name, &run.changes).await);
+    let replayed = replay(&mut client, &name).await;
+    assert!(replayed.identical, "{replayed:?}");
+    assert_eq!(replayed.digest, ended.digest);
+}
+
 #[tokio::test]
 async fn a_deflection_that_stays_too_large_at_the_lower_bound_holds_the_path_until_somebody_has_seen_it() {
     let server = TestServer::start().await;

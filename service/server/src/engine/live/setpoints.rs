@@ -76,9 +76,11 @@ impl Setpoints {
         self.first_index
     }
 
-    /// See [`Pipeline::earliest_override`].
+    /// See [`Pipeline::earliest_override`]. What was handed out once is not changed any more, though the client that comes back may
+    /// ask for it again.
     pub(super) fn earliest_change(&self) -> u64 {
-        self.pipeline.earliest_override().max(self.first_index)
+        let handed_out = self.expected.map_or(0, |(count, _)| count);
+        self.pipeline.earliest_override().max(self.first_index).max(handed_out)
     }
 
     /// The setpoints that were generated last.
