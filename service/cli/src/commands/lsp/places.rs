@@ -11,6 +11,7 @@ use super::document::Document;
 use super::judge::Judgement;
 use super::setup::Setup;
 use crate::commands::findings;
+use crate::commands::source::Source;
 
 /// Most findings that are sent for one document.
 const MAX_DIAGNOSTICS: usize = 2_000;
@@ -38,7 +39,7 @@ pub(super) struct Files<'a> {
 
 impl<'a> Files<'a> {
     pub(super) fn new(own: &'a Uri, document: &'a Document, setup: Option<&Setup>) -> Self {
-        let paths = setup.map(|setup| &setup.further).into_iter().flat_map(|source| source.further_paths());
+        let paths = setup.map(|setup| &setup.further).into_iter().flat_map(Source::further_paths);
         let paths = paths.map(|(name, path)| (name.to_owned(), path.to_owned())).collect();
         Self { own, document, paths, read: HashMap::new() }
     }

@@ -106,7 +106,7 @@ mod tests {
                 Ok(Received::Message(Message::Request(request))) => all.push(request.method),
                 Ok(Received::Message(other)) => all.push(format!("{other:?}")),
                 Ok(Received::Malformed(answer)) => {
-                    all.push(answer["error"]["code"].to_string() + &answer["id"].to_string())
+                    all.push(answer["error"]["code"].to_string() + &answer["id"].to_string());
                 }
                 Ok(Received::Ended) => return all,
                 Err(error) => {
