@@ -35,7 +35,7 @@ impl Answer {
 /// One request over a connection of its own.
 async fn http(test: &TestServer, method: &str, path: &str, more_headers: &str) -> Answer {
     let mut connection = TcpStream::connect(test.server.http_addr()).await.unwrap();
-    let request = format!("{method} {path} HTTP/1.1\r\nhost: test\r\nconnection: close\r\n{more_headers}\r\n");
+    let request = format!("{method} {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{more_headers}\r\n");
     connection.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
     patiently(connection.read_to_string(&mut answer)).await.unwrap();
