@@ -250,14 +250,15 @@ def test_a_held_feed_is_acknowledged_and_resumed(client):
     escalating = {"feed": {"lower": 0.003, "upper": 0.01, "step": 0.5}, "feed_bounds": {"lower": 0.5, "upper": 1.5}, "escalation": {"windows": 2}}
     job.set_monitoring({**MONITORING, "rules": escalating})
     told = []
+    # Too far however slow it is, until somebody looks at the tool.
+    bent_mm = 0.02
     with job.run(ahead_s=0.0) as run:
         run.send(**sensor.idle())
         run.flush()
         run.ahead_s = 0.1
         for event in run:
             if isinstance(event, feedwave.Setpoints):
-                # Bent too far however slow it is.
-                run.send(**sensor.samples(np.where(event.line == 3, 0.02, 0.0)))
+                run.send(**sensor.samples(np.where(event.line == 3, bent_mm, 0.0)))
                 continue
             if not isinstance(event, feedwave.Acknowledged):
                 told.append(event)
@@ -266,6 +267,7 @@ def test_a_held_feed_is_acknowledged_and_resumed(client):
                 run.resume()
             elif isinstance(event, feedwave.Refused):
                 assert (event.command, event.reason) == ("RESUME", "CONDITION_NOT_ACKNOWLEDGED") and run.feed_held
+                bent_mm = 0.005
                 condition = client.acknowledge(run.name, by="who minds the machine", note="tool looked at")
                 assert condition.acknowledged_by == "who minds the machine"
                 run.resume()
