@@ -13,6 +13,7 @@ mod mask;
 mod programs;
 mod runs;
 mod setpoints;
+mod settings;
 mod states;
 mod telemetry;
 mod threads;

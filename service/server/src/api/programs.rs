@@ -19,7 +19,8 @@ use futures_util::{Stream, stream};
 use tonic::{Request, Response, Status, Streaming, async_trait};
 
 use super::guarded::{Guarded, deadline};
-use super::jobs::{ResponseStream, check_tools};
+use super::jobs::ResponseStream;
+use super::settings::check_tools;
 use super::{Api, page_request};
 use crate::engine::{self, Actions, File, Source};
 use crate::error::{Error, Result, Violations};

@@ -21,7 +21,8 @@ use tonic::{Request, Response, Status, Streaming, async_trait};
 use uuid::Uuid;
 
 use super::guarded::{Guarded, deadline};
-use super::jobs::{ResponseStream, check_period_us, job_id};
+use super::jobs::{ResponseStream, job_id};
+use super::settings::check_period_us;
 use super::telemetry::{config_from_message, run_settings};
 use super::{Api, unreadable};
 use crate::engine::{self, ColumnSet, LiveInput, LiveIntake, LivePlan, feed_change_to_proto};

@@ -18,7 +18,8 @@ use tonic::{Request, Response, Status, async_trait};
 
 use super::Api;
 use super::guarded::{Guarded, deadline};
-use super::jobs::{ResponseStream, check_period_us, job_id};
+use super::jobs::{ResponseStream, job_id};
+use super::settings::check_period_us;
 use crate::engine::{self, ColumnSet, MAX_CHUNK_SIZE, StreamPlan, StreamStart};
 use crate::error::{Error, Result, Violations};
 use crate::stored;

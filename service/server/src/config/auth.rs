@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::problems::Problem;
 use super::{Config, JwtConfig};
 
 /// Who clients are.
@@ -36,7 +37,7 @@ impl AuthConfig {
 impl Config {
     /// Ports that a network reaches without encryption or without clients having to say who they are, by key, with what is
     /// missing.
-    pub(super) fn insecure_ports(&self) -> Vec<(&'static str, String)> {
+    pub(super) fn insecure_ports(&self) -> Vec<Problem> {
         if self.auth.allow_insecure_network {
             return Vec::new();
         }

@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::problems::Range;
+
 /// Bounds on connections of both ports, and the share of one client in what there is.
 ///
 /// A client is the subject of a verified certificate, or else an address; of IPv6 the first 64 bits.
@@ -90,7 +92,7 @@ impl ConnectionLimits {
     }
 
     /// Each key with its value and the range that it must be in. The largest message has `message_bytes`.
-    pub(super) fn ranges(&self, message_bytes: u64) -> [(&'static str, u64, u64, u64); 13] {
+    pub(super) fn ranges(&self, message_bytes: u64) -> [Range; 13] {
         let counts = 1_000_000;
         let day_s = 86_400;
         [

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::problems::{Problem, Range};
+
 /// Tokens of an identity provider (JWT), and which of their claims say what.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -68,7 +70,7 @@ impl JwtConfig {
     }
 
     /// Whole numbers with their ranges, by key.
-    pub(super) fn ranges(&self) -> [(&'static str, u64, u64, u64); 4] {
+    pub(super) fn ranges(&self) -> [Range; 4] {
         [
             ("auth.jwt.leeway_s", self.leeway_s, 0, 300),
             ("auth.jwt.refresh_s", self.refresh_s, 1, 86_400),
@@ -78,7 +80,7 @@ impl JwtConfig {
     }
 
     /// Texts that cannot be used, by key.
-    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+    pub(super) fn problems(&self) -> Vec<Problem> {
         let mut problems = Vec::new();
         let texts = [
             ("auth.jwt.jwks", &self.jwks),

@@ -5,6 +5,8 @@ use std::net::SocketAddr;
 use feedwave_store::Tenant;
 use serde::{Deserialize, Serialize};
 
+use super::problems::{Problem, Range};
+
 /// A read-only agent of MTConnect on a port of its own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -30,7 +32,7 @@ impl Default for MtConnectConfig {
 
 impl MtConnectConfig {
     /// Each key with its value and the range that it must be in.
-    pub(super) fn ranges(&self) -> [(&'static str, u64, u64, u64); 2] {
+    pub(super) fn ranges(&self) -> [Range; 2] {
         [
             ("mtconnect.buffer_size", self.buffer_size as u64, 128, 1 << 24),
             ("mtconnect.streams", self.streams as u64, 1, 10_000),
@@ -44,7 +46,7 @@ impl MtConnectConfig {
     }
 
     /// What is wrong with where it listens, and with whom it shows.
-    pub(super) fn problems(&self) -> impl Iterator<Item = (&'static str, String)> {
+    pub(super) fn problems(&self) -> impl Iterator<Item = Problem> {
         let tenant = match self.tenant.as_str() {
             "" => None,
             name => name.parse::<Tenant>().err().map(|error| ("mtconnect.tenant", error.to_string())),

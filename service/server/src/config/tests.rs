@@ -1,6 +1,8 @@
 //! Where values come from, and how bad ones are refused. `figment::Jail` gives every test its own directory and
 //! environment.
 
+use std::path::Path;
+
 use figment::Jail;
 
 use super::*;

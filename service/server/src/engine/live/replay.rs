@@ -8,6 +8,7 @@ use feedwave_cutting::PipelineConfig;
 use feedwave_monitoring::decide;
 use feedwave_store::{DecisionFilter, JobDetail, MAX_DECISIONS, Run, RunMark, RunOverride, Store};
 use proto::ReplayRunResponse;
+use tokio::sync::OwnedSemaphorePermit;
 
 use super::feed::{Cause, Feed};
 use super::setpoints::{Next, Setpoints};
@@ -58,32 +59,8 @@ impl Engine {
             ..ReplayRunResponse::default()
         };
         if let Some(config) = config {
-            let columns = ColumnSet::select(
-                &mut Violations::default(),
-                &[],
-                &config.profile.machine,
-                false,
-                false,
-                proto::Encoding::PackedDouble,
-            );
-            let sent = run.setpoints.sent;
-            if start_index > sent {
-                return Err(beyond_end(start_index, sent));
-            }
-            let changes = Feed::new(&overrides)?.changes();
-            let start = self.run_near(run.id, &config, &changes, start_index).await?;
-            let first = start.pipeline.next_index();
-            let marks = inner.store.run_marks(run.id).await?;
-            let marks = marks.into_iter().filter(|mark| (first + 1..=sent).contains(&mark.setpoint_index)).collect();
-            let setpoints = Setpoints::new(start, self.job_source(detail)?, columns, sent);
-            // Given up, it ends as well.
-            let stop = inner.draining.child_token();
-            let _given_up = stop.clone().drop_guard();
-            let generated = inner.tasks.spawn_blocking(move || {
-                let _place = place;
-                generate(setpoints, marks, sent, || stop.is_cancelled())
-            });
-            let Generated { count, digest, differs } = generated.await.map_err(Error::internal)??;
+            let again = self.generate_again(detail, &run, config, &overrides, start_index, place).await?;
+            let Generated { first, count, digest, differs } = again;
             if let Some(Range { start, end }) = differs {
                 differences.require(false, || {
                     format!("the setpoints from {start} to {} are not those that were sent", end - 1)
@@ -103,6 +80,40 @@ impl Engine {
         response.differences = differences.0;
         Ok(response)
     }
+
+    /// Generates again what was sent of a run, from the nearest checkpoint at or before `start_index` on.
+    async fn generate_again(
+        &self,
+        detail: &JobDetail,
+        run: &Run,
+        config: PipelineConfig,
+        overrides: &[RunOverride],
+        start_index: u64,
+        place: OwnedSemaphorePermit,
+    ) -> Result<Generated> {
+        let inner = &self.inner;
+        let mut violations = Violations::default();
+        let machine = &config.profile.machine;
+        let columns = ColumnSet::select(&mut violations, &[], machine, false, false, proto::Encoding::PackedDouble);
+        let sent = run.setpoints.sent;
+        if start_index > sent {
+            return Err(beyond_end(start_index, sent));
+        }
+        let changes = Feed::new(overrides)?.changes();
+        let start = self.run_near(run.id, &config, &changes, start_index).await?;
+        let first = start.pipeline.next_index();
+        let marks = inner.store.run_marks(run.id).await?;
+        let marks = marks.into_iter().filter(|mark| (first + 1..=sent).contains(&mark.setpoint_index)).collect();
+        let setpoints = Setpoints::new(start, self.job_source(detail)?, columns, sent);
+        // Given up, it ends as well.
+        let stop = inner.draining.child_token();
+        let _given_up = stop.clone().drop_guard();
+        let generated = inner.tasks.spawn_blocking(move || {
+            let _place = place;
+            generate(setpoints, marks, sent, || stop.is_cancelled())
+        });
+        generated.await.map_err(Error::internal)?
+    }
 }
 
 fn hex(digest: [u8; 32]) -> String {
@@ -111,6 +122,8 @@ fn hex(digest: [u8; 32]) -> String {
 
 /// Setpoints that came out again.
 struct Generated {
+    /// Index of the first one.
+    first: u64,
     /// Index behind the last one.
     count: u64,
     /// Digest of all before it.
@@ -127,7 +140,8 @@ fn generate(
     cancelled: impl Fn() -> bool,
 ) -> Result<Generated> {
     let mut differs = None;
-    let mut proved = setpoints.next_index();
+    let first = setpoints.next_index();
+    let mut proved = first;
     let mut marks = marks.into_iter().peekable();
     while setpoints.next_index() < count {
         if cancelled() {
@@ -145,7 +159,7 @@ fn generate(
             proved = next;
         }
     }
-    Ok(Generated { count: setpoints.next_index(), digest: setpoints.digest(), differs })
+    Ok(Generated { first, count: setpoints.next_index(), digest: setpoints.digest(), differs })
 }
 
 /// Makes every decision again; how many there were, and the feed after each.

@@ -1,0 +1,250 @@
+//! The ports, and what is around each call that comes in by them.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use feedwave_contract::convert::timestamp;
+use http::Request;
+use jiff::Timestamp;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use tonic_health::server::HealthReporter;
+use tower::ServiceBuilder;
+use tower::util::MapRequestLayer;
+use tower_http::classify::{GrpcCode, GrpcErrorsAsFailures, SharedClassifier};
+use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
+use tower_http::trace::{DefaultOnFailure, DefaultOnResponse, TraceLayer};
+use tracing::Level;
+use uuid::Uuid;
+
+use super::StartError;
+use super::certificates::Certificates;
+use crate::access::Access;
+use crate::api::Api;
+use crate::audit::AuditLog;
+use crate::config::{Config, ConnectionLimits};
+use crate::connections::{App, Clients, Connection, Port, Tls, app};
+use crate::error::Error;
+use crate::http::{HttpState, router};
+use crate::mtconnect::{self, Agent, AgentState};
+use crate::observability::metrics::Metrics;
+use crate::observability::rpc::RpcLayer;
+use crate::readiness::Readiness;
+use crate::services;
+
+/// The header with the id of a call.
+pub(crate) const REQUEST_ID: &str = "x-request-id";
+
+/// Longest request id that is taken over from a client, bytes: it comes back in the headers of the answer.
+const MAX_REQUEST_ID_BYTES: usize = 128;
+
+/// Ports that are open and not served yet, with their addresses.
+pub(super) struct Listeners {
+    grpc: (TcpListener, SocketAddr),
+    http: (TcpListener, SocketAddr),
+    mtconnect: Option<(TcpListener, SocketAddr)>,
+}
+
+/// Ports that are served until their tasks end.
+#[derive(Debug)]
+pub(super) struct Ports {
+    pub(super) grpc_addr: SocketAddr,
+    pub(super) http_addr: SocketAddr,
+    pub(super) mtconnect_addr: Option<SocketAddr>,
+    pub(super) grpc: JoinHandle<()>,
+    pub(super) http: JoinHandle<()>,
+    pub(super) mtconnect: Option<JoinHandle<()>>,
+}
+
+/// What calls are answered from.
+pub(super) struct Asked<'a> {
+    pub(super) api: &'a Api,
+    pub(super) access: &'a Access,
+    pub(super) audit: &'a AuditLog,
+    pub(super) readiness: Readiness,
+    pub(super) health: &'a HealthReporter,
+}
+
+/// What answers at each port.
+pub(super) struct Apps {
+    grpc: App,
+    http: App,
+    mtconnect: Option<App>,
+}
+
+impl Apps {
+    /// # Errors
+    /// [`StartError::Setup`] where the machines that the MTConnect agent shows cannot be read.
+    pub(super) async fn new(asked: Asked<'_>, config: &Config) -> Result<Self, StartError> {
+        let setup = |error: Error| StartError::Setup(error.to_string());
+        let mtconnect = match config.mtconnect.listen {
+            Some(_) => Some(mtconnect_app(asked.api, config).await.map_err(setup)?),
+            None => None,
+        };
+        let grpc = grpc_app(&asked, config)?;
+        let state = HttpState {
+            api: asked.api.clone(),
+            readiness: asked.readiness,
+            access: asked.access.clone(),
+            audit: asked.audit.clone(),
+            start_time: timestamp(Timestamp::now().as_microsecond()),
+            heartbeat: config.http.heartbeat(),
+        };
+        let http = app(ServiceBuilder::new().option_layer(config.cors.for_http()).service(router(state)));
+        Ok(Self { grpc, http, mtconnect })
+    }
+}
+
+impl Listeners {
+    /// Opens the ports that are configured.
+    ///
+    /// # Errors
+    /// [`StartError::Listen`] with the key of the one that cannot be opened.
+    pub(super) async fn open(config: &Config) -> Result<Self, StartError> {
+        let grpc = listen("grpc.listen", config.grpc.listen).await?;
+        let http = listen("http.listen", config.http.listen).await?;
+        let mtconnect = match config.mtconnect.listen {
+            Some(address) => Some(listen("mtconnect.listen", address).await?),
+            None => None,
+        };
+        Ok(Self { grpc, http, mtconnect })
+    }
+
+    /// Serves them: the gRPC port until `draining`, the others until `http_stop`.
+    pub(super) fn serve(
+        self,
+        apps: Apps,
+        config: &Config,
+        certificates: &Certificates,
+        metrics: &Metrics,
+        http_stop: &CancellationToken,
+        draining: CancellationToken,
+    ) -> Ports {
+        let clients = Clients::new(bounded_by_descriptors(config), metrics.connections.clone());
+        let port = |name, listener, app, tls: Option<&Arc<Tls>>| Port {
+            name,
+            listener,
+            app,
+            tls: tls.cloned(),
+            clients: clients.clone(),
+            streams_per_connection: config.limits.streams_per_connection,
+            // A client that still reads when its connection is closed has the time that open calls have.
+            linger: config.limits.drain(),
+        };
+        let ((grpc, grpc_addr), (http, http_addr)) = (self.grpc, self.http);
+        let mtconnect_addr = self.mtconnect.as_ref().map(|(_, address)| *address);
+        let mtconnect = self.mtconnect.zip(apps.mtconnect);
+        let mtconnect = mtconnect.map(|((listener, _), app)| port("mtconnect", listener, app, None));
+        let grpc = port("grpc", grpc, apps.grpc, certificates.grpc.as_ref());
+        let http = port("http", http, apps.http, certificates.http.as_ref());
+        Ports {
+            grpc_addr,
+            http_addr,
+            mtconnect_addr,
+            grpc: tokio::spawn(grpc.serve(draining)),
+            http: tokio::spawn(http.serve(http_stop.clone())),
+            mtconnect: mtconnect.map(|mtconnect| tokio::spawn(mtconnect.serve(http_stop.clone()))),
+        }
+    }
+}
+
+async fn listen(key: &'static str, address: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
+    let failed = |source| StartError::Listen { key, address, source };
+    let listener = TcpListener::bind(address).await.map_err(failed)?;
+    let bound = listener.local_addr().map_err(failed)?;
+    Ok((listener, bound))
+}
+
+/// The bounds on connections, with no more of them than the process may have descriptors: the store and files need some
+/// as well.
+fn bounded_by_descriptors(config: &Config) -> ConnectionLimits {
+    const OTHER_DESCRIPTORS: usize = 64;
+    let mut limits = config.connections.clone();
+    let descriptors = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    if let Some(descriptors) = descriptors.and_then(|descriptors| usize::try_from(descriptors).ok()) {
+        let most = descriptors.saturating_sub(OTHER_DESCRIPTORS).max(1);
+        if limits.total > most {
+            tracing::warn!(descriptors, connections = most, "connections.total is more than there are descriptors for");
+            limits.total = most;
+        }
+    }
+    limits
+}
+
+/// The gRPC services with what is around each call.
+fn grpc_app(asked: &Asked<'_>, config: &Config) -> Result<App, StartError> {
+    let (api, access, audit) = (asked.api, asked.access.clone(), asked.audit.clone());
+    let rpc = RpcLayer::new(api.metrics.clone(), &api.limits, access, audit, api.engine.draining().clone());
+    let routes = services::routes(api, api.limits.message_bytes, asked.health)
+        .map_err(|error| StartError::Setup(error.to_string()))?;
+    let trace = TraceLayer::new(SharedClassifier::new(classifier()))
+        .make_span_with(span)
+        .on_response(DefaultOnResponse::new().level(Level::DEBUG))
+        .on_failure(DefaultOnFailure::new().level(Level::WARN));
+    let service = ServiceBuilder::new()
+        // Asked before anything else: whoever asks so has not said who it is.
+        .option_layer(config.cors.for_grpc_web())
+        .layer(tonic_web::GrpcWebLayer::new())
+        .layer(MapRequestLayer::new(bound_request_id))
+        .layer(SetRequestIdLayer::x_request_id(NewRequestId))
+        .layer(trace)
+        .layer(PropagateRequestIdLayer::x_request_id())
+        .layer(rpc)
+        .service(routes);
+    Ok(app(service))
+}
+
+/// The MTConnect agent, which follows the machines from here on.
+async fn mtconnect_app(api: &Api, config: &Config) -> Result<App, Error> {
+    let agent = Agent::new(config.mtconnect.buffer_size);
+    let store = api.store.of_all_tenants();
+    // Clients of the standard do not say who they are: they all see what one tenant sees.
+    let reader = agent.begin(&api.floors.of(config.mtconnect.tenant()), store).await?;
+    let draining = api.engine.draining();
+    api.engine.spawn(agent.clone().follow(reader, store.clone(), draining.clone()));
+    let state = AgentState::new(agent, config.mtconnect.streams, draining.clone());
+    Ok(app(mtconnect::router(state)))
+}
+
+/// What a client did wrong, or had happen by its own wish, is no failure of the service.
+fn classifier() -> GrpcErrorsAsFailures {
+    let by_the_client = [
+        GrpcCode::Cancelled,
+        GrpcCode::InvalidArgument,
+        GrpcCode::DeadlineExceeded,
+        GrpcCode::NotFound,
+        GrpcCode::AlreadyExists,
+        GrpcCode::FailedPrecondition,
+        GrpcCode::Aborted,
+        GrpcCode::OutOfRange,
+        GrpcCode::Unimplemented,
+    ];
+    by_the_client.into_iter().fold(GrpcErrorsAsFailures::new(), GrpcErrorsAsFailures::with_success)
+}
+
+/// The span of a call, with its request id and its client.
+fn span<B>(request: &Request<B>) -> tracing::Span {
+    let id = request.extensions().get::<RequestId>();
+    let id = id.and_then(|id| id.header_value().to_str().ok()).unwrap_or_default();
+    let client = request.extensions().get::<Arc<Connection>>().map(|connection| connection.client().to_string());
+    tracing::info_span!("call", method = request.uri().path(), request_id = id, client)
+}
+
+/// Takes away a request id that is too long, so that the call gets one of ours.
+fn bound_request_id<B>(mut request: Request<B>) -> Request<B> {
+    if request.headers().get(REQUEST_ID).is_some_and(|id| id.len() > MAX_REQUEST_ID_BYTES) {
+        request.headers_mut().remove(REQUEST_ID);
+    }
+    request
+}
+
+/// Gives calls an id that come without one.
+#[derive(Clone, Copy, Debug)]
+struct NewRequestId;
+
+impl MakeRequestId for NewRequestId {
+    fn make_request_id<B>(&mut self, _request: &Request<B>) -> Option<RequestId> {
+        Uuid::now_v7().to_string().parse().ok().map(RequestId::new)
+    }
+}
