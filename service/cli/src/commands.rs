@@ -27,6 +27,7 @@ mod plan;
 mod replay;
 mod report;
 mod resources;
+mod robustness;
 mod run;
 pub mod serve;
 mod source;
@@ -71,6 +72,11 @@ pub enum Command {
     /// Writes one row per interpolation period: index, time, each axis, path position, feed, vibration offset, spindle
     /// angle, source line; the header says the units. A program with errors is refused, and no file appears.
     Plan(plan::Args),
+    /// Judge how surely chips break when speed, feed and amplitude are known within tolerances only
+    ///
+    /// For every vibrating section the worst case and the share of all values within the tolerances for which the chip breaks, and
+    /// with the lobes of a tool and a depth how surely the cut is stable; with --out a map of speed and feed for each section.
+    Robustness(robustness::Args),
     /// Show what a program means: every action, fully resolved
     ///
     /// Carries out every modal state, expression, loop, call, cycle, offset and compensation, and writes one action for each
@@ -164,6 +170,7 @@ impl Command {
             Self::Validate(args) => validate::run(args),
             Self::Improve(args) => improve::run(&args),
             Self::Plan(args) => plan::run(args),
+            Self::Robustness(args) => robustness::run(&args),
             Self::Interpret(args) => interpret::run(args),
             Self::ThreadPlan(args) => thread_plan::run(args),
             Self::Lobes(args) => lobes::run(args).await,

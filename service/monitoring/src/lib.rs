@@ -34,7 +34,8 @@ pub use learning::{
 };
 pub use lobes::{
     ChartLimit, ChartPoint, LOW_IMMERSION, LOW_IMMERSION_ERROR, LobeError, LobePoint, Lobes, MillingModel, Mode,
-    Pocket, PocketRequest, TurningModel, dynamics_problems, limiting_width_mm,
+    Pocket, PocketRequest, StabilityRobustness, TurningModel, dynamics_problems, limiting_width_mm,
+    stability_robustness,
 };
 pub use monitor::{Monitor, SnapshotError, State};
 pub use rules::{

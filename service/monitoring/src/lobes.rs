@@ -4,11 +4,13 @@
 mod chart;
 mod limit;
 mod pockets;
+mod robustness;
 mod trace;
 
 pub use chart::ChartPoint;
 pub use limit::ChartLimit;
 pub use pockets::{Pocket, PocketRequest};
+pub use robustness::{StabilityRobustness, stability_robustness};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use thiserror::Error;

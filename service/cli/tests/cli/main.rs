@@ -17,6 +17,7 @@ mod lsp;
 mod oscillation;
 mod reports;
 mod resources;
+mod robustness;
 mod run;
 mod service;
 mod thread_plan;

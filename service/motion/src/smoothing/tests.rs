@@ -336,3 +336,13 @@ proptest! {
         prop_assert_eq!(stored, smooth(&blocks));
     }
 }
+
+#[test]
+fn a_noisy_run_is_divided_where_a_point_is_farther_from_every_line_than_the_tolerance() {
+    // Neighbours in opposite corners of the noise are up to 2·√2 times it apart: 0.0056 mm, where 0.005 mm are permitted.
+    let elements = |noise_mm: f64| {
+        let points = [[0.0; 3], [0.3, noise_mm, noise_mm], [0.6, -noise_mm, -noise_mm], [0.601, noise_mm, noise_mm]];
+        smooth(&blocks(polyline(&points), within(0.02, 0.005))).len()
+    };
+    assert_eq!((elements(0.00169), elements(0.00199)), (1, 3));
+}

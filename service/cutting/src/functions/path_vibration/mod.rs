@@ -14,6 +14,7 @@ mod findings;
 mod following;
 mod loads;
 mod report;
+mod robustness;
 mod search;
 mod section;
 mod servo;
@@ -37,6 +38,7 @@ pub use following::FollowingReport;
 pub use report::{
     AxisLoadReport, ChipSpan, ExceededAxis, OverrideReport, PublishedEnds, SamplingReport, SectionReport,
 };
+pub use robustness::{ChipRobustness, CutTolerances, chip_robustness};
 pub use search::{FoundVibration, SearchCut, SearchGoals, Unsearchable, VibrationSearch};
 pub use section::SectionAnalyzer;
 pub use servo::{ServoCondition, ServoPeriod, ServoWave, fill_servo_positions};

@@ -1,0 +1,111 @@
+//! `feedwave robustness`: worst cases and shares, maps, and lobes of a file.
+
+use std::fs;
+
+use super::{code, fixture, run, stderr, stdout};
+
+#[test]
+fn the_trap_is_sure_to_fail_and_its_cure_to_hold() {
+    let trap = run(&[&"robustness", &fixture("spec-trap.nc")]);
+    assert_eq!(code(&trap), 1, "{}", stderr(&trap));
+    let text = stdout(&trap);
+    for said in ["does not break for all values", "0 at worst", "D = 3"] {
+        assert!(text.contains(said), "{said} is not in\n{text}");
+    }
+    let cured = run(&[&"robustness", &fixture("spec-trap-cured.nc")]);
+    assert_eq!(code(&cured), 0, "{}", stderr(&cured));
+    // 6·cos(π·(2.5/0.98 − 2.5))·0.9/1.05 with F41.667 for 41.6667.
+    assert!(
+        stdout(&cured).contains("margin 6 as programmed, 5.077 at worst; it breaks for 100 % of the values"),
+        "{}",
+        stdout(&cured)
+    );
+    let loose: [&dyn AsRef<std::ffi::OsStr>; 4] =
+        [&"robustness", &fixture("spec-trap-cured.nc"), &"--speed-tolerance", &"20"];
+    assert_eq!(code(&run(&loose)), 1, "D = 3 is within 20 %");
+}
+
+#[test]
+fn maps_have_the_safe_region_as_values_and_picture() {
+    let directory = tempfile::tempdir().unwrap();
+    let maps = directory.path().join("maps");
+    let output = run(&[&"robustness", &fixture("spec-trap-cured.nc"), &"--out", &maps]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let mut names: Vec<_> =
+        fs::read_dir(&maps).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let stem = names[0].strip_suffix(".csv").unwrap().to_owned();
+    assert_eq!(names, ["csv", "png", "svg"].map(|ending| format!("{stem}.{ending}")));
+    let csv = fs::read_to_string(maps.join(&names[0])).unwrap();
+    let mut lines = csv.lines();
+    assert_eq!(lines.next(), Some("spindle_rev_per_min,feed_mm_per_rev,margin,worst_margin,safe"));
+    let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 401 * 100);
+    for row in &rows {
+        let [speed, feed, margin, worst, safe] = row[..] else { panic!("{row:?}") };
+        // The margin is that of the page: 2A·|sin πD|/f_r with A = 0.03 and 41.667 Hz.
+        let expected = 0.06 * (std::f64::consts::PI * 60.0 * 41.667 / speed).sin().abs() / feed;
+        assert!((margin - expected).abs() < 1e-9 * (1.0 + expected), "{row:?} {expected}");
+        assert!(worst <= margin + 1e-12 && safe == f64::from(u8::from(worst >= 1.0)), "{row:?}");
+    }
+    assert!(rows.iter().any(|row| row[4] == 0.0) && rows.iter().any(|row| row[4] == 1.0));
+    let svg = fs::read_to_string(maps.join(&names[2])).unwrap();
+    assert!(svg.contains("breaks for all values within the tolerances") && svg.contains("spindle speed, rev/min"));
+}
+
+#[test]
+fn lobes_of_a_file_judge_the_depth() {
+    let directory = tempfile::tempdir().unwrap();
+    let lobes = directory.path().join("lobes.json");
+    let computed = run(&[
+        &"lobes",
+        &"--turning",
+        &"--mode-normal",
+        &"250,0.04,8000",
+        &"--specific",
+        &"2000",
+        &"--lowest-rev-per-min",
+        &"500",
+        &"--highest-rev-per-min",
+        &"4000",
+        &"--format",
+        &"json",
+    ]);
+    assert_eq!(code(&computed), 0, "{}", stderr(&computed));
+    fs::write(&lobes, stdout(&computed)).unwrap();
+    let program = fixture("spec-trap-cured.nc");
+    let judge = |depth: &str| run(&[&"robustness", &program, &"--lobes", &lobes, &"--depth", &depth]);
+    let shallow = judge("0.01");
+    assert_eq!(code(&shallow), 0, "{}{}", stdout(&shallow), stderr(&shallow));
+    assert!(stdout(&shallow).contains("stable for 100 % of the values"), "{}", stdout(&shallow));
+    let deep = judge("50");
+    assert_eq!(code(&deep), 1);
+    assert!(stdout(&deep).contains("stable for 0 % of the values"), "{}", stdout(&deep));
+    // Speeds that the lobes do not have are not judged, and so do not hold.
+    fs::write(
+        &lobes,
+        "{\"chart\": [{\"spindleRevPerMin\": 2000, \"limitMm\": 1}, {\"spindleRevPerMin\": 2500, \"limitMm\": 1}]}",
+    )
+    .unwrap();
+    let beyond = judge("0.01");
+    assert_eq!(code(&beyond), 1);
+    assert!(stdout(&beyond).contains("the lobes do not have all speeds"), "{}", stdout(&beyond));
+    for (text, reason) in [("{}", "has no chart"), ("[", "lobes.json: ")] {
+        fs::write(&lobes, text).unwrap();
+        let output = judge("1");
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains(reason), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn what_cannot_be_judged_is_said() {
+    let facing = run(&[&"robustness", &fixture("facing-g96.nc")]);
+    assert_eq!(code(&facing), 1);
+    assert!(stdout(&facing).contains("constant surface speed are not judged"), "{}", stdout(&facing));
+    let output = run(&[&"robustness", &fixture("bad.nc")]);
+    assert_eq!(code(&output), 1);
+    for option in ["--speed-tolerance=60", "--feed-tolerance=x", "--depth=1", "--depth=-1"] {
+        assert_eq!(code(&run(&[&"robustness", &fixture("spec-trap.nc"), &option])), 2, "{option}");
+    }
+}
