@@ -275,30 +275,49 @@ impl Row {
                 self.keep(ready, &course, count, (!is_last).then_some(joints));
             }
             other if self.found.is_some() => {
-                let known = self.known;
-                let joints = self.joints(&ahead.nodes[..known]);
-                if let Some(found) = self.found.take() {
-                    if matches!(other, Outcome::NotFound) && found.duration() > LEAST_FOUND_S {
-                        // From somewhat farther on it there may be a way.
-                        self.keep(ready, &found, known, Some(joints));
-                    } else {
-                        // What was found before goes on to its end.
-                        self.put(ready, &found, Some(known));
-                    }
-                }
+                let joints = self.joints(&ahead.nodes[..self.known]);
+                self.go_on_with_found(ready, joints, matches!(other, Outcome::NotFound));
             }
-            Outcome::NotFound if count > single => {
-                let exit_reserve = ahead.nodes[single].reserve;
-                let joints = self.joints(&ahead.nodes[..single]);
-                let (count, is_last, kept) = (single, true, KEPT_KNOTS);
-                let task = Task { ahead: &ahead, count, joints: &joints, exit_reserve, is_last, kept };
-                match self.plan(&task, limits, speed) {
-                    Outcome::Faster(course) => self.put(ready, &course, Some(single)),
-                    _ => self.leave(ready, single),
-                }
-            }
+            Outcome::NotFound if count > single => match self.plan_alone(&ahead, single, limits, speed) {
+                Some(course) => self.put(ready, &course, Some(single)),
+                None => self.leave(ready, single),
+            },
             Outcome::NothingToGain => self.leave(ready, count),
             Outcome::NotFound => self.leave(ready, single),
+        }
+    }
+
+    /// Goes on with what was found before, where no other window is: to its end, or to somewhat farther on it where there may be a
+    /// way from there.
+    fn go_on_with_found<B>(
+        &mut self,
+        ready: &mut VecDeque<Released<B>>,
+        joints: Vec<(f64, f64)>,
+        may_find_later: bool,
+    ) {
+        let known = self.known;
+        let Some(found) = self.found.take() else { return };
+        if may_find_later && found.duration() > LEAST_FOUND_S {
+            self.keep(ready, &found, known, Some(joints));
+        } else {
+            self.put(ready, &found, Some(known));
+        }
+    }
+
+    /// A course over the first section alone, which is `count` stretches, where it is faster.
+    fn plan_alone<B>(
+        &self,
+        ahead: &Ahead<'_, B>,
+        count: usize,
+        limits: &AxisLimits,
+        speed: &mut SpeedPlanner,
+    ) -> Option<Course> {
+        let exit_reserve = ahead.nodes[count].reserve;
+        let joints = self.joints(&ahead.nodes[..count]);
+        let task = Task { ahead, count, joints: &joints, exit_reserve, is_last: true, kept: KEPT_KNOTS };
+        match self.plan(&task, limits, speed) {
+            Outcome::Faster(course) => Some(course),
+            _ => None,
         }
     }
 

@@ -257,17 +257,29 @@ fn fitted(
     if kink <= TANGENT_TOLERANCE_RAD {
         for_lines = for_lines.min((tolerance_mm / (RAMP_DEVIATION * bend)).sqrt());
     }
-    let is_enough =
-        |cut_mm: f64| (cut_mm >= LEAST_CORNER_CUT_MM).then_some(Rounding { cut_mm, deviation_mm: 0.0, shape });
     let curvature = norm(from.curvature).max(norm(to.curvature));
     let most_turn_rad = if ramps { LARGEST_RAMP_TURN_RAD } else { LARGEST_CORNER_TURN_RAD };
     let most_cut_mm = most_cut_mm.min(most_turn_rad / curvature);
-    let tolerance_mm = tolerance_mm * USED_SAMPLED_TOLERANCE;
+    longest_within([before, after], tolerance_mm * USED_SAMPLED_TOLERANCE, shape, [for_lines, most_cut_mm])
+}
+
+/// The rounding of this shape with about the longest cut for which samples stay within the tolerance: from one that would do between
+/// lines, up to the largest one.
+fn longest_within(
+    [before, after]: [&Element; 2],
+    tolerance_mm: f64,
+    shape: Shape,
+    [for_lines, most_cut_mm]: [f64; 2],
+) -> Option<Rounding> {
     let mut good: Option<Rounding> = None;
     let mut bad = f64::INFINITY;
     let mut cut_mm = (for_lines * USED_SAMPLED_TOLERANCE).min(most_cut_mm);
     for _ in 0..MAX_CORNER_TRIES {
-        let rounding = is_enough(cut_mm)?;
+        let is_enough = cut_mm >= LEAST_CORNER_CUT_MM;
+        if !is_enough {
+            return None;
+        }
+        let rounding = Rounding { cut_mm, deviation_mm: 0.0, shape };
         let points = rounding.control_points(Joint::of(before, before.length - cut_mm), Joint::of(after, cut_mm));
         let deviation_mm =
             if is_forward(&points) { rounding.sampled_deviation(&points, before, after) } else { f64::INFINITY };

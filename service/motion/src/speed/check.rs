@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::Ramp;
 use super::course::Governor;
 use super::path::{Derivatives, Path};
 use super::problem::{Knots, basis};
+use super::ramp::Ramp;
 use crate::tolerance::{SPEED_CHECKED_SHARE, SPEED_LIMIT_SHARE, SPEED_SIDE};
 
 /// Least part of b at the ends of an interval that it falls to within: 3 % of the speed.

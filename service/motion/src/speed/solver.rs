@@ -9,23 +9,9 @@
 use std::ops::Range;
 
 use super::banded::Banded;
+use super::pair::{Found, Pair, Renewal, Steps, larger, largest};
 use super::problem::{PLACES, Problem, Row};
 use crate::tolerance::{SPEED_GAP, SPEED_START_SLACK};
-
-/// The two one-sided rows of a limit |value| ≤ bound: g(c) = ±value − bound ≤ 0, each with its slack and its price.
-#[derive(Clone, Copy, Default)]
-struct Pair {
-    /// g + slack.
-    residual: [f64; 2],
-    slack: [f64; 2],
-    /// 1/slack.
-    per_slack: [f64; 2],
-    price: [f64; 2],
-    /// Change of the slack along the present direction.
-    change: [f64; 2],
-    /// What the predictor's products miss, then the change of the price.
-    correction: [f64; 2],
-}
 
 /// What the method needs between its steps; kept so that windows allocate nothing.
 #[derive(Clone, Default)]
@@ -89,14 +75,6 @@ struct Part<'a> {
     squares: &'a [Row],
 }
 
-/// Steps of slacks and prices.
-type Steps = [f64; 2];
-
-#[inline]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
 #[inline]
 fn dot(a: &Row, c: &[f64]) -> f64 {
     a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
@@ -131,123 +109,43 @@ impl Sums {
         }
     }
 
+    /// Adds the rows of the jerk at a place, where b is square·c; −dφ/db there.
+    #[inline]
+    fn add_jerks(
+        &mut self,
+        square: &Row,
+        (rows, pairs): (&[Row], &mut [Pair]),
+        c: &[f64],
+        mut renew: impl FnMut(&mut Pair, f64, f64, f64) -> [[f64; 2]; 2],
+    ) -> f64 {
+        let b = dot(square, c);
+        let speed = b.sqrt();
+        let inverse = 1.0 / speed;
+        let fall = 0.5 * inverse / b;
+        // Of both rows together, fall·square ± row.
+        let (mut across, mut weight, mut pull) = ([0.0; 3], 0.0, 0.0);
+        for (row, pair) in rows.iter().zip(pairs) {
+            let [weights, pulls] = renew(pair, dot(row, c), inverse, speed);
+            self.add_square(row, weights[0] + weights[1]);
+            self.add_force(row, pulls[0] - pulls[1]);
+            for (across, row) in across.iter_mut().zip(row) {
+                *across += (weights[0] - weights[1]) * row;
+            }
+            weight += weights[0] + weights[1];
+            pull += pulls[0] + pulls[1];
+        }
+        self.add(&across, square, 2.0 * fall);
+        self.add_square(square, fall * fall * weight);
+        self.add_force(square, fall * pull);
+        fall
+    }
+
     #[inline]
     fn add_force(&mut self, a: &Row, force: f64) {
         for (sum, a) in self.force.iter_mut().zip(a) {
             *sum += force * a;
         }
     }
-}
-
-/// What a pass over all rows needs to renew them.
-#[derive(Clone, Copy)]
-enum Renewal {
-    /// First slacks and prices: the complementarity, and the least slack as a share of the limit.
-    Start(f64, f64),
-    /// After a step.
-    Step(Steps),
-}
-
-/// What such a pass finds.
-#[derive(Clone, Copy, Default)]
-struct Found {
-    /// Largest residual, as a share of the row's scale.
-    residual: f64,
-    /// Sum of the products of slack and price.
-    products: f64,
-}
-
-impl Pair {
-    /// Renews a pair of rows ±value ≤ bound, and bounds its prices to keep products near their mean; its weights, and those times
-    /// the residuals.
-    #[inline]
-    #[allow(clippy::needless_range_loop, reason = "two rows, side by side")]
-    fn renew(
-        &mut self,
-        value: f64,
-        bound: f64,
-        per_scale: f64,
-        renewal: Renewal,
-        prices: [f64; 2],
-        found: &mut Found,
-    ) -> [[f64; 2]; 2] {
-        let g = [value - bound, -value - bound];
-        let (mut weights, mut pulls) = ([0.0; 2], [0.0; 2]);
-        match renewal {
-            Renewal::Start(complementarity, least) => {
-                for k in 0..2 {
-                    self.slack[k] = larger(-g[k], least / per_scale);
-                    self.price[k] = complementarity / self.slack[k];
-                }
-            }
-            Renewal::Step([step, price_step]) => {
-                for k in 0..2 {
-                    self.slack[k] = larger(self.slack[k] + step * self.change[k], -g[k]);
-                    self.price[k] += price_step * self.correction[k];
-                }
-            }
-        }
-        for k in 0..2 {
-            self.per_slack[k] = 1.0 / self.slack[k];
-            self.residual[k] = g[k] + self.slack[k];
-            found.products += self.slack[k] * self.price[k];
-            let [least, most] = prices.map(|product| product * self.per_slack[k]);
-            let price = larger(self.price[k], least);
-            self.price[k] = if price < most { price } else { most };
-            weights[k] = self.price[k] * self.per_slack[k];
-            pulls[k] = weights[k] * self.residual[k];
-        }
-        found.residual = larger(found.residual, larger(self.residual[0], self.residual[1]) * per_scale);
-        [weights, pulls]
-    }
-
-    /// How far the predictor gets where the rows change by `changes`.
-    #[inline]
-    fn predict(&mut self, changes: [f64; 2], most: &mut [[f64; 2]; 2], sums: &mut [[f64; 2]; 4]) -> [[f64; 2]; 2] {
-        let mut corrections = [0.0; 2];
-        for k in 0..2 {
-            let grows = -self.residual[k] - changes[k];
-            let shrinks = -grows * self.per_slack[k];
-            most[0][k] = larger(most[0][k], shrinks);
-            most[1][k] = larger(most[1][k], 1.0 - shrinks);
-            let price = self.price[k] * (shrinks - 1.0);
-            self.correction[k] = grows * price;
-            sums[0][k] += self.slack[k] * self.price[k];
-            sums[1][k] += grows * self.price[k];
-            sums[2][k] += self.slack[k] * price;
-            sums[3][k] += self.correction[k];
-            corrections[k] = self.correction[k] * self.per_slack[k];
-        }
-        [self.per_slack, corrections]
-    }
-
-    /// The changes of slacks and prices where the rows change by `changes`.
-    #[inline]
-    fn correct(
-        &mut self,
-        changes: [f64; 2],
-        [target, part]: [f64; 2],
-        most: &mut [[f64; 2]; 2],
-        sums: &mut [[f64; 2]; 3],
-    ) {
-        for k in 0..2 {
-            let grows = -self.residual[k] - changes[k];
-            let shrinks = -grows * self.per_slack[k];
-            most[0][k] = larger(most[0][k], shrinks);
-            let price = (target - part * self.correction[k]) * self.per_slack[k] - self.price[k] * (1.0 - shrinks);
-            most[1][k] = larger(most[1][k], -price / self.price[k]);
-            sums[0][k] += grows * self.price[k];
-            sums[1][k] += self.slack[k] * price;
-            sums[2][k] += grows * price;
-            self.change[k] = grows;
-            self.correction[k] = price;
-        }
-    }
-}
-
-/// The largest of 1 and what both rows of every pair ask for.
-fn largest(most: [[f64; 2]; 2]) -> [f64; 2] {
-    most.map(|[a, b]| larger(a, b))
 }
 
 impl Solver {
@@ -261,29 +159,8 @@ impl Solver {
         (steps, gap): (usize, f64),
         start: Start,
     ) -> bool {
-        let intervals = range.len();
-        let axes = problem.axes;
-        self.accelerations.clear();
-        self.accelerations.extend_from_slice(&problem.accelerations[range.start * axes..range.end * axes]);
-        self.accelerations[..axes].fill([0.0; 3]);
-        self.bounds.clear();
-        let bounds = problem.per_caps[range.clone()].iter().zip(&problem.floors[range.clone()]);
-        self.bounds.extend(bounds.map(|(&per_cap, &floor)| {
-            let share = floor * per_cap;
-            [2.0 * per_cap / (1.0 - share), if per_cap > 0.0 { (1.0 + share) / (1.0 - share) } else { 0.0 }]
-        }));
-        self.bounds[..2].fill([0.0; 2]);
-        let problem = &Part {
-            axes,
-            weights: &problem.weights[range.start..range.end + 2],
-            jerks: &problem.jerks[range.start * axes * PLACES..range.end * axes * PLACES],
-            squares: &problem.squares[range.start * PLACES..range.end * PLACES],
-        };
         let c = &mut c[range.start..range.end + 2];
-        let pairs = axes * (PLACES + 1) + 1;
-        self.pairs.clear();
-        self.pairs.resize(pairs * intervals, Pair::default());
-        self.falls.resize(PLACES * intervals, 0.0);
+        let problem = &self.prepare(problem, range);
         let per_row = 0.5 / self.pairs.len() as f64;
         let time_s: f64 = problem.weights.iter().zip(&*c).map(|(weight, c)| weight / c.sqrt()).sum();
         let last_target = gap * time_s * per_row;
@@ -313,16 +190,7 @@ impl Solver {
                 target = complementarity;
                 part = 0.0;
             }
-            // Corrector: with what the predictor's step would miss the products by.
-            let [plain, corrections] = &self.pulls;
-            self.direction.clear();
-            let pulled = self.gradient.iter().zip(plain).zip(corrections);
-            self.direction
-                .extend(pulled.map(|((gradient, plain), correction)| gradient - (target * plain - part * correction)));
-            for fixed in fixed(intervals) {
-                self.direction[fixed] = 0.0;
-            }
-            self.matrix.solve(&mut self.direction);
+            self.correct_direction(target, part);
             let (steps, change) = self.advance(problem, c, target, part);
             complementarity = (products + change) * per_row;
             last_step = steps[0].min(steps[1]);
@@ -330,6 +198,45 @@ impl Solver {
         }
         let Found { residual, .. } = self.renew(problem, c, renewal, complementarity);
         residual < SMALL_RESIDUAL && complementarity < MOST_LEFT * last_target
+    }
+
+    /// The rows of some intervals, without those that have nothing but given coefficients; makes room for their pairs.
+    fn prepare<'a>(&mut self, problem: &'a Problem, range: Range<usize>) -> Part<'a> {
+        let intervals = range.len();
+        let axes = problem.axes;
+        self.accelerations.clear();
+        self.accelerations.extend_from_slice(&problem.accelerations[range.start * axes..range.end * axes]);
+        self.accelerations[..axes].fill([0.0; 3]);
+        self.bounds.clear();
+        let bounds = problem.per_caps[range.clone()].iter().zip(&problem.floors[range.clone()]);
+        self.bounds.extend(bounds.map(|(&per_cap, &floor)| {
+            let share = floor * per_cap;
+            [2.0 * per_cap / (1.0 - share), if per_cap > 0.0 { (1.0 + share) / (1.0 - share) } else { 0.0 }]
+        }));
+        self.bounds[..2].fill([0.0; 2]);
+        let pairs = axes * (PLACES + 1) + 1;
+        self.pairs.clear();
+        self.pairs.resize(pairs * intervals, Pair::default());
+        self.falls.resize(PLACES * intervals, 0.0);
+        Part {
+            axes,
+            weights: &problem.weights[range.start..range.end + 2],
+            jerks: &problem.jerks[range.start * axes * PLACES..range.end * axes * PLACES],
+            squares: &problem.squares[range.start * PLACES..range.end * PLACES],
+        }
+    }
+
+    /// The direction of the corrector: to products of `target`, with `part` of what the predictor's step would miss them by.
+    fn correct_direction(&mut self, target: f64, part: f64) {
+        let [plain, corrections] = &self.pulls;
+        self.direction.clear();
+        let pulled = self.gradient.iter().zip(plain).zip(corrections);
+        self.direction
+            .extend(pulled.map(|((gradient, plain), correction)| gradient - (target * plain - part * correction)));
+        for fixed in fixed(self.direction.len() - 2) {
+            self.direction[fixed] = 0.0;
+        }
+        self.matrix.solve(&mut self.direction);
     }
 
     /// The rows at the present coefficients, with their slacks and prices; slacks follow where the tangent leaves more. Then the
@@ -352,30 +259,13 @@ impl Solver {
         for (index, own) in self.pairs.chunks_exact_mut(pairs).enumerate() {
             let c = &c[index..index + 3];
             let mut sums = Sums::default();
-            for place in 0..PLACES {
+            let places = own[..PLACES * axes].chunks_exact_mut(axes).zip(&mut self.falls[index * PLACES..][..PLACES]);
+            for (place, (own, fall)) in places.enumerate() {
                 let at = index * PLACES + place;
-                let square = &problem.squares[at];
-                let b = dot(square, c);
-                let speed = b.sqrt();
-                let inverse = 1.0 / speed;
-                let fall = 0.5 * inverse / b;
-                self.falls[at] = fall;
-                // Of both rows together, fall·square ± row.
-                let (mut across, mut weight, mut pull) = ([0.0; 3], 0.0, 0.0);
-                let rows = &problem.jerks[at * axes..][..axes];
-                for (row, pair) in rows.iter().zip(&mut own[place * axes..][..axes]) {
-                    let [weights, pulls] = pair.renew(dot(row, c), inverse, speed, renewal, prices, &mut found);
-                    sums.add_square(row, weights[0] + weights[1]);
-                    sums.add_force(row, pulls[0] - pulls[1]);
-                    for (across, row) in across.iter_mut().zip(row) {
-                        *across += (weights[0] - weights[1]) * row;
-                    }
-                    weight += weights[0] + weights[1];
-                    pull += pulls[0] + pulls[1];
-                }
-                sums.add(&across, square, 2.0 * fall);
-                sums.add_square(square, fall * fall * weight);
-                sums.add_force(square, fall * pull);
+                let rows = (&problem.jerks[at * axes..][..axes], own);
+                *fall = sums.add_jerks(&problem.squares[at], rows, c, |pair, value, bound, per_scale| {
+                    pair.renew(value, bound, per_scale, renewal, prices, &mut found)
+                });
             }
             let rows = &self.accelerations[index * axes..][..axes];
             for (row, pair) in rows.iter().zip(&mut own[PLACES * axes..][..axes]) {

@@ -60,17 +60,7 @@ impl Fit {
         self.coefficients.clear();
         self.coefficients.resize(span_count + 3, [0.0; 3]);
         self.fix_ends(ends);
-        self.thirds.clear();
-        for span in 0..span_count {
-            let length = knots[span + 1] - knots[span];
-            let scale = 6.0 / (length * length * length) * length.sqrt();
-            self.thirds.push(core::array::from_fn(|unit| {
-                let mut own = [[0.0; 3]; 4];
-                own[unit][0] = 1.0;
-                let [b0, b1, b2, b3] = control_points(self.local_knots(span), &own).map(|point| point[0]);
-                scale * ((b3 - b0) - 3.0 * (b2 - b1))
-            }));
-        }
+        self.measure_thirds(knots);
         self.scales.clear();
         self.scales.extend(samples.iter().map(|sample| sample.scale));
         self.grade(samples);
@@ -105,6 +95,21 @@ impl Fit {
             self.grade(samples);
         }
         false
+    }
+
+    /// The rows of the third derivative of every span.
+    fn measure_thirds(&mut self, knots: &[f64]) {
+        self.thirds.clear();
+        for span in 0..knots.len() - 1 {
+            let length = knots[span + 1] - knots[span];
+            let scale = 6.0 / (length * length * length) * length.sqrt();
+            self.thirds.push(core::array::from_fn(|unit| {
+                let mut own = [[0.0; 3]; 4];
+                own[unit][0] = 1.0;
+                let [b0, b1, b2, b3] = control_points(self.local_knots(span), &own).map(|point| point[0]);
+                scale * ((b3 - b0) - 3.0 * (b2 - b1))
+            }));
+        }
     }
 
     /// Knots that the coefficients of a span depend on.

@@ -52,6 +52,21 @@ pub(super) enum Ending {
     OnPath { leg: usize, offset_mm: f64 },
 }
 
+/// Where a window ends on the programmed path.
+#[derive(Clone, Copy)]
+struct Window {
+    leg: usize,
+    offset_mm: f64,
+    /// Whether the curve ends there.
+    is_whole: bool,
+}
+
+impl Window {
+    fn ending(self) -> Ending {
+        Ending::OnPath { leg: self.leg, offset_mm: self.offset_mm }
+    }
+}
+
 /// What a fit settles.
 struct Settled<T> {
     parts: Vec<Smoothed<T>>,
@@ -135,18 +150,8 @@ impl<T: Carried> PathSmoother<T> {
         joining: Joining<'_>,
         emit: &mut impl FnMut(Smoothed<T>),
     ) -> bool {
-        let machine = joining.machine;
         let Some(mut open) = self.open.take() else { return false };
-        let ends = loop {
-            if open.last == 0 {
-                break true;
-            }
-            match self.goes_on_over(open.last, is_last) {
-                Some(true) => open.last += 1,
-                Some(false) => break true,
-                None => break false,
-            }
-        };
+        let ends = self.extend(&mut open, is_last);
         if open.last == 0 {
             // Nothing but the rest of its last element, which is on the path.
             return true;
@@ -156,7 +161,7 @@ impl<T: Carried> PathSmoother<T> {
             return false;
         }
         let path = self.path(open.last);
-        let mut knots = path.knots(path.length(), CURVE_KNOTS, 1.0);
+        let knots = path.knots(path.length(), CURVE_KNOTS, 1.0);
         let is_full = knots.len() >= CURVE_KNOTS || self.pending.len() >= CURVE_BLOCKS;
         if !ends && !is_full {
             let count = self.pending.len();
@@ -164,51 +169,72 @@ impl<T: Carried> PathSmoother<T> {
             self.open = Some(open);
             return false;
         }
-        // The window ends where the curve does, or in the middle of an element.
-        let whole = Ending::OnPath { leg: open.last, offset_mm: self.end_offset_mm(open.last) };
+        let window = self.window(&path, open.last, &knots, ends);
+        let found = self.fit(&path, &open, window, joining.machine);
+        match found.or_else(|| self.rest_of_before(&path, &open, joining.machine)) {
+            Some((settled, rest)) => self.go_on(open, settled, rest, window.is_whole, emit),
+            None => self.round_front(joining, None, emit),
+        }
+        true
+    }
+
+    /// Takes the next elements into the curve as long as it goes on over them; whether its last one is known.
+    fn extend(&self, open: &mut Open, is_last: bool) -> bool {
+        while open.last > 0 {
+            match self.goes_on_over(open.last, is_last) {
+                Some(true) => open.last += 1,
+                Some(false) => return true,
+                None => return false,
+            }
+        }
+        true
+    }
+
+    /// Where the window over the elements up to `last` ends, which has these knots: where the curve does, if that is known and
+    /// near, or in the middle of an element.
+    fn window(&self, path: &Path<'_>, last: usize, knots: &[[f64; 2]], ends: bool) -> Window {
+        let whole = Window { leg: last, offset_mm: self.end_offset_mm(last), is_whole: true };
         let [last_knot, _] = knots[knots.len() - 1];
-        let part = {
-            let leg = path.leg_at(last_knot).min(open.last);
-            Ending::OnPath { leg, offset_mm: 0.5 * self.pending[leg].element.length }
-        };
-        let is_short = knots.len() < CURVE_KNOTS || open.last == 1 || path.place(whole) <= path.place(part);
-        let is_whole = ends && is_short;
-        let ending = if is_whole { whole } else { part };
-        let Ending::OnPath { leg, offset_mm } = ending else { return false };
+        let leg = path.leg_at(last_knot).min(last);
+        let part = Window { leg, offset_mm: 0.5 * self.pending[leg].element.length, is_whole: false };
+        let is_short =
+            knots.len() < CURVE_KNOTS || last == 1 || path.place(whole.ending()) <= path.place(part.ending());
+        if ends && is_short { whole } else { part }
+    }
+
+    /// What a fit of the window settles, and the rest of it; `None` where none keeps the tolerance.
+    fn fit(&self, path: &Path<'_>, open: &Open, window: Window, machine: &Machine) -> Option<(Settled<T>, Vec<Span>)> {
+        let Window { leg, offset_mm, is_whole } = window;
         let programmed = &self.pending[leg].element;
         let goal = State { is_free: offset_mm >= programmed.length, ..exact(programmed, offset_mm) };
-        let (end, mut spans, mut samples, mut settled) = (path.place(ending), Vec::new(), Vec::new(), None);
+        let end = path.place(window.ending());
+        let (mut spans, mut samples) = (Vec::new(), Vec::new());
         for refinement in [1, 2, 4] {
-            knots = path.knots(end, 2 * CURVE_KNOTS * refinement, refinement as f64);
+            let mut knots = path.knots(end, 2 * CURVE_KNOTS * refinement, refinement as f64);
             path.close(&mut knots, end);
             path.samples(&knots, &mut samples);
             let places: Vec<f64> = knots.iter().map(|knot| knot[0]).collect();
             let farthest = |spans: &[Span], ratios: &mut Vec<f64>| path.farthest(spans, &samples, ratios);
-            if Fit::default().solve(&places, &samples, [&open.start, &goal], &mut spans, farthest) {
-                let upto = if is_whole { ending } else { Self::settled_end(&path, &spans, leg.min(open.last)) };
-                settled = self.settle(&path, &spans, open.start.point, upto, machine).map(|settled| (settled, upto));
-                if settled.is_some() {
-                    break;
-                }
+            if !Fit::default().solve(&places, &samples, [&open.start, &goal], &mut spans, farthest) {
+                continue;
+            }
+            let upto = if is_whole { window.ending() } else { Self::settled_end(path, &spans, leg.min(open.last)) };
+            if let Some(settled) = self.settle(path, &spans, open.start.point, upto, machine) {
+                let rest = match upto {
+                    Ending::Within(upto) => rest_of(&spans, upto),
+                    Ending::OnPath { .. } => Vec::new(),
+                };
+                return Some((settled, rest));
             }
         }
-        let (settled, rest) = match settled {
-            Some((settled, Ending::Within(upto))) => (settled, rest_of(&spans, upto)),
-            Some((settled, Ending::OnPath { .. })) => (settled, Vec::new()),
-            None => {
-                // What the window before has fitted keeps the tolerance, and ends on the path.
-                let ending = open.rest.last().map(|span| path.on_path(span.to));
-                match ending.and_then(|ending| self.settle(&path, &open.rest, open.start.point, ending, machine)) {
-                    Some(settled) => (settled, Vec::new()),
-                    None => {
-                        self.round_front(joining, None, emit);
-                        return true;
-                    }
-                }
-            }
-        };
-        self.go_on(open, settled, rest, is_whole, emit);
-        true
+        None
+    }
+
+    /// What the window before has fitted, which keeps the tolerance and ends on the path.
+    fn rest_of_before(&self, path: &Path<'_>, open: &Open, machine: &Machine) -> Option<(Settled<T>, Vec<Span>)> {
+        let ending = path.on_path(open.rest.last()?.to);
+        let settled = self.settle(path, &open.rest, open.start.point, ending, machine)?;
+        Some((settled, Vec::new()))
     }
 
     /// Gives on what is settled and keeps where the curve goes on.

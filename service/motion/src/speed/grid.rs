@@ -1,0 +1,102 @@
+//! Where a window has its knots, and where limits are held between them.
+
+use super::path::Path;
+use super::problem::Knots;
+use super::{Guess, Task};
+
+/// Halvings of a time: to a nanosecond of seconds.
+const PLACE_STEPS: u32 = 32;
+/// Shortest interval, as a share of an ordinary one.
+const LEAST_INTERVAL: f64 = 1.0 / 64.0;
+/// Fewest intervals: with fewer nothing is free to be chosen.
+pub(super) const LEAST_INTERVALS: usize = 6;
+/// Most intervals of a window; bounds its memory.
+const MOST_INTERVALS: usize = 1 << 13;
+/// Places of an interval that may be held instead of its middle, and how much faster the path has to bend there.
+const MIDDLES: [f64; 6] = [0.375, 0.625, 0.25, 0.75, 0.125, 0.875];
+const CLEARLY_FASTER: f64 = 1.001;
+
+/// Knots at nearly equal times of the guess, closer where the speed has changed for a short time only, and the squares of the
+/// guess' speeds there.
+pub(super) fn place_knots(task: &Task<'_>, guess: &dyn Guess, interval_s: f64) -> Option<(Knots, Vec<f64>)> {
+    let &Task { path, ramps, settled_s, .. } = task;
+    let duration_s = guess.duration_s();
+    let step_at = |t: f64| {
+        let from_start = t - ramps[0].time_s + settled_s[0];
+        let from_end = duration_s - t - ramps[1].time_s + settled_s[1];
+        let ends = if settled_s[0] > 0.0 { from_start } else { f64::MAX };
+        let step = interval_s.min(0.125 * ends);
+        if settled_s[1] > 0.0 { step.min(0.111 * from_end) } else { step }
+    };
+    let [first, last] = [ramps[0].length, path.length - ramps[1].length];
+    let has_middle = last > first;
+    if !has_middle {
+        return None;
+    }
+    let (mut places, mut squares) = (vec![first], vec![0.0]);
+    let end_s = duration_s - ramps[1].time_s;
+    let mut t = ramps[0].time_s;
+    let start_speed = guess.at(t).1;
+    squares[0] = start_speed * start_speed;
+    if let Some(&(given_to, _)) = task.window.knots.last() {
+        places.extend(task.window.knots.iter().map(|&(place, _)| place));
+        squares.extend(task.window.knots.iter().map(|&(_, speed)| speed * speed));
+        t = time_at(guess, given_to);
+    }
+    let least_s = interval_s * LEAST_INTERVAL;
+    loop {
+        t += step_at(t).max(least_s);
+        let is_inside = t < end_s - 0.5 * step_at(end_s).max(least_s);
+        if !is_inside || places.len() > MOST_INTERVALS {
+            break;
+        }
+        let (s, speed) = guess.at(t);
+        let least = 0.25 * (speed * step_at(t).max(least_s));
+        let before = places[places.len() - 1];
+        if s - before > least && last - s > least {
+            places.push(s);
+            squares.push(speed * speed);
+        }
+    }
+    let end_speed = guess.at(end_s).1;
+    places.push(last);
+    squares.push(end_speed * end_speed);
+    (LEAST_INTERVALS..=MOST_INTERVALS).contains(&(places.len() - 1)).then_some((Knots(places), squares))
+}
+
+/// When a guess passes a place, s.
+fn time_at(guess: &dyn Guess, place: f64) -> f64 {
+    let (mut low, mut high) = (0.0, guess.duration_s());
+    for _ in 0..PLACE_STEPS {
+        let middle = 0.5 * (low + high);
+        if guess.at(middle).0 < place {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Moves the places inside of intervals at which limits are held from the middle to where the path bends fastest, as far as that
+/// matters; steps of the third derivative inside would otherwise be found to exceed the jerk only afterwards.
+pub(super) fn place_middles(path: &Path<'_>, knots: &Knots, middles: &mut [f64]) {
+    let mut derivatives = vec![[0.0; 3]; path.axes.len()];
+    for (index, middle) in middles.iter_mut().enumerate() {
+        let (from, to) = (knots.0[index], knots.0[index + 1]);
+        let h = to - from;
+        let mut twist_at = |share: f64| {
+            path.derivatives(from + h * share, &mut derivatives);
+            let shares = path.axes.iter().zip(&derivatives).map(|(axis, [.., twist])| twist.abs() / axis.jerk);
+            shares.fold(0.0, f64::max)
+        };
+        let mut largest = twist_at(0.5) * CLEARLY_FASTER;
+        let inner = MIDDLES.into_iter().chain(path.middles_between(from, to).map(|s| (s - from) / h));
+        for share in inner {
+            let twist = twist_at(share);
+            if twist > largest {
+                (largest, *middle) = (twist, share);
+            }
+        }
+    }
+}
