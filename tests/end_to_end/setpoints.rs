@@ -103,6 +103,20 @@ async fn values_do_not_depend_on_the_size_of_chunks() {
 }
 
 #[tokio::test]
+async fn raw_doubles_are_the_same_values() {
+    let (_server, mut clients, request) = ready_job().await;
+    let packed = read(&mut clients, request.clone()).await;
+    let encoding = Encoding::RawDouble.into();
+    let raw = read(&mut clients, StreamSetpointsRequest { encoding, ..request.clone() }).await;
+    assert!(raw.bits_from(0) == packed.bits_from(0));
+    assert_eq!(raw.lines, packed.lines);
+    assert!(raw.header.columns.iter().all(|column| column.resolution == 0.0));
+    let start = Some(Start::StartIndex(12_345));
+    let resumed = read(&mut clients, StreamSetpointsRequest { start, encoding, chunk_size: 1_000, ..request }).await;
+    assert!(resumed.bits_from(12_345) == packed.bits_from(12_345));
+}
+
+#[tokio::test]
 async fn the_compact_encoding_keeps_its_stated_resolution_and_is_a_fraction_of_the_size() {
     let (_server, mut clients, request) = ready_job().await;
     let exact = read(&mut clients, request.clone()).await;

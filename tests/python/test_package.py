@@ -163,6 +163,16 @@ def test_a_chunk_that_is_not_made_as_its_header_says_is_refused():
             decoder.block(setpoints_pb2.SetpointChunk(count=2, line_runs=runs, columns=columns))
 
 
+def test_raw_doubles_are_taken_over_without_a_copy():
+    header = setpoints_pb2.StreamHeader(encoding=setpoints_pb2.ENCODING_RAW_DOUBLE, columns=[{"name": "X_mm", "unit": "mm"}])
+    raw, lines = np.array([-0.0, math.inf], dtype="<f8").tobytes(), [{"line": 2, "count": 2}]
+    column = Decoder(header).block(setpoints_pb2.SetpointChunk(count=2, line_runs=lines, columns=[{"raw": raw}]))["X_mm"]
+    assert column.tobytes() == raw and not column.flags.owndata
+    for broken in (raw[:-1], raw[:8], b""):
+        with pytest.raises(feedwave.ContractError):
+            Decoder(header).block(setpoints_pb2.SetpointChunk(count=2, line_runs=lines, columns=[{"raw": broken}]))
+
+
 def test_extreme_deltas_are_infinite():
     header = setpoints_pb2.StreamHeader(encoding=setpoints_pb2.ENCODING_FIXED_POINT_DELTA, columns=[{"name": "low_mm", "resolution": 1e-6}])
     # Differences modulo 2^64: -inf, +inf, and back to 0.1.

@@ -95,8 +95,14 @@ impl Setpoints {
                         }
                     }));
                 }
+                Encoding::RawDouble => {
+                    assert!(column.values.is_empty() && column.deltas.is_empty());
+                    assert_eq!(column.raw.len(), 8 * count);
+                    let value = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("8 bytes"));
+                    values.extend(column.raw.chunks(8).map(value));
+                }
                 _ => {
-                    assert!(column.deltas.is_empty());
+                    assert!(column.deltas.is_empty() && column.raw.is_empty());
                     assert_eq!(column.values.len(), count);
                     values.extend_from_slice(&column.values);
                 }

@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_header_gives_the_columns_back_and_values_return_from_where_they_were_put() {
-        for encoding in [Encoding::PackedDouble, Encoding::FixedPointDelta] {
+        for encoding in [Encoding::PackedDouble, Encoding::FixedPointDelta, Encoding::RawDouble] {
             let columns = of_machine(&five_axis(), ALL);
             let infos: Vec<ColumnInfo> = columns.iter().map(|column| column.info(encoding)).collect();
             let read = of_header(&infos);

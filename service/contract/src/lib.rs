@@ -16,6 +16,7 @@ pub mod document;
 pub mod json;
 pub mod names;
 pub mod proto;
+pub mod raw_double;
 pub mod routes;
 pub mod text;
 pub mod violations;

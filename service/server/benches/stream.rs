@@ -1,7 +1,8 @@
 //! How fast setpoints reach a client, beside raw tonic streams that carry the same bytes in the same run.
 //!
 //! `setpoints` generates, encodes and sends. `same_messages` sends the same messages made in advance, so that only
-//! tonic and prost work. `same_bytes` sends each of them as one opaque field, the fastest that tonic can.
+//! tonic and prost work. `same_bytes` sends each of them as one opaque field, the fastest that tonic can. Both encodings to the last
+//! bit are measured: packed doubles, and raw doubles.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -14,7 +15,8 @@ use feedwave_contract::proto::create_job_request::Source;
 use feedwave_contract::proto::jobs_client::JobsClient;
 use feedwave_contract::proto::setpoints_client::SetpointsClient;
 use feedwave_contract::proto::{
-    CreateJobRequest, JobState, StreamSetpointsRequest, StreamSetpointsResponse, UploadChunk, WatchJobsRequest,
+    CreateJobRequest, Encoding, JobState, StreamSetpointsRequest, StreamSetpointsResponse, UploadChunk,
+    WatchJobsRequest,
 };
 use feedwave_server::config::{Config, StoreConfig};
 use feedwave_server::lifecycle::{RunningServer, Server};
@@ -135,8 +137,8 @@ impl Service {
         Self { _server: server, _folder: folder, channel, job }
     }
 
-    async fn stream(&self) -> Streaming<StreamSetpointsResponse> {
-        let request = StreamSetpointsRequest { job: self.job.clone(), ..Default::default() };
+    async fn stream(&self, encoding: Encoding) -> Streaming<StreamSetpointsResponse> {
+        let request = StreamSetpointsRequest { job: self.job.clone(), encoding: encoding.into(), ..Default::default() };
         SetpointsClient::new(self.channel.clone()).stream_setpoints(request).await.unwrap().into_inner()
     }
 }
@@ -155,36 +157,39 @@ fn time<F: Future<Output = ()>>(runtime: &Runtime, iterations: u64, mut measured
 fn streaming(criterion: &mut Criterion) {
     let runtime = Runtime::new().unwrap();
     let service = runtime.block_on(Service::start());
+    for (name, encoding) in [("packed", Encoding::PackedDouble), ("raw", Encoding::RawDouble)] {
+        compare(criterion, &runtime, &service, name, encoding);
+    }
+}
+
+fn compare(criterion: &mut Criterion, runtime: &Runtime, service: &Service, name: &str, encoding: Encoding) {
     let messages: Vec<StreamSetpointsResponse> =
-        runtime.block_on(async { service.stream().await.map(Result::unwrap).collect().await });
+        runtime.block_on(async { service.stream(encoding).await.map(Result::unwrap).collect().await });
     let bytes: usize = messages.iter().map(Message::encoded_len).sum();
     let opaque = messages.iter().map(|message| UploadChunk { offset: 0, data: message.encode_to_vec().into() });
     let same_bytes = runtime.block_on(serve_prepared(opaque.collect()));
     let same_messages = runtime.block_on(serve_prepared(messages));
+    let setpoints = || async { drain(service.stream(encoding).await).await };
+    let of_messages = || read_prepared::<StreamSetpointsResponse>(&same_messages);
+    let of_bytes = || read_prepared::<UploadChunk>(&same_bytes);
 
-    let mut group = criterion.benchmark_group("stream");
+    let mut group = criterion.benchmark_group(format!("stream_{name}"));
     group.throughput(Throughput::Bytes(bytes as u64)).sample_size(20);
     group.bench_function("setpoints", |bencher| {
-        bencher.iter_custom(|iterations| time(&runtime, iterations, || async { drain(service.stream().await).await }));
+        bencher.iter_custom(|iterations| time(runtime, iterations, setpoints));
     });
     group.bench_function("same_messages", |bencher| {
-        bencher.iter_custom(|iterations| {
-            time(&runtime, iterations, || read_prepared::<StreamSetpointsResponse>(&same_messages))
-        });
+        bencher.iter_custom(|iterations| time(runtime, iterations, of_messages));
     });
     group.bench_function("same_bytes", |bencher| {
-        bencher.iter_custom(|iterations| time(&runtime, iterations, || read_prepared::<UploadChunk>(&same_bytes)));
+        bencher.iter_custom(|iterations| time(runtime, iterations, of_bytes));
     });
     group.finish();
 
     // Other work on the machine comes and goes between the measurements above; taken in turns, all three suffer alike.
     let mut seconds: [Vec<f64>; 3] = Default::default();
     for _ in 0..ROUNDS {
-        let measured = [
-            time(&runtime, 1, || async { drain(service.stream().await).await }),
-            time(&runtime, 1, || read_prepared::<StreamSetpointsResponse>(&same_messages)),
-            time(&runtime, 1, || read_prepared::<UploadChunk>(&same_bytes)),
-        ];
+        let measured = [time(runtime, 1, setpoints), time(runtime, 1, of_messages), time(runtime, 1, of_bytes)];
         for (all, one) in seconds.iter_mut().zip(measured) {
             all.push(one.as_secs_f64());
         }
@@ -194,7 +199,7 @@ fn streaming(criterion: &mut Criterion) {
         all[all.len() / 2]
     });
     println!(
-        "in turns, medians: {:.0} MB/s; {:.0} % of the same messages, {:.0} % of the same bytes",
+        "{name}, in turns, medians: {:.0} MB/s; {:.0} % of the same messages, {:.0} % of the same bytes",
         bytes as f64 / setpoints / 1e6,
         100.0 * messages / setpoints,
         100.0 * opaque / setpoints,

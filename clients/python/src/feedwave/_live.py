@@ -95,7 +95,7 @@ class LiveRun(Link):
     def _start(self) -> Message:
         options = self._options
         start = runs_pb2.RunStart(
-            encoding=setpoints_pb2.ENCODING_PACKED_DOUBLE,
+            encoding=setpoints_pb2.ENCODING_RAW_DOUBLE,
             columns=column_kinds(options.get("columns", ())),
         )
         if self._sensor_time_ns is not None and not self._has_begun:

@@ -67,7 +67,7 @@ class StreamOptions(TypedDict, total=False):
     frame: str
     """Coordinates of the axes: `MACHINE` (without it) or `WORK`."""
     encoding: str
-    """`PACKED_DOUBLE` (without it): every value to the last bit; `FIXED_POINT_DELTA`: a fraction of the bytes, rounded."""
+    """`RAW_DOUBLE` (without it) and `PACKED_DOUBLE`: every value to the last bit; `FIXED_POINT_DELTA`: a fraction of the bytes, rounded."""
     interpolation_period_us: int
     """Another period than the job's, µs, 50 to 20000."""
     generation_mode: str

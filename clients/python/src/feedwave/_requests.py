@@ -264,7 +264,7 @@ def _read_setpoints(request: setpoints_pb2.StreamSetpointsRequest, place: _Place
 def _stream_request(job: str, options: StreamOptions) -> setpoints_pb2.StreamSetpointsRequest:
     request = setpoints_pb2.StreamSetpointsRequest(
         job=resource("jobs", job),
-        encoding=value_of(setpoints_pb2.Encoding, options.get("encoding")),
+        encoding=value_of(setpoints_pb2.Encoding, options.get("encoding", "RAW_DOUBLE")),
         frame=value_of(setpoints_pb2.Frame, options.get("frame")),
         chunk_size=options.get("batch", 0),
         interpolation_period_us=options.get("interpolation_period_us", 0),

@@ -201,13 +201,17 @@ class Setpoints(Mapping[str, npt.NDArray[Any]]):
         return table
 
 
+# Raw doubles, whatever the order of bytes of this machine is.
+_DOUBLE = np.dtype("<f8")
+
+
 class Decoder:
     """Turns the chunks of a stream into setpoints."""
 
     def __init__(self, header: setpoints_pb2.StreamHeader) -> None:
         """A decoder of the stream with this header."""
         self.layout = Layout.of(header)
-        self._is_delta = header.encoding == setpoints_pb2.ENCODING_FIXED_POINT_DELTA
+        self._encoding = header.encoding
         # 1e-6 is not a double but its reciprocal is: dividing by it gives the double nearest to the decimal value.
         self._steps_per_unit = [round(1.0 / column.resolution) if column.resolution else 1 for column in header.columns]
 
@@ -222,8 +226,12 @@ class Decoder:
             raise ContractError(f"a chunk has {len(chunk.columns)} columns instead of {len(names)}")
         columns = {}
         for place, (name, column) in enumerate(zip(names, chunk.columns)):
-            # The library copies a whole column at once.
-            if self._is_delta:
+            if self._encoding == setpoints_pb2.ENCODING_RAW_DOUBLE:
+                if len(column.raw) != _DOUBLE.itemsize * chunk.count:
+                    raise ContractError(f"column {name} has {len(column.raw)} bytes instead of {_DOUBLE.itemsize} for each setpoint")
+                # The array is the message's bytes, not a copy, and so it is read-only.
+                values = np.frombuffer(column.raw, dtype=_DOUBLE)
+            elif self._encoding == setpoints_pb2.ENCODING_FIXED_POINT_DELTA:
                 values = _restored(np.array(column.deltas, dtype=np.int64), self._steps_per_unit[place])
             else:
                 values = np.array(column.values, dtype=np.float64)

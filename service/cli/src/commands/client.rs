@@ -18,7 +18,7 @@ use feedwave_contract::proto::{
     ColumnInfo, ColumnKind, Encoding, GetJobRequest, GetReportRequest, GetUploadRequest, Job, JobState, SetpointChunk,
     StreamHeader, UploadChunk, UploadHeader, UploadProgramRequest, ValidationReport, WatchJobsRequest,
 };
-use feedwave_contract::{MAX_MESSAGE_BYTES, delta};
+use feedwave_contract::{MAX_MESSAGE_BYTES, delta, raw_double};
 use feedwave_cutting::SetpointBlock;
 use feedwave_server::access::TENANT_HEADER;
 use sha2::{Digest, Sha256};
@@ -376,6 +376,8 @@ impl Decoder {
         for ((column, info), sent) in self.columns.iter().zip(&self.infos).zip(&chunk.columns) {
             let values = match self.encoding {
                 Encoding::FixedPointDelta => delta::decode(&sent.deltas, info.resolution),
+                Encoding::RawDouble => raw_double::decode(&sent.raw)
+                    .ok_or_else(|| format!("column {} has {} bytes, no whole doubles", info.name, sent.raw.len()))?,
                 Encoding::PackedDouble | Encoding::Unspecified => sent.values.clone(),
             };
             if values.len() != count {

@@ -70,6 +70,8 @@ enum EncodingArg {
     Double,
     /// Differences of rounded values: smaller
     Delta,
+    /// Every value to the last bit, as bytes
+    Raw,
 }
 
 /// Reads it.
@@ -86,6 +88,7 @@ pub(super) async fn run(args: Args) -> Result<ExitCode, CliError> {
         encoding: match args.encoding {
             EncodingArg::Double => Encoding::PackedDouble,
             EncodingArg::Delta => Encoding::FixedPointDelta,
+            EncodingArg::Raw => Encoding::RawDouble,
         }
         .into(),
         frame: match args.frame {

@@ -53,7 +53,7 @@ struct CheckedStart<'a> {
 fn check_start(start: &RunStart) -> Result<CheckedStart<'_>> {
     let mut violations = Violations::default();
     let encoding = match enumeration(&mut violations, "start.encoding", start.encoding) {
-        Some(proto::Encoding::FixedPointDelta) => proto::Encoding::FixedPointDelta,
+        Some(encoding @ (proto::Encoding::FixedPointDelta | proto::Encoding::RawDouble)) => encoding,
         _ => proto::Encoding::PackedDouble,
     };
     match &start.target {

@@ -51,7 +51,7 @@ fn check_fields(violations: &mut Violations, request: &StreamSetpointsRequest) -
         }
     };
     let encoding = match enumeration(violations, "encoding", request.encoding) {
-        Some(proto::Encoding::FixedPointDelta) => proto::Encoding::FixedPointDelta,
+        Some(encoding @ (proto::Encoding::FixedPointDelta | proto::Encoding::RawDouble)) => encoding,
         _ => proto::Encoding::PackedDouble,
     };
     let frame = match enumeration(violations, "frame", request.frame) {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use feedwave_contract::columns::{self, Column, Extras};
-use feedwave_contract::{delta, proto};
+use feedwave_contract::{delta, proto, raw_double};
 use feedwave_cutting::SetpointBlock;
 use feedwave_motion::Machine;
 use proto::ColumnKind as Kind;
@@ -90,6 +90,8 @@ pub(super) struct ChunkWriter<'a> {
     chunk: proto::SetpointChunk,
     /// Steps of the last value of each column, for the next difference.
     last_steps: Vec<i64>,
+    /// Raw doubles of the present chunk, by column.
+    raw: Vec<Vec<u8>>,
 }
 
 impl<'a> ChunkWriter<'a> {
@@ -100,6 +102,7 @@ impl<'a> ChunkWriter<'a> {
             wanted: chunk_size.min(FIRST_CHUNK_SIZE),
             chunk: proto::SetpointChunk::default(),
             last_steps: Vec::new(),
+            raw: Vec::new(),
         };
         writer.begin(first_index);
         writer
@@ -131,15 +134,16 @@ impl<'a> ChunkWriter<'a> {
 
     fn append(&mut self, block: &SetpointBlock, rows: Range<usize>) {
         let columns = self.columns;
-        let fixed_point = columns.encoding == proto::Encoding::FixedPointDelta;
         for (index, (column, into)) in columns.columns.iter().zip(&mut self.chunk.columns).enumerate() {
             // Selection permits a column only where blocks have it.
             let values = &column.values(block).unwrap_or_default()[rows.clone()];
-            if fixed_point {
-                let last = &mut self.last_steps[index];
-                *last = delta::encode(values, column.steps_per_unit, *last, &mut into.deltas);
-            } else {
-                into.values.extend_from_slice(values);
+            match columns.encoding {
+                proto::Encoding::FixedPointDelta => {
+                    let last = &mut self.last_steps[index];
+                    *last = delta::encode(values, column.steps_per_unit, *last, &mut into.deltas);
+                }
+                proto::Encoding::RawDouble => raw_double::encode(values, &mut self.raw[index]),
+                proto::Encoding::PackedDouble | proto::Encoding::Unspecified => into.values.extend_from_slice(values),
             }
         }
         let lines = &block.line[rows.clone()];
@@ -155,18 +159,25 @@ impl<'a> ChunkWriter<'a> {
 
     fn take(&mut self) -> proto::SetpointChunk {
         let next = self.chunk.first_index + u64::from(self.chunk.count);
-        let full = std::mem::take(&mut self.chunk);
+        let mut full = std::mem::take(&mut self.chunk);
+        for (column, raw) in full.columns.iter_mut().zip(&mut self.raw) {
+            column.raw = std::mem::take(raw).into();
+        }
         self.wanted = (CHUNK_GROWTH * self.wanted).min(self.chunk_size);
         self.begin(next);
         full
     }
 
     fn begin(&mut self, first_index: u64) {
-        let fixed_point = self.columns.encoding == proto::Encoding::FixedPointDelta;
+        let encoding = self.columns.encoding;
+        let room = |of| if encoding == of { self.wanted } else { 0 };
         let column = || proto::Column {
-            values: Vec::with_capacity(if fixed_point { 0 } else { self.wanted }),
-            deltas: Vec::with_capacity(if fixed_point { self.wanted } else { 0 }),
+            values: Vec::with_capacity(room(proto::Encoding::PackedDouble)),
+            deltas: Vec::with_capacity(room(proto::Encoding::FixedPointDelta)),
+            ..Default::default()
         };
+        let raw_bytes = size_of::<f64>() * room(proto::Encoding::RawDouble);
+        self.raw = self.columns.columns.iter().map(|_| Vec::with_capacity(raw_bytes)).collect();
         self.chunk = proto::SetpointChunk {
             first_index,
             columns: self.columns.columns.iter().map(|_| column()).collect(),

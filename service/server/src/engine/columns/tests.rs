@@ -67,7 +67,7 @@ fn columns_that_the_stream_does_not_have_are_violations() {
 fn chunks_cut_blocks_anywhere_and_lose_nothing() {
     let machine = Machine::lathe();
     let block = block(&machine, 20);
-    for encoding in [proto::Encoding::PackedDouble, proto::Encoding::FixedPointDelta] {
+    for encoding in [proto::Encoding::PackedDouble, proto::Encoding::FixedPointDelta, proto::Encoding::RawDouble] {
         let set = select(&[Kind::Feed, Kind::AxisPosition], false, encoding).unwrap();
         let mut writer = ChunkWriter::new(&set, 7, 103);
         let mut chunks = Vec::new();
@@ -84,6 +84,7 @@ fn chunks_cut_blocks_anywhere_and_lose_nothing() {
             let column = &chunk.columns[2];
             feed.extend(&column.values);
             feed.extend(delta::decode(&column.deltas, 1e-6));
+            feed.extend(raw_double::decode(&column.raw).unwrap());
         }
         assert_eq!(feed, block.feed_mm_per_min[3..]);
     }
