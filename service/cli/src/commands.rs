@@ -39,6 +39,7 @@ mod token;
 mod tool_oscillation;
 mod tools;
 mod validate;
+mod watch;
 
 use std::io;
 use std::path::Path;
@@ -109,6 +110,11 @@ pub enum Command {
     /// The machine follows the setpoints that the service hands out, and what its sensors say goes back on the same stream.
     /// Decisions are shown as they are made; at last the feed override over time and how the run ended.
     Run(run::Args),
+    /// See what the machines of a service do now, and its newest jobs
+    ///
+    /// On a terminal a screen that is drawn anew each second; otherwise a line for each machine, and for each change of one. When
+    /// the service does not answer, it says for how long, and that what it shows is old.
+    Watch(watch::Args),
     /// Show the decisions of a job or a run
     ///
     /// One line per decision in the order in which they were made: when on the sensors' clock, the deviation, feed and
@@ -177,6 +183,7 @@ impl Command {
             Self::Submit(args) => submit::run(args).await,
             Self::Stream(args) => stream::run(args).await,
             Self::Run(args) => run::run(args).await,
+            Self::Watch(args) => watch::run(args).await,
             Self::Decisions(args) => decisions::run(args).await,
             Self::Acknowledge(args) => acknowledge::run(args).await,
             Self::Audit(args) => audit::run(args).await,

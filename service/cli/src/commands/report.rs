@@ -244,7 +244,7 @@ fn exact_duration(seconds: f64) -> String {
     if seconds < 60.0 { exact } else { format!("{exact} ({})", duration(seconds)) }
 }
 
-fn duration(seconds: f64) -> String {
+pub(super) fn duration(seconds: f64) -> String {
     if seconds < 60.0 {
         return format!("{} s", number(seconds, 4));
     }

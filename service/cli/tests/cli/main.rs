@@ -22,6 +22,7 @@ mod run;
 mod service;
 mod thread_plan;
 mod validate;
+mod watch;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name)
