@@ -249,6 +249,33 @@ def test_certificates_and_tokens_open_an_encrypted_service(tmp_path, monkeypatch
         service.process.kill()
 
 
+def test_a_client_of_any_tenant_says_for_which_it_acts(tmp_path, monkeypatch):
+    clients = tmp_path / "clients.toml"
+
+    def token(name, tenant):
+        command = [os.environ["FEEDWAVE_BINARY"], "token", name, "--role", "planner", "--tenant", tenant, "--clients", str(clients)]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    everywhere, north = token("everywhere", "*"), token("northern", "north")
+    service = Service(tmp_path, AUTH__CLIENTS=str(clients))
+    try:
+        with service.connect(token=everywhere, tenant="north") as client:
+            job = client.submit(SLOT, machine="mill")
+        with service.connect(token=north) as client:
+            assert [one.name for one in client.jobs()] == [job.name]
+        with service.connect(token=everywhere, tenant="south") as client:
+            assert list(client.jobs()) == []
+        with service.connect(token=north, tenant="south") as client, pytest.raises(feedwave.PermissionDenied) as caught:
+            list(client.jobs())
+        assert caught.value.reason == "TENANT_DENIED"
+        monkeypatch.setenv("FEEDWAVE_TENANT", "north")
+        with service.connect(token=everywhere) as client:
+            assert [one.name for one in client.jobs()] == [job.name]
+        service.end()
+    finally:
+        service.process.kill()
+
+
 def test_arguments_that_contradict_each_other_are_refused(tmp_path):
     for address, options in [("ftp://x", {}), ("http://x", {"ca": b"pem"}), ("x:1", {"cert": b"pem"})]:
         with pytest.raises(feedwave.SourceError):

@@ -33,7 +33,13 @@ class Target:
 
 
 def target(
-    address: str | None, token: str | None, ca: Pem | None, cert: Pem | None, key: Pem | None, domain: str | None
+    address: str | None,
+    token: str | None,
+    tenant: str | None,
+    ca: Pem | None,
+    cert: Pem | None,
+    key: Pem | None,
+    domain: str | None,
 ) -> Target:
     """What is meant by the arguments of `connect`; what is not given comes from the environment, as for the commands."""
     given = address or os.environ.get("FEEDWAVE_SERVER") or DEFAULT_ADDRESS
@@ -62,8 +68,11 @@ def target(
     name = domain or os.environ.get("FEEDWAVE_DOMAIN")
     if name and encrypted:
         options.append(("grpc.ssl_target_name_override", name))
-    shown = token or _environment_token()
-    return Target(place, credentials, (("authorization", f"Bearer {shown}"),) if shown else (), tuple(options))
+    shown, acts_for = token or _environment_token(), tenant or os.environ.get("FEEDWAVE_TENANT")
+    metadata = [("authorization", f"Bearer {shown}")] if shown else []
+    if acts_for:
+        metadata.append(("x-feedwave-tenant", acts_for))
+    return Target(place, credentials, tuple(metadata), tuple(options))
 
 
 def _pem(given: Pem | None, variable: str) -> bytes | None:

@@ -323,6 +323,7 @@ def connect(
     address: str | None = None,
     *,
     token: str | None = None,
+    tenant: str | None = None,
     ca: Pem | None = None,
     cert: Pem | None = None,
     key: Pem | None = None,
@@ -335,6 +336,7 @@ def connect(
     Args:
         address: `HOST:PORT`, `http://HOST:PORT`, or `https://HOST:PORT` for TLS; of `FEEDWAVE_SERVER` without it, or 127.0.0.1:50051.
         token: shown with every call; of `FEEDWAVE_TOKEN_FILE` or `FEEDWAVE_TOKEN` without it.
+        tenant: to act for, where the client acts for any; of `FEEDWAVE_TENANT` without it, or the client's own.
         ca: certificates that the service must be signed by, PEM; with it the connection is encrypted.
         cert, key: certificate of the client and its key, PEM.
         domain: name that the service's certificate must have, where it differs from the address.
@@ -344,4 +346,4 @@ def connect(
     Raises:
         SourceError: for arguments that contradict each other.
     """
-    return Client(target(address, token, ca, cert, key, domain), retries, timeout_s)
+    return Client(target(address, token, tenant, ca, cert, key, domain), retries, timeout_s)
