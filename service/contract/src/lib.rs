@@ -10,11 +10,13 @@ pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
 pub mod code;
 pub mod columns;
+pub mod comments;
 pub mod convert;
 pub mod delta;
 pub mod document;
 pub mod json;
 pub mod names;
+pub mod openapi;
 pub mod proto;
 pub mod raw_double;
 pub mod routes;

@@ -29,6 +29,8 @@ pub enum Route {
     Follow,
     /// The service about itself.
     GetState,
+    /// What this port answers, as a document for machines.
+    GetOpenApi,
     /// Figures for Prometheus.
     GetMetrics,
     /// Whether the process lives.
@@ -42,8 +44,15 @@ pub enum Route {
 pub enum Body {
     /// A message of the contract, by its name, in its JSON mapping.
     Message(&'static str),
-    /// A text; which one.
-    Text(&'static str),
+    /// A text.
+    Text {
+        /// Its media type.
+        media_type: &'static str,
+        /// What it is, for the page of reference.
+        what: &'static str,
+    },
+    /// JSON that is no message of the contract; what it is.
+    Json(&'static str),
 }
 
 /// A row of the table.
@@ -71,12 +80,18 @@ const fn messages(
     RouteEntry { route, path, parameters, body: Body::Message(answer), purpose }
 }
 
-const fn text(route: Route, path: &'static str, body: &'static str, purpose: &'static str) -> RouteEntry {
-    RouteEntry { route, path, parameters: None, body: Body::Text(body), purpose }
+const fn text(
+    route: Route,
+    path: &'static str,
+    media_type: &'static str,
+    what: &'static str,
+    purpose: &'static str,
+) -> RouteEntry {
+    RouteEntry { route, path, parameters: None, body: Body::Text { media_type, what }, purpose }
 }
 
 /// Every route; each answers GET and HEAD.
-pub const ROUTES: [RouteEntry; 16] = [
+pub const ROUTES: [RouteEntry; 17] = [
     messages(
         Route::ListJobs,
         "/v1/jobs",
@@ -132,6 +147,7 @@ pub const ROUTES: [RouteEntry; 16] = [
     text(
         Route::Follow,
         "/v1/stream",
+        "text/event-stream",
         "`text/event-stream`",
         "What happens, as server-sent events whose data is a message as JSON: `state` (MachineState; at first of every \
          machine, then of each that changes, five times a second at most), `gone` (of a machine that was deleted, its name), \
@@ -139,23 +155,36 @@ pub const ROUTES: [RouteEntry; 16] = [
          `Last-Event-ID` goes on behind it, and where it is of another store or too far behind, `reset` says that the lists \
          are to be read anew. A comment comes where there is nothing to say for `http.heartbeat_s`.",
     ),
-    text(
-        Route::ReadProgram,
-        "/v1/programs/{id}",
-        "`text/plain`",
-        "The bytes of the program `programs/{id}`, from the parameter `offset` on at most `length`; never more than 4 MiB.",
-    ),
+    RouteEntry {
+        parameters: Some("ReadProgramRequest"),
+        ..text(
+            Route::ReadProgram,
+            "/v1/programs/{id}",
+            "text/plain",
+            "`text/plain`",
+            "The bytes of the program `programs/{id}`; never more than 4 MiB.",
+        )
+    },
     messages(Route::GetState, "/v1/state", None, "ServerState", "The service about itself."),
+    RouteEntry {
+        route: Route::GetOpenApi,
+        path: "/v1/openapi.json",
+        parameters: None,
+        body: Body::Json("an OpenAPI 3.1 document"),
+        purpose: "This table with the schemas of all answers, for generators of clients.",
+    },
     text(
         Route::GetMetrics,
         "/metrics",
+        "text/plain",
         "Prometheus text format",
         "Figures of the service and of machines; OpenMetrics where `Accept` asks for it.",
     ),
-    text(Route::GetHealth, "/healthz", "`ok`", "Whether the process lives."),
+    text(Route::GetHealth, "/healthz", "text/plain", "`ok`", "Whether the process lives."),
     text(
         Route::GetReadiness,
         "/readyz",
+        "text/plain",
         "`ok`",
         "Whether requests are welcome: 503 while the service drains or cannot reach its store.",
     ),

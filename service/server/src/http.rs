@@ -9,7 +9,7 @@ mod page;
 mod query;
 
 use std::convert::Infallible;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use axum::Router;
@@ -22,13 +22,13 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use bounds::{Bounds, Panicked, bounded};
 pub(crate) use conditional::Tagged;
-use feedwave_contract::json;
 use feedwave_contract::proto::{
     GetJobRequest, GetReportRequest, GetRunRequest, GetStateRequest, JobStateCount, ListAuditEntriesRequest,
     ListDecisionsRequest, ListJobEventsRequest, ListJobsRequest, ListRunsRequest, ListStatesRequest,
     ReadProgramRequest, ServerState,
 };
 use feedwave_contract::routes::{ROUTES, Route};
+use feedwave_contract::{json, openapi};
 use feedwave_store::JobState;
 use futures_util::TryStreamExt as _;
 use prometheus::proto::MetricFamily;
@@ -141,6 +141,7 @@ fn handler(route: Route) -> MethodRouter<HttpState> {
         Route::ListDecisions => get(list_decisions),
         Route::ListAuditEntries => get(list_audit_entries),
         Route::GetState => get(get_state),
+        Route::GetOpenApi => get(get_open_api),
         Route::GetMetrics => get(get_metrics),
         Route::GetHealth => get(async || "ok\n"),
         Route::GetReadiness => get(get_ready),
@@ -318,6 +319,11 @@ async fn get_state(State(state): State<HttpState>, api: Api, headers: HeaderMap)
         open_conditions: api.store.count_open_conditions().await?.try_into().unwrap_or(u32::MAX),
     };
     Ok(message(&headers, &answer))
+}
+
+async fn get_open_api(headers: HeaderMap) -> Response {
+    static DOCUMENT: LazyLock<Tagged> = LazyLock::new(|| Tagged::new(openapi::document().to_string()));
+    DOCUMENT.response(&headers)
 }
 
 /// What is being done.

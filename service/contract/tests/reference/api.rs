@@ -1,8 +1,9 @@
 //! `docs/api.md`: services, messages and enums of the contract with their comments.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use feedwave_contract::comments::Comments;
+use feedwave_contract::openapi::query_fields;
 use feedwave_contract::proto::DESCRIPTORS;
 use feedwave_contract::routes::{Body, ROUTES};
 use prost_reflect::{Cardinality, EnumDescriptor, FieldDescriptor, FileDescriptor, Kind, MessageDescriptor};
@@ -12,8 +13,9 @@ const PACKAGE: &str = "feedwave.v1";
 const HEAD: &str = "# The contract
 
 Services, messages and enums of `feedwave.v1`, file by file as in `proto/feedwave/v1`. In JSON, fields have their names in
-lowerCamelCase, enums their values' names, 64-bit integers are strings, and a field at its default is left out (the protobuf JSON
-mapping); the names given here are accepted too. An *optional* field distinguishes \"not set\" from 0. The HTTP answers for
+lowerCamelCase, enums their values' names, and 64-bit integers are strings (the protobuf JSON mapping); the names given here are
+accepted too. Answers have every field that is neither a message nor *optional*, at its default as well; requests and files may leave
+out what is at its default. An *optional* field distinguishes \"not set\" from 0. The HTTP answers for
 dashboards are messages of this page, and so are the requests whose fields are their parameters.
 
 ";
@@ -24,7 +26,7 @@ const ROUTES_HEAD: &str = "
 The read-only port for dashboards, Prometheus and probes (`http.listen`, 8080 where nothing else is configured). Every route answers
 GET and HEAD. Parameters are the fields of a request by their names in JSON; an unknown one is refused. Errors are
 `google.rpc.Status` in JSON with the fitting status code. Answers under `/v1` have an entity tag: with `If-None-Match` what has not
-changed is answered by 304.
+changed is answered by 304. `/v1/openapi.json` says the same for machines.
 
 | path | parameters | answer | |
 | --- | --- | --- | --- |
@@ -57,13 +59,13 @@ fn write_routes(page: &mut String) {
             |request| {
                 let request = DESCRIPTORS.get_message_by_name(&local(request)).expect("a message of the contract");
                 let names: Vec<String> =
-                    fields_as_written(&request).iter().map(|field| format!("`{}`", field.json_name())).collect();
+                    query_fields(&request).iter().map(|field| format!("`{}`", field.json_name())).collect();
                 format!("{} of {}", names.join(", "), message_link(&request))
             },
         );
         let body = match entry.body {
             Body::Message(name) => link(&local(name)),
-            Body::Text(what) => what.to_owned(),
+            Body::Text { what, .. } | Body::Json(what) => what.to_owned(),
         };
         let _ = writeln!(page, "| `{}` | {parameters} | {body} | {} |", entry.path, entry.purpose);
     }
@@ -77,11 +79,11 @@ fn write_file(page: &mut String, file: &FileDescriptor) {
     let comments = Comments::of(file);
     let _ = write!(page, "\n## {}\n\n", file_name(file));
     // The comment of a file is that of its `syntax`.
-    comments.write_paragraphs(page, &[12]);
+    write_paragraphs(page, &comments, &[12]);
     for service in file.services() {
         let path = service.path().to_vec();
         let _ = write!(page, "\n### {}\n\n", service.name());
-        comments.write_paragraphs(page, &path);
+        write_paragraphs(page, &comments, &path);
         page.push_str("\n| method | request | answer | |\n| --- | --- | --- | --- |\n");
         for method in service.methods() {
             let side = |message: &MessageDescriptor, streams: bool| {
@@ -93,7 +95,7 @@ fn write_file(page: &mut String, file: &FileDescriptor) {
                 method.name(),
                 side(&method.input(), method.is_client_streaming()),
                 side(&method.output(), method.is_server_streaming()),
-                comments.cell(method.path())
+                cell(&comments, method.path())
             );
         }
     }
@@ -106,18 +108,18 @@ fn write_message(page: &mut String, message: &MessageDescriptor, comments: &Comm
         return;
     }
     let _ = write!(page, "\n### {}\n\n", local_name(message.full_name()));
-    comments.write_paragraphs(page, message.path());
+    write_paragraphs(page, comments, message.path());
     if message.fields().len() > 0 {
         page.push_str("\n| field | type | |\n| --- | --- | --- |\n");
     }
     for field in fields_as_written(message) {
         let one_of = field.containing_oneof().filter(|oneof| !oneof.is_synthetic());
         let one_of = one_of.map_or_else(String::new, |oneof| format!("One of `{}`. ", oneof.name()));
-        let comment = comments.cell(field.path());
+        let comment = cell(comments, field.path());
         let _ = writeln!(page, "| `{}` | {} | {one_of}{comment} |", field.name(), field_type(&field));
     }
     for oneof in message.oneofs().filter(|oneof| !oneof.is_synthetic()) {
-        let comment = comments.cell(oneof.path());
+        let comment = cell(comments, oneof.path());
         if !comment.is_empty() {
             let _ = write!(page, "\n`{}`: {comment}\n", oneof.name());
         }
@@ -135,10 +137,10 @@ fn fields_as_written(message: &MessageDescriptor) -> Vec<FieldDescriptor> {
 
 fn write_enum(page: &mut String, values: &EnumDescriptor, comments: &Comments) {
     let _ = write!(page, "\n### {}\n\n", local_name(values.full_name()));
-    comments.write_paragraphs(page, values.path());
+    write_paragraphs(page, comments, values.path());
     page.push_str("\n| value | |\n| --- | --- |\n");
     for value in values.values() {
-        let _ = writeln!(page, "| `{}` = {} | {} |", value.name(), value.number(), comments.cell(value.path()));
+        let _ = writeln!(page, "| `{}` = {} | {} |", value.name(), value.number(), cell(comments, value.path()));
     }
 }
 
@@ -186,27 +188,15 @@ fn local_name(full_name: &str) -> &str {
     full_name.strip_prefix(PACKAGE).map_or(full_name, |name| name.trim_start_matches('.'))
 }
 
-/// The comments of a file by the path of what they are about.
-struct Comments(BTreeMap<Vec<i32>, String>);
-
-impl Comments {
-    fn of(file: &FileDescriptor) -> Self {
-        let info = file.file_descriptor_proto().source_code_info.iter().flat_map(|info| &info.location);
-        let comment = |text: &str| text.lines().map(str::trim).collect::<Vec<_>>().join("\n").trim().to_owned();
-        let located = info.map(|location| (location.path.clone(), comment(location.leading_comments())));
-        Self(located.filter(|(_, comment)| !comment.is_empty()).collect())
+/// A comment as paragraphs.
+fn write_paragraphs(page: &mut String, comments: &Comments, path: &[i32]) {
+    let comment = comments.paragraphs(path);
+    if !comment.is_empty() {
+        let _ = writeln!(page, "{comment}");
     }
+}
 
-    /// A comment as paragraphs.
-    fn write_paragraphs(&self, page: &mut String, path: &[i32]) {
-        if let Some(comment) = self.0.get(path) {
-            let _ = writeln!(page, "{comment}");
-        }
-    }
-
-    /// A comment in one line, for a table.
-    fn cell(&self, path: &[i32]) -> String {
-        let comment = self.0.get(path).map_or("", String::as_str);
-        comment.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
-    }
+/// A comment in one line, for a table.
+fn cell(comments: &Comments, path: &[i32]) -> String {
+    comments.line(path).replace('|', "\\|")
 }

@@ -111,6 +111,7 @@ pub(crate) const fn of_route(route: Route) -> Needs {
         | Route::Follow
         | Route::ListDecisions
         | Route::GetState
+        | Route::GetOpenApi
         | Route::GetMetrics => VIEWER,
         Route::ListAuditEntries => ADMIN,
         Route::GetHealth | Route::GetReadiness => Needs::Nobody,

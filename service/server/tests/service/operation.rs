@@ -1,5 +1,6 @@
 //! Running the service: health, reflection, the HTTP port, limits, and its end.
 
+use feedwave_contract::openapi::query_fields;
 use feedwave_contract::proto::DESCRIPTORS;
 use feedwave_contract::proto::{
     CreateMachineRequest, DeleteMachineRequest, GetJobRequest, ListMachinesRequest, Machine, WatchJobsRequest,
@@ -62,7 +63,7 @@ async fn every_route_of_the_table_is_served_and_takes_the_parameters_of_its_requ
         let path = entry.path.replace("{id}", &id);
         let fields = entry.parameters.map_or_else(Vec::new, |request| {
             let request = DESCRIPTORS.get_message_by_name(&format!("feedwave.v1.{request}")).unwrap();
-            request.fields().map(|field| field.json_name().to_owned()).collect()
+            query_fields(&request).iter().map(|field| field.json_name().to_owned()).collect()
         });
         // Of all parameters only states have no empty value.
         let value = |name: &String| format!("{name}={}", if name == "states" { "ready" } else { "" });
