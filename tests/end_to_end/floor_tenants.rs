@@ -65,6 +65,7 @@ async fn until(web: &Web, tenant: &str, execution: &str) -> Value {
     patiently(seen).await
 }
 
+// One run, and every place where another tenant might see it.
 #[tokio::test]
 async fn another_tenants_run_is_seen_nowhere() {
     let server = Server::start(FEEDWAVE).await;

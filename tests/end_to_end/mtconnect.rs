@@ -95,6 +95,7 @@ async fn documents_are_xml_or_json_and_errors_have_their_codes() {
     assert_eq!((posted.status, posted.header("allow")), (StatusCode::METHOD_NOT_ALLOWED, "GET,HEAD"));
 }
 
+// One run, as a client of the standard meets it from its first request to the last.
 #[tokio::test]
 async fn a_client_follows_a_run_from_probe_to_its_end() {
     let (server, web) = agent("").await;

@@ -142,6 +142,7 @@ fn codes(state: &MachineState) -> Vec<&str> {
     state.conditions.iter().map(|condition| condition.code.as_str()).collect()
 }
 
+// One run from its first setpoint over a kill to its end, and what every reader has of it at each step.
 #[tokio::test]
 async fn a_live_run_is_seen_as_it_goes_and_as_the_log_has_it_after_a_kill() {
     let server = Server::start(FEEDWAVE).await;

@@ -306,6 +306,42 @@ async fn who_reads_the_audit_log_on_misses_nothing_that_replicas_write_at_once()
 
 #[tokio::test]
 #[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn who_follows_changes_of_the_audit_log_sees_each_result_once_that_replicas_write_at_once() {
+    const ENTRIES: usize = 60;
+    let place = Place::new();
+    let stores = [place.open().await, place.open().await, place.open().await];
+    let mut writers = tokio::task::JoinSet::new();
+    for store in stores.clone() {
+        for number in 0..ENTRIES {
+            let store = store.clone();
+            writers.spawn(async move {
+                let asked = AuditRequest { tenant: format!("plant-{}", number % 3), ..AuditRequest::default() };
+                let sequence = store.begin_audit(asked, None).await.unwrap();
+                let done = AuditResult { code: "OK".into(), ..AuditResult::default() };
+                store.end_audit(sequence, done).await.unwrap();
+            });
+        }
+    }
+    let (mut cursor, mut results) = (0, Vec::new());
+    while results.len() < stores.len() * ENTRIES {
+        for entry in stores[0].audit_changed_after(cursor, &AuditFilter::default(), 50).await.unwrap() {
+            assert!(entry.change > cursor);
+            cursor = entry.change;
+            results.extend(entry.result.is_some().then_some(entry.sequence));
+        }
+        tokio::task::yield_now().await;
+    }
+    while let Some(written) = writers.join_next().await {
+        written.unwrap();
+    }
+    results.sort_unstable();
+    assert!(results.iter().copied().eq(1..=results.len() as i64), "{results:?}");
+    assert!(stores[1].audit_changed_after(cursor, &AuditFilter::default(), 1).await.unwrap().is_empty());
+}
+
+// One copy with a record of every kind, and what goes on behind each.
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn a_file_is_copied_whole_or_not_at_all() {
     let folder = TempDir::new().unwrap();
     let from = StoreUri::of_file(&folder.path().join("feedwave.db")).unwrap();

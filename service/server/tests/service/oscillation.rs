@@ -7,9 +7,9 @@ use feedwave_contract::proto::validate_program_request::On;
 use feedwave_contract::proto::waveform::Kind;
 use feedwave_contract::proto::{
     CreateJobRequest, CreateMachineRequest, CreateToolRequest, CuttingEdge, DirectionOscillation, Engagement,
-    EngagementWidth, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState, LeadingEdge,
-    OscillationCondition, OscillationDirection, OscillationFloorSettings, OscillationRequest, Tool, ToolGeometry,
-    ValidateProgramRequest, ValidationReport, Waveform, WorkSide, engagement,
+    EngagementWidth, GetMachineRequest, GetReportRequest, GetToolRequest, HeldPeakWave, JobState, LeadingEdge, Machine,
+    OscillationCondition, OscillationDirection, OscillationFloorSettings, OscillationRequest, OscillationSectionReport,
+    Tool, ToolGeometry, ValidateProgramRequest, ValidationReport, Waveform, WorkSide, engagement,
 };
 
 use crate::support::{TestServer, lathe_job, stream_of, told};
@@ -56,22 +56,27 @@ fn assert_near(value: f64, expected: f64, tolerance: f64) {
     assert!((value - expected).abs() <= tolerance, "{value} instead of {expected}");
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
-    let test = TestServer::start().await;
+/// The condition that three periods per revolution cannot keep with four edges.
+fn odd() -> OscillationCondition {
+    OscillationCondition { name: "odd".to_owned(), number: 3, period: Some(Period::PeriodsPerRev(3)), ..condition() }
+}
+
+/// The mill of the service with these conditions.
+async fn mill_with(test: &TestServer, conditions: Vec<OscillationCondition>) -> Machine {
     let request = GetMachineRequest { name: "machines/mill".to_owned() };
     let mut machine = test.machines().get_machine(request).await.unwrap().into_inner().machine.unwrap();
     let profile = machine.profile.as_mut().unwrap();
     let codes = profile.language.as_ref().unwrap().tool_oscillation.unwrap();
     assert_eq!((codes.on, codes.off), (202.0, 203.0));
-    let mut odd = OscillationCondition {
-        name: "odd".to_owned(),
-        number: 3,
-        period: Some(Period::PeriodsPerRev(3)),
-        ..condition()
-    };
-    profile.tool_oscillation = vec![condition(), odd.clone()];
-    let create = CreateMachineRequest { machine_id: "oscillating".to_owned(), machine: Some(machine.clone()) };
+    profile.tool_oscillation = conditions;
+    machine
+}
+
+/// A service with the oscillating mill and its cutter.
+async fn oscillating() -> TestServer {
+    let test = TestServer::start().await;
+    let machine = mill_with(&test, vec![condition(), odd()]).await;
+    let create = CreateMachineRequest { machine_id: "oscillating".to_owned(), machine: Some(machine) };
     let stored = test.machines().create_machine(create).await.unwrap().into_inner().machine.unwrap();
     assert_eq!(stored.profile.unwrap().tool_oscillation.len(), 2);
     let create = CreateToolRequest { tool_id: "cutter".to_owned(), tool: Some(tool()) };
@@ -79,25 +84,20 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     let request = GetToolRequest { name: "tools/cutter".to_owned() };
     let stored = test.tools().get_tool(request).await.unwrap().into_inner().tool.unwrap();
     assert_eq!(stored.geometry, tool().geometry);
+    test
+}
 
-    let on_mill = |program: &str| CreateJobRequest {
+/// A job on that mill with its cutter.
+fn on_mill(program: &str) -> CreateJobRequest {
+    CreateJobRequest {
         machine: "machines/oscillating".to_owned(),
         tools: vec!["tools/cutter".to_owned()],
         ..lathe_job(program)
-    };
-    let job = test.ready(on_mill(PROGRAM)).await;
-    let report = report_of(&test, job.name.clone()).await;
-    assert_eq!(report.summary.unwrap().oscillation_count, 1);
-    let [section] = report.oscillations.as_slice() else { panic!("{} oscillations", report.oscillations.len()) };
-    assert_eq!((section.on_line, section.line, section.tool), (4, 5, 4));
-    assert_eq!((section.condition.as_str(), section.periods_per_rev, section.edges_per_period), ("accuracy", 1, 4.0));
-    assert!(section.feasible);
-    assert_near(section.hold_share, 0.3, 1e-12);
-    assert_near(section.required_hold_share, 0.25, 1e-12);
-    assert_eq!((section.leading_edge, section.finishing_edges.as_slice()), (1, &[4][..]));
-    let axial = section.loads.iter().find(|load| load.direction() == OscillationDirection::Axial).unwrap();
-    assert_near(axial.acceleration_step_mm_per_s2, 740.22, 0.01);
-    assert_near(section.feed_mm_per_period, 1.0, 1e-12);
+    }
+}
+
+/// Every edge cuts the layers of the worked example.
+fn assert_layers(section: &OscillationSectionReport) {
     // Lower and upper end of every layer, where its edge meets it and where it leaves it.
     let expected: [&[[f64; 4]]; 4] = [
         &[[0.0, 0.03, -0.5, 0.0], [0.03, 1.0, -0.35, 0.0]],
@@ -114,6 +114,25 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     }
     assert_near(section.edges.iter().map(|edge| edge.area_mm2).sum(), 1.03, 1e-12);
     assert_near(section.edges.iter().map(|edge| edge.volume_share).sum(), 1.0, 1e-12);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
+    let test = oscillating().await;
+    let job = test.ready(on_mill(PROGRAM)).await;
+    let report = report_of(&test, job.name.clone()).await;
+    assert_eq!(report.summary.unwrap().oscillation_count, 1);
+    let [section] = report.oscillations.as_slice() else { panic!("{} oscillations", report.oscillations.len()) };
+    assert_eq!((section.on_line, section.line, section.tool), (4, 5, 4));
+    assert_eq!((section.condition.as_str(), section.periods_per_rev, section.edges_per_period), ("accuracy", 1, 4.0));
+    assert!(section.feasible);
+    assert_near(section.hold_share, 0.3, 1e-12);
+    assert_near(section.required_hold_share, 0.25, 1e-12);
+    assert_eq!((section.leading_edge, section.finishing_edges.as_slice()), (1, &[4][..]));
+    let axial = section.loads.iter().find(|load| load.direction() == OscillationDirection::Axial).unwrap();
+    assert_near(axial.acceleration_step_mm_per_s2, 740.22, 0.01);
+    assert_near(section.feed_mm_per_period, 1.0, 1e-12);
+    assert_layers(section);
 
     // The tool axis goes by the amplitude to both sides of the depth, and ends on it.
     let (_, chunks) = test.collect(stream_of(&job)).await;
@@ -122,8 +141,11 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
     assert_near(low, -1.03, 1e-9);
     assert_near(high, -0.97, 1e-9);
     assert_eq!(*z.last().unwrap(), -1.0);
+}
 
-    // Refusals say what, with numbers and a cure.
+#[tokio::test(flavor = "multi_thread")]
+async fn refusals_of_oscillations_say_what_with_numbers_and_a_cure() {
+    let test = oscillating().await;
     for (program, tools, code, value) in [
         (PROGRAM.replace("P1", "P3"), true, "OSC-EDGES-PERIOD", ("periods_per_rev", 3.0, "periods_per_rev")),
         (PROGRAM.replace("F600", "F1200"), true, "OSC-STEP-LONG", ("feed_per_period", 2.0, "feed")),
@@ -145,11 +167,13 @@ async fn the_worked_example_is_judged_edge_by_edge_and_streamed() {
         let suggested = finding.suggestions[0].value.as_ref().map_or("", |value| value.name.as_str());
         assert_eq!(suggested, cure);
     }
+}
 
-    // Impossible conditions and edges are not stored at all.
-    odd.axial = None;
-    odd.ramp_periods = Some(101);
-    machine.profile.as_mut().unwrap().tool_oscillation = vec![condition(), odd];
+#[tokio::test(flavor = "multi_thread")]
+async fn impossible_conditions_and_edges_are_not_stored_at_all() {
+    let test = TestServer::start().await;
+    let impossible = OscillationCondition { axial: None, ramp_periods: Some(101), ..odd() };
+    let machine = mill_with(&test, vec![condition(), impossible]).await;
     let create = CreateMachineRequest { machine_id: "broken".to_owned(), machine: Some(machine) };
     let (_, _, fields) = told(&test.machines().create_machine(create).await.unwrap_err());
     assert_eq!(fields, ["machine.profile.tool_oscillation[1].axial"]);

@@ -160,6 +160,7 @@ fn brief(decision: &Decision) -> (u64, DecisionAction, DecisionReason, f64) {
     (decision.number, outcome.action(), outcome.reason(), outcome.after.unwrap().feed)
 }
 
+// One run through all its decisions, each of which follows from the one before.
 #[tokio::test]
 async fn too_large_a_deflection_takes_the_feed_down_step_by_step_to_its_bound_and_holds_it_there() {
     let server = TestServer::start().await;
@@ -247,6 +248,7 @@ pub fn seen(run: &str, decision_number: Option<u64>, by: &str) -> AcknowledgeCon
     AcknowledgeConditionRequest { run, decision_number, acknowledged_by, note: "insert worn".to_owned() }
 }
 
+// One run: each refusal holds only between the steps before and behind it.
 #[tokio::test]
 async fn a_held_feed_needs_an_acknowledgement_and_a_resume_also_after_a_restart() {
     let server = TestServer::start().await;
