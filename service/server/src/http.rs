@@ -406,7 +406,6 @@ async fn get_ready(State(state): State<HttpState>) -> Answer {
         return Err(Error::Draining.into());
     }
     state.readiness.check()?;
-    state.api.store.of_all_tenants().ping().await?;
     Ok("ok\n".into_response())
 }
 

@@ -155,6 +155,19 @@ async fn metrics_count_calls_by_method_and_code() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn asking_for_readiness_makes_no_work() {
+    const REQUESTS: u64 = 500;
+    let test = TestServer::start().await;
+    // By itself the service reads every other second.
+    let reads = || test.server.metrics().store_read_seconds.get_sample_count();
+    let before = reads();
+    for _ in 0..REQUESTS {
+        assert_eq!(get(&test, "/readyz").await.status, 200);
+    }
+    assert!(reads() - before < REQUESTS / 2, "{} reads", reads() - before);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn health_and_reflection_are_served() {
     let test = TestServer::start().await;
     let services = DESCRIPTORS.services().map(|service| service.full_name().to_owned());
