@@ -20,8 +20,9 @@ pub struct RetentionPolicy {
     pub events: Option<Duration>,
     /// Entries of the audit log.
     pub audit: Option<Duration>,
-    /// Bytes in use within the database, free space not counted: beyond, the oldest jobs that have ended go, and the
-    /// programs that no job uses then.
+    /// Bytes in use within the database, free space, events and the audit log not counted: beyond, the oldest jobs that have
+    /// ended go, and the programs that no job uses then. What those logs take is bounded by their own rules: it neither goes
+    /// for the sake of jobs, nor do jobs go for its sake.
     pub bytes: Option<u64>,
 }
 

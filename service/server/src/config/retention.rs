@@ -23,9 +23,9 @@ pub struct RetentionConfig {
     /// Entries of the audit log, days.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audit_days: Option<u32>,
-    /// Most entries of the audit log: the oldest ones go first.
+    /// Most entries of the audit log: beyond, the oldest ones of the tenants that have most go.
     pub audit_entries: u64,
-    /// Bytes in use within the store: beyond, the oldest jobs that have ended go.
+    /// Bytes in use within the store, its logs of events and audit not counted: beyond, the oldest jobs that have ended go.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_bytes: Option<u64>,
     /// Only says what would be removed.

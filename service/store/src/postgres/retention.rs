@@ -102,7 +102,7 @@ impl PostgresStore {
         }
     }
 
-    /// Bytes of what is kept: the server's files shrink later, if at all.
+    /// Bytes of what is kept, but for the logs that have bounds of their own: the server's files shrink later, if at all.
     async fn bytes_in_use(&self) -> Result<u64> {
         let bytes: i64 = sqlx::query_scalar(
             "SELECT ((SELECT COALESCE(SUM(OCTET_LENGTH(data)), 0) FROM program_chunks)

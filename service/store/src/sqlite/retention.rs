@@ -117,6 +117,36 @@ impl SqliteStore {
         Ok(pages.unsigned_abs() * bytes.unsigned_abs())
     }
 
+    /// Bytes of the logs that have bounds of their own. It reads all of them.
+    async fn bytes_of_logs(&self) -> Result<u64> {
+        let bytes: i64 = sqlx::query_scalar(
+            "SELECT COALESCE(SUM(pages.pgsize), 0) FROM sqlite_schema AS tree JOIN dbstat AS pages ON pages.name = tree.name
+                WHERE tree.tbl_name IN ('audit_entries', 'job_events') AND pages.aggregate = TRUE",
+        )
+        .fetch_one(&mut *self.reader().await?)
+        .await?;
+        Ok(bytes.unsigned_abs())
+    }
+
+    /// Removes the oldest jobs that have ended, and the programs that no job uses then, until what is kept of them has no
+    /// more than so many bytes.
+    async fn remove_beyond(&self, bytes: u64, removed: &mut Removed) -> Result<()> {
+        if self.bytes_in_use().await? <= bytes {
+            return Ok(());
+        }
+        let most = bytes.saturating_add(self.bytes_of_logs().await?);
+        while self.bytes_in_use().await? > most {
+            let jobs = self.remove_jobs(i64::MAX, 1).await?;
+            let programs = self.remove_programs(cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
+            removed.jobs += jobs;
+            removed.programs += programs;
+            if jobs + programs == 0 {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// Gives free pages back to the file system, where the database was made for that.
     async fn give_back(&self) -> Result<()> {
         loop {
@@ -183,6 +213,9 @@ impl Retention for SqliteStore {
                     break;
                 }
             }
+        }
+        if let Some(bytes) = policy.bytes {
+            self.remove_beyond(bytes, &mut removed).await?;
         }
         self.give_back().await?;
         Ok(removed)
