@@ -11,8 +11,9 @@ use feedwave_contract::proto::{
     AuditEntry, CancelJobRequest, DeleteJobRequest, DeleteMachineRequest, GetJobRequest, ListAuditEntriesRequest,
     ListMachinesRequest,
 };
-use feedwave_tests::{Home, Server, patiently};
+use feedwave_tests::{Home, Server, patiently, upload_messages};
 use tokio::task::JoinSet;
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status};
 
@@ -134,6 +135,53 @@ async fn who_changed_what_and_who_was_refused_is_kept() {
     let refused = feedwave(&["audit", "--server", &url], &[("FEEDWAVE_TOKEN", viewer.as_str())]).await;
     assert_eq!(refused.status.code(), Some(2));
     assert!(!server.log().contains(&admin[9..]));
+}
+
+/// Who follows by changes has an entry while its call is in progress, and its result when that is known, each once.
+#[tokio::test]
+async fn who_follows_changes_misses_no_result() {
+    let server = Server::start(FEEDWAVE).await;
+    let url = format!("http://{}", server.grpc);
+    let follow = async |after: &str| {
+        let written = feedwave(&["audit", "--server", &url, "--changed-after", after], &[]).await;
+        assert!(written.status.success(), "{written:?}");
+        let text = String::from_utf8(written.stdout).unwrap();
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<serde_json::Value>>()
+    };
+    let mut clients = server.connect().await;
+    let program: Bytes = "G4 P1\n".repeat(1_000).into();
+    let (sender, messages) = tokio::sync::mpsc::channel(1);
+    let mut uploader = clients.clone();
+    let upload = tokio::spawn(async move { uploader.jobs.upload_program(ReceiverStream::new(messages)).await });
+    let mut seen = patiently(async {
+        loop {
+            let seen = follow("0").await;
+            if !seen.is_empty() {
+                return seen;
+            }
+        }
+    })
+    .await;
+    assert_eq!(seen.len(), 1, "{seen:?}");
+    assert_eq!((seen[0].get("endTime"), &seen[0]["result"]), (None, &serde_json::json!("")), "{seen:?}");
+
+    // Another call, which ends before the first one does.
+    clients.create_from(Source::InlineProgram(Bytes::from_static(b"M30\n")), "").await.unwrap();
+    for message in upload_messages(&program, 0, program.len()) {
+        sender.send(message).await.unwrap();
+    }
+    drop(sender);
+    patiently(upload).await.unwrap().unwrap();
+    let cursor = seen[0]["change"].as_str().unwrap().to_owned();
+    seen = follow(&cursor).await;
+    let told: Vec<_> =
+        seen.iter().map(|entry| [&entry["method"], &entry["result"]].map(|text| text.as_str().unwrap())).collect();
+    assert_eq!(told, [["/feedwave.v1.Jobs/CreateJob", "OK"], ["/feedwave.v1.Jobs/UploadProgram", "OK"]]);
+    assert!(follow(seen[1]["change"].as_str().unwrap()).await.is_empty());
+    // By places it would be missed: its entry is older than what was read last.
+    let page = server.web().get("/v1/audit?changedAfter=0&pageSize=1").await.json();
+    assert_eq!(page["entries"][0]["method"], "/feedwave.v1.Jobs/CreateJob");
+    assert_eq!(server.web().get("/v1/audit?changedAfter=0&after=1").await.status, 400);
 }
 
 /// What was acknowledged is in the log after `kill -9`, and what was begun without an end says so.

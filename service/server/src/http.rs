@@ -295,6 +295,7 @@ async fn list_audit_entries(api: Api, RawQuery(raw): RawQuery, headers: HeaderMa
         page_size: query.number("pageSize"),
         page_token: query.text("pageToken"),
         principal: query.text("principal"),
+        changed_after: query.number_option("changedAfter"),
     };
     query.finish()?;
     Ok(message(&headers, &api.list_audit_entries(request).await?))

@@ -283,11 +283,25 @@ impl Records {
 
     /// See [`feedwave_store::Audit::audit_after`].
     pub(crate) async fn audit_after(&self, sequence: i64, principal: &str, limit: u32) -> Result<Vec<AuditEntry>> {
-        let filter = AuditFilter {
+        self.store.audit_after(sequence, &self.audit_filter(principal), limit).await
+    }
+
+    /// See [`feedwave_store::Audit::audit_changed_after`].
+    pub(crate) async fn audit_changed_after(
+        &self,
+        change: i64,
+        principal: &str,
+        limit: u32,
+    ) -> Result<Vec<AuditEntry>> {
+        self.store.audit_changed_after(change, &self.audit_filter(principal), limit).await
+    }
+
+    /// What the caller may see of the audit log, of this client or, where it is empty, of all.
+    fn audit_filter(&self, principal: &str) -> AuditFilter {
+        AuditFilter {
             tenant: self.caller.confined_to().map(|tenant| tenant.name().to_owned()),
             principal: Some(principal.to_owned()).filter(|principal| !principal.is_empty()),
-        };
-        self.store.audit_after(sequence, &filter, limit).await
+        }
     }
 }
 

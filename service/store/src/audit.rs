@@ -37,6 +37,9 @@ pub struct AuditResult {
 pub struct AuditEntry {
     /// Position in the log; grows by time, never used twice.
     pub sequence: i64,
+    /// Number of its newest change, the first of which is that it was made; grows by time over all entries, never used
+    /// twice.
+    pub change: i64,
     /// When it was asked for, microseconds since the Unix epoch.
     pub at_us: i64,
     /// When the result was known, or was the same again, microseconds since the Unix epoch.
@@ -64,7 +67,8 @@ pub const MAX_AUDIT_ENTRIES: u32 = 1000;
 /// Longest text of an entry in bytes; what is longer is cut.
 pub const MAX_AUDIT_TEXT_BYTES: usize = 512;
 
-/// Keeps the audit log, at most [`crate::StoreSettings::max_audit_entries`]: the oldest entries go first.
+/// Keeps the audit log, at most [`crate::StoreSettings::max_audit_entries`]. Beyond, the oldest entries of the tenants that
+/// have most go: whoever writes much loses what is his own.
 #[async_trait]
 pub trait Audit {
     /// Stores what is asked for, before it is done; with its result where that is known already. The entry's position.
@@ -91,4 +95,12 @@ pub trait Audit {
     /// # Errors
     /// `Unavailable`.
     async fn audit_after(&self, sequence: i64, filter: &AuditFilter, limit: u32) -> Result<Vec<AuditEntry>>;
+
+    /// Entries that were made or changed after the change `change` (0 for all), in the order of their newest changes, at most
+    /// `limit` and never more than [`MAX_AUDIT_ENTRIES`]. Who reads on behind the newest change that it has seen misses no
+    /// entry, no result and no count that is kept.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn audit_changed_after(&self, change: i64, filter: &AuditFilter, limit: u32) -> Result<Vec<AuditEntry>>;
 }

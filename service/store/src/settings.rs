@@ -22,7 +22,7 @@ pub struct StoreSettings {
     pub max_report_bytes: u64,
     /// Largest snapshot of a checkpoint in bytes before compression; default 16 MiB.
     pub max_snapshot_bytes: u64,
-    /// Most entries of the audit log; default one million. The oldest ones go first.
+    /// Most entries of the audit log; default one million. Beyond, the oldest ones of the tenants that have most go.
     pub max_audit_entries: u64,
     /// Writes that may wait for the writer; default 1024. Callers beyond wait for a place.
     pub write_queue: usize,

@@ -392,7 +392,13 @@ async fn a_file_is_copied_whole_or_not_at_all() {
     assert_eq!((newest.id, newest.tenant, newest.program_id, newest.owner.as_str()), (theirs.id, tenant, other, "b"));
     assert_eq!(store.audit_after(0, &AuditFilter::default(), 10).await.unwrap(), entries);
     // Everything goes on where it was.
+    let followed = entries.last().unwrap().change;
     assert_eq!(store.begin_audit(asked, None).await.unwrap(), audited + 1);
+    let entries = store.audit_changed_after(followed, &AuditFilter::default(), 10).await.unwrap();
+    assert_eq!(
+        entries.iter().map(|entry| (entry.sequence, entry.change)).collect::<Vec<_>>(),
+        [(audited + 1, followed + 1)]
+    );
     let next = store.create_job(new_job("next", large.id)).await.unwrap();
     assert_eq!(next.sequence, events.last().unwrap().sequence + 1);
     let taken = store.attach_run(run.run.id).await.unwrap();

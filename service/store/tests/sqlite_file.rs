@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use feedwave_store::{
-    AuditFilter, CHUNK_BYTES, EventFilter, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest, ProgramId,
-    RawValue, Removed, RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
+    AuditFilter, AuditRequest, CHUNK_BYTES, EventFilter, Fingerprint, JobFilter, JobState, Kind, NewJob, PageRequest,
+    ProgramId, RawValue, Removed, RetentionPolicy, Store, StoreError, StoreSettings, StoreUri, Tenant, UploadStart,
 };
 use proptest::prelude::*;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
@@ -201,6 +201,35 @@ async fn records_of_a_version_without_tenants_are_of_the_default_tenant() {
     store.delete_program(program.of_tenant(other)).await.unwrap();
     assert_eq!(store.program_entry(program).await.unwrap().job_count, 1);
     assert!(store.audit_after(0, &AuditFilter::default(), 10).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn the_audit_log_of_an_earlier_version_is_followed_and_shared_as_if_it_had_always_been() {
+    let (_folder, path) = folder();
+    let mut before = sqlx::migrate!("../../migrations/sqlite");
+    before.migrations.to_mut().retain(|migration| migration.version <= 12);
+    let mut database = raw(&path).await;
+    before.run_direct(None, &mut database, false).await.unwrap();
+    let sql = "PRAGMA application_id = 0x66776462;
+        INSERT INTO audit_entries (sequence, at_us, ended_us, principal, tenant, address, certificate, method, request_id,
+            resource, result, reason, occurrences)
+            VALUES (3, 1, 2, 'a', '', '', '', '/a/b', 'r', '', 'OK', '', 1),
+                (5, 1, NULL, 'a', '', '', '', '/a/b', 'r', '', '', '', 1),
+                (7, 1, 2, 'b', 'plant-b', '', '', '/a/b', 'r', '', 'OK', '', 1);
+        DELETE FROM audit_entries WHERE sequence = 7";
+    sqlx::raw_sql(sql).execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+    let store = open(&path).await.unwrap();
+    let entries = store.audit_changed_after(0, &AuditFilter::default(), 10).await.unwrap();
+    let places: Vec<_> = entries.iter().map(|entry| (entry.sequence, entry.change)).collect();
+    assert_eq!(places, [(3, 3), (5, 5)]);
+    // What was given once is not given again.
+    assert_eq!(store.begin_audit(AuditRequest::default(), None).await.unwrap(), 8);
+    assert_eq!(store.audit_changed_after(5, &AuditFilter::default(), 10).await.unwrap()[0].change, 8);
+    store.close().await;
+    let shares: Vec<(String, i64)> =
+        sqlx::query_as("SELECT tenant, entries FROM audit_tenants").fetch_all(&mut raw(&path).await).await.unwrap();
+    assert_eq!(shares, [(String::new(), 3)]);
 }
 
 #[tokio::test]

@@ -44,11 +44,16 @@ impl Query {
 
     /// A number, its default where it is absent.
     pub(super) fn number<T: FromStr<Err: std::fmt::Display> + Default>(&mut self, name: &str) -> T {
+        self.number_option(name).unwrap_or_default()
+    }
+
+    /// A number, `None` where it is absent.
+    pub(super) fn number_option<T: FromStr<Err: std::fmt::Display>>(&mut self, name: &str) -> Option<T> {
         let text = self.text(name);
         if text.is_empty() {
-            return T::default();
+            return None;
         }
-        self.violations.check(name, text.parse()).unwrap_or_default()
+        self.violations.check(name, text.parse())
     }
 
     /// States by name, with or without their prefix; may be given more than once.

@@ -40,7 +40,7 @@ struct Table {
 }
 
 /// Every table that holds records; what another one refers to comes first.
-const TABLES: [Table; 19] = [
+const TABLES: [Table; 20] = [
     Table { name: "contents", keys: 1, columns: &[("id", Integer)] },
     Table {
         name: "program_chunks",
@@ -261,12 +261,14 @@ const TABLES: [Table; 19] = [
             ("result", Text),
             ("reason", Text),
             ("occurrences", Integer),
+            ("change", Integer),
         ],
     },
+    Table { name: "audit_tenants", keys: 1, columns: &[("tenant", Text), ("entries", Integer)] },
 ];
 
 /// Tables of a file that hold no records.
-const OTHERS: [&str; 3] = ["_sqlx_migrations", "probe", "sqlite_sequence"];
+const OTHERS: [&str; 4] = ["_sqlx_migrations", "counters", "probe", "sqlite_sequence"];
 
 /// A value of a column.
 #[derive(Debug, Clone, PartialEq)]
@@ -466,6 +468,13 @@ async fn set_numbers(source: &mut SqliteConnection, target: &mut PgConnection) -
         sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
             .bind(row.try_get::<i64, _>("newest")?)
             .bind(name)
+            .execute(&mut *target)
+            .await?;
+    }
+    for row in sqlx::query("SELECT name, newest FROM counters").fetch_all(&mut *source).await? {
+        sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
+            .bind(row.try_get::<i64, _>("newest")?)
+            .bind(row.try_get::<String, _>("name")?)
             .execute(&mut *target)
             .await?;
     }

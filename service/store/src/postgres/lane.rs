@@ -26,17 +26,20 @@ pub(super) type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 pub(super) enum Log {
     Decision,
     Event,
+    /// Changes of entries of the audit log.
+    AuditChange,
     Audit,
 }
 
 impl Log {
     /// Who locks several locks them in this order.
-    const ALL: [Self; 3] = [Self::Decision, Self::Event, Self::Audit];
+    const ALL: [Self; 4] = [Self::Decision, Self::Event, Self::AuditChange, Self::Audit];
 
     const fn name(self) -> &'static str {
         match self {
             Self::Decision => "decision",
             Self::Event => "event",
+            Self::AuditChange => "audit_change",
             Self::Audit => "audit",
         }
     }
@@ -367,7 +370,7 @@ impl Task {
         let committed = execute(&mut transaction.connection, last);
         answered(self.shared.limit, committed).await.map_err(Failure::During)?;
         // Nobody waits for news of the audit log.
-        let [decision, event, _] = transaction.locked;
+        let [decision, event, _, _] = transaction.locked;
         self.connection = Some(transaction.connection);
         if decision.is_some() || event.is_some() {
             let newest = Newest { decision: decision.unwrap_or(0), event: event.unwrap_or(0) };

@@ -153,7 +153,13 @@ impl Retention for PostgresStore {
             removed.events = self.remove("job_events", EVENTS, cutoff).await?;
         }
         if let Some(cutoff) = self.cutoff(policy.audit) {
-            removed.audit = self.remove("audit_entries", AUDIT, cutoff).await?;
+            loop {
+                let gone = self.remove_audit(cutoff, BATCH).await?;
+                removed.audit += gone;
+                if gone < BATCH.unsigned_abs() {
+                    break;
+                }
+            }
         }
         if let Some(bytes) = policy.bytes {
             while self.bytes_in_use().await? > bytes {

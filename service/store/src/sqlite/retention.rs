@@ -201,15 +201,10 @@ impl Retention for SqliteStore {
             removed.events = self.remove("job_events", EVENTS, cutoff).await?;
         }
         if let Some(cutoff) = cutoff(policy.audit) {
-            removed.audit = self.remove("audit_entries", AUDIT, cutoff).await?;
-        }
-        if let Some(bytes) = policy.bytes {
-            while self.bytes_in_use().await? > bytes {
-                let jobs = self.remove_jobs(i64::MAX, 1).await?;
-                let programs = self.remove_programs(cutoff(Some(UNUSED)).unwrap_or(i64::MAX)).await?;
-                removed.jobs += jobs;
-                removed.programs += programs;
-                if jobs + programs == 0 {
+            loop {
+                let gone = self.remove_audit(cutoff, BATCH).await?;
+                removed.audit += gone;
+                if gone < BATCH.unsigned_abs() {
                     break;
                 }
             }
