@@ -36,6 +36,9 @@ pub(crate) struct Track<B> {
     /// Items at the end that are shown only, see [`Track::show_path`], and whether the section's end is.
     shown: usize,
     end_is_shown: bool,
+    /// Memory that the items take at the most, bytes. Not part of snapshots: [`Track::count_bytes`].
+    #[serde(skip)]
+    bytes: usize,
 }
 
 /// An item of the track.
@@ -73,11 +76,23 @@ impl<B> Item<B> {
     fn length_mm(&self) -> f64 {
         self.motion().map_or(0.0, |motion| motion.element.length)
     }
+
+    fn bytes(&self) -> usize {
+        self.motion().map_or(0, PlannedMotion::bytes)
+    }
 }
 
 impl<B> Default for Track<B> {
     fn default() -> Self {
-        Self { items: VecDeque::new(), current: 0, known_mm: 0.0, end_is_known: false, shown: 0, end_is_shown: false }
+        Self {
+            items: VecDeque::new(),
+            current: 0,
+            known_mm: 0.0,
+            end_is_known: false,
+            shown: 0,
+            end_is_shown: false,
+            bytes: 0,
+        }
     }
 }
 
@@ -95,10 +110,12 @@ impl<B: PathBarrier> Track<B> {
             // A feed hold stood at its start.
             last.planned = planned;
             self.shown = 0;
+            self.count_bytes();
             return;
         }
         let item = Item { start_mm: self.known_mm, planned };
         self.known_mm += item.length_mm();
+        self.bytes += item.bytes();
         self.items.push_back(item);
     }
 
@@ -125,6 +142,7 @@ impl<B: PathBarrier> Track<B> {
         self.end_is_shown = false;
         self.known_mm = self.items.get(from).map_or(self.known_mm, |item| item.start_mm);
         self.shown = self.items.range(..from).rev().take_while(|item| item.is_shown()).count();
+        self.bytes = self.items.range(..from).map(Item::bytes).sum();
         self.items.drain(from..).map(|item| item.planned)
     }
 
@@ -158,6 +176,16 @@ impl<B: PathBarrier> Track<B> {
     /// Number of items held.
     pub(crate) fn len(&self) -> usize {
         self.items.len()
+    }
+
+    /// Memory that they take at the most, bytes, but for what a change of the feed override has added or shown since.
+    pub(crate) const fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Counts anew what the items take: of what a snapshot held, and where they were changed in the middle.
+    pub(crate) fn count_bytes(&mut self) {
+        self.bytes = self.items.iter().map(Item::bytes).sum();
     }
 
     pub(crate) fn current(&self) -> Option<&Planned<B>> {
@@ -195,7 +223,8 @@ impl<B: PathBarrier> Track<B> {
             if self.items.front().is_none_or(is_needed) {
                 break;
             }
-            self.items.pop_front();
+            let gone = self.items.pop_front();
+            self.bytes = self.bytes.saturating_sub(gone.map_or(0, |item| item.bytes()));
             self.current -= 1;
         }
     }

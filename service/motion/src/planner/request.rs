@@ -95,6 +95,12 @@ pub struct PlannedMotion {
 }
 
 impl PlannedMotion {
+    /// Upper bound of the memory that it takes, bytes; the same on every platform.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        ELEMENT_BYTES + STRETCH_BYTES * self.stretches.len() + self.element.curve_bytes()
+    }
+
     pub(super) fn new(request: MotionRequest, stretches: SmallVec<[PlannedStretch; 1]>) -> Self {
         let MotionRequest {
             element,

@@ -237,9 +237,20 @@ impl Interpolator {
         self.state.functions.finished_section.take()
     }
 
+    /// Goes on from this state.
+    pub(crate) fn restore(&mut self, state: State) {
+        self.state = state;
+        self.state.track.count_bytes();
+    }
+
     /// Planned items held: those within one amplitude of the tool.
     pub(crate) fn held_items(&self) -> usize {
         self.state.track.len()
+    }
+
+    /// Memory that they take at the most, bytes.
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.state.track.bytes()
     }
 
     /// Source line of the item that the tool is on or waits for.

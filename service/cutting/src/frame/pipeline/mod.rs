@@ -34,6 +34,8 @@ pub use config::{
 
 /// Most planned items held around the tool: 8 mm before and behind it with blocks of 1 µm.
 const MAX_HELD_ITEMS: usize = 1 << 14;
+/// Most memory that they take, bytes, whatever curves they are: twice what so many straight blocks take.
+const MAX_HELD_BYTES: usize = 40 << 20;
 /// Findings kept while streaming: the program was validated before, so the first one matters only.
 const STREAM_FINDINGS: usize = 16;
 /// Version of the snapshot's layout; a snapshot of another version is refused.
@@ -184,7 +186,7 @@ impl Pipeline {
         fresh.builder.state = snapshot.builder;
         fresh.thinning.state = snapshot.thinning;
         fresh.waiting = snapshot.waiting;
-        fresh.interpolator.state = snapshot.interpolator;
+        fresh.interpolator.restore(snapshot.interpolator);
         let Snapshot { planner, overrides, .. } = snapshot;
         let pages = SourcePages::from(interpreter.place());
         Ok(Self { pages, reader: Reader::new(interpreter), planner, overrides, ..fresh })
@@ -363,16 +365,22 @@ impl Pipeline {
 
     /// Bounds the memory that a vibration of large amplitude on very short blocks takes.
     fn check_held_items(&mut self) {
-        if self.interpolator.held_items() <= MAX_HELD_ITEMS {
+        let (items, bytes) = (self.interpolator.held_items(), self.interpolator.held_bytes());
+        if items <= MAX_HELD_ITEMS && bytes <= MAX_HELD_BYTES {
             return;
         }
         let span = SourceSpan { line: self.interpolator.line(), column: 1, ..SourceSpan::default() };
-        let message = format!(
-            "more than {MAX_HELD_ITEMS} blocks lie within one amplitude, or one blend of an oscillation, of the tool"
-        );
+        let within = "within one amplitude, or one blend of an oscillation, of the tool";
+        let (message, value) = if items > MAX_HELD_ITEMS {
+            (format!("more than {MAX_HELD_ITEMS} blocks lie {within}"), ("limit", MAX_HELD_ITEMS as f64))
+        } else {
+            // Curves of many points: fewer blocks, which take as much.
+            let megabytes = MAX_HELD_BYTES >> 20;
+            (format!("{items} blocks lie {within}, and take more than {megabytes} MiB"), ("blocks", items as f64))
+        };
         self.findings.push(
             Finding::new(code::VIB_BLOCKS_TOO_SHORT, span, message)
-                .with_value("limit", MAX_HELD_ITEMS as f64, "")
+                .with_value(value.0, value.1, "")
                 .suggest("use a smaller amplitude, or longer blocks"),
         );
     }
