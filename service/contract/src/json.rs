@@ -3,6 +3,8 @@
 mod wire;
 mod writer;
 
+use core::marker::PhantomData;
+
 use prost::Message;
 pub use prost::Name;
 use prost_reflect::{DeserializeOptions, DynamicMessage, MessageDescriptor, SerializeOptions};
@@ -29,13 +31,37 @@ pub fn to_dynamic<M: Name>(message: &M) -> DynamicMessage {
 #[must_use]
 pub fn to_string<M: Name>(message: &M) -> String {
     let mut json = Vec::new();
-    append(message, &mut json);
+    writer::write(&M::full_name(), &message.encode_to_vec(), &mut CompactFormatter, &mut json);
     String::from_utf8(json).expect("JSON is UTF-8")
 }
 
-/// Appends a message as [`to_string`] writes it.
-pub fn append<M: Name>(message: &M, json: &mut Vec<u8>) {
-    writer::write(&M::full_name(), &message.encode_to_vec(), &mut CompactFormatter, json);
+/// Writes a series of messages of one kind as [`to_string`] does, in a fraction of the time where neighbours are alike.
+#[derive(Clone, Debug)]
+pub struct Series<M> {
+    writer: writer::SeriesWriter,
+    encoded: Vec<u8>,
+    kind: PhantomData<M>,
+}
+
+impl<M: Name> Series<M> {
+    /// A series before its first message.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { writer: writer::SeriesWriter::new(&M::full_name()), encoded: Vec::new(), kind: PhantomData }
+    }
+
+    /// Appends the next message.
+    pub fn append(&mut self, message: &M, json: &mut Vec<u8>) {
+        self.encoded.clear();
+        message.encode(&mut self.encoded).expect("memory grows as it is needed");
+        self.writer.write(&self.encoded, json);
+    }
+}
+
+impl<M: Name> Default for Series<M> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// The same with one field a line, for people and for files.

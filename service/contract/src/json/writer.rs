@@ -3,6 +3,7 @@
 //! It writes what the mapping of `prost_reflect` writes, byte for byte; that one first makes a map of every message with a value for
 //! every field, which costs several times as much. A test holds both against each other for every message of the contract.
 
+mod memory;
 #[cfg(test)]
 mod tests;
 
@@ -13,10 +14,12 @@ use std::sync::LazyLock;
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor};
-use serde_json::ser::Formatter;
+use serde_json::ser::{CompactFormatter, Formatter};
 
 use super::wire::{self, Raw, Record};
 use crate::proto::DESCRIPTORS;
+
+use memory::Memory;
 
 /// Every message of the contract.
 static MESSAGES: LazyLock<Messages> = LazyLock::new(|| Messages::of(&DESCRIPTORS));
@@ -28,6 +31,7 @@ struct Messages {
 }
 
 /// How a message is written.
+#[derive(Debug)]
 struct MessageRow {
     /// Ascending by number, as they are written.
     fields: Vec<FieldRow>,
@@ -36,6 +40,7 @@ struct MessageRow {
 }
 
 /// How a field is written.
+#[derive(Debug)]
 struct FieldRow {
     number: u32,
     /// Its name with quotation marks.
@@ -44,10 +49,14 @@ struct FieldRow {
     value: ValueKind,
     /// What is written where a single value is absent: most fields of most messages are.
     absent: String,
+    /// Comma, name and colon as they are without spaces, so that they are copied at once.
+    joined: String,
+    /// The same with the absent value.
+    joined_absent: String,
 }
 
 /// When a field is written.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     /// Always: where it is absent, with its default value.
     Single,
@@ -58,6 +67,7 @@ enum Shape {
 }
 
 /// How a value is encoded, and what it is as JSON.
+#[derive(Debug)]
 enum ValueKind {
     Bool,
     /// `int32`
@@ -95,9 +105,29 @@ enum ValueKind {
 
 /// Appends a message as JSON; `bytes` is its encoding by its generated type.
 pub(super) fn write<F: Formatter>(full_name: &str, bytes: &[u8], format: &mut F, json: &mut Vec<u8>) {
-    let place = MESSAGES.places.get(full_name).expect("every generated message is in the descriptor set");
-    let mut writer = Writer { messages: &MESSAGES, format, json };
-    writer.message(&MESSAGES.rows[*place], bytes).expect("writing into memory does not fail");
+    let mut writer = Writer { messages: &MESSAGES, format, json, compact: None };
+    writer.message(MESSAGES.row(full_name), bytes).expect("writing into memory does not fail");
+}
+
+/// Writes messages of one kind without spaces.
+#[derive(Clone, Debug)]
+pub(super) struct SeriesWriter {
+    row: &'static MessageRow,
+    memory: Memory,
+}
+
+impl SeriesWriter {
+    /// A writer of messages of this name.
+    pub(super) fn new(full_name: &str) -> Self {
+        Self { row: MESSAGES.row(full_name), memory: Memory::default() }
+    }
+
+    /// Appends a message as JSON; `bytes` is its encoding by its generated type.
+    pub(super) fn write(&mut self, bytes: &[u8], json: &mut Vec<u8>) {
+        let (format, compact) = (&mut CompactFormatter, Some(&mut self.memory));
+        let mut writer = Writer { messages: &MESSAGES, format, json, compact };
+        writer.message(self.row, bytes).expect("writing into memory does not fail");
+    }
 }
 
 impl Messages {
@@ -107,6 +137,11 @@ impl Messages {
         let places: HashMap<_, _> = names.map(|(place, message)| (message.full_name().to_owned(), place)).collect();
         let rows = messages.iter().map(|message| MessageRow::of(message, &places)).collect();
         Self { places, rows }
+    }
+
+    fn row(&self, full_name: &str) -> &MessageRow {
+        let place = self.places.get(full_name).expect("every generated message is in the descriptor set");
+        &self.rows[*place]
     }
 }
 
@@ -126,7 +161,9 @@ impl FieldRow {
         };
         let value = ValueKind::of(&field.kind(), places);
         let absent = if shape == Shape::Single { value.absent().to_owned() } else { String::new() };
-        Self { number: field.number(), key: quoted(field.json_name()), shape, value, absent }
+        let key = quoted(field.json_name());
+        let joined = format!(",{key}:");
+        Self { number: field.number(), key, shape, value, joined_absent: format!("{joined}{absent}"), absent, joined }
     }
 }
 
@@ -215,6 +252,8 @@ struct Writer<'a, F> {
     messages: &'a Messages,
     format: &'a mut F,
     json: &'a mut Vec<u8>,
+    /// Where the format is without spaces, what it wrote before.
+    compact: Option<&'a mut Memory>,
 }
 
 impl<F: Formatter> Writer<'_, F> {
@@ -240,19 +279,34 @@ impl<F: Formatter> Writer<'_, F> {
             if present.is_none() && field.shape == Shape::Optional {
                 continue;
             }
-            self.format.begin_object_key(self.json, is_first)?;
+            let is_absent = present.is_none() && field.shape == Shape::Single;
+            if self.compact.is_some() {
+                let text = if is_absent { &field.joined_absent } else { &field.joined };
+                // Without the comma in front of the first.
+                self.json.extend_from_slice(&text.as_bytes()[usize::from(is_first)..]);
+            } else {
+                self.key(field, is_first)?;
+                if is_absent {
+                    self.format.write_raw_fragment(self.json, &field.absent)?;
+                }
+            }
             is_first = false;
-            self.format.write_raw_fragment(self.json, &field.key)?;
-            self.format.end_object_key(self.json)?;
-            self.format.begin_object_value(self.json)?;
             match present {
                 first if field.shape == Shape::List => self.list(field, first, &mut records)?,
                 Some(record) => self.value(&field.value, record.value)?,
-                None => self.format.write_raw_fragment(self.json, &field.absent)?,
+                None => {}
             }
             self.format.end_object_value(self.json)?;
         }
         self.format.end_object(self.json)
+    }
+
+    /// Writes the name of a field, up to its value.
+    fn key(&mut self, field: &FieldRow, is_first: bool) -> io::Result<()> {
+        self.format.begin_object_key(self.json, is_first)?;
+        self.format.write_raw_fragment(self.json, &field.key)?;
+        self.format.end_object_key(self.json)?;
+        self.format.begin_object_value(self.json)
     }
 
     /// Writes every value of a list: each in a record of its own, or all in one.
@@ -323,15 +377,27 @@ impl<F: Formatter> Writer<'_, F> {
                     Err(_) => self.format.write_i32(self.json, number),
                 }
             }
-            ValueKind::Message(place) => {
-                let row = &self.messages.rows[*place];
-                self.message(row, value.bytes())
-            }
+            ValueKind::Message(place) => self.nested(*place, value.bytes()),
             ValueKind::WellKnown(descriptor) => {
                 let message = DynamicMessage::decode(descriptor.clone(), value.bytes()).map_err(io::Error::other)?;
                 Ok(serde_json::to_writer(&mut *self.json, &message)?)
             }
         }
+    }
+
+    /// A message within another.
+    fn nested(&mut self, place: usize, bytes: &[u8]) -> io::Result<()> {
+        let known = self.compact.as_mut().and_then(|memory| memory.find(place, bytes));
+        if let Some(text) = known {
+            self.json.extend_from_slice(text);
+            return Ok(());
+        }
+        let from = self.json.len();
+        self.message(&self.messages.rows[place], bytes)?;
+        if let Some(memory) = &mut self.compact {
+            memory.keep(place, bytes, &self.json[from..]);
+        }
+        Ok(())
     }
 
     /// A number of 64 bits, which not every reader of JSON keeps.

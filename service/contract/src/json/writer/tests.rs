@@ -128,6 +128,26 @@ proptest! {
     }
 
     #[test]
+    fn a_series_is_written_as_its_messages_are(seed: u64) {
+        let mut dice = Dice(seed);
+        let mut series = json::Series::new();
+        let mut action = proto::Action::default();
+        for _ in 0..40 {
+            let other: proto::Action = message(&json::descriptor::<proto::Action>(), &mut dice, 3).transcode_to().unwrap();
+            // Some of it as before, some of it at another place, some of it new.
+            match dice.below(4) {
+                0 => action.start = action.end.take(),
+                1 => action = proto::Action { start: other.end, end: action.end, ..other },
+                2 => (action.offset, action.line) = (other.offset, other.line),
+                _ => {}
+            }
+            let mut json = Vec::new();
+            series.append(&action, &mut json);
+            prop_assert_eq!(String::from_utf8(json).unwrap(), json::to_string(&action));
+        }
+    }
+
+    #[test]
     fn generated_types_are_written_as_the_mapping_does(seed: u64) {
         let mut dice = Dice(seed);
         check_generated::<proto::Action>(&mut dice);
