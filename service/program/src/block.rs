@@ -154,8 +154,7 @@ impl Block {
         loop {
             if let Some(token) = tokens.next_word() {
                 if token.letter == b'O' && o_words() && self.is_labelled_only() {
-                    self.rest = Some(Rest::OWord(token.start));
-                    return;
+                    return self.begin_rest(Rest::OWord(token.start));
                 }
                 self.add_word(token, table, findings);
                 if self.rest.is_some() {
@@ -181,13 +180,11 @@ impl Block {
                 TokenKind::LoneLetter | TokenKind::Computed | TokenKind::Expression
                     if token.letter == b'O' && o_words() && self.is_labelled_only() =>
                 {
-                    self.rest = Some(Rest::OWord(token.start));
-                    return;
+                    return self.begin_rest(Rest::OWord(token.start));
                 }
                 TokenKind::Corner => self.add_comma_word(line, token, table, findings),
                 TokenKind::Statement if self.is_labelled_only() => {
-                    self.rest = Some(Rest::Statement(token.start));
-                    return;
+                    return self.begin_rest(Rest::Statement(token.start));
                 }
                 TokenKind::Comment => {
                     self.comment = (token.start, token.end);
@@ -245,6 +242,11 @@ impl Block {
         for stretch in stretches {
             self.report_lookalike(line, stretch, findings);
         }
+    }
+
+    #[cold]
+    fn begin_rest(&mut self, rest: Rest) {
+        self.rest = Some(rest);
     }
 
     fn clear(&mut self) {

@@ -95,9 +95,12 @@ impl Letter {
     }
 }
 
-/// Bit of a letter in a mask of letters.
+/// Bit of an upper-case letter in a mask of letters.
+#[inline]
 pub(crate) const fn letter_bit(letter: u8) -> u32 {
-    1 << (letter - b'A')
+    debug_assert!(letter.is_ascii_uppercase());
+    // Without checks of the distance, since it is asked of every word.
+    1u32.wrapping_shl(letter.wrapping_sub(b'A') as u32)
 }
 
 /// The tables of one dialect.

@@ -102,17 +102,12 @@ impl Scan {
     }
 }
 
-/// Powers of ten that a double holds exactly; one division by one of these rounds once, hence correctly.
-const EXACT_POWERS_OF_TEN: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
-    1e21, 1e22,
-];
+/// Decimal digits whose integer a double holds exactly.
+const EXACT_DIGITS: usize = 15;
 
-/// Largest integer up to which every integer is a double.
-const EXACT_MANTISSA: u64 = 1 << 53;
-
-/// Decimal digits that always fit a `u64`.
-const MAX_MANTISSA_DIGITS: usize = 19;
+/// Powers of ten that a double holds exactly; one division of an exact integer by one of these rounds once, hence correctly.
+const EXACT_POWERS_OF_TEN: [f64; EXACT_DIGITS + 1] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
 /// Whether a number can start with this byte.
 #[inline]
@@ -142,14 +137,13 @@ pub(crate) fn scan_number(line: &[u8], start: usize) -> Scan {
     if continues(line, at) {
         return scan_irregular(line, start);
     }
-    let digits = integer_digits + fraction_digits;
-    if digits == 0 {
-        return Scan::new(at, Err(NumberDefect::Malformed));
-    }
-    if digits <= MAX_MANTISSA_DIGITS && mantissa <= EXACT_MANTISSA {
+    // Neither none nor too many.
+    if (integer_digits + fraction_digits).wrapping_sub(1) < EXACT_DIGITS
+        && let Some(scale) = EXACT_POWERS_OF_TEN.get(fraction_digits)
+    {
         // Most numbers without a fraction are codes and labels: spare them the division.
-        let scale = EXACT_POWERS_OF_TEN[fraction_digits];
-        let magnitude = if fraction_digits == 0 { mantissa as f64 } else { mantissa as f64 / scale };
+        let mantissa = mantissa.cast_signed() as f64;
+        let magnitude = if fraction_digits == 0 { mantissa } else { mantissa / scale };
         // Subtracted, because zero has no sign.
         let value = if negative { 0.0 - magnitude } else { magnitude };
         return Scan { end: at, number: Number::new(value, has_point, false, integer_digits), defect: None };
@@ -176,16 +170,16 @@ pub(crate) fn scan_operand(line: &[u8], start: usize) -> Scan {
 /// Appends the digits that a text begins with to a mantissa; how many there are.
 #[inline(always)]
 fn scan_digits(text: &[u8], mantissa: &mut u64) -> usize {
-    let mut count = 0;
-    for byte in text {
-        let digit = byte.wrapping_sub(b'0');
-        if digit >= 10 {
+    let mut rest = text;
+    while let [byte, behind @ ..] = rest {
+        let digit = u64::from(*byte) ^ u64::from(b'0');
+        if digit > 9 {
             break;
         }
-        *mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
-        count += 1;
+        *mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+        rest = behind;
     }
-    count
+    text.len() - rest.len()
 }
 
 /// Whether the number goes on irregularly after `at`: a second point or sign, or digits after spaces.

@@ -140,7 +140,7 @@ pub(crate) fn find_line_end(bytes: &[u8]) -> Option<usize> {
         if small != 0 {
             // The lowest bit marks the first of them exactly.
             let first = small.trailing_zeros() as usize / 8;
-            if is_end(&bytes[first]) {
+            if is_end(&((chunk >> (8 * first)) as u8)) {
                 return Some(index * 8 + first);
             }
             if let Some(place) = bytes[first + 1..].iter().position(is_end) {

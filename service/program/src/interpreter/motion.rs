@@ -421,7 +421,7 @@ impl Execution<'_> {
         if self.state.coords.transform.is_some() {
             return self.emit_transformed(kind, end, arc, feed);
         }
-        let step = Move { arc, ..self.programmed_move(kind, end, feed) };
+        let step = self.programmed_move(kind, end, arc, feed);
         self.operations.push(crate::Operation { span: self.block.span(), kind: OperationKind::Move(step) });
     }
 
@@ -436,7 +436,7 @@ impl Execution<'_> {
     /// A straight move to `end` under the present modal states.
     #[inline]
     pub(super) fn new_move(&self, kind: MoveKind, end: Position, feed: Feed) -> Move {
-        let step = self.programmed_move(kind, &end, feed);
+        let step = self.programmed_move(kind, &end, None, feed);
         match &self.state.coords.transform {
             None => step,
             Some(transform) => Move { start: transform.apply(&step.start), end: transform.apply(&step.end), ..step },
@@ -445,13 +445,13 @@ impl Execution<'_> {
 
     /// The same in the coordinates that are programmed.
     #[inline(always)]
-    fn programmed_move(&self, kind: MoveKind, end: &Position, feed: Feed) -> Move {
+    fn programmed_move(&self, kind: MoveKind, end: &Position, arc: Option<ArcGeometry>, feed: Feed) -> Move {
         Move {
             kind,
             start: self.state.position,
             end: *end,
             work_offset: self.machine_offset(),
-            arc: None,
+            arc,
             spline: None,
             path_control: self.path_control(),
             feed,

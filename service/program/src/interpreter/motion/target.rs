@@ -13,12 +13,13 @@ impl Execution<'_> {
     pub(in crate::interpreter) fn target(&mut self, axes: u32, frame: Frame) -> Position {
         let coords = &self.state.coords;
         let is_plain = frame == Frame::Work && coords.polar.is_none() && !coords.awaits_absolute;
+        let mut end = self.state.position;
         if is_plain && self.state.tool_control.held.is_empty() {
-            let mut end = self.state.position;
             self.plain_target(axes, &mut end);
-            return end;
+        } else {
+            self.transformed_target(axes, frame, &mut end);
         }
-        self.transformed_target(axes, frame)
+        end
     }
 
     /// Places the axes of the words where these are work coordinates, and the program knows where every axis is.
@@ -53,8 +54,7 @@ impl Execution<'_> {
         self.word_conflict(&word, "the block has both an absolute and an incremental word for this axis");
     }
 
-    fn transformed_target(&mut self, axes: u32, frame: Frame) -> Position {
-        let mut end = self.state.position;
+    fn transformed_target(&mut self, axes: u32, frame: Frame, end: &mut Position) {
         let mut named = 0u32;
         self.used |= axes;
         let mut axes = axes;
@@ -62,7 +62,7 @@ impl Execution<'_> {
             self.check_absolute(axes);
         }
         if frame == Frame::Work && self.state.coords.polar.is_some() {
-            axes = self.polar_target(axes, &mut end);
+            axes = self.polar_target(axes, end);
         }
         // Machine positions are behind every transformation.
         let mut machine =
@@ -98,9 +98,8 @@ impl Execution<'_> {
                 *target = value;
             }
         }
-        match machine {
-            Some(machine) => self.state.coords.programmed(&machine),
-            None => end,
+        if let Some(machine) = machine {
+            *end = self.state.coords.programmed(&machine);
         }
     }
 
