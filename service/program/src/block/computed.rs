@@ -79,7 +79,10 @@ impl Block {
         let pending = Pending { system, made: if in_sequence { &made } else { &[] } };
         let mut context = Context::new(table.dialect.expressions, &pending, system.settings.angle_range);
         if token.kind == TokenKind::Assignment {
-            let result = assignment(line, token.start as usize, &mut context);
+            let result = assignment(line, token.start as usize, &mut context).and_then(|made| {
+                nothing_between(line, made.end, token.end as usize, "put expressions in brackets: #1=[#2+3]")
+                    .map(|()| made)
+            });
             self.note(&context.notes, findings);
             self.assignments = made;
             match result {
@@ -162,6 +165,15 @@ impl Block {
     }
 }
 
+/// Refuses what stands in a token behind the value that was read, as where a dialect wants brackets around operations: nothing
+/// of a value is left out in silence.
+fn nothing_between(line: &[u8], read_to: usize, end: usize, cure: &'static str) -> Result<(), Box<Defect>> {
+    if line[read_to.min(end)..end].iter().all(|byte| matches!(byte, b' ' | b'\t')) {
+        return Ok(());
+    }
+    Err(Defect::new(code::EXPRESSION_MALFORMED, read_to, end, "this cannot stand behind a value").cure(cure))
+}
+
 /// The number of a word with an expression; `None` where its value is vacant.
 fn computed(
     line: &[u8],
@@ -180,10 +192,7 @@ fn computed(
     let increments = if context.rules.rounds_words { increments(letter, meaning, system.state.inch) } else { None };
     context.increments = increments.unwrap_or(1.0);
     let (value, read_to) = evaluate(line, start + 1, context)?;
-    if line[read_to..end].iter().any(|byte| !matches!(byte, b' ' | b'\t')) {
-        return Err(Defect::new(code::EXPRESSION_MALFORMED, read_to, end, "this cannot stand behind a value")
-            .cure("put expressions in brackets: X[#1+2]"));
-    }
+    nothing_between(line, read_to, end, "put expressions in brackets: X[#1+2]")?;
     Ok(value.map(|value| {
         let value = increments.map_or(value, |increments| nearest_increment(value, increments));
         Number::computed(if meaning == Letter::Code { code_number(value) } else { value })

@@ -3,6 +3,8 @@
 #[cfg(test)]
 mod tests;
 
+use std::sync::OnceLock;
+
 use super::lathe::system_codes;
 use super::tables::code;
 use super::{Code, Dialect, Group, MachineRule, Meaning, letter_bit, machine_codes};
@@ -25,6 +27,8 @@ pub(crate) struct CodeTable {
     machine: Vec<MachineRule>,
     /// Place in `codes` by number in tenths, G codes first, then M codes.
     index: Box<[u8]>,
+    /// The known G codes and M codes for suggestions, written once: a loop may ask for them at every round.
+    known: [OnceLock<String>; 2],
 }
 
 impl CodeTable {
@@ -43,6 +47,7 @@ impl CodeTable {
             codes: Vec::new(),
             machine: machine_codes::rules(settings),
             index: vec![NO_CODE; 2 * CODE_TENTHS].into_boxed_slice(),
+            known: Default::default(),
         };
         // The profile's own codes come last, so that they win over a dialect's.
         let system = system_codes(settings).iter().copied();
@@ -85,7 +90,11 @@ impl CodeTable {
     }
 
     /// The codes of this letter that are carried out, ascending, for suggestions.
-    pub(crate) fn supported(&self, letter: u8) -> String {
+    pub(crate) fn supported(&self, letter: u8) -> &str {
+        self.known[usize::from(letter == b'M')].get_or_init(|| self.list(letter))
+    }
+
+    fn list(&self, letter: u8) -> String {
         let places = &self.index[first_index(letter)..][..CODE_TENTHS];
         let is_carried_out =
             |place: u8| self.codes.get(usize::from(place)).is_some_and(|it| it.meaning.is_carried_out());

@@ -64,6 +64,7 @@ fn suggestions_name_every_code_that_is_carried_out() {
     assert_eq!(known, "M0 to M9, M19, M30, M48 to M53, M60 to M68, M70 to M73, M98 to M199");
     let known = table.supported(b'G');
     assert!(known.starts_with("G0 to G5, G5.1, G5.2, G5.3, G7, G8, G10, G17 to G21, G28, G28.1,"), "{known}");
-    let known = CodeTable::new(&LanguageSettings::mill()).supported(b'G');
+    let mill = CodeTable::new(&LanguageSettings::mill());
+    let known = mill.supported(b'G');
     assert!(known.contains("G110 to G129, G154"), "{known}");
 }

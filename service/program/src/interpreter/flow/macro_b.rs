@@ -4,6 +4,7 @@ use super::bounds::Round;
 use super::line::{digits, is_blank_or_comment, letters};
 use super::{Interpreter, Jump, Loop, LoopKind};
 use crate::code;
+use crate::dialect::Flow;
 use crate::{Finding, FindingLog, Operation, SourceSpan};
 
 /// Largest number of a block that a jump leads to.
@@ -20,6 +21,9 @@ impl Interpreter {
     ) -> bool {
         let (start, end) = letters(line, at);
         let span = self.span_in(line, start, line.trim_ascii_end().len());
+        if self.table.dialect.flow == Flow::OWords {
+            return self.statement_of_macro_b(span, findings);
+        }
         let done = match line[start..end].to_ascii_uppercase().as_slice() {
             b"GOTO" => self.goto(line, end, span, findings),
             b"IF" => self.if_statement(line, end, span, operations, findings),
@@ -29,6 +33,16 @@ impl Interpreter {
             _ => self.bad_statement(span, "this is no statement: IF, GOTO, WHILE, DO and END are", findings),
         };
         done.is_some()
+    }
+
+    /// Refuses a statement in a dialect whose control flow is made of O-words: its control reads letters there that are no words.
+    #[cold]
+    fn statement_of_macro_b(&self, span: SourceSpan, findings: &mut FindingLog) -> bool {
+        findings.push_with(code::STATEMENT, |code| {
+            Finding::new(code, span, "this is a statement of Macro B, which LinuxCNC does not have")
+                .suggest("write it with O-words, such as o100 if [#1 GT 2] … o100 endif, or o100 while [#1 LT 5] … o100 endwhile")
+        });
+        false
     }
 
     /// The place of some bytes of the present line.

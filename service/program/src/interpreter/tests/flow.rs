@@ -175,6 +175,9 @@ fn what_cannot_be_followed_is_refused_with_its_place() {
         ("o<none> call\nM2", "PRG-SUBPROGRAM-MISSING"),
         ("o1 sub\no1 call\no1 endsub\no1 call\nM2", "PRG-CALL-DEPTH"),
         ("o1 if [1] G0 X1\no1 endif\nM2", "PRG-STATEMENT"),
+        ("IF [1 EQ 1] GOTO 10\nN10 G0 X1\nM2", "PRG-STATEMENT"),
+        ("WHILE [1 EQ 1] DO1\nEND1\nM2", "PRG-STATEMENT"),
+        ("N10 GOTO 20\nN20 G0 X1\nM2", "PRG-STATEMENT"),
     ] {
         let found = codes(program, &LanguageSettings::linuxcnc());
         assert_eq!(found, [code], "{program}");

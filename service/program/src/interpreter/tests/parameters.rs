@@ -78,6 +78,19 @@ fn a_program_ends_where_an_expression_has_no_value() {
 }
 
 #[test]
+fn operations_of_linuxcnc_stand_in_brackets() {
+    // Reading the first value only would be another number in silence; LinuxCNC says "Bad character '-' used".
+    for assigned in ["#1-0.4", "2*3", "#1 +1", "SIN[30]/2", "#<_x> MOD 2"] {
+        let program = format!("#1=5\nG0 X1\n#1={assigned}\nX#1");
+        let (operations, findings) = interpret(program.as_bytes(), linuxcnc());
+        let codes: Vec<_> = findings.findings().iter().map(|finding| finding.code.name()).collect();
+        assert_eq!((codes.as_slice(), operations.len()), (&["PRG-EXPRESSION-MALFORMED"][..], 2), "{assigned}");
+    }
+    check(&linuxcnc(), "#1=5\nG0 X1\n#1=#1-0.4\nX#1", "rapid 0 -> X1\n! 3:6+4 PRG-EXPRESSION-MALFORMED");
+    check(&linuxcnc(), "#1=5\n#2=[#1-0.4] (less)\nG0 X#2", "rapid 0 -> X4.6");
+}
+
+#[test]
 fn section_2_alarms_stops_and_what_does_nothing() {
     check(&mill(), "G0 X1\n#3000=21(NO DEPTH)\nX3", "rapid 0 -> X1\n! 2:1+8 PRG-ALARM");
     check(&mill(), "G0 X1\n#3006=1(TURN THE PART)\nX3", "rapid 0 -> X1\nstop false\nrapid X1 -> X3");
