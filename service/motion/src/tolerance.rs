@@ -143,6 +143,19 @@ pub(crate) const CORNER_HALF_SAMPLES: usize = 16;
 /// What a stop in a corner has to gain to be preferred to rounding it, as the ratio of the times: a tool that stops may leave a mark.
 pub(crate) const CORNER_STOP_GAIN: f64 = 1.03;
 
+/// Least difference of the directions at a corner for which a stop is considered between short blocks (17°): less is passed faster at
+/// any tolerance.
+pub(crate) const LEAST_STOP_KINK: f64 = 0.3;
+
+/// Lengths of lines for which that is examined, each a quarter of the one before, from two lengths of a stop on.
+pub(crate) const STOP_LENGTHS: usize = 6;
+
+/// Share of a corner's turn from which on another one is like it.
+pub(crate) const LIKE_SHARE: f64 = 0.5;
+
+/// Largest share of a corner's turn that the path may turn besides within its reach for the corner to stand alone.
+pub(crate) const ALONE_SHARE: f64 = 0.25;
+
 /// Difference of the bends between three blocks, as a share of the larger one, within which they are taken for chords of an arc: the
 /// first and the last block of an arc in chords are often shorter.
 pub(crate) const EVEN_TURN_SHARE: f64 = 0.3;
@@ -240,6 +253,9 @@ pub(crate) const CURVE_BLOCKS: usize = 512;
 /// Largest part of what two neighbouring corners ask of an element that it may fall short of without being part of one curve
 /// over both.
 pub(crate) const CURVE_LINK_SHARE: f64 = 0.8;
+/// The same between tangent elements in plans of runs: an arc between ramps of curvature has higher limits than a curve in place of all
+/// three, which gains only where the ramps would hardly have room.
+pub(crate) const CURVE_RAMP_LINK_SHARE: f64 = 0.3;
 /// Longest reach of a corner into an element, mm; see [`CURVE_MOST_REACH_MM`].
 pub(crate) const CURVE_MOST_END_MM: f64 = 10.0;
 /// Deviation of the curve through a step of curvature Δκ that reaches d to both sides, as a share of Δκ·d².

@@ -60,6 +60,46 @@ fn a_circle_in_chords_does_not_stop_on_its_way() {
 }
 
 #[test]
+fn a_larger_tolerance_hardly_costs_time() {
+    let machine = machine();
+    for program in programs() {
+        // Where short blocks become one curve, another tolerance brings another curve, which is gathered into other runs.
+        let is_curve = ["chord circle", "raster", "freeform"].contains(&program.name);
+        let most = if is_curve { 1.03 } else { 1.001 };
+        let mut best = seconds(&program, PathControl::ExactStop, &machine);
+        for tolerance_mm in [0.002, 0.003, 0.005, 0.007, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3]
+        {
+            let now = seconds(&program, within(tolerance_mm), &machine);
+            assert!(now <= best * most, "{} within {tolerance_mm} mm: {now} after {best} s", program.name);
+            best = best.min(now);
+        }
+    }
+}
+
+#[test]
+fn a_sharp_corner_among_short_blocks_is_no_slower_than_a_stop_in_it() {
+    // Legs in blocks of 0.2 mm that meet at right angles: as fast as the legs in one block each, which stop in their corners.
+    let machine = machine();
+    let legs = |per_leg: u32| {
+        let mut at = [0.0; 3];
+        let mut blocks = Vec::new();
+        for leg in 0..8 {
+            let from = at[leg % 2];
+            for k in 1..=per_leg {
+                at[leg % 2] = from + 8.0 * f64::from(k) / f64::from(per_leg);
+                blocks.push(common::Block::Line(at));
+            }
+        }
+        common::Program { name: "legs", start: [0.0; 3], blocks }
+    };
+    let whole = seconds(&legs(1), PathControl::ExactStop, &machine);
+    for tolerance_mm in [0.01, 0.05, 0.2] {
+        let short = seconds(&legs(40), within(tolerance_mm), &machine);
+        assert!(short <= 1.001 * whole, "{short} of {whole} s within {tolerance_mm} mm");
+    }
+}
+
+#[test]
 fn tangent_arcs_cost_less_than_stopping() {
     let machine = machine();
     for program in [common::pocket(), common::lines_and_arcs(), common::line_arc_line()] {

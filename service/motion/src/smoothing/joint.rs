@@ -21,6 +21,8 @@ pub(super) enum Joint {
         reach_mm: f64,
         /// Difference of the directions, 2·sin(θ/2).
         kink: f64,
+        /// Distance of corners like it on both sides from which on a stop in it takes less time than passing it, mm.
+        stop_from_mm: f64,
     },
 }
 
@@ -39,6 +41,19 @@ impl Joint {
         }
         let curvature = corner::largest_curvature(before, after);
         reach_mm = reach_mm.min(CURVE_MOST_END_REACH * (tolerance_mm / curvature).sqrt());
-        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink }
+        Self::Corner { reach_mm: reach_mm.min(CURVE_MOST_END_MM), kink, stop_from_mm: f64::INFINITY }
+    }
+
+    /// Difference of the directions, where a curve may pass it.
+    pub(super) fn kink(&self) -> Option<f64> {
+        match *self {
+            Self::Corner { kink, .. } => Some(kink),
+            Self::Unknown | Self::Fixed => None,
+        }
+    }
+
+    /// The same, where a place that stays as it is counts as the sharpest.
+    pub(super) fn turn(&self) -> f64 {
+        self.kink().unwrap_or(f64::INFINITY)
     }
 }

@@ -12,7 +12,8 @@
 //! With [`Joining::many_blocks`], elements that are tangent but bend differently meet in a ramp of curvature, and where corners
 //! lie so close together that each leaves no room for the next, the blocks become one curve ([`curve`]).
 //!
-//! A corner between blocks that are long enough stays as well where stopping in it takes less time ([`stop`]).
+//! A corner stays as well where stopping in it takes less time ([`stop`]), also between short blocks where no other turns near it; the
+//! curve over many blocks ends there.
 //!
 //! Smoothing looks ahead over one run of mergeable lines and one window of the curve, and keeps nothing else.
 
@@ -40,7 +41,9 @@ pub use self::origin::{Deviation, Origin};
 use self::stop::Corner;
 use self::vector::Vector;
 use crate::kinematics::FiveAxisCorners;
-use crate::tolerance::{CORNER_SHARE, LEAST_CURVE_SHARE, MAX_MERGED_POINTS, MERGING_SHARE, TANGENT_TOLERANCE_RAD};
+use crate::tolerance::{
+    CORNER_SHARE, LEAST_CURVE_SHARE, LEAST_STOP_KINK, MAX_MERGED_POINTS, MERGING_SHARE, TANGENT_TOLERANCE_RAD,
+};
 use crate::{Curve, Element, Machine, Spline};
 
 /// What belongs to an element besides its path, such as its feed. Lines are merged where it is equal.
@@ -84,6 +87,17 @@ pub struct PathSmoother<T> {
     pending: VecDeque<Entry<T>>,
     /// The curve over many of them that has been begun.
     open: Option<Open>,
+    /// The last sharp corner that was given on.
+    passed: Passed,
+}
+
+/// A sharp corner before what is held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Passed {
+    /// How far it lies before the first element that is held, mm.
+    distance_mm: f64,
+    /// Difference of the directions there; 0 where the path starts or is exact before.
+    kink: f64,
 }
 
 /// How the corners of a path are passed.
@@ -121,7 +135,7 @@ struct Entry<T> {
 
 impl<T> Default for PathSmoother<T> {
     fn default() -> Self {
-        Self { run: None, between: Vec::new(), pending: VecDeque::new(), open: None }
+        Self { run: None, between: Vec::new(), pending: VecDeque::new(), open: None, passed: Passed::default() }
     }
 }
 
@@ -190,6 +204,7 @@ impl<T: Carried> PathSmoother<T> {
     pub fn flush(&mut self, joining: Joining<'_>, emit: &mut impl FnMut(Smoothed<T>)) {
         self.end_run(joining, emit);
         self.advance(true, joining, None, emit);
+        self.passed = Passed::default();
     }
 
     /// Merges a line into the present run; `false` where it does not belong to it.
@@ -236,7 +251,7 @@ impl<T: Carried> PathSmoother<T> {
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
         if let Some(before) = self.pending.back_mut() {
-            before.joint = before.joint_to(&next);
+            before.joint = before.joint_to(&next, joining.machine);
         }
         self.pending.push_back(next);
         self.advance(false, joining, corners, emit);
@@ -260,18 +275,32 @@ impl<T: Carried> PathSmoother<T> {
             let Some(front) = self.pending.front() else { return };
             if self.pending.len() == 1 {
                 if is_last || front.corner_tolerance_mm().is_none() {
+                    self.passed = Passed::default();
                     emit(self.pending.remove(0).expect("one is held").finish());
                 }
                 return;
             }
-            let goes_on = match front.joint {
-                Joint::Corner { .. } => self.goes_on_over(1, is_last),
-                Joint::Unknown | Joint::Fixed => Some(false),
+            let is_corner = matches!(front.joint, Joint::Corner { .. });
+            let goes_on = match self.stops_behind(0, is_last) {
+                None => None,
+                Some(stops) if stops || !is_corner => Some(false),
+                Some(_) => self.goes_on_over(1, is_last),
             };
             match goes_on {
                 None => return,
                 Some(true) => self.open_curve(emit),
                 Some(false) => self.round_front(joining, corners, emit),
+            }
+        }
+    }
+
+    /// Remembers the last sharp corner of the first elements, which are given on.
+    fn pass(&mut self, count: usize) {
+        for entry in self.pending.iter().take(count) {
+            self.passed.distance_mm += entry.element.length;
+            let kink = entry.joint.turn();
+            if kink >= LEAST_STOP_KINK {
+                self.passed = Passed { distance_mm: 0.0, kink };
             }
         }
     }
@@ -283,8 +312,11 @@ impl<T: Carried> PathSmoother<T> {
         corners: Option<FiveAxisCorners<'_>>,
         emit: &mut impl FnMut(Smoothed<T>),
     ) {
+        let stops = self.stops_behind(0, true) == Some(true);
+        self.pass(1);
         let Some(mut front) = self.pending.pop_front() else { return };
-        let corner = self.pending.front_mut().and_then(|next| front.round_corner(next, joining, corners));
+        let next = self.pending.front_mut().filter(|_| !stops);
+        let corner = next.and_then(|next| front.round_corner(next, joining, corners));
         emit(front.finish());
         if let Some(corner) = corner {
             emit(corner);
@@ -326,14 +358,11 @@ impl<T: Carried> Entry<T> {
     }
 
     /// What the corner to the next element asks for.
-    fn joint_to(&self, next: &Self) -> Joint {
+    fn joint_to(&self, next: &Self, machine: &Machine) -> Joint {
         let Some(tolerance_mm) = self.corner_tolerance_mm() else { return Joint::Fixed };
-        let may_be_passed = next.is_smoothable()
-            && self.element.work_offset == next.element.work_offset
-            && self.carried.at_corner(&next.carried).is_some();
-        if !may_be_passed {
-            return Joint::Fixed;
-        }
+        let may_be_passed = next.is_smoothable() && self.element.work_offset == next.element.work_offset;
+        let carried = self.carried.at_corner(&next.carried).filter(|_| may_be_passed);
+        let Some(carried) = carried else { return Joint::Fixed };
         let left_mm = tolerance_mm - self.merged_with(next);
         // Another control may have merged more behind it.
         let is_enough = left_mm >= LEAST_CURVE_SHARE * tolerance_mm;
@@ -341,9 +370,20 @@ impl<T: Carried> Entry<T> {
             return Joint::Fixed;
         }
         if matches!(self.element.curve, Curve::FiveAxis(_)) {
-            return Joint::Corner { reach_mm: 0.0, kink: 0.0 };
+            return Joint::Corner { reach_mm: 0.0, kink: 0.0, stop_from_mm: f64::INFINITY };
         }
-        Joint::between(&self.element, &next.element, left_mm, self.corner_speed)
+        let mut joint = Joint::between(&self.element, &next.element, left_mm, self.corner_speed);
+        if let Joint::Corner { stop_from_mm, reach_mm, .. } = &mut joint
+            && self.joins
+            && next.joins
+            && self.corner_speed == CornerSpeed::Steady
+        {
+            let command = carried.commanded_mm_per_s(&self.element, machine);
+            let from_mm = stop::better_from_mm([&self.element, &next.element], left_mm, command, machine);
+            // Within its reach, they are smoothed out together.
+            *stop_from_mm = from_mm.max(*reach_mm);
+        }
+        joint
     }
 
     /// Cuts this element and the next one back for the curve between them.

@@ -2,9 +2,18 @@
 //!
 //! Round a corner the path runs at one speed, the one that the curve permits. What decides is the time from the middle of the block
 //! before it to the middle of the block behind it; corners at their other ends are taken to be like this one.
+//!
+//! Of short blocks that says little: the path comes to the corner from farther away. There the corner is judged by its distance to others
+//! that are as sharp. A sharp corner is passed so slowly that a stop is better, whatever the tolerance, unless the next one is near: then
+//! the path does not become fast in between.
 
-use crate::tolerance::CORNER_STOP_GAIN;
-use crate::{Element, LimitExceeded, Machine, PathLimits, PathMotion, Profile, path_limits};
+use feedwave_program::{Axis, Position};
+
+use super::corner;
+use super::vector::linear;
+use crate::profile::change_length;
+use crate::tolerance::{CORNER_SHARE, CORNER_STOP_GAIN, LEAST_STOP_KINK, STOP_LENGTHS};
+use crate::{Curve, Element, LimitExceeded, Machine, PathLimits, PathMotion, Profile, Spline, path_limits};
 
 /// A corner between two blocks.
 pub(super) struct Corner<'a> {
@@ -42,4 +51,62 @@ impl Corner<'_> {
         }
         Ok(times_s)
     }
+}
+
+/// Distance of corners like the one between two elements on both sides, along lines, from which on a stop in it takes less time than
+/// passing it within the tolerance, mm; infinite where it does not on lines that are long enough to stop on from the commanded speed.
+pub(super) fn better_from_mm(elements: [&Element; 2], tolerance_mm: f64, command: f64, machine: &Machine) -> f64 {
+    let is_sharp =
+        corner::steps(elements[0], elements[1], f64::INFINITY).is_some_and(|(kink, ..)| kink >= LEAST_STOP_KINK);
+    if !is_sharp {
+        return f64::INFINITY;
+    }
+    let stop_mm = |element: &Element, at: f64| {
+        let limits = path_limits(&straight(element, at, 1.0), machine, PathMotion::ZERO).ok()?;
+        Some(change_length(limits.velocity.min(command), 0.0, &limits))
+    };
+    let longest_mm = stop_mm(elements[0], elements[0].length).zip(stop_mm(elements[1], 0.0));
+    let Some((before, after)) = longest_mm.filter(|(before, after)| before.is_finite() && after.is_finite()) else {
+        return f64::INFINITY;
+    };
+    let mut from_mm = f64::INFINITY;
+    let mut length = 2.0 * before.max(after);
+    for _ in 0..STOP_LENGTHS {
+        if !is_stopped(elements, length, tolerance_mm, command, machine).unwrap_or(false) {
+            break;
+        }
+        from_mm = length;
+        length *= 0.25;
+    }
+    from_mm
+}
+
+/// Whether a stop is better between lines of this length; `None` where there is no such curve.
+fn is_stopped(
+    [before, after]: [&Element; 2],
+    length: f64,
+    tolerance_mm: f64,
+    command: f64,
+    machine: &Machine,
+) -> Option<bool> {
+    let lines = [straight(before, before.length, -length), straight(after, 0.0, length)];
+    let rounding = corner::between_lines(&lines[0], &lines[1], tolerance_mm, CORNER_SHARE * length)?;
+    let cut_mm = rounding.cut_mm;
+    let [first, last] = [lines[0].part(0.0, length - cut_mm)?, lines[1].part(cut_mm, length)?];
+    let spline = Spline::from_polynomial_spans(&[rounding.curve(&first, &last)])?;
+    let curve = Element::from_spline(first.end, last.start, spline, last.work_offset, last.source, false)?;
+    let corner = Corner { curve: &curve, blocks: [(&first, length), (&last, length)], cut_mm, command };
+    Some(!corner.is_rounded(machine))
+}
+
+/// The line that goes on from a place of an element in its direction there, or comes to it where the length is negative, mm.
+fn straight(element: &Element, at: f64, length: f64) -> Element {
+    let tangent = linear(&element.tangent(at));
+    let here = element.position(at);
+    let mut there: Position = here;
+    for (axis, tangent) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(tangent) {
+        there[axis.index()] += length * tangent;
+    }
+    let (start, end) = if length < 0.0 { (there, here) } else { (here, there) };
+    Element { start, end, curve: Curve::Line, length: length.abs(), ..element.clone() }
 }

@@ -22,11 +22,11 @@ use self::path::Path;
 use super::joint::Joint;
 use super::origin::{Deviation, Origin, turn_evenly};
 use super::vector::{Vector, linear};
-use super::{Carried, Entry, Joining, PathSmoother, Smoothed};
+use super::{Carried, CornerSpeed, Entry, Joining, PathSmoother, Smoothed};
 use crate::limits::travel_exceeded;
 use crate::tolerance::{
-    CORNER_SHARE, CURVE_BLOCKS, CURVE_KNOTS, CURVE_LINK_SHARE, CURVE_MOST_END_MM, CURVE_SETTLED_SHARE,
-    LEAST_CURVE_TOLERANCE_MM,
+    ALONE_SHARE, CORNER_SHARE, CURVE_BLOCKS, CURVE_KNOTS, CURVE_LINK_SHARE, CURVE_MOST_END_MM, CURVE_RAMP_LINK_SHARE,
+    CURVE_SETTLED_SHARE, LEAST_CURVE_TOLERANCE_MM, LIKE_SHARE, TANGENT_TOLERANCE_RAD,
 };
 use crate::{Curve, Element, Machine, Spline};
 
@@ -92,6 +92,21 @@ impl<T> Entry<T> {
         self.joins && matches!(self.element.curve, Curve::Line | Curve::Arc(_))
     }
 
+    /// Largest part of the reaches of the corners before and behind `next` that it may be long to be part of one curve over both.
+    fn link_share(&self, next: &Self) -> f64 {
+        let is_tangent = |entry: &Self| entry.joint.kink().is_some_and(|kink| kink <= TANGENT_TOLERANCE_RAD);
+        let are_ramps = is_tangent(self) && is_tangent(next);
+        if are_ramps && self.corner_speed == CornerSpeed::Steady { CURVE_RAMP_LINK_SHARE } else { CURVE_LINK_SHARE }
+    }
+
+    /// Angle that it turns, rad.
+    fn turn_rad(&self) -> f64 {
+        match &self.element.curve {
+            Curve::Arc(arc) => arc.sweep_rad.abs(),
+            _ => 0.0,
+        }
+    }
+
     fn reach_mm(&self) -> Option<f64> {
         match self.joint {
             Joint::Corner { reach_mm, .. } => Some(reach_mm),
@@ -116,10 +131,69 @@ impl<T: Carried> PathSmoother<T> {
         match (self.pending.get(index + 1), entry.reach_mm()) {
             (None, _) => is_last.then_some(false),
             (Some(next), Some(next_reach_mm)) if next.is_joinable() => {
-                Some(entry.full_length_mm < CURVE_LINK_SHARE * (reach_mm + next_reach_mm))
+                let is_near = entry.full_length_mm < before.link_share(entry) * (reach_mm + next_reach_mm);
+                if is_near { self.stops_behind(index, is_last).map(|stops| !stops) } else { Some(false) }
             }
             _ => Some(false),
         }
+    }
+
+    /// Whether the path is to stop at the end of an element; `None` until that is known.
+    ///
+    /// Other turns within the reach of a corner are smoothed out together with it, and between corners that are near to each other a
+    /// path that stops in them never becomes fast, so that it has to stand alone. Between two elements that are too long for a curve
+    /// over many, it is judged by their lengths when it is rounded.
+    pub(super) fn stops_behind(&self, index: usize, is_last: bool) -> Option<bool> {
+        let before = &self.pending[index];
+        let Joint::Corner { reach_mm, kink, stop_from_mm } = before.joint else { return Some(false) };
+        let is_long = |entry: &Entry<T>| entry.full_length_mm >= CURVE_LINK_SHARE * (reach_mm + CURVE_MOST_END_MM);
+        let are_long = is_long(before) && self.pending.get(index + 1).is_some_and(is_long);
+        if are_long || stop_from_mm.is_infinite() {
+            return Some(false);
+        }
+        let is_like = |other: f64| other >= LIKE_SHARE * kink;
+        let within =
+            |entry: &Entry<T>, left_mm: f64| entry.turn_rad() * (left_mm / entry.element.length).clamp(0.0, 1.0);
+        let (mut distance_mm, mut others_rad) = (0.0, 0.0);
+        for index in (0..=index).rev() {
+            let entry = &self.pending[index];
+            others_rad += within(entry, reach_mm - distance_mm);
+            distance_mm += entry.element.length;
+            let other = match index.checked_sub(1) {
+                Some(before) => self.pending[before].joint.turn(),
+                None => {
+                    distance_mm += self.passed.distance_mm;
+                    self.passed.kink
+                }
+            };
+            if distance_mm >= stop_from_mm {
+                break;
+            }
+            if is_like(other) {
+                return Some(false);
+            }
+            others_rad += if distance_mm < reach_mm { other } else { 0.0 };
+        }
+        distance_mm = 0.0;
+        for (seen, entry) in self.pending.iter().skip(index + 1).enumerate() {
+            others_rad += within(entry, reach_mm - distance_mm);
+            distance_mm += entry.element.length;
+            if distance_mm >= stop_from_mm {
+                break;
+            }
+            if matches!(entry.joint, Joint::Unknown) {
+                if is_last || seen >= CURVE_BLOCKS {
+                    break;
+                }
+                return None;
+            }
+            let other = entry.joint.turn();
+            if is_like(other) {
+                return Some(false);
+            }
+            others_rad += if distance_mm < reach_mm { other } else { 0.0 };
+        }
+        Some(others_rad <= ALONE_SHARE * kink)
     }
 
     /// Starts a curve within the first element, or at its start.
@@ -134,6 +208,7 @@ impl<T: Carried> PathSmoother<T> {
         {
             let (carried, deviation) = (front.carried.clone(), front.merged.behind(0.0, before.length));
             front.merged = front.merged.behind(before.length, after.length);
+            self.passed.distance_mm += before.length;
             let (blocks, rest_at_end, origin) = (0, false, Origin::Block);
             emit(Smoothed { element: before, carried, blocks, rest_at_end, origin, deviation });
             front.element = after;
@@ -248,6 +323,7 @@ impl<T: Carried> PathSmoother<T> {
     ) {
         let Settled { parts, done, offset_mm } = settled;
         parts.into_iter().for_each(emit);
+        self.pass(done);
         self.pending.drain(..done);
         let is_over = is_whole && rest.is_empty() && done >= open.last || done > open.last;
         open.last -= done.min(open.last);
@@ -257,6 +333,7 @@ impl<T: Carried> PathSmoother<T> {
         {
             front.merged = front.merged.behind(offset_mm, part.length);
             front.element = part;
+            self.passed.distance_mm += offset_mm;
             front.start_is_cut = true;
         }
         if !is_over {
@@ -288,7 +365,7 @@ impl<T: Carried> PathSmoother<T> {
         let entry = &self.pending[last];
         let reach_mm = self.pending[last - 1].reach_mm().unwrap_or(0.0);
         let length = entry.element.length;
-        let is_cut_behind = entry.reach_mm().is_some();
+        let is_cut_behind = entry.reach_mm().is_some() && self.stops_behind(last, true) != Some(true);
         let share = if is_cut_behind { CORNER_SHARE } else { 2.0 * CORNER_SHARE };
         if reach_mm < share * length {
             reach_mm
