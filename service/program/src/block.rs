@@ -188,7 +188,7 @@ impl Block {
                 }
                 TokenKind::Comment => {
                     self.comment = (token.start, token.end);
-                    self.check_comment(line, token, findings);
+                    self.check_comment(line, token, table, findings);
                 }
                 TokenKind::Computed | TokenKind::Assignment => {
                     self.read_computed(line, token, table, system, findings);
@@ -211,7 +211,7 @@ impl Block {
                 TokenKind::Polar if table.dialect.is_linuxcnc => self.report_polar(line, token, findings),
                 TokenKind::UnclosedComment => {
                     self.report_defect(line, token, findings);
-                    self.check_comment(line, token, findings);
+                    self.check_comment(line, token, table, findings);
                 }
                 _ => self.report_defect(line, token, findings),
             }

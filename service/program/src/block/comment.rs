@@ -1,17 +1,63 @@
 //! Comments: what is in them moves nothing.
 
 use super::Block;
-use crate::lexer::Token;
+use crate::dialect::CodeTable;
+use crate::lexer::{Lexer, Token, TokenKind};
 use crate::{Finding, FindingLog, code};
 
 impl Block {
     /// Strange bytes in a comment move nothing, but say that the file is not what it seems.
     #[inline(never)]
-    pub(super) fn check_comment(&self, line: &[u8], token: Token, findings: &mut FindingLog) {
+    pub(super) fn check_comment(&self, line: &[u8], token: Token, table: &CodeTable, findings: &mut FindingLog) {
         let comment = &line[token.start as usize..token.end as usize];
+        if comment[0] == b';' && !table.dialect.is_linuxcnc {
+            self.check_behind_block_end(comment, token.start, findings);
+        }
         if !comment.is_ascii() || comment.contains(&0) {
             self.report_comment(comment, token.start, findings);
         }
+    }
+
+    /// `;` ends a block on these controls, so that words behind it on the line are another block, which would be run. What is no
+    /// series of words they would refuse: it can only be meant as a comment.
+    #[cold]
+    fn check_behind_block_end(&self, comment: &[u8], start: u32, findings: &mut FindingLog) {
+        let Some(behind) = comment.iter().position(|byte| !matches!(byte, b';' | b' ' | b'\t' | b'\r')) else { return };
+        let block = &comment[behind..];
+        let block = &block[..block.iter().position(|&byte| byte == b';').unwrap_or(block.len())];
+        let mut tokens = Lexer::new(block);
+        let mut words = 0_u32;
+        loop {
+            let token = match tokens.next_word() {
+                Some(token) => token,
+                None => match tokens.next() {
+                    Some(token) => token,
+                    None => break,
+                },
+            };
+            match token.kind {
+                TokenKind::Word | TokenKind::Computed | TokenKind::Assignment | TokenKind::Corner => words += 1,
+                TokenKind::Statement => {
+                    words += 1;
+                    break;
+                }
+                TokenKind::Comment | TokenKind::BlockDelete => {}
+                _ => return,
+            }
+        }
+        if words == 0 {
+            return;
+        }
+        let span = self.span_of(start + behind as u32, start + (behind + block.trim_ascii_end().len()) as u32);
+        let text = String::from_utf8_lossy(block.trim_ascii_end()).into_owned();
+        findings.push_with(code::BEHIND_BLOCK_END, |code| {
+            let message = format!("`{text}` stands behind `;`, which ends a block: it would be run as another one");
+            let finding = Finding::new(code, span, message).suggest("on a line of its own, if it is to be run");
+            match text.contains(['(', ')']) {
+                true => finding.suggest("in parentheses, if it is a comment"),
+                false => finding.suggest_replacement("in parentheses, if it is a comment", format!("({text})")),
+            }
+        });
     }
 
     #[cold]

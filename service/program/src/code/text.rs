@@ -57,6 +57,14 @@ crate::finding_codes! {
         example: lathe("G0 X10 (rough the face"),
     }
 
+    "PRG-BLOCK-END" [BEHIND_BLOCK_END: Error] {
+        meaning: "words behind `;` on the same line",
+        cause: "`;` is the end of a block on these controls, and the words behind it are another block, which would be run; other \
+              controls take them for a comment. Text that is no words is taken for a comment.",
+        cure: "Write what is to be run on a line of its own, and what is a comment in ( ).",
+        example: lathe("G0 X40. Z2.; G1 X30. F0.1"),
+    }
+
     "PRG-TEXT" [TEXT: Error] {
         meaning: "letters without numbers outside a comment",
         cause: "A comment without parentheses, or a letter O where a zero is meant, as in `GO`.",

@@ -51,6 +51,32 @@ fn one_finding_for_a_word() {
 }
 
 #[test]
+fn words_behind_the_end_of_a_block_are_neither_run_nor_dropped() {
+    for settings in [mill(), LanguageSettings::default()] {
+        for (line, place) in [
+            ("G0 X40. Z2.; G1 X30. F0.1", "14+12"),
+            ("G0 X40. ;; M8 ; note", "12+2"),
+            (";G1 X30 (approach)", "2+17"),
+            ("G0 X1; #1=5", "8+4"),
+            ("G0 X1; IF [#1 EQ 2] GOTO 10", "8+20"),
+        ] {
+            let (_, findings) = interpret(format!("{line}\nM30").as_bytes(), settings.clone());
+            let found: Vec<_> = findings.findings().iter().filter(|finding| finding.code == "PRG-BLOCK-END").collect();
+            assert_eq!(found.len(), 1, "{line}: {:?}", findings.findings());
+            assert_eq!(format!("{}+{}", found[0].span.column, found[0].span.length), place, "{line}");
+        }
+        // The end of a block as it is punched, and text that no control would run.
+        for line in ["G0 X40.;", "G0 X40. ;\r", "G0 X40.; (note)", "; roughing with T1", "G0 X1 ; -- 10 mm --", ";;"] {
+            let (_, findings) = interpret(format!("{line}\nM30").as_bytes(), settings.clone());
+            assert!(findings.findings().iter().all(|finding| finding.code != "PRG-BLOCK-END"), "{line}");
+        }
+    }
+    let comments = LanguageSettings { dialect: DialectName::LinuxCnc, ..LanguageSettings::default() };
+    let (_, findings) = interpret(b"G0 X40 ; G1 X30 F1\nM2", comments);
+    assert!(findings.findings().iter().all(|finding| finding.code != "PRG-BLOCK-END"));
+}
+
+#[test]
 fn nothing_is_taken_out_of_the_middle_of_a_word() {
     for written in ["X!5", "X1\u{e9}5", "X\x005", "X1\x005", "X\u{e9}5"] {
         let (_, findings) = interpret(format!("G0 {written}").as_bytes(), mill());
