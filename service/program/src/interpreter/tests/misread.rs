@@ -71,7 +71,7 @@ fn words_behind_the_end_of_a_block_are_neither_run_nor_dropped() {
             assert!(findings.findings().iter().all(|finding| finding.code != "PRG-BLOCK-END"), "{line}");
         }
     }
-    let comments = LanguageSettings { dialect: DialectName::LinuxCnc, ..LanguageSettings::default() };
+    let comments = LanguageSettings { dialect: crate::DialectName::LinuxCnc, ..LanguageSettings::default() };
     let (_, findings) = interpret(b"G0 X40 ; G1 X30 F1\nM2", comments);
     assert!(findings.findings().iter().all(|finding| finding.code != "PRG-BLOCK-END"));
 }
