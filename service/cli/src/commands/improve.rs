@@ -114,14 +114,16 @@ pub(super) fn run(args: &Args) -> Result<ExitCode, CliError> {
     let blocks = function_blocks(&program, &config);
     let goals = args.goals(&config);
     let sections = plan::sections(&before, &blocks, &config, &goals, args.least_amplitude);
-    let Improved { sections, program: improved, after } = settle(sections, &program, &source.name, &config, &goals)?;
+    let Improved { sections, program: improved, after } =
+        settle(sections, &before, &program, &source.name, &config, &goals)?;
     let changed: Vec<&Change> = sections.iter().flat_map(Section::changes).collect();
     print_bytes(&edit::diff(&program, &improved, &source.name))?;
     if let Some(out) = &args.out {
         write(out, &improved)?;
     }
     tell(&text::report(&sections, &before, &after, &goals, changed.len()));
-    let holds = sections.iter().all(|section| !matches!(section.outcome, Outcome::NotPossible(_)));
+    let holds = sections.iter().all(|section| !matches!(section.outcome, Outcome::NotPossible(_)))
+        && text::not_judged(&before) == 0;
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::from(EXIT_REFUSED) })
 }
 
@@ -136,6 +138,7 @@ struct Improved {
 /// left hold together.
 fn settle(
     mut sections: Vec<Section>,
+    before: &ValidationReport,
     program: &[u8],
     name: &str,
     config: &Arc<PipelineConfig>,
@@ -148,7 +151,7 @@ fn settle(
         let after = local::validate(&mut source, Arc::clone(config), |_| {})?;
         let mut taken_back = false;
         for section in &mut sections {
-            if let Some(reason) = section.fault(&after, goals) {
+            if let Some(reason) = section.fault(before, &after, goals) {
                 section.outcome = Outcome::NotPossible(reason);
                 taken_back = true;
             }
@@ -187,8 +190,7 @@ fn read(source: &mut Source) -> Result<Vec<u8>, CliError> {
 }
 
 fn is_same_file(one: &Path, other: &Path) -> bool {
-    let real = |path: &Path| path.canonicalize().ok();
-    one == other || real(one).is_some_and(|one| real(other) == Some(one))
+    one == other || same_file::is_same_file(one, other).unwrap_or(false)
 }
 
 fn write(path: &Path, program: &[u8]) -> Result<(), CliError> {

@@ -140,6 +140,105 @@ fn what_cannot_be_improved_says_why_and_stays() {
     }
 }
 
+/// Findings of a program on this machine, by code.
+fn codes(path: &Path, options: &[&str]) -> Vec<String> {
+    let output = feedwave().arg("validate").args(options).args(["--format", "json"]).arg(path).output().unwrap();
+    let report: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let findings = report["findings"].as_array().unwrap();
+    findings.iter().map(|finding| finding["code"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn what_the_drives_lose_is_commanded_besides() {
+    let profile = fixture("following-lathe.toml");
+    let profile = ["--profile", profile.to_str().unwrap()];
+    let (directory, path) = program(&turning("F50 A0.03", 1_000, "F0.1"));
+    let better = directory.path().join("better.nc");
+    let options = [&profile[..], &["--out", better.to_str().unwrap()]].concat();
+    let output = improve(&path, &options);
+    // Either enough arrives, or the program stays and the reason is told.
+    let lost = codes(&better, &profile).contains(&"VIB-FOLLOWING-LOSS".to_owned());
+    match code(&output) {
+        0 => assert!(!lost, "{}", stdout(&output)),
+        1 => assert!(
+            stdout(&output).is_empty() && stderr(&output).contains("does not hold and stays"),
+            "{}",
+            stderr(&output)
+        ),
+        other => panic!("{other}: {}", stderr(&output)),
+    }
+    // A chip that breaks with what arrives is not made worse for a smaller amplitude.
+    let tight = directory.path().join("tight.toml");
+    fs::write(&tight, "[machine]\nkind = \"MACHINE_KIND_LATHE\"\n[following]\nposition_loop_gain_per_s = 150.0\n")
+        .unwrap();
+    let tight = ["--profile", tight.to_str().unwrap()];
+    let (_directory, good) = program(&turning("F41.65 A0.16", 1_000, "F0.1"));
+    assert!(!codes(&good, &tight).contains(&"VIB-FOLLOWING-LOSS".to_owned()));
+    let out = directory.path().join("less.nc");
+    let output =
+        improve(&good, &[&tight[..], &["--least-amplitude", "--margin", "1", "--out", out.to_str().unwrap()]].concat());
+    assert!(code(&output) < 2, "{}", stderr(&output));
+    assert!(!codes(&out, &tight).contains(&"VIB-FOLLOWING-LOSS".to_owned()), "{}{}", stdout(&output), stderr(&output));
+}
+
+#[test]
+fn a_change_that_is_worse_in_another_way_is_not_made() {
+    let (_directory, path) = program(&turning("F50 A0.03", 1_000, "F0.15"));
+    let output = improve(&path, &["--envelope", "published"]);
+    assert_eq!((code(&output), stdout(&output)), (1, String::new()), "{}", stderr(&output));
+    assert!(stderr(&output).contains("worse in another way: VIB-PUBLISHED-ENDS"), "{}", stderr(&output));
+}
+
+#[test]
+fn one_frequency_is_judged_as_well() {
+    let (_directory, path) = program(&turning("F50 A0.03", 1_000, "F0.1"));
+    let output = improve(&path, &["--frequency", "41.65:41.65"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stdout(&output).contains("+N30  G200 F41.65 A0.0"), "{}", stdout(&output));
+}
+
+#[test]
+fn diffs_apply_in_every_encoding_and_with_every_line_end() {
+    let text = turning("F50 A0.03", 1_000, "F0.1");
+    let latin: Vec<u8> = text.chars().map(|character| character as u8).collect();
+    let mac: Vec<u8> = latin.iter().copied().filter(|&byte| byte != b'\n').collect();
+    for bytes in [latin, mac, text.into_bytes()] {
+        let directory = tempfile::tempdir().unwrap();
+        let (path, better) = (directory.path().join("part.nc"), directory.path().join("better.nc"));
+        fs::write(&path, &bytes).unwrap();
+        let output = run(&[&"improve", &path, &"--out", &better]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let (patch, patched) = (directory.path().join("a.patch"), directory.path().join("patched.nc"));
+        fs::write(&patch, &output.stdout).unwrap();
+        let mut command = std::process::Command::new("patch");
+        let Ok(applied) = command.arg("--binary").arg("-o").arg(&patched).arg(&path).arg(&patch).output() else {
+            return;
+        };
+        assert!(applied.status.success(), "{}", String::from_utf8_lossy(&applied.stdout));
+        assert!(fs::read(&patched).unwrap() == fs::read(&better).unwrap());
+    }
+}
+
+#[test]
+fn sections_beyond_those_of_a_report_are_said_not_to_be_judged() {
+    let cut = "G200 F50 A0.03\nG1 W-1. F0.1\nG201\n";
+    let text = format!("G21 G97 G99 S1000 M3\nG0 X40. Z2.\n{}M30\n", cut.repeat(1_100));
+    let (_directory, path) = program(&text);
+    let output = improve(&path, &[]);
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("100 sections not judged"), "{}", stderr(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn another_name_of_the_program_is_the_program() {
+    let (directory, path) = program(&turning("F50 A0.03", 1_000, "F0.1"));
+    let other = directory.path().join("other.nc");
+    fs::hard_link(&path, &other).unwrap();
+    let output = run(&[&"improve", &path, &"--out", &other]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
 #[test]
 fn programs_with_errors_and_wrong_options_are_refused() {
     let output = run(&[&"improve", &fixture("bad.nc")]);

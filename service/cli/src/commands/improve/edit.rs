@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use feedwave_cutting::{Interpretation, InterpretationStep, PipelineConfig};
 use feedwave_program::lexer::{Lexer, TokenKind};
 use feedwave_program::{Function, OperationKind, SourceSpan};
-use similar::TextDiff;
+use similar::{ChangeTag, TextDiff};
 
 use super::plan::Change;
 
@@ -116,9 +116,25 @@ pub(super) fn apply(program: &[u8], changes: &[&Change]) -> Vec<u8> {
 pub(super) fn diff(before: &[u8], after: &[u8], name: &str) -> Vec<u8> {
     let mut text = Vec::new();
     if before != after {
-        let diff = TextDiff::from_lines(before, after);
-        // Writing to memory does not fail.
-        let _ = diff.unified_diff().context_radius(CONTEXT_LINES).header(name, name).to_writer(&mut text);
+        // The bytes as they are, in whatever encoding, and lines as `patch` counts them.
+        let [before, after] = [before, after].map(|bytes| bytes.split_inclusive(|&byte| byte == b'\n').collect());
+        let (before, after): (Vec<&[u8]>, Vec<&[u8]>) = (before, after);
+        let diff = TextDiff::configure().diff_slices(&before, &after);
+        text.extend_from_slice(format!("--- {name}\n+++ {name}\n").as_bytes());
+        for hunk in diff.unified_diff().context_radius(CONTEXT_LINES).iter_hunks() {
+            text.extend_from_slice(format!("{}\n", hunk.header()).as_bytes());
+            for change in hunk.iter_changes() {
+                text.push(match change.tag() {
+                    ChangeTag::Equal => b' ',
+                    ChangeTag::Delete => b'-',
+                    ChangeTag::Insert => b'+',
+                });
+                text.extend_from_slice(change.value());
+                if !change.value().ends_with(b"\n") {
+                    text.extend_from_slice(b"\n\\ No newline at end of file\n");
+                }
+            }
+        }
     }
     text
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use feedwave_cutting::{
     FoundVibration, PipelineConfig, SearchGoals, SectionReport, Unsearchable, ValidationReport, VibrationSearch,
 };
+use feedwave_program::{Finding, Severity};
 
 use super::edit::{FunctionBlock, Word};
 use super::unique_lines;
@@ -32,10 +33,12 @@ pub(super) struct Section {
     pub(super) line: u32,
     /// The vibration as programmed.
     pub(super) programmed: FoundVibration,
-    /// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance.
+    /// How far beyond breaking the worst chip is, at the largest override and the worst speed of the tolerance, with what arrives.
     pub(super) margin: f64,
     /// Largest share of a limit that an axis needs.
     pub(super) utilisation: f64,
+    /// Share of the amplitude that arrives at the tool, where least of it does.
+    pub(super) arriving: f64,
     pub(super) outcome: Outcome,
 }
 
@@ -75,17 +78,32 @@ impl Section {
     }
 
     /// Why the changes of this section do not hold in the validated program; `None` where they do or there are none.
-    pub(super) fn fault(&self, after: &ValidationReport, goals: &SearchGoals) -> Option<String> {
-        let Outcome::Changed { found, .. } = &self.outcome else { return None };
+    pub(super) fn fault(
+        &self,
+        before: &ValidationReport,
+        after: &ValidationReport,
+        goals: &SearchGoals,
+    ) -> Option<String> {
+        let Outcome::Changed { found, margin, .. } = &self.outcome else { return None };
         let sections: Vec<_> = after.sections.iter().filter(|section| section.on_line == self.line).collect();
         let vibration = format!("{} Hz with {} mm", number(found.frequency_hz, 6), number(found.amplitude_mm, 4));
         if sections.is_empty() {
             return Some(format!("{vibration} would end the section before it begins"));
         }
+        let worse = worsened(&sections, before, after);
         if sections.iter().any(|section| !section.feasible) {
-            let worst = sections.iter().flat_map(|section| &section.axes).map(|axis| axis.utilisation);
-            let worst = number(100.0 * worst.fold(0.0, f64::max), 3);
-            return Some(format!("{vibration} would be refused: an axis would need {worst} % of a limit"));
+            let reason = worse.unwrap_or_else(|| "an axis cannot follow it".to_owned());
+            return Some(format!("{vibration} would be refused: {reason}"));
+        }
+        let arriving = arriving(&sections);
+        if margin / self.arriving * arriving < goals.margin * (1.0 - ROUNDING) {
+            let percent = number(100.0 * arriving, 3);
+            return Some(format!(
+                "of {vibration} the drives would bring {percent} % to the tool, too little for the margin"
+            ));
+        }
+        if let Some(worse) = worse {
+            return Some(format!("{vibration} would be worse in another way: {worse}"));
         }
         // Validation judges at the largest override of the machine and the programmed speed.
         let judged = sections.iter().filter_map(|section| section.at_max_feed_override);
@@ -100,6 +118,32 @@ impl Section {
             )
         })
     }
+}
+
+/// Share of the amplitude that arrives at the tool, where least of it does.
+fn arriving(sections: &[&SectionReport]) -> f64 {
+    let share = |section: &&SectionReport| section.following.arriving_amplitude_mm / section.condition.amplitude_mm;
+    sections.iter().map(share).filter(|share| share.is_finite()).fold(1.0, f64::min)
+}
+
+/// What validation says of the lines of these sections and did not say before, or of which the first number was smaller.
+fn worsened(sections: &[&SectionReport], before: &ValidationReport, after: &ValidationReport) -> Option<String> {
+    let is_there = |finding: &&Finding| {
+        let line = finding.span.line;
+        let of = |section: &&SectionReport| {
+            line == section.on_line || (section.first_line..=section.last_line).contains(&line)
+        };
+        finding.severity != Severity::Info && finding.span.program == 0 && sections.iter().any(of)
+    };
+    let judged = |finding: &Finding| finding.values.first().map_or(0.0, |value| value.value.abs());
+    let is_worse = |finding: &&Finding| {
+        let same = |known: &&Finding| known.code == finding.code && known.span.line == finding.span.line;
+        before.findings.iter().find(same).is_none_or(|known| judged(finding) > judged(known) * (1.0 + ROUNDING))
+    };
+    // Of the chip the goals say how sure it has to be.
+    let of_chip = |finding: &&Finding| finding.code.name().starts_with("VIB-CHIP-");
+    let found = after.findings.iter().filter(is_there).filter(|finding| !of_chip(finding)).find(is_worse);
+    found.map(|finding| format!("{}, {}", finding.code, finding.message))
 }
 
 /// What is to be done for every block that switches a vibration on.
@@ -134,16 +178,22 @@ fn plan(
     let programmed = FoundVibration { frequency_hz: condition.frequency_hz, amplitude_mm: condition.amplitude_mm };
     let axes = sections.iter().flat_map(|section| &section.axes);
     let utilisation = axes.map(|axis| axis.utilisation).fold(0.0, f64::max);
-    let section = |margin, outcome| Section { line, programmed, margin, utilisation, outcome };
+    let arriving = arriving(sections);
+    let section = |margin, outcome| Section { line, programmed, margin, utilisation, arriving, outcome };
     let not_possible = |margin, reason: &str| section(margin, Outcome::NotPossible(reason.to_owned()));
     if sections.iter().any(|section| section.condition != condition) {
         return not_possible(0.0, "the block switches on different vibrations, as its words are computed");
     }
-    let search = match VibrationSearch::of_sections(sections, &config.vibration(), goals) {
+    if arriving <= 0.0 {
+        return not_possible(0.0, "the drives erase the vibration: nothing of it arrives at the tool");
+    }
+    // As much more is commanded as the drives lose.
+    let commanded = SearchGoals { margin: goals.margin / arriving, ..*goals };
+    let search = match VibrationSearch::of_sections(sections, &config.vibration(), &commanded) {
         Ok(search) => search,
         Err(reason) => return not_possible(0.0, unsearchable(reason)),
     };
-    let margin = margin(&search, programmed);
+    let margin = arriving * margin(&search, programmed);
     let suffices = margin >= goals.margin * (1.0 - ROUNDING);
     if suffices && !least_amplitude {
         return section(margin, Outcome::Holds);
@@ -161,7 +211,7 @@ fn plan(
     match rounded(&search, found, programmed, block, least_amplitude) {
         Some((_, changes)) if changes.is_empty() => section(margin, Outcome::Holds),
         Some((found, changes)) => {
-            let after = self::margin(&search, found);
+            let after = arriving * self::margin(&search, found);
             section(margin, Outcome::Changed { found, margin: after, changes })
         }
         None => not_possible(margin, "what is enough cannot be written in the decimals of a word within the limits"),

@@ -24,6 +24,15 @@ pub(super) fn report(
     for section in sections {
         text.push_str(&of_section(section, after));
     }
+    let not_judged = not_judged(before);
+    if not_judged > 0 {
+        let _ = writeln!(
+            text,
+            "\n{} not judged, as a report lists {} at most: divide the program. The figures below are of those that are listed",
+            counted(not_judged, "section"),
+            before.sections.len()
+        );
+    }
     text.push_str(&comparison(before, after));
     let suggestions = suggestions_of_motion(&report_to_proto(after));
     if !suggestions.is_empty() {
@@ -33,6 +42,11 @@ pub(super) fn report(
         }
     }
     text
+}
+
+/// Sections that the report counts and does not list.
+pub(super) fn not_judged(report: &ValidationReport) -> u64 {
+    report.summary.section_count.saturating_sub(report.sections.len() as u64)
 }
 
 fn heading(sections: &[Section], changes: usize) -> String {
@@ -62,7 +76,7 @@ fn vibration(it: FoundVibration) -> String {
 }
 
 fn of_section(section: &Section, after: &ValidationReport) -> String {
-    let Section { line, programmed, margin, utilisation, outcome } = section;
+    let Section { line, programmed, margin, utilisation, outcome, .. } = section;
     match outcome {
         Outcome::Holds => {
             format!("\nline {line}: {} stays: margin {}\n", vibration(*programmed), number(*margin, 4))

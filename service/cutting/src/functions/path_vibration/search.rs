@@ -118,6 +118,10 @@ impl VibrationSearch {
         if self.cuts.is_empty() || !numbers.iter().all(|it| it.is_finite() && *it > 0.0) || low_hz > high_hz {
             return None;
         }
+        if low_hz == high_hz {
+            let found = FoundVibration { frequency_hz: low_hz, amplitude_mm: self.least_amplitude_mm(low_hz)? };
+            return self.suffices(low_hz, found.amplitude_mm).then_some(found);
+        }
         let ends = self.ends();
         let edges = self.edges(&ends)?;
         let mut best: Option<FoundVibration> = None;
