@@ -153,8 +153,14 @@ impl Block {
         let o_words = || table.dialect.flow == Flow::OWords;
         loop {
             if let Some(token) = tokens.next_word() {
-                if token.letter == b'O' && o_words() && self.is_labelled_only() {
-                    return self.begin_rest(Rest::OWord(token.start));
+                if token.letter == b'O' {
+                    if !self.is_labelled_only() {
+                        self.report_misplaced_o(line, token, findings);
+                        continue;
+                    }
+                    if o_words() {
+                        return self.begin_rest(Rest::OWord(token.start));
+                    }
                 }
                 self.add_word(token, table, findings);
                 if self.rest.is_some() {

@@ -103,8 +103,24 @@ impl Block {
         match result {
             Ok(Some(number)) => self.add_word(Token { kind: TokenKind::Word, number, ..token }, table, findings),
             // A vacant value: the word is not there.
-            Ok(None) => {}
+            Ok(None) => self.note_vacant(token, findings),
             Err(defect) => self.fail(&defect, findings),
+        }
+    }
+
+    /// An axis word that is not there is what macros use vacant values for; another one may be missed.
+    fn note_vacant(&self, token: Token, findings: &mut FindingLog) {
+        if b"FGMST".contains(&token.letter) {
+            let span = self.span_of(token.start, token.end);
+            let letter = char::from(token.letter);
+            findings.push_with(code::VACANT_WORD, |code| {
+                Finding::new(
+                    code,
+                    span,
+                    format!("the value of {letter} is vacant: the block is read as if the word were not there"),
+                )
+                .suggest("assign the parameter before, if the word is meant to act")
+            });
         }
     }
 

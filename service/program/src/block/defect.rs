@@ -144,6 +144,24 @@ impl Block {
         });
     }
 
+    /// An O behind other words: a program number is the first word of its block. Directly behind a digit it is a zero.
+    #[cold]
+    pub(super) fn report_misplaced_o(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {
+        let (at, end) = (token.start as usize, token.end as usize);
+        let number = line[..at].iter().rev().take_while(|byte| byte.is_ascii_digit() || b".+-".contains(byte)).count();
+        let letter = (at - number).checked_sub(1).filter(|&letter| line[letter].is_ascii_alphabetic());
+        if let Some(start) = letter.filter(|_| number > 0 && line[at].eq_ignore_ascii_case(&b'O')) {
+            let mut text = String::from_utf8_lossy(&line[start..end]).into_owned();
+            text.replace_range(at - start..=at - start, "0");
+            return self.report_lookalike(line, &Stretch { start, end, text, is_certain: true }, findings);
+        }
+        self.defect(code::CHARACTER, token, findings, |mut finding| {
+            "O stands behind other words: a program number is the first word of its block"
+                .clone_into(&mut finding.message);
+            finding.suggest("write 0, if a zero is meant, or the program number in a block of its own")
+        });
+    }
+
     /// Everything that is neither a word nor a comment.
     #[cold]
     pub(super) fn report_defect(&mut self, line: &[u8], token: Token, findings: &mut FindingLog) {

@@ -11,6 +11,14 @@ crate::finding_codes! {
         example: lathe("G0 X[#1+]"),
     }
 
+    "PRG-VACANT-WORD" [VACANT_WORD: Warning] {
+        meaning: "a word whose value is vacant, so that it is not there",
+        cause: "The parameter was never assigned, or is #0: in Macro B a word of a vacant value is ignored. F, G, M, S and T are named, \
+              since what they switch stays as it was; axis words are left out so on purpose.",
+        cure: "Assign the parameter before, or remove the word.",
+        example: lathe("T#101"),
+    }
+
     "PRG-EXPRESSION-DEPTH" [EXPRESSION_DEPTH: Error] {
         meaning: "an expression with more brackets and functions within each other than the dialect takes",
         cause: "Macro B takes 5 levels, functions included; 32 are read in LinuxCNC.",

@@ -94,7 +94,7 @@ impl Execution<'_> {
                     .suggest(format!("write {name} in a block of its own, and the motion code with the axis words"));
             }
             let finding = finding.suggest(format!(
-                "for a move, write its motion code behind {name}, such as {name} G1, which all read alike"
+                "for a move, write its motion code behind {name}, such as {name} G1, or leave {name} out in G-code system A"
             ));
             finding.suggest("for a cycle, write its passes with G0 and G1 (or a thread with G32)").suggest(SYSTEM_CURE)
         });

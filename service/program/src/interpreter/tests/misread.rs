@@ -51,6 +51,41 @@ fn one_finding_for_a_word() {
 }
 
 #[test]
+fn a_letter_o_in_a_number_is_a_zero_and_begins_no_program() {
+    for settings in [mill(), LanguageSettings { dialect: crate::DialectName::LinuxCnc, ..LanguageSettings::default() }]
+    {
+        for (written, meant) in [
+            ("M3 S5O0", "M3 S500"),
+            ("G1 X1O5 F100", "G1 X105 F100"),
+            ("G94 G1 X10 F1O0", "G94 G1 X10 F100"),
+            ("G1 X-1.o5 F100", "G1 X-1.05 F100"),
+        ] {
+            let program = format!("{written}\nM30");
+            assert_eq!(cured(&program, &settings), format!("{meant}\nM30"), "{written}");
+        }
+        let (_, findings) = interpret(b"G0 X1 O5\nM30", settings);
+        let finding = &findings.findings()[0];
+        assert_eq!((finding.code.name(), finding.span.column), ("PRG-CHARACTER", 7), "{finding:?}");
+    }
+    for program in ["O100\nG0 X1\nM30", "N10 O100 G0 X1\nM30", "/O100\nM30", "%\n:12\nG0 X1\nM30"] {
+        let (_, findings) = interpret(program.as_bytes(), mill());
+        assert!(findings.findings().iter().all(|finding| finding.severity != Severity::Error), "{program}");
+    }
+}
+
+#[test]
+fn words_of_vacant_values_are_named_where_they_would_switch_something() {
+    for (line, place) in [("T#101", "1+5"), ("G0 X1 F#101", "7+5"), ("S#101 M3", "1+5"), ("M#[101]", "1+7")] {
+        let (_, findings) = interpret(format!("{line}\nM30").as_bytes(), mill());
+        let found: Vec<_> = findings.findings().iter().filter(|finding| finding.code == "PRG-VACANT-WORD").collect();
+        assert_eq!(found.len(), 1, "{line}: {:?}", findings.findings());
+        assert_eq!(format!("{}+{}", found[0].span.column, found[0].span.length), place, "{line}");
+    }
+    let (_, findings) = interpret(b"G0 X1 Y#101\nM30", mill());
+    assert!(findings.findings().is_empty(), "macros leave axis words out so: {:?}", findings.findings());
+}
+
+#[test]
 fn words_behind_the_end_of_a_block_are_neither_run_nor_dropped() {
     for settings in [mill(), LanguageSettings::default()] {
         for (line, place) in [
