@@ -140,12 +140,12 @@ fn what_cannot_be_improved_says_why_and_stays() {
     }
 }
 
-/// Findings of a program on this machine, by code.
-fn codes(path: &Path, options: &[&str]) -> Vec<String> {
+/// Whether validation on this machine says that too little arrives at the tool to break the chip.
+fn loses_the_chip(path: &Path, options: &[&str]) -> bool {
     let output = feedwave().arg("validate").args(options).args(["--format", "json"]).arg(path).output().unwrap();
     let report: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
     let findings = report["findings"].as_array().unwrap();
-    findings.iter().map(|finding| finding["code"].as_str().unwrap().to_owned()).collect()
+    findings.iter().any(|finding| finding["message"].as_str().unwrap().contains("too little to break the chip"))
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn what_the_drives_lose_is_commanded_besides() {
     let options = [&profile[..], &["--out", better.to_str().unwrap()]].concat();
     let output = improve(&path, &options);
     // Either enough arrives, or the program stays and the reason is told.
-    let lost = codes(&better, &profile).contains(&"VIB-FOLLOWING-LOSS".to_owned());
+    let lost = loses_the_chip(&better, &profile);
     match code(&output) {
         0 => assert!(!lost, "{}", stdout(&output)),
         1 => assert!(
@@ -172,13 +172,13 @@ fn what_the_drives_lose_is_commanded_besides() {
     fs::write(&tight, "[machine]\nkind = \"MACHINE_KIND_LATHE\"\n[following]\nposition_loop_gain_per_s = 150.0\n")
         .unwrap();
     let tight = ["--profile", tight.to_str().unwrap()];
-    let (_directory, good) = program(&turning("F41.65 A0.16", 1_000, "F0.1"));
-    assert!(!codes(&good, &tight).contains(&"VIB-FOLLOWING-LOSS".to_owned()));
+    let (_directory, good) = program(&turning("F41.65 A0.13", 1_000, "F0.1"));
+    assert!(!loses_the_chip(&good, &tight));
     let out = directory.path().join("less.nc");
     let output =
         improve(&good, &[&tight[..], &["--least-amplitude", "--margin", "1", "--out", out.to_str().unwrap()]].concat());
     assert!(code(&output) < 2, "{}", stderr(&output));
-    assert!(!codes(&out, &tight).contains(&"VIB-FOLLOWING-LOSS".to_owned()), "{}{}", stdout(&output), stderr(&output));
+    assert!(!loses_the_chip(&out, &tight), "{}{}", stdout(&output), stderr(&output));
 }
 
 #[test]

@@ -140,9 +140,12 @@ fn worsened(sections: &[&SectionReport], before: &ValidationReport, after: &Vali
         let same = |known: &&Finding| known.code == finding.code && known.span.line == finding.span.line;
         before.findings.iter().find(same).is_none_or(|known| judged(finding) > judged(known) * (1.0 + ROUNDING))
     };
-    // Of the chip the goals say how sure it has to be.
-    let of_chip = |finding: &&Finding| finding.code.name().starts_with("VIB-CHIP-");
-    let found = after.findings.iter().filter(is_there).filter(|finding| !of_chip(finding)).find(is_worse);
+    // How sure the chip has to be, with what arrives, is judged by the goals.
+    let by_goals = |finding: &&Finding| {
+        let name = finding.code.name();
+        name.starts_with("VIB-CHIP-") || name == "VIB-FOLLOWING-LOSS"
+    };
+    let found = after.findings.iter().filter(is_there).filter(|finding| !by_goals(finding)).find(is_worse);
     found.map(|finding| format!("{}, {}", finding.code, finding.message))
 }
 

@@ -9,7 +9,8 @@ fn section_2_words_of_macro_b() {
         "#1=10\n#2=-2.5\nG0 X#1 Y-#1 Z[#1+2]\nX[#1*#2] Y#[3-1]\nG#0 X[SIN[30]] Y-SQRT[4]",
         "rapid 0 -> X10 Y-10 Z12
          rapid X10 Y-10 Z12 -> X-25 Y-2.5 Z12
-         rapid X-25 Y-2.5 Z12 -> X0.5 Y-2 Z12",
+         rapid X-25 Y-2.5 Z12 -> X0.5 Y-2 Z12
+         w 5:1+3 PRG-VACANT-WORD",
     );
     check(&mill(), "N10 #500=1\n#500=#500+1\nG#500 X1 Y1 R1 F100", "arc 0 -> X1 Y1 about 1,0 by -90 @100/min");
     check(&lathe(), "#5=40\nG0 X#5 Z#5", "rapid 0 -> X20 Z40");
@@ -30,7 +31,7 @@ fn section_2_values_are_rounded_to_the_least_increment_of_their_address() {
     check(&mill(), "#1=1.23456\nG0 X#1 Y1.23456", "rapid 0 -> X1.235 Y1.23456");
     check(&mill(), "G20\n#1=1.23456\nG0 X#1", "rapid 0 -> X31.35884");
     check(&mill(), "#1=1.23456\nG0 X[ROUND[#1]]", "rapid 0 -> X1.235");
-    check(&mill(), "#1=2.6\nT#1\nM#[1+1]\nM6", "tool 3.0");
+    check(&mill(), "#1=2.6\nT#1\nM#[1+1]\nM6", "tool 3.0\nw 3:1+7 PRG-VACANT-WORD");
     check(&mill(), "#1=2.6\nT#1 M6\nS[99.5] M3", "tool 3.0\nspindle cw 100");
     check(&linuxcnc(), "#1=1.23456\nG0 X#1", "rapid 0 -> X1.23456");
 }
