@@ -26,7 +26,7 @@ pub fn stability_robustness(
     depth_tolerance: f64,
 ) -> Option<StabilityRobustness> {
     let possible = |share: f64| (0.0..1.0).contains(&share);
-    if !possible(speed_tolerance) || !possible(depth_tolerance) || !(depth_mm > 0.0 && depth_mm.is_finite()) {
+    if !possible(speed_tolerance) || !possible(depth_tolerance) || depth_mm <= 0.0 || !depth_mm.is_finite() {
         return None;
     }
     let [low, high] = [1.0 - speed_tolerance, 1.0 + speed_tolerance].map(|share| spindle_rev_per_min * share);
