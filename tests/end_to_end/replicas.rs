@@ -5,11 +5,10 @@ use std::collections::HashMap;
 
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::{CancelJobRequest, GetJobRequest, JobState, SetMonitoringRequest, WatchJobsRequest};
-use feedwave_tests::{Chance, Clients, Home, Server, patiently, shared_store};
+use feedwave_tests::{Chance, Clients, Home, LIVE_PART, Left, RunLedger, Server, live_config, patiently, shared_store};
 use tokio::task::JoinSet;
 
 use crate::FEEDWAVE;
-use crate::live_runs::{Known, PART, config, drive, prove};
 use crate::validation_queue::{begins, create_endless};
 
 async fn replicas<const N: usize>() -> [Server; N] {
@@ -108,18 +107,20 @@ async fn a_live_run_moves_from_replica_to_replica() {
     let seed = chance.seed();
     let servers = replicas::<3>().await;
     let mut servers = servers.map(Some);
-    let job = servers[0].as_ref().expect("a server").connect().await.submit(PART).await.job.name;
+    let job = servers[0].as_ref().expect("a server").connect().await.submit(LIVE_PART).await.job.name;
     let mut telemetry = TelemetryClient::new(servers[1].as_ref().expect("a server").connect().await.channel);
-    let request = SetMonitoringRequest { job: job.clone(), config: Some(config()) };
+    let request = SetMonitoringRequest { job: job.clone(), config: Some(live_config()) };
     telemetry.set_monitoring(request).await.expect("the configuration is valid");
 
-    let mut known = Known::default();
+    let mut known = RunLedger::default();
     let mut moves = 0;
     loop {
         let messages = if moves < MOVES { chance.up_to(60) } else { u64::MAX };
         let place = &mut servers[moves % 3];
-        if drive(place.as_ref().expect("a server"), &job, &mut known, messages).await {
-            break;
+        match known.drive(place.as_ref().expect("a server").connect().await.channel, &job, messages).await {
+            Left::Ended => break,
+            Left::Enough => {}
+            Left::Broken(status) => panic!("the service ended by itself: {status:?}"),
         }
         // Every other time the connection breaks, and the replica lives on; else it is killed.
         if moves % 2 == 0 {
@@ -129,5 +130,5 @@ async fn a_live_run_moves_from_replica_to_replica() {
         moves += 1;
     }
     assert_eq!(moves, MOVES, "seed {seed}");
-    prove(servers[0].as_ref().expect("a server"), job, known, seed).await;
+    known.prove(servers[0].as_ref().expect("a server").connect().await, job, seed).await;
 }

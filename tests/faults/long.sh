@@ -13,6 +13,7 @@ for round in $(seq "$rounds"); do
 done
 echo "$rounds rounds passed"
 FEEDWAVE_MIXED_KILLS=60 faults mixed --nocapture
+FEEDWAVE_REPLICA_FAULTS=60 tests/postgres/run.sh cargo test --quiet --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 FEEDWAVE_FUZZ_REQUESTS=50000 faults methods --nocapture
 faults scaling --ignored --nocapture
 if [ "$(id -u)" = 0 ]; then

@@ -10,4 +10,5 @@ mod disk;
 mod library;
 mod methods;
 mod mixed;
+mod replicas;
 mod scaling;

@@ -4,7 +4,7 @@
 #
 #   tests/postgres/run.sh [COMMAND]...
 #
-# The store's suite, or the command, which finds in FEEDWAVE_TEST_STORE the URI of a store with {} where the name of an
+# The store's suite, the end-to-end tests and replicas under faults, or the command, which finds in FEEDWAVE_TEST_STORE the URI of a store with {} where the name of an
 # empty database goes. The server is Debian's: the one that is installed, or else packages unpacked into the target
 # directory, so that nothing is installed.
 set -euo pipefail
@@ -56,11 +56,8 @@ if [[ $(id -u) -eq 0 ]]; then
     as=(setpriv --reuid "$user" --regid "$(id -g "$user")" --clear-groups)
     chown "$user" "$folder"
 fi
-server=
 finish() {
-    if [[ -n $server ]] && kill -INT "$server" 2>/dev/null; then
-        wait "$server" || true
-    fi
+    end INT || true
     rm -rf "$folder"
 }
 trap finish EXIT
@@ -73,37 +70,64 @@ run() {
 run "$bin/initdb" --pgdata "$folder/data" --username feedwave --auth trust --encoding UTF8 --locale C \
     >"$folder/initdb.log" 2>&1 || missing "initdb failed: $(tail -n 1 "$folder/initdb.log")"
 
-# A free port: the server is started on one after another until it has one.
-ready() {
+# Whether the server runs: one that has ended may still wait to be buried.
+runs() {
+    local state
+    state=$(awk '{ print $3 }' "/proc/$(cat "$folder/pid" 2>/dev/null || echo none)/stat" 2>/dev/null) && [[ $state != Z ]]
+}
+
+# Starts it on a port; whether it takes connections.
+start() {
+    : >"$folder/server.log"
+    # Of a group of its own, and through no shell that waits: the process that is ended is the server's.
+    setsid "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$1" -k "$folder" \
+        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning \
+        >>"$folder/server.log" 2>&1 </dev/null &
+    echo "$!" >"$folder/pid"
     local _
-    for _ in $(seq 300); do
-        kill -0 "$server" 2>/dev/null || return 1
+    for _ in $(seq 600); do
+        runs || return 1
         grep -q 'database system is ready to accept connections' "$folder/server.log" && return 0
         sleep 0.1
     done
     return 1
 }
+
+# Ends it by a signal, and waits until it has ended.
+end() {
+    runs || return 0
+    kill "-$1" "$(cat "$folder/pid")"
+    while runs; do sleep 0.05; done
+}
+
+# A free port: the server is started on one after another until it has one.
+port=
 for _ in $(seq 20); do
     port=$((20000 + RANDOM % 12000))
-    : >"$folder/server.log"
-    # Not through a subshell that waits: the process that is ended is the server's.
-    "${as[@]}" env LD_LIBRARY_PATH="$libraries" LC_ALL=C "$bin/postgres" -D "$folder/data" -p "$port" -k "$folder" \
-        -c listen_addresses=127.0.0.1 -c max_connections=400 -c jit=off -c log_min_messages=warning \
-        >>"$folder/server.log" 2>&1 &
-    server=$!
-    ready && break
-    kill -INT "$server" 2>/dev/null && wait "$server" || true
-    server=
+    start "$port" && break
+    end INT
+    port=
 done
-[[ -n $server ]] || missing "it does not start: $(tail -n 1 "$folder/server.log")"
+[[ -n $port ]] || missing "it does not start: $(tail -n 1 "$folder/server.log")"
+
+# Crashes it and starts it again, for tests that want to see that.
+{
+    echo '#!/usr/bin/env bash'
+    echo 'set -euo pipefail'
+    declare -p bin libraries folder port as
+    declare -f runs start end
+    echo 'end QUIT && start "$port"'
+} >"$folder/restart"
+chmod +x "$folder/restart"
 
 export FEEDWAVE_TEST_STORE="postgres://feedwave@127.0.0.1:$port/{}?connections=6"
-# For tests that restart it, and for people who look into it.
-export FEEDWAVE_TEST_POSTGRES_PID=$server
-echo "PostgreSQL $("$bin/postgres" --version | sed 's/.* //; s/)//') on port $port, process $server"
+export FEEDWAVE_TEST_POSTGRES_RESTART=$folder/restart
+echo "PostgreSQL $(run "$bin/postgres" --version | awk '{ print $3 }') on port $port, process $(cat "$folder/pid")"
 if [[ $# -gt 0 ]]; then
     "$@"
 else
     cargo test --workspace --test suite
     cargo test --workspace --test postgres_server --test end_to_end -- --include-ignored --skip exclusive:: --skip documents::
+    # Alone, since the server crashes under it.
+    cargo test --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 fi

@@ -57,7 +57,12 @@ impl Clients {
     /// When the port cannot be reached.
     pub async fn connect(address: SocketAddr) -> Self {
         let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("a valid address");
-        let channel = endpoint.connect().await.expect("the port is open");
+        Self::of(endpoint.connect().await.expect("the port is open"))
+    }
+
+    /// Clients over this connection.
+    #[must_use]
+    pub fn of(channel: Channel) -> Self {
         Self {
             jobs: JobsClient::new(channel.clone()),
             setpoints: SetpointsClient::new(channel.clone()),
