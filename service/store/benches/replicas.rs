@@ -1,0 +1,126 @@
+//! Decisions and jobs made durable in a file and on a PostgreSQL server, in the same run, and on the server through one, two and three
+//! replicas at once. Without `FEEDWAVE_TEST_STORE` only the file is measured:
+//!
+//! ```text
+//! tests/postgres/run.sh cargo bench -p feedwave-store --bench replicas
+//! ```
+
+use std::time::{Duration, Instant};
+
+use feedwave_store::{
+    Fingerprint, NewDecision, NewJob, NewRun, ProgramId, RawValue, RunCommit, RunKind, Store, StoreSettings, StoreUri,
+    Tenant,
+};
+use tokio::task::JoinSet;
+use uuid::Uuid;
+
+/// How long each line is measured.
+const TIME: Duration = Duration::from_secs(3);
+/// Callers at once of each replica, where there are many.
+const MANY: usize = 32;
+
+/// What every caller does again and again.
+#[derive(Clone, Copy)]
+enum Work {
+    Decisions,
+    Jobs,
+}
+
+async fn new_job(store: &Store, program_id: ProgramId) -> Uuid {
+    let request_id = Uuid::now_v7().to_string();
+    let body = || RawValue::from_string(r#"{"axes":["X","Z"]}"#.into()).expect("JSON");
+    let new = NewJob {
+        tenant: Tenant::DEFAULT,
+        owner: String::new(),
+        fingerprint: Fingerprint::of([request_id.as_bytes()]),
+        request_id,
+        display_name: "benchmark".into(),
+        program_id,
+        further_program_ids: Vec::new(),
+        machine_id: "lathe-1".into(),
+        client: String::new(),
+        machine_snapshot: body(),
+        settings: body(),
+    };
+    store.create_job(new).await.expect("creates a job").id
+}
+
+/// Works until the time is over; how long each piece took.
+async fn work(store: Store, program: ProgramId, work: Work, until: Instant) -> Vec<Duration> {
+    let job_id = new_job(&store, program).await;
+    let settings = RawValue::from_string("{}".into()).expect("JSON");
+    let new = NewRun { job_id, kind: RunKind::Live, settings, monitor: vec![0; 512].into() };
+    let run = store.create_run(new).await.expect("creates a run");
+    let mut times = Vec::new();
+    for number in 0.. {
+        let begun = Instant::now();
+        if begun >= until {
+            break;
+        }
+        match work {
+            Work::Jobs => {
+                new_job(&store, program).await;
+            }
+            Work::Decisions => {
+                let body = vec![7; 600].into();
+                let decision = NewDecision { number, action: "change", body, raises_condition: false };
+                let telemetry = Some((Some(number), vec![0; 512].into()));
+                let commit = RunCommit { telemetry, decisions: vec![decision], ..RunCommit::default() };
+                store.commit_run(run.run.id, run.attachment, commit).await.expect("commits");
+            }
+        }
+        times.push(begun.elapsed());
+    }
+    times
+}
+
+/// Opens so many replicas of a store, works with so many callers on each, and prints what came of it.
+async fn measure(name: &str, uri: &StoreUri, replicas: usize, callers: usize, kind: Work) {
+    let mut stores = Vec::new();
+    for _ in 0..replicas {
+        stores.push(Store::open(uri, StoreSettings::default()).await.expect("opens"));
+    }
+    let program = stores[0].put_program(Tenant::DEFAULT, "M30\n".into()).await.expect("puts").id;
+    let begun = Instant::now();
+    let mut tasks = JoinSet::new();
+    for store in &stores {
+        for _ in 0..callers {
+            tasks.spawn(work(store.clone(), program, kind, begun + TIME));
+        }
+    }
+    let mut times: Vec<Duration> = tasks.join_all().await.into_iter().flatten().collect();
+    let rate = times.len() as f64 / begun.elapsed().as_secs_f64();
+    times.sort_unstable();
+    let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize].as_secs_f64() * 1e3;
+    let what = match kind {
+        Work::Decisions => "decisions",
+        Work::Jobs => "jobs",
+    };
+    println!(
+        "{name:<10} {replicas} replica(s) {callers:>3} callers each: {rate:>7.0} {what}/s, p50 {:>6.2} ms, p99 {:>6.2} ms",
+        at(0.5),
+        at(0.99)
+    );
+    for store in stores {
+        store.close().await;
+    }
+}
+
+#[tokio::main]
+async fn main() {
+    let folder = tempfile::TempDir::new().expect("a temporary folder");
+    let file = StoreUri::of_file(&folder.path().join("feedwave.db")).expect("a path");
+    let server = std::env::var("FEEDWAVE_TEST_STORE").ok().map(|pattern| -> StoreUri {
+        pattern.replace("{}", &format!("bench-{}", Uuid::now_v7())).parse().expect("a URI")
+    });
+    for kind in [Work::Decisions, Work::Jobs] {
+        for callers in [1, MANY] {
+            measure("file", &file, 1, callers, kind).await;
+            for replicas in 1..=3 {
+                if let Some(server) = &server {
+                    measure("server", server, replicas, callers, kind).await;
+                }
+            }
+        }
+    }
+}
