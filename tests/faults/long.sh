@@ -13,8 +13,8 @@ for round in $(seq "$rounds"); do
 done
 echo "$rounds rounds passed"
 FEEDWAVE_MIXED_KILLS=60 faults mixed --nocapture
-FEEDWAVE_REPLICA_FAULTS=60 tests/postgres/run.sh cargo test --quiet --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 FEEDWAVE_FUZZ_REQUESTS=50000 faults methods --nocapture
+FEEDWAVE_REPLICA_FAULTS=100 tests/postgres/run.sh cargo test --quiet --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 faults scaling --ignored --nocapture
 if [ "$(id -u)" = 0 ]; then
     # Temporary files of the tests on 48 MiB: the disk is full for real.

@@ -29,7 +29,7 @@ use tonic::transport::{Channel, Endpoint};
 use crate::FEEDWAVE;
 use crate::library::Faults;
 
-/// Faults where nothing else is asked for; `tests/faults/long.sh` asks for more.
+/// Faults where nothing else is asked for.
 const FAULTS: u64 = 9;
 /// Clients that create jobs.
 const CREATORS: u64 = 2;
@@ -327,7 +327,7 @@ async fn all_jobs(clients: &mut Clients) -> HashMap<String, JobState> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-#[ignore = "needs a PostgreSQL server of its own: tests/postgres/run.sh"]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
 async fn nothing_is_lost_done_twice_or_reordered_when_replicas_and_the_database_fail() {
     let mut chance = Chance::new();
     let seed = chance.seed();

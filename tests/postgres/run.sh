@@ -4,8 +4,8 @@
 #
 #   tests/postgres/run.sh [COMMAND]...
 #
-# The store's suite, the end-to-end tests and replicas under faults, or the command, which finds in FEEDWAVE_TEST_STORE the URI of a store with {} where the name of an
-# empty database goes. The server is Debian's: the one that is installed, or else packages unpacked into the target
+# The store's suite, the end-to-end tests and replicas under faults, or the command, which finds in FEEDWAVE_TEST_STORE the
+# URI of a store with {} where the name of an empty database goes. The server is Debian's: the one that is installed, or else packages unpacked into the target
 # directory, so that nothing is installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -128,6 +128,5 @@ if [[ $# -gt 0 ]]; then
 else
     cargo test --workspace --test suite
     cargo test --workspace --test postgres_server --test end_to_end -- --include-ignored --skip exclusive:: --skip documents::
-    # Alone, since the server crashes under it.
     cargo test --workspace --test faults -- replicas:: --ignored --nocapture --test-threads 1
 fi
