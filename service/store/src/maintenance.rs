@@ -57,15 +57,15 @@ pub struct CopyReport {
     pub newest_event: i64,
 }
 
-/// Verifies every record of a database: the file itself, references, hashes of programs, reports, logs. The service may
-/// run meanwhile.
+/// Verifies every record of a database: hashes of programs, reports, logs, and of a file the file itself and references,
+/// which a server verifies. The service may run meanwhile.
 ///
 /// # Errors
 /// `CannotOpen`, `Incompatible`, `Unavailable`. That something is damaged is no error but what the report says.
 pub async fn check(uri: &StoreUri) -> Result<CheckReport> {
     match uri.place() {
         Place::Sqlite(options) => maintenance::check(&options.path).await,
-        Place::Postgres(_) => Err(of_the_server("verifying it is the server's: its checksums and pg_amcheck")),
+        Place::Postgres(options) => postgres::check(options).await,
     }
 }
 

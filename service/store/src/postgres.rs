@@ -7,6 +7,7 @@
 
 mod audit;
 mod bell;
+mod check;
 mod checkpoints;
 mod clock;
 mod copy;
@@ -40,6 +41,7 @@ use crate::error::{Result, StoreError};
 use crate::settings::{StoreSettings, StoreStats};
 use crate::sql::fault::REFUSED;
 use bell::Bell;
+pub(crate) use check::check;
 use clock::Clock;
 pub(crate) use copy::copy;
 pub(crate) use fault::meaning;

@@ -1,6 +1,7 @@
 //! What the databases behind SQL have in common: how records are packed, and how rows become records.
 
 pub(crate) mod audit;
+pub(crate) mod check;
 pub(crate) mod checkpoints;
 pub(crate) mod clock;
 pub(crate) mod compress;

@@ -4,9 +4,9 @@
 use std::collections::HashSet;
 
 use feedwave_store::{
-    Attempt, AuditFilter, AuditRequest, AuditResult, DecisionFilter, EventFilter, Fingerprint, JobState, NewDecision,
-    NewJob, NewRun, PageRequest, ProgramId, RawValue, RunCommit, RunKind, Store, StoreError, StoreSettings, StoreUri,
-    Tenant,
+    Attempt, AuditFilter, AuditRequest, AuditResult, DecisionFilter, EventFilter, FindingCounts, Fingerprint, JobState,
+    NewDecision, NewJob, NewReport, NewRun, PageRequest, ProgramId, RawValue, RunCommit, RunKind, Store,
+    StoreError, StoreSettings, StoreUri, Tenant,
 };
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection};
@@ -405,4 +405,50 @@ async fn a_file_is_copied_whole_or_not_at_all() {
     let records = store.commit_run(run.run.id, taken.attachment, decision(7)).await.unwrap();
     assert_eq!(records[0].sequence, 8);
     store.put_program(Tenant::DEFAULT, "another\n".into()).await.unwrap();
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn what_is_not_as_it_was_written_is_found_by_its_record() {
+    let place = Place::new();
+    let missing = feedwave_store::check(&place.store_uri()).await.unwrap_err();
+    assert!(matches!(missing, StoreError::CannotOpen { .. }), "{missing:?}");
+    let store = place.open().await;
+    let program = store.put_program(Tenant::DEFAULT, "G1 X10 F100\nM30\n".into()).await.unwrap().id;
+    let job = store.create_job(new_job("r", program)).await.unwrap().id;
+    let json = || RawValue::from_string("{}".into()).unwrap();
+    let report = NewReport { report: json(), findings: FindingCounts::default(), summary: Some(json()) };
+    store.transition(job, &JobState::ALL, JobState::Ready, "", Some(report)).await.unwrap();
+    let run = NewRun { job_id: job, kind: RunKind::Live, settings: json(), monitor: vec![7; 5_000].into() };
+    let run = store.create_run(run).await.unwrap();
+    let decision = |number| NewDecision { number, action: "keep", body: "d".into(), raises_condition: false };
+    let decisions = (0..3).map(decision).collect();
+    let commit = RunCommit { decisions, ..RunCommit::default() };
+    store.commit_run(run.run.id, run.attachment, commit).await.unwrap();
+
+    // While replicas have it.
+    let found = feedwave_store::check(&place.store_uri()).await.unwrap();
+    assert_eq!(found.problems, [], "{found:?}");
+    let checked = |kind| found.checked.iter().find(|(name, _)| *name == kind).map(|(_, count)| *count);
+    let counts = ["program", "job", "report", "run", "event"].map(checked);
+    assert_eq!(counts, [Some(1), Some(1), Some(1), Some(1), Some(2)]);
+
+    for (sql, kind, reason) in [
+        ("UPDATE program_chunks SET source_bytes = source_bytes - 1", "program", ""),
+        ("DELETE FROM decisions WHERE number = 1", "run", "2 of 3 decisions are there"),
+        ("UPDATE validation_reports SET report = '\\x00'", "report", "cannot be restored"),
+        ("DELETE FROM validation_reports", "job", "it is ready and has no report"),
+        ("UPDATE jobs SET settings = 'x'", "job", "holds no JSON"),
+    ] {
+        place.execute(sql).await;
+        let found = feedwave_store::check(&place.store_uri()).await.unwrap();
+        let is_told = found.problems.iter().any(|problem| problem.kind == kind && problem.reason.contains(reason));
+        assert!(is_told, "{sql}: {found:?}");
+    }
+    // Copies are the server's.
+    let folder = TempDir::new().unwrap();
+    let refused = feedwave_store::backup(&place.store_uri(), &folder.path().join("copy.db")).await.unwrap_err();
+    assert!(refused.to_string().contains("pg_dump"), "{refused}");
+    let refused = feedwave_store::restore(&place.store_uri(), &folder.path().join("copy.db"), false).await.unwrap_err();
+    assert!(refused.to_string().contains("pg_restore"), "{refused}");
 }

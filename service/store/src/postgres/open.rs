@@ -46,6 +46,30 @@ pub(crate) async fn migrate(options: &PostgresOptions) -> Result<()> {
     Ok(())
 }
 
+/// Connects to a database of ours that is not newer than this version, without changing its schema.
+///
+/// # Errors
+/// `CannotOpen`, `Incompatible`, `Unavailable`.
+pub(super) async fn connect_unchanged(options: &PostgresOptions) -> Result<PgConnection> {
+    let missing = |error| match error {
+        error if is_code(&error, "3D000") => {
+            StoreError::CannotOpen { reason: "there is no such database", source: None }
+        }
+        error => cannot_open(error),
+    };
+    let mut connection = connect(options, &options.database).await.map_err(missing)?;
+    if identify(&mut connection).await? == 0 {
+        return Err(StoreError::CannotOpen { reason: "there is nothing in the database", source: None });
+    }
+    let newest: Option<i64> =
+        sqlx::query_scalar("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(&mut connection).await?;
+    let known = migrations::newest(&MIGRATOR);
+    match newest {
+        Some(newest) if newest > known => Err(migrations::newer(newest, known)),
+        _ => Ok(connection),
+    }
+}
+
 /// A pool of connections that are made when they are needed.
 ///
 /// # Errors
@@ -100,8 +124,8 @@ async fn create(options: &PostgresOptions) -> Result<()> {
     Ok(())
 }
 
-/// Looks at the database before anything in it is changed.
-async fn identify(connection: &mut PgConnection) -> Result<()> {
+/// Looks at the database before anything in it is changed; how many tables it has.
+async fn identify(connection: &mut PgConnection) -> Result<i64> {
     let (tables, ours): (i64, i64) = sqlx::query_as(
         "SELECT COUNT(*), COUNT(*) FILTER (WHERE table_name = 'feedwave')
          FROM information_schema.tables WHERE table_schema = CURRENT_SCHEMA()",
@@ -115,7 +139,7 @@ async fn identify(connection: &mut PgConnection) -> Result<()> {
     if encoding != "UTF8" {
         return Err(StoreError::Incompatible(format!("its encoding is {encoding}, and must be UTF8")));
     }
-    Ok(())
+    Ok(tables)
 }
 
 /// Tells of settings of the server with which an acknowledged write may be lost.

@@ -1,0 +1,321 @@
+//! Whether every record is as it was written, whichever database it is in.
+
+use async_trait::async_trait;
+use sha2::{Digest as _, Sha256};
+
+use super::compress::{decompress, offload};
+use super::record::{Record, parsed, parsed_option, to_json, unsigned};
+use crate::error::{Result, StoreError};
+use crate::jobs::JobState;
+use crate::maintenance::{CheckReport, MAX_PROBLEMS, Problem};
+use crate::programs::{CHUNK_BYTES, ProgramId, ProgramKey};
+use crate::runs::RunState;
+
+const NOTHING: &str = "nothing: it is made again when it is needed";
+const PROGRAM: &str = "the program, and with it streams of the jobs that use it; upload it again";
+const UPLOAD: &str = "what was received of the program; upload it again";
+const JOB: &str = "the job; create it again";
+const REPORT: &str = "the report of the job; create the job again";
+const RUN: &str = "the proof of the run";
+const DOCUMENT: &str = "the machine or tool; put it again";
+const EVENT: &str = "a line of the log";
+/// What is lost with damage that is not a record's.
+pub(crate) const FILE: &str = "what is in the damaged pages; restore a backup";
+
+/// A parameter of a query.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Parameter<'a> {
+    Text(&'a str),
+    Integer(i64),
+}
+
+/// A database whose records are verified; the service may change it meanwhile.
+#[async_trait]
+pub(crate) trait Verified: Send {
+    /// A row of it.
+    type Row: Record + Send + Sync;
+
+    /// Rows of a query with parameters `$1` and so on.
+    async fn rows(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Vec<Self::Row>>;
+
+    /// Whether an error tells of damage, and not of a database that does not answer.
+    fn is_damage(error: &StoreError) -> bool;
+}
+
+/// A verification in progress.
+pub(crate) struct Check<D> {
+    /// What is verified.
+    pub(crate) database: D,
+    /// What was found.
+    pub(crate) report: CheckReport,
+}
+
+impl<D: Verified> Check<D> {
+    /// Verifies every record.
+    ///
+    /// # Errors
+    /// Those that tell of no damage.
+    pub(crate) async fn records(&mut self) -> Result<()> {
+        self.programs().await?;
+        self.uploads().await?;
+        self.jobs().await?;
+        self.reports().await?;
+        self.checkpoints().await?;
+        self.run_checkpoints().await?;
+        self.documents().await?;
+        self.runs().await?;
+        self.events().await
+    }
+
+    /// Something that is not as it was written.
+    pub(crate) fn problem(&mut self, kind: &'static str, id: impl ToString, reason: impl ToString, lost: &'static str) {
+        if self.report.problems.len() == MAX_PROBLEMS {
+            self.report.further_problems += 1;
+            return;
+        }
+        self.report.problems.push(Problem { kind, id: id.to_string(), reason: reason.to_string(), lost });
+    }
+
+    fn note(&mut self, kind: &'static str, id: impl ToString, result: Result<()>, lost: &'static str) -> Result<()> {
+        let Err(error) = result else { return Ok(()) };
+        if !D::is_damage(&error) {
+            return Err(error);
+        }
+        let reason = match &error {
+            StoreError::Corrupt { reason, .. } => reason.clone(),
+            other => other.to_string(),
+        };
+        self.problem(kind, id, reason, lost);
+        Ok(())
+    }
+
+    /// Identifiers of all records of a kind; what cannot even be listed is a problem of the file.
+    async fn ids(&mut self, kind: &'static str, sql: &'static str) -> Result<Vec<D::Row>> {
+        let rows = match self.database.rows(sql, &[]).await {
+            Ok(rows) => rows,
+            Err(error) if D::is_damage(&error) => {
+                self.problem("file", kind, error, FILE);
+                Vec::new()
+            }
+            Err(error) => return Err(error),
+        };
+        self.report.checked.push((kind, rows.len() as u64));
+        Ok(rows)
+    }
+
+    /// The row of one record; `None` where it was removed meanwhile.
+    async fn row(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Option<D::Row>> {
+        Ok(self.database.rows(sql, parameters).await?.pop())
+    }
+
+    async fn programs(&mut self) -> Result<()> {
+        for row in self.ids("program", "SELECT id, content_id, size_bytes, chunk_count FROM programs").await? {
+            let id = row.text("id")?.to_owned();
+            let mut result = self.program(&row).await;
+            let is_there = "SELECT id FROM programs WHERE id = $1";
+            if result.is_err() && self.row(is_there, &[Parameter::Text(&id)]).await.is_ok_and(|row| row.is_none()) {
+                // What belonged to it was removed with it.
+                result = Ok(());
+            }
+            self.note("program", id, result, PROGRAM)?;
+        }
+        Ok(())
+    }
+
+    async fn program(&mut self, row: &D::Row) -> Result<()> {
+        let ProgramKey(expected) = parsed(row, "id")?;
+        let (size, count) = (unsigned(row, "size_bytes")?, unsigned(row, "chunk_count")?);
+        let (actual, bytes) = self.hash(row.integer("content_id")?, count).await?;
+        if bytes != size {
+            return Err(StoreError::corrupt(format!("it has {bytes} bytes, not {size}")));
+        }
+        if actual.as_bytes() != expected.as_bytes() {
+            return Err(StoreError::corrupt(format!("its bytes hash to {actual}")));
+        }
+        Ok(())
+    }
+
+    /// Hash and size of the first chunks of a content.
+    async fn hash(&mut self, content: i64, count: u64) -> Result<(ProgramId, u64)> {
+        let mut hash = Sha256::new();
+        let mut bytes = 0;
+        for index in 0..count {
+            let sql = "SELECT source_offset, source_bytes, data FROM program_chunks
+                WHERE content_id = $1 AND chunk_index = $2";
+            let place = [Parameter::Integer(content), Parameter::Integer(i64::try_from(index).unwrap_or(i64::MAX))];
+            let row = self.row(sql, &place).await?;
+            let row = row.ok_or_else(|| StoreError::corrupt(format!("chunk {index} is missing")))?;
+            let size = unsigned(&row, "source_bytes")?;
+            if unsigned(&row, "source_offset")? != index * CHUNK_BYTES || size > CHUNK_BYTES {
+                return Err(StoreError::corrupt(format!("chunk {index} is not where it belongs")));
+            }
+            let data = row.bytes("data")?.to_vec();
+            let source = offload(data.len(), move || decompress(&data, size)).await?;
+            bytes += source.len() as u64;
+            hash = offload(source.len(), move || Ok(hash.chain_update(&source))).await?;
+        }
+        Ok((ProgramId::from_bytes(hash.finalize().into()), bytes))
+    }
+
+    async fn uploads(&mut self) -> Result<()> {
+        let sql = "SELECT id, content_id, received_bytes,
+                (SELECT COUNT(*) FROM program_chunks AS c WHERE c.content_id = uploads.content_id) AS chunks,
+                (SELECT COALESCE(SUM(LENGTH(data)), 0) FROM upload_tails WHERE upload_id = uploads.id) AS tail_bytes
+            FROM uploads";
+        for row in self.ids("upload", sql).await? {
+            let id = row.text("id")?.to_owned();
+            let mut result = self.upload(&row).await;
+            let is_there = "SELECT id FROM uploads WHERE id = $1";
+            if result.is_err() && self.row(is_there, &[Parameter::Text(&id)]).await.is_ok_and(|row| row.is_none()) {
+                result = Ok(());
+            }
+            self.note("upload", id, result, UPLOAD)?;
+        }
+        Ok(())
+    }
+
+    async fn upload(&mut self, row: &D::Row) -> Result<()> {
+        let (_, bytes) = self.hash(row.integer("content_id")?, unsigned(row, "chunks")?).await?;
+        let (there, received) = (bytes + unsigned(row, "tail_bytes")?, unsigned(row, "received_bytes")?);
+        if there == received {
+            return Ok(());
+        }
+        Err(StoreError::corrupt(format!("it has {there} of the {received} bytes received")))
+    }
+
+    async fn jobs(&mut self) -> Result<()> {
+        for row in self.ids("job", "SELECT id FROM jobs ORDER BY sequence").await? {
+            let id = row.text("id")?.to_owned();
+            let result = self.job(&id).await;
+            self.note("job", id, result, JOB)?;
+        }
+        Ok(())
+    }
+
+    async fn job(&mut self, id: &str) -> Result<()> {
+        let sql = "SELECT j.id, j.state, j.program_id, j.settings, j.machine_snapshot, m.config,
+                (SELECT COUNT(*) FROM validation_reports AS r WHERE r.job_id = j.id) AS reports
+             FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1";
+        let Some(row) = self.row(sql, &[Parameter::Text(id)]).await? else { return Ok(()) };
+        parsed::<uuid::Uuid>(&row, "id")?;
+        parsed::<ProgramKey>(&row, "program_id")?;
+        let state: JobState = parsed(&row, "state")?;
+        for column in ["settings", "machine_snapshot"] {
+            to_json(row.text(column)?.to_owned(), column)?;
+        }
+        if let Some(config) = row.text_option("config")? {
+            to_json(config.to_owned(), "config")?;
+        }
+        if matches!(state, JobState::Ready | JobState::Rejected) && row.integer("reports")? == 0 {
+            return Err(StoreError::corrupt(format!("it is {state} and has no report")));
+        }
+        Ok(())
+    }
+
+    async fn reports(&mut self) -> Result<()> {
+        for row in self.ids("report", "SELECT job_id FROM validation_reports").await? {
+            let id = row.text("job_id")?.to_owned();
+            let sql = "SELECT report_bytes AS size_bytes, report AS packed FROM validation_reports WHERE job_id = $1";
+            let result = self.packed(sql, &[Parameter::Text(&id)]).await;
+            let result = result.and_then(|report| {
+                let Some(report) = report else { return Ok(()) };
+                let text =
+                    String::from_utf8(report).map_err(|error| StoreError::corrupt_by("a report is not text", error))?;
+                to_json(text, "report").map(drop)
+            });
+            self.note("report", id, result, REPORT)?;
+        }
+        Ok(())
+    }
+
+    /// A compressed record, `packed` with its `size_bytes`; `None` where it was removed meanwhile.
+    async fn packed(&mut self, sql: &'static str, parameters: &[Parameter<'_>]) -> Result<Option<Vec<u8>>> {
+        let Some(row) = self.row(sql, parameters).await? else { return Ok(None) };
+        let (size, packed) = (unsigned(&row, "size_bytes")?, row.bytes("packed")?.to_vec());
+        offload(packed.len(), move || Ok(Some(decompress(&packed, size)?.into()))).await
+    }
+
+    async fn checkpoints(&mut self) -> Result<()> {
+        let all = "SELECT job_id, interpolation_period_us, generation_key, setpoint_index FROM job_checkpoints";
+        for row in self.ids("checkpoint", all).await? {
+            let id = row.text("job_id")?;
+            let key = [
+                Parameter::Text(id),
+                Parameter::Integer(row.integer("interpolation_period_us")?),
+                Parameter::Text(row.text("generation_key")?),
+                Parameter::Integer(row.integer("setpoint_index")?),
+            ];
+            let sql = "SELECT snapshot_bytes AS size_bytes, snapshot AS packed FROM job_checkpoints
+                WHERE job_id = $1 AND interpolation_period_us = $2 AND generation_key = $3 AND setpoint_index = $4";
+            let result = self.packed(sql, &key).await.map(drop);
+            self.note("checkpoint", id, result, NOTHING)?;
+        }
+        Ok(())
+    }
+
+    async fn run_checkpoints(&mut self) -> Result<()> {
+        for row in self.ids("run checkpoint", "SELECT run_id, setpoint_index FROM run_checkpoints").await? {
+            let id = row.text("run_id")?;
+            let key = [Parameter::Text(id), Parameter::Integer(row.integer("setpoint_index")?)];
+            let sql = "SELECT snapshot_bytes AS size_bytes, snapshot AS packed FROM run_checkpoints
+                WHERE run_id = $1 AND setpoint_index = $2";
+            let result = self.packed(sql, &key).await.map(drop);
+            self.note("run checkpoint", format!("runs/{id}"), result, NOTHING)?;
+        }
+        Ok(())
+    }
+
+    async fn documents(&mut self) -> Result<()> {
+        for row in self.ids("document", "SELECT collection, id, body FROM documents").await? {
+            let id = format!("{}s/{}", row.text("collection")?, row.text("id")?);
+            let body = row.text("body").map(str::to_owned).map_err(StoreError::from);
+            let result = body.and_then(|body| to_json(body, "body").map(drop));
+            self.note("document", id, result, DOCUMENT)?;
+        }
+        Ok(())
+    }
+
+    async fn runs(&mut self) -> Result<()> {
+        let sql = "SELECT id, state, settings,
+                (SELECT COUNT(*) FROM decisions AS d WHERE d.run_id = runs.id) AS decisions,
+                (SELECT COALESCE(MAX(number) - MIN(number) + 1, 0) FROM decisions AS d WHERE d.run_id = runs.id)
+                    AS decision_numbers,
+                (SELECT COUNT(*) FROM run_overrides AS o WHERE o.run_id = runs.id) AS overrides,
+                (SELECT COALESCE(MAX(number) - MIN(number) + 1, 0) FROM run_overrides AS o WHERE o.run_id = runs.id)
+                    AS override_numbers
+            FROM runs";
+        for row in self.ids("run", sql).await? {
+            let id = row.text("id")?.to_owned();
+            let result = self.run(&id, &row).await;
+            self.note("run", id, result, RUN)?;
+        }
+        Ok(())
+    }
+
+    async fn run(&mut self, id: &str, row: &D::Row) -> Result<()> {
+        parsed::<RunState>(row, "state")?;
+        to_json(row.text("settings")?.to_owned(), "settings")?;
+        for (records, numbers) in [("decisions", "decision_numbers"), ("overrides", "override_numbers")] {
+            let (there, numbered) = (unsigned(row, records)?, unsigned(row, numbers)?);
+            if there != numbered {
+                return Err(StoreError::corrupt(format!("{there} of {numbered} {records} are there")));
+            }
+        }
+        let sql = "SELECT monitor_bytes AS size_bytes, monitor AS packed FROM runs WHERE id = $1";
+        self.packed(sql, &[Parameter::Text(id)]).await.map(drop)
+    }
+
+    async fn events(&mut self) -> Result<()> {
+        let rows = self.ids("event", "SELECT sequence, job_id, from_state, to_state FROM job_events").await?;
+        for row in rows {
+            let event = || -> Result<()> {
+                parsed::<uuid::Uuid>(&row, "job_id")?;
+                parsed_option::<JobState>(&row, "from_state")?;
+                parsed_option::<JobState>(&row, "to_state")?;
+                Ok(())
+            };
+            self.note("event", row.integer("sequence")?, event(), EVENT)?;
+        }
+        Ok(())
+    }
+}
