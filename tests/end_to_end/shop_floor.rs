@@ -114,10 +114,10 @@ impl Live {
 }
 
 /// States of a machine as they come.
-struct Watch(Streaming<WatchStateResponse>);
+pub(crate) struct Watch(Streaming<WatchStateResponse>);
 
 impl Watch {
-    async fn open(server: &Server, name: &str) -> Self {
+    pub(crate) async fn open(server: &Server, name: &str) -> Self {
         let mut machines = MachinesClient::new(server.connect().await.channel);
         let request = WatchStateRequest { name: name.to_owned() };
         Self(machines.watch_state(request).await.expect("machines are watched").into_inner())
@@ -128,7 +128,7 @@ impl Watch {
     }
 
     /// The first state that is as wanted.
-    async fn until(&mut self, wanted: impl Fn(&MachineState) -> bool) -> MachineState {
+    pub(crate) async fn until(&mut self, wanted: impl Fn(&MachineState) -> bool) -> MachineState {
         loop {
             let state = self.next().await.state.expect("a state");
             if wanted(&state) {
@@ -259,14 +259,14 @@ async fn a_run_that_broke_off_has_no_values() {
 }
 
 /// Telemetry of a machine that has its setpoints from elsewhere.
-struct Ingest {
+pub(crate) struct Ingest {
     requests: mpsc::Sender<IngestRequest>,
-    run: String,
+    pub(crate) run: String,
     _responses: Streaming<feedwave_contract::proto::IngestResponse>,
 }
 
 impl Ingest {
-    async fn open(server: &Server, job: String) -> Self {
+    pub(crate) async fn open(server: &Server, job: String) -> Self {
         use feedwave_contract::proto::ingest_response::Message;
         let mut client = TelemetryClient::new(server.connect().await.channel);
         let (requests, outgoing) = mpsc::channel(256);
@@ -279,7 +279,7 @@ impl Ingest {
         Self { requests, run: started.run, _responses: responses }
     }
 
-    async fn send(&self, batch: TelemetryBatch) {
+    pub(crate) async fn send(&self, batch: TelemetryBatch) {
         let message = Some(ingest_request::Message::Batch(batch));
         self.requests.send(IngestRequest { message }).await.expect("the service listens");
     }

@@ -45,6 +45,7 @@ pub use turns::ValidationProgress;
 
 use crate::config::Limits;
 use crate::error::{Error, Result, Violations};
+use crate::events::EventReader;
 use crate::observability::VERSION;
 use crate::observability::metrics::Metrics;
 use crate::stored;
@@ -128,7 +129,8 @@ impl Engine {
         if let Some(given) = given {
             let engine = self.clone();
             self.inner.tasks.spawn(async move { worker::run(engine, given).await });
-            self.inner.tasks.spawn(replicas::follow(self.clone()));
+            let events = EventReader::new(self.inner.store.clone(), self.inner.draining.clone());
+            self.inner.tasks.spawn(replicas::follow(self.clone(), events));
         }
     }
 

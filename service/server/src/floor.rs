@@ -7,7 +7,9 @@
 
 mod alarms;
 mod course;
+mod elsewhere;
 mod floors;
+mod follow;
 mod handed_out;
 mod presence;
 mod restore;
@@ -29,7 +31,9 @@ use tokio::time::{Instant, sleep_until};
 use uuid::Uuid;
 
 pub(crate) use course::Course;
+pub(crate) use elsewhere::share;
 pub(crate) use floors::Floors;
+pub(crate) use follow::follow;
 pub(crate) use handed_out::HandedOut;
 pub(crate) use presence::Presence;
 
@@ -91,6 +95,8 @@ struct Connected {
     view: RunView,
     /// Its job was deleted: it is forgotten with its stream.
     forgotten: bool,
+    /// The stream is another replica's.
+    is_elsewhere: bool,
 }
 
 /// A condition that a decision raised.
@@ -134,11 +140,35 @@ impl Machine {
         self.connected.last().map(|connected| &connected.view).or(self.resting.as_ref())
     }
 
-    /// Keeps what is left of a run whose stream is gone.
+    /// Keeps what is left of a run whose stream is gone, and counts it where it came to its end. What another replica
+    /// says of an earlier stream may come later.
     fn rest(&mut self, view: RunView) {
+        let is_finished = |view: &RunView| view.activity.execution() == Execution::Finished;
+        if self.resting.as_ref().is_some_and(|resting| resting.id == view.id && is_finished(resting)) {
+            return;
+        }
+        self.finished += u64::from(is_finished(&view));
         if self.resting.as_ref().is_none_or(|resting| resting.sequence <= view.sequence) {
             self.resting = Some(view);
         }
+    }
+
+    /// Takes in conditions that are not known yet.
+    fn know(&mut self, logged: Vec<Logged>) {
+        for new in logged {
+            let known =
+                |old: &Logged| old.run == new.run && old.condition.decision_number == new.condition.decision_number;
+            if !self.logged.iter().any(known) {
+                self.logged.push(new);
+            }
+        }
+    }
+
+    /// Whether any run that it shows or remembers is of this job.
+    fn knows_job(&self, job_id: Uuid) -> bool {
+        let views = self.connected.iter().map(|connected| &connected.view).chain(&self.resting);
+        let mut jobs = views.map(|view| view.job_id).chain(self.logged.iter().map(|logged| logged.job_id));
+        jobs.any(|job| job == job_id)
     }
 
     fn state(&self) -> MachineState {
@@ -195,6 +225,10 @@ struct Board {
     removed: u64,
     /// The first page of states as it was written last, and of which version it is.
     first_page: Option<(u64, Arc<Tagged>)>,
+    /// Whether other replicas are to be told of runs.
+    is_shared: bool,
+    /// Runs whose streams have ended here, and of which others were not told yet, with their machines.
+    left: Vec<(String, RunView)>,
 }
 
 impl Board {
@@ -283,6 +317,11 @@ impl Floor {
         Self { board: Arc::default(), newest: Arc::new(watch::Sender::new(0)) }
     }
 
+    /// From now on, other replicas are to be told of its runs.
+    fn share(&self) {
+        self.board().is_shared = true;
+    }
+
     fn board(&self) -> MutexGuard<'_, Board> {
         // Every change leaves a whole board behind, so a poisoned one is valid.
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
@@ -322,8 +361,8 @@ impl Floor {
         });
     }
 
-    /// A stream of a run is connected; its ticket.
-    fn connect(&self, id: &str, view: RunView, logged: Vec<Logged>) -> u64 {
+    /// A stream of a run is connected, here or elsewhere; its ticket.
+    fn connect(&self, id: &str, view: RunView, logged: Vec<Logged>, is_elsewhere: bool) -> u64 {
         let ticket = {
             let mut board = self.board();
             board.tickets += 1;
@@ -333,14 +372,10 @@ impl Floor {
             if machine.resting.as_ref().is_some_and(|resting| resting.id == view.id) {
                 machine.resting = None;
             }
-            for new in logged {
-                let known =
-                    |old: &Logged| old.run == new.run && old.condition.decision_number == new.condition.decision_number;
-                if !machine.logged.iter().any(known) {
-                    machine.logged.push(new);
-                }
-            }
-            machine.connected.push(Connected { ticket, view, forgotten: false });
+            machine.know(logged);
+            // A run has one stream: where it was taken up, the former one at another replica is over, though not yet heard of.
+            machine.connected.retain(|connected| !connected.is_elsewhere || connected.view.id != view.id);
+            machine.connected.push(Connected { ticket, view, forgotten: false, is_elsewhere });
         });
         ticket
     }
@@ -356,18 +391,30 @@ impl Floor {
 
     /// The stream is gone; what is left of its run, where it is not another stream's by now.
     fn disconnect(&self, id: &str, ticket: u64, view: Option<RunView>) {
+        let mut left = None;
         self.change(id, |machine| {
-            let mut forgotten = false;
-            machine.connected.retain(|connected| {
-                forgotten |= connected.ticket == ticket && connected.forgotten;
-                connected.ticket != ticket
-            });
+            let Some(place) = machine.connected.iter().position(|connected| connected.ticket == ticket) else { return };
+            let Connected { forgotten, is_elsewhere, .. } = machine.connected.remove(place);
             if let Some(view) = view.filter(|_| !forgotten) {
                 let goes_on = machine.connected.iter().any(|connected| connected.view.id == view.id);
                 if !goes_on {
-                    machine.finished += u64::from(view.activity.execution() == Execution::Finished);
+                    left = (!is_elsewhere).then(|| view.clone());
                     machine.rest(view);
                 }
+            }
+        });
+        let mut board = self.board();
+        if let Some(view) = left.filter(|_| board.is_shared) {
+            board.left.push((id.to_owned(), view));
+        }
+    }
+
+    /// A stream at another replica has come and gone.
+    fn come_and_gone(&self, id: &str, view: RunView, logged: Vec<Logged>) {
+        self.change(id, |machine| {
+            machine.know(logged);
+            if machine.connected.iter().all(|connected| connected.view.id != view.id) {
+                machine.rest(view);
             }
         });
     }
@@ -397,6 +444,13 @@ impl Floor {
                 connected.forgotten = true;
             }
         });
+    }
+
+    /// The machines that show or remember something of a job.
+    fn machines_of(&self, job_id: Uuid) -> Vec<String> {
+        let board = self.board();
+        let machines = board.machines.iter().filter(|(_, machine)| machine.knows_job(job_id));
+        machines.map(|(id, _)| id.clone()).collect()
     }
 
     /// The state of a machine.

@@ -10,6 +10,7 @@ pub mod config;
 mod connections;
 pub mod engine;
 pub mod error;
+mod events;
 mod floor;
 pub mod http;
 pub mod lifecycle;

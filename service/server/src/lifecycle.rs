@@ -21,8 +21,9 @@ use crate::audit::AuditLog;
 use crate::config::Config;
 use crate::engine::Engine;
 use crate::error::Error;
+use crate::events::EventReader;
 use crate::observability::metrics::Metrics;
-use crate::{readiness, retention, services};
+use crate::{floor, readiness, retention, services};
 
 /// Least time that closing the store may take.
 const LEAST_CLOSING: Duration = Duration::from_secs(10);
@@ -92,7 +93,11 @@ impl Server {
         let api = Api::new(store.clone(), engine.clone(), metrics.clone(), config.limits.clone());
         let setup = |error: Error| StartError::Setup(error.to_string());
         api.seed_machines().await.map_err(setup)?;
+        // What happens while the log is read is told afterwards.
+        let events = EventReader::new(store.clone(), draining.clone());
         api.restore_floors().await.map_err(setup)?;
+        engine.spawn(floor::follow(api.floors.clone(), store.clone(), events));
+        engine.spawn(floor::share(api.floors.clone(), store.clone(), draining.clone()));
 
         let health = HealthReporter::new();
         for service in services::names() {
@@ -101,7 +106,7 @@ impl Server {
         let (readiness, probes) = readiness::follow(store.clone(), health.clone(), metrics.clone(), draining.clone());
         engine.spawn(probes);
         let rules = config.retention.clone();
-        engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, draining.clone()));
+        engine.spawn(retention::follow(store.clone(), metrics.clone(), rules, api.floors.clone(), draining.clone()));
         let certificates = Certificates::load(&config, metrics.clone())?;
         let audit = AuditLog::new(store.clone(), engine.clone());
         engine.spawn(audit.clone().follow(draining.clone()));

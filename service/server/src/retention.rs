@@ -7,6 +7,7 @@ use feedwave_store::{Removed, Result, RetentionPolicy, Store};
 use tokio_util::sync::CancellationToken;
 
 use crate::config::RetentionConfig;
+use crate::floor::Floors;
 use crate::observability::metrics::Metrics;
 
 /// Time between two rounds.
@@ -29,11 +30,17 @@ impl RetentionConfig {
 }
 
 /// Goes round until `draining`.
-pub(crate) async fn follow(store: Store, metrics: Arc<Metrics>, config: RetentionConfig, draining: CancellationToken) {
+pub(crate) async fn follow(
+    store: Store,
+    metrics: Arc<Metrics>,
+    config: RetentionConfig,
+    floors: Floors,
+    draining: CancellationToken,
+) {
     let policy = config.policy();
     loop {
         tokio::select! {
-            result = round(&store, &metrics, &policy, config.dry_run) => {
+            result = round(&store, &metrics, &policy, config.dry_run, &floors) => {
                 if let Err(error) = result {
                     tracing::warn!(%error, "what is kept no longer could not be removed");
                 }
@@ -47,7 +54,13 @@ pub(crate) async fn follow(store: Store, metrics: Arc<Metrics>, config: Retentio
     }
 }
 
-async fn round(store: &Store, metrics: &Metrics, policy: &RetentionPolicy, dry_run: bool) -> Result<()> {
+async fn round(
+    store: &Store,
+    metrics: &Metrics,
+    policy: &RetentionPolicy,
+    dry_run: bool,
+    floors: &Floors,
+) -> Result<()> {
     store.expire_uploads().await?;
     if *policy == RetentionPolicy::default() {
         return Ok(());
@@ -69,6 +82,10 @@ async fn round(store: &Store, metrics: &Metrics, policy: &RetentionPolicy, dry_r
     if removed != Removed::default() {
         let Removed { jobs, runs, programs, events, audit } = removed;
         tracing::info!(jobs, runs, programs, events, audit, "retention: removed");
+    }
+    // Jobs are removed with an event each, runs with none, and perhaps by another replica.
+    if policy.runs.is_some() {
+        floors.forget_removed(store).await?;
     }
     Ok(())
 }

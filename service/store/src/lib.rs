@@ -4,7 +4,7 @@
 //! The crate knows records, not machining. Everything whose meaning belongs to machining (profiles,
 //! job settings, reports, tool data, snapshots of a generator) is opaque JSON or bytes beside the
 //! few columns by which records are found. One trait per aggregate ([`Programs`], [`Jobs`],
-//! [`Validations`], [`Checkpoints`], [`Runs`], [`Machines`], [`Tools`], [`Audit`]) and [`Database`] over them say what a database must do; a
+//! [`Validations`], [`Checkpoints`], [`Runs`], [`Presences`], [`Machines`], [`Tools`], [`Audit`]) and [`Database`] over them say what a database must do; a
 //! [`Store`] is the database that a [`StoreUri`] names. One more database is one more implementation of the traits,
 //! one more scheme of the URI, and the same tests.
 //!
@@ -25,6 +25,7 @@ mod machines;
 mod maintenance;
 mod page;
 mod postgres;
+mod presences;
 mod programs;
 mod retention;
 mod runs;
@@ -49,6 +50,7 @@ pub use maintenance::{
     CheckReport, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
 };
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
+pub use presences::{Presence, Presences, ToldPresence};
 pub use programs::{
     CHUNK_BYTES, InvalidProgramId, MAX_PUT_BYTES, ProgramEntry, ProgramId, ProgramInfo, Programs, UploadId, UploadInfo,
     UploadStart,

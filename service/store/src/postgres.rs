@@ -17,6 +17,7 @@ mod jobs;
 mod lane;
 mod open;
 mod options;
+mod presences;
 mod probe;
 mod programs;
 mod retention;

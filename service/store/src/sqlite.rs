@@ -10,6 +10,7 @@ mod lock;
 pub(crate) mod maintenance;
 mod open;
 mod options;
+mod presences;
 mod probe;
 mod programs;
 mod retention;

@@ -14,6 +14,7 @@ use crate::error::Result;
 use crate::jobs::Jobs;
 use crate::machines::Machines;
 use crate::postgres::PostgresStore;
+use crate::presences::Presences;
 use crate::programs::Programs;
 use crate::retention::Retention;
 use crate::runs::Runs;
@@ -26,7 +27,7 @@ use crate::validations::Validations;
 /// A database that keeps everything.
 #[async_trait]
 pub trait Database:
-    Programs + Jobs + Validations + Checkpoints + Runs + Machines + Tools + Audit + Retention + Send + Sync
+    Programs + Jobs + Validations + Checkpoints + Runs + Presences + Machines + Tools + Audit + Retention + Send + Sync
 {
     /// Ends the store in order: waits for the writes in progress, refuses new ones, and closes the database. Dropping
     /// the store without closing it loses nothing that was acknowledged.

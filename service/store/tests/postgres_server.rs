@@ -2,10 +2,11 @@
 //! says in `FEEDWAVE_TEST_STORE` where it is.
 
 use std::collections::HashSet;
+use std::time::Duration;
 
 use feedwave_store::{
     Attempt, AuditFilter, AuditRequest, AuditResult, DecisionFilter, EventFilter, FindingCounts, Fingerprint, JobState,
-    NewDecision, NewJob, NewReport, NewRun, PageRequest, ProgramId, RawValue, RunCommit, RunKind, Store,
+    NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue, RunCommit, RunKind, Store,
     StoreError, StoreSettings, StoreUri, Tenant,
 };
 use sqlx::postgres::PgConnectOptions;
@@ -405,6 +406,42 @@ async fn a_file_is_copied_whole_or_not_at_all() {
     let records = store.commit_run(run.run.id, taken.attachment, decision(7)).await.unwrap();
     assert_eq!(records[0].sequence, 8);
     store.put_program(Tenant::DEFAULT, "another\n".into()).await.unwrap();
+}
+
+#[tokio::test]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn what_one_replica_tells_of_runs_the_others_hear_until_it_is_taken_back() {
+    let place = Place::new();
+    let (first, second) = (place.open().await, place.open().await);
+    let (run, tenant) = (Uuid::now_v7(), "plant".parse::<Tenant>().unwrap());
+    let presence = |body: &'static [u8]| Presence {
+        run_id: run,
+        tenant,
+        sequence: 7,
+        is_connected: true,
+        body: bytes::Bytes::from_static(body),
+    };
+    first.tell_presences(vec![presence(b"one")], Vec::new()).await.unwrap();
+    let heard = second.presences(Duration::MAX).await.unwrap();
+    let [told] = &heard[..] else { panic!("{heard:?}") };
+    assert_eq!((told.run_id, told.tenant, told.sequence, told.is_connected), (run, tenant, 7, true));
+    assert_eq!(told.body.as_deref(), Some(&b"one"[..]));
+    assert_eq!(first.presences(Duration::MAX).await.unwrap(), [], "nobody hears itself");
+    // What was told before is not told again.
+    let again = second.presences(Duration::ZERO).await.unwrap();
+    assert_eq!((again[0].told_us, &again[0].body), (told.told_us, &None));
+    second.tell_presences(vec![presence(b"three")], Vec::new()).await.unwrap();
+    first.tell_presences(vec![presence(b"two")], Vec::new()).await.unwrap();
+    let newer = second.presences(Duration::MAX).await.unwrap();
+    assert_eq!((newer.len(), newer[0].body.as_deref()), (1, Some(&b"two"[..])));
+    assert!(newer[0].told_us > told.told_us);
+    first.tell_presences(Vec::new(), vec![run]).await.unwrap();
+    assert_eq!(second.presences(Duration::MAX).await.unwrap(), []);
+    assert_eq!(first.presences(Duration::MAX).await.unwrap().len(), 1, "each takes back its own");
+    // What nobody tells again for long is nobody's.
+    place.execute("UPDATE presences SET told_us = told_us - 61000000").await;
+    first.tell_presences(vec![presence(b"two")], Vec::new()).await.unwrap();
+    assert_eq!(first.presences(Duration::MAX).await.unwrap(), []);
 }
 
 #[tokio::test]

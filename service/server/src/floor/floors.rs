@@ -18,6 +18,8 @@ struct Stored {
 #[derive(Debug, Default)]
 struct Inner {
     machines: BTreeMap<String, Stored>,
+    /// Whether other replicas are to be told of runs.
+    is_shared: bool,
     floors: BTreeMap<Tenant, Floor>,
 }
 
@@ -40,11 +42,38 @@ impl Floors {
         }
         inner.floors.retain(|_, floor| !floor.is_blank());
         let floor = Floor::new();
+        if inner.is_shared {
+            floor.share();
+        }
         for (id, stored) in &inner.machines {
             floor.put_machine(id, &stored.etag, &stored.display_name);
         }
         inner.floors.insert(tenant, floor.clone());
         floor
+    }
+
+    /// What a tenant sees, where anything is known or anybody looks.
+    pub(super) fn known(&self, tenant: Tenant) -> Option<Floor> {
+        self.inner().floors.get(&tenant).cloned()
+    }
+
+    /// All floors that there are.
+    pub(super) fn all(&self) -> Vec<(Tenant, Floor)> {
+        self.inner().floors.iter().map(|(tenant, floor)| (*tenant, floor.clone())).collect()
+    }
+
+    /// From now on, other replicas are to be told of runs.
+    pub(super) fn share(&self) {
+        let mut inner = self.inner();
+        inner.is_shared = true;
+        for floor in inner.floors.values() {
+            floor.share();
+        }
+    }
+
+    /// Versions of the machines in the store, as far as they are known, by identifier.
+    pub(super) fn machines(&self) -> BTreeMap<String, String> {
+        self.inner().machines.iter().map(|(id, stored)| (id.clone(), stored.etag.clone())).collect()
     }
 
     #[cfg(test)]

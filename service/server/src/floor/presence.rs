@@ -178,7 +178,7 @@ impl Presence {
         activity.execution_time = Some(now());
         activity.update_time = activity.execution_time;
         let logged = std::mem::take(&mut self.logged);
-        self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged));
+        self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged, false));
         self.told_at = Instant::now();
     }
 

@@ -19,18 +19,7 @@ impl Floors {
     /// # Errors
     /// Those of the store. A machine whose records are damaged is left out, and said so in the log.
     pub(crate) async fn restore(&self, store: &Store) -> Result<()> {
-        let mut page = PageRequest { size: feedwave_store::MAX_PAGE_SIZE, token: String::new() };
-        loop {
-            let machines = store.list_machines(&page).await?;
-            for record in &machines.items {
-                let machine = readable(&record.id, stored::from_stored::<Machine>(record.body.get()))?;
-                self.put_machine(&record.id, &record.etag, &machine.unwrap_or_default().display_name);
-            }
-            match machines.next_token {
-                Some(token) => page.token = token,
-                None => break,
-            }
-        }
+        self.renew_machines(store).await?;
         let mut open: HashMap<(Tenant, String), Vec<Logged>> = HashMap::new();
         for found in store.open_conditions(MAX_LOGGED).await? {
             let condition = condition_to_proto(&found.condition);
@@ -42,6 +31,33 @@ impl Floors {
             let of = (runs.tenant, runs.machine_id);
             let logged = open.remove(&of).unwrap_or_default();
             self.of(of.0).restore_machine(&of.1, view, runs.finished, logged);
+        }
+        Ok(())
+    }
+
+    /// Takes over the machines of the store as they are now.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(super) async fn renew_machines(&self, store: &Store) -> Result<()> {
+        let mut known = self.machines();
+        let mut page = PageRequest { size: feedwave_store::MAX_PAGE_SIZE, token: String::new() };
+        loop {
+            let machines = store.list_machines(&page).await?;
+            for record in &machines.items {
+                if known.remove(&record.id).is_some_and(|etag| etag == record.etag) {
+                    continue;
+                }
+                let machine = readable(&record.id, stored::from_stored::<Machine>(record.body.get()))?;
+                self.put_machine(&record.id, &record.etag, &machine.unwrap_or_default().display_name);
+            }
+            match machines.next_token {
+                Some(token) => page.token = token,
+                None => break,
+            }
+        }
+        for id in known.keys() {
+            self.remove_machine(id);
         }
         Ok(())
     }
@@ -78,7 +94,7 @@ async fn newest_view(store: &Store, run: Uuid) -> Result<RunView> {
 }
 
 /// A run as the log has it.
-async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
+pub(super) async fn view_of(store: &Store, run: &Run) -> Result<RunView> {
     let job = store.job(run.job_id).await?;
     let last_decision = store.last_decision(run.id).await?;
     let deviation_unit = deviation_unit(run)?;

@@ -1,11 +1,16 @@
 //! The floor without a service around it.
 
 use feedwave_contract::proto::{ConditionSeverity, DecisionAction};
-use feedwave_store::{Job, JobState, Run, RunKind, RunSetpoints, RunState, Tenant};
+use feedwave_store::{
+    Fingerprint, Job, JobFilter, JobState, NewJob, NewRun, PageRequest, RawValue, RetentionPolicy, Run, RunCommit,
+    RunKind, RunSetpoints, RunState, Store, StoreSettings, Tenant,
+};
+use tokio_util::sync::CancellationToken;
 
 use super::presence::RunBase;
 use super::*;
 use crate::error::Error;
+use crate::events::EventReader;
 
 fn job(id: u128) -> Job {
     Job {
@@ -42,7 +47,7 @@ fn run(id: u128, sequence: i64, state: RunState) -> Run {
         updated_us: 0,
         newest_batch: None,
         setpoints: RunSetpoints { received: 7, sent: 9, digest: None },
-        settings: feedwave_store::RawValue::from_string("{}".to_owned()).unwrap(),
+        settings: RawValue::from_string("{}".to_owned()).unwrap(),
         open_conditions: 0,
     }
 }
@@ -242,4 +247,117 @@ fn asking_for_tenants_that_have_nothing_fills_no_memory() {
     }
     assert_eq!(lathe(&floors.of(theirs)).execution(), Execution::Interrupted, "what is known stays");
     assert!(floors.len() <= 4, "{}", floors.len());
+}
+
+fn empty() -> feedwave_store::Json {
+    RawValue::from_string("{}".to_owned()).unwrap()
+}
+
+/// A store with a run on the lathe that has come to its end.
+async fn store_with_a_run(folder: &tempfile::TempDir) -> Store {
+    let uri = format!("sqlite://{}/feedwave.db", folder.path().display());
+    let store = Store::open(&uri.parse().unwrap(), StoreSettings::default()).await.unwrap();
+    let program = store.put_program(Tenant::DEFAULT, "M30\n".into()).await.unwrap();
+    let job = NewJob {
+        tenant: Tenant::DEFAULT,
+        owner: String::new(),
+        request_id: "r".to_owned(),
+        fingerprint: Fingerprint::of([]),
+        display_name: String::new(),
+        program_id: program.id,
+        further_program_ids: Vec::new(),
+        machine_id: "lathe".to_owned(),
+        client: String::new(),
+        machine_snapshot: empty(),
+        settings: empty(),
+    };
+    let job_id = store.create_job(job).await.unwrap().id;
+    store.transition(job_id, &JobState::ALL, JobState::Ready, "", None).await.unwrap();
+    let run = NewRun { job_id, kind: RunKind::Live, settings: empty(), monitor: Bytes::new() };
+    let run = store.create_run(run).await.unwrap();
+    let end = RunCommit { end: Some((RunState::Finished, String::new())), ..RunCommit::default() };
+    store.commit_run(run.run.id, run.attachment, end).await.unwrap();
+    store
+}
+
+/// Waits until the lathe is as wanted.
+async fn until(floor: &Floor, wanted: impl Fn(&MachineState) -> bool) {
+    let mut reader = floor.reader(Some("lathe".to_owned()));
+    while !wanted(&lathe(floor)) {
+        reader.next().await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn what_retention_removes_leaves_the_floor() {
+    for keeps_jobs in [false, true] {
+        let folder = tempfile::TempDir::new().unwrap();
+        let store = store_with_a_run(&folder).await;
+        let (floors, stop) = (Floors::default(), CancellationToken::new());
+        let events = EventReader::new(store.clone(), stop.clone());
+        floors.restore(&store).await.unwrap();
+        floors.put_machine("lathe", "1", "");
+        let floor = floors.of(Tenant::DEFAULT);
+        assert_eq!(lathe(&floor).execution(), Execution::Finished);
+        let following = tokio::spawn(follow(floors.clone(), store.clone(), events));
+        let age = Some(Duration::ZERO);
+        let mut policy = RetentionPolicy { runs: age, ..RetentionPolicy::default() };
+        if !keeps_jobs {
+            policy = RetentionPolicy { jobs: age, ..RetentionPolicy::default() };
+        }
+        let removed = store.remove_expired(&policy).await.unwrap();
+        assert_eq!((removed.jobs, removed.runs), if keeps_jobs { (0, 1) } else { (1, 0) });
+        if keeps_jobs {
+            floors.forget_removed(&store).await.unwrap();
+        }
+        until(&floor, |state| state.run.is_none()).await;
+        stop.cancel();
+        following.await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_job_that_is_cancelled_stops_its_interrupted_run() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let store = store_with_a_run(&folder).await;
+    let job_id = store.list_jobs(&JobFilter::default(), &PageRequest::default()).await.unwrap().items[0].id;
+    let run = NewRun { job_id, kind: RunKind::Live, settings: empty(), monitor: Bytes::new() };
+    store.create_run(run).await.unwrap();
+    let (floors, stop) = (Floors::default(), CancellationToken::new());
+    let events = EventReader::new(store.clone(), stop.clone());
+    floors.restore(&store).await.unwrap();
+    floors.put_machine("lathe", "1", "");
+    let floor = floors.of(Tenant::DEFAULT);
+    assert_eq!(lathe(&floor).execution(), Execution::Interrupted);
+    let following = tokio::spawn(follow(floors.clone(), store.clone(), events));
+    store.transition(job_id, &[JobState::Ready], JobState::Cancelled, "", None).await.unwrap();
+    until(&floor, |state| state.execution() == Execution::Stopped).await;
+    stop.cancel();
+    following.await.unwrap();
+}
+
+#[test]
+fn what_is_heard_late_of_an_earlier_stream_changes_no_end() {
+    let floor = Floor::new();
+    floor.put_machine("lathe", "1", "");
+    floor.share();
+    // A stream at another replica, which breaks; the run goes on here, and ends.
+    let mut other = presence(&floor, 10, 1);
+    other.connect();
+    other.leave(None);
+    let (_, mut left) = floor.of_this_replica();
+    let (_, interrupted) = left.pop().unwrap();
+    let elsewhere = floor.connect("lathe", interrupted.clone(), Vec::new(), true);
+    let mut here = presence(&floor, 10, 1);
+    here.connect();
+    assert_eq!(floor.of_this_replica().0.len(), 1, "only what is connected here is told");
+    here.end(RunState::Finished);
+    here.leave(None);
+    floor.disconnect("lathe", elsewhere, Some(interrupted.clone()));
+    floor.come_and_gone("lathe", interrupted, Vec::new());
+    let (_, left) = floor.of_this_replica();
+    assert_eq!(left.len(), 1, "the end is told");
+    floor.come_and_gone("lathe", left[0].1.clone(), Vec::new());
+    let state = lathe(&floor);
+    assert_eq!((state.execution(), state.finished_runs), (Execution::Finished, 1));
 }

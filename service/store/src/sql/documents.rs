@@ -91,3 +91,13 @@ pub(crate) fn after(scope: &Scope, token: &str) -> Result<String> {
         None => Ok(String::new()),
     }
 }
+
+/// How many machines there are, how often they were changed, and when one was last.
+pub(crate) const MACHINES_MARK: &str = "SELECT COUNT(*) AS machines,
+        CAST(COALESCE(SUM(revision), 0) AS BIGINT) AS revisions, COALESCE(MAX(updated_us), 0) AS updated_us
+    FROM documents WHERE collection = 'machine'";
+
+/// What [`MACHINES_MARK`] found.
+pub(crate) fn machines_mark(row: &impl Record) -> Result<[i64; 3]> {
+    Ok([row.integer("machines")?, row.integer("revisions")?, row.integer("updated_us")?])
+}

@@ -1,0 +1,70 @@
+//! What replicas tell each other of runs whose streams are connected to them. None of it is asked for a decision, and all
+//! of it can be lost: the log has what happened.
+
+use std::time::Duration;
+
+use async_trait::async_trait;
+use bytes::Bytes;
+use uuid::Uuid;
+
+use crate::error::Result;
+use crate::tenant::Tenant;
+
+/// What a replica tells of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Presence {
+    /// The run.
+    pub run_id: Uuid,
+    /// The tenant whose run it is.
+    pub tenant: Tenant,
+    /// Place in the order in which runs began.
+    pub sequence: i64,
+    /// Whether its stream is connected, or was until then.
+    pub is_connected: bool,
+    /// What it does.
+    pub body: Bytes,
+}
+
+/// What another replica has told of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ToldPresence {
+    /// The replica: a name of that process alone.
+    pub replica: String,
+    /// The run.
+    pub run_id: Uuid,
+    /// The tenant whose run it is.
+    pub tenant: Tenant,
+    /// Place in the order in which runs began.
+    pub sequence: i64,
+    /// Whether its stream is connected, or was until then.
+    pub is_connected: bool,
+    /// When it was told, microseconds since the Unix epoch by the database's clock.
+    pub told_us: i64,
+    /// How long ago that was.
+    pub age: Duration,
+    /// What it does; `None` where it was told longer ago than was asked for.
+    pub body: Option<Bytes>,
+}
+
+/// Keeps what replicas tell each other. Where one process has the database, nobody is told anything.
+#[async_trait]
+pub trait Presences {
+    /// Tells of runs, in place of what this replica told of them before, and takes back what it told of `gone`. What
+    /// any replica has not told again for long is removed.
+    ///
+    /// # Errors
+    /// `TooLarge`, `Unavailable`.
+    async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>) -> Result<()>;
+
+    /// What other replicas have told, with the bodies of what they told within `window`.
+    ///
+    /// # Errors
+    /// `Corrupt`, `Unavailable`.
+    async fn presences(&self, window: Duration) -> Result<Vec<ToldPresence>>;
+
+    /// Differs from an earlier one where machines were added, changed or removed meanwhile.
+    ///
+    /// # Errors
+    /// `Unavailable`.
+    async fn machines_mark(&self) -> Result<[i64; 3]>;
+}
