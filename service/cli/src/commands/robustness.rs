@@ -29,6 +29,9 @@ const MAP_FEED_RATIO: f64 = 2.0;
 /// Longest file of lobes, bytes.
 const MAX_LOBES_BYTES: u64 = 64 << 20;
 
+/// Spindle speeds in rev/min, ascending, with the limit of stability in mm, `None` where nothing chatters.
+type Chart = Vec<(f64, Option<f64>)>;
+
 /// Arguments of `feedwave robustness`.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -90,7 +93,7 @@ impl Args {
     }
 
     /// Limits of stability over the speed.
-    fn chart(&self) -> Result<Option<Vec<(f64, Option<f64>)>>, CliError> {
+    fn chart(&self) -> Result<Option<Chart>, CliError> {
         let Some(path) = &self.lobes else { return Ok(None) };
         let failed = |error: std::io::Error| CliError::file(path, &error);
         if std::fs::metadata(path).map_err(failed)?.len() > MAX_LOBES_BYTES {

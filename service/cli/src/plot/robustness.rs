@@ -6,6 +6,9 @@ use super::canvas::{self, PlotError};
 use super::figure::{Axis, Figure, Layout, MM, Panel, Place, REV_PER_MIN};
 use super::theme::{self, Ink};
 
+/// Values over the spindle speed, rev/min.
+type Curve = Vec<(f64, f64)>;
+
 /// A map to draw.
 #[derive(Clone, Debug)]
 pub struct RobustnessPicture {
@@ -22,7 +25,7 @@ pub struct RobustnessPicture {
     /// Range of the feeds.
     pub largest_feed_mm: f64,
     /// Limit of stability in mm over the speed, and the depths of the cut, mm, where they are known.
-    pub stability: Option<(Vec<(f64, f64)>, [f64; 2])>,
+    pub stability: Option<(Curve, [f64; 2])>,
 }
 
 /// Draws a map as SVG and PNG into a directory, which is created where it is missing; their paths.
