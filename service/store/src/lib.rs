@@ -47,7 +47,7 @@ pub use jobs::{
 };
 pub use machines::{MachineRecord, Machines};
 pub use maintenance::{
-    CheckReport, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
+    CheckReport, CopyError, CopyReport, MAX_PROBLEMS, Problem, TableCopy, backup, check, copy, migrate, restore,
 };
 pub use page::{DEFAULT_PAGE_SIZE, MAX_PAGE_SIZE, Page, PageRequest, Scope};
 pub use presences::{Presence, Presences, ToldPresence};

@@ -105,16 +105,30 @@ pub struct TableCopy {
     pub sha256: [u8; 32],
 }
 
+/// Why nothing was copied, and which side it is about.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum CopyError {
+    /// The store to copy.
+    #[error(transparent)]
+    From(StoreError),
+    /// The store to copy to.
+    #[error(transparent)]
+    To(StoreError),
+}
+
 /// Copies everything in an SQLite file that no service uses into an empty database of a PostgreSQL server, all of it or
 /// nothing, and compares what was written with what was read. The file stays as it is.
 ///
 /// # Errors
 /// `InUseBy` a service, `Damaged` if the file is not intact, `CannotOpen` where there is no file, or records in the
 /// database, or where the URIs name anything else, `Incompatible`, `Corrupt`, `Unavailable`.
-pub async fn copy(from: &StoreUri, to: &StoreUri) -> Result<Vec<TableCopy>> {
+pub async fn copy(from: &StoreUri, to: &StoreUri) -> Result<Vec<TableCopy>, CopyError> {
     match (from.place(), to.place()) {
         (Place::Sqlite(from), Place::Postgres(to)) => postgres::copy(from, to).await,
-        _ => Err(of_the_server("copied is from a file (sqlite) into the database of a server (postgres)")),
+        (from, _) => {
+            let error = of_the_server("copied is from a file (sqlite) into the database of a server (postgres)");
+            Err(if matches!(from, Place::Sqlite(_)) { CopyError::To(error) } else { CopyError::From(error) })
+        }
     }
 }
 

@@ -17,23 +17,23 @@ mod jobs;
 mod lane;
 mod open;
 mod options;
+mod pool;
 mod presences;
 mod probe;
 mod programs;
 mod retention;
 mod retry;
 mod runs;
+mod silence;
 mod uploads;
 mod validations;
 
-use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use async_trait::async_trait;
-use sqlx::pool::PoolConnection;
-use sqlx::{PgConnection, PgPool, Postgres};
+use sqlx::{Connection as _, PgConnection};
 use tokio::sync::{Semaphore, watch};
 use uuid::Uuid;
 
@@ -45,12 +45,15 @@ use bell::Bell;
 pub(crate) use check::check;
 use clock::Clock;
 pub(crate) use copy::copy;
+use fault::Remedy;
 pub(crate) use fault::meaning;
 use lane::{BoxFuture, Lane, Shared, Transaction};
 pub(crate) use open::migrate;
 pub(crate) use options::{PostgresOptions, SCHEMES, without_password};
+use pool::{Pool, Reader};
 use probe::Probing;
 use retry::{Failure, Patience};
+use silence::{Silence, TRIVIAL};
 
 /// Payload is counted in pieces of this many bytes.
 const PAYLOAD_UNIT_BYTES: u64 = 1024;
@@ -64,7 +67,7 @@ pub(crate) struct PostgresStore {
 struct Inner {
     options: PostgresOptions,
     settings: StoreSettings,
-    pool: PgPool,
+    pool: Pool,
     /// Writes to the log of events.
     events: Lane,
     /// Commits of runs, with what they write to the log of decisions.
@@ -95,7 +98,11 @@ impl Database for PostgresStore {
         if !self.inner.events.is_open() {
             return Err(StoreError::unavailable("it is closed"));
         }
-        sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut *self.reader().await?).await?;
+        // Who does not see what other replicas write works on what was cancelled, and watchers hear of nothing.
+        self.inner.bell.check()?;
+        let mut reader = self.reader().await?;
+        let asked = async { Ok(sqlx::query("SELECT 1 FROM jobs LIMIT 1").execute(&mut reader).await?) };
+        self.inner.shared.silence.answered(TRIVIAL, asked).await?;
         Ok(())
     }
 
@@ -122,15 +129,16 @@ impl PostgresStore {
     /// As [`crate::Store::open`].
     pub(crate) async fn open(options: PostgresOptions, settings: StoreSettings) -> Result<Self> {
         migrate(&options).await?;
-        let pool = open::pool(&options, options.connections)?;
-        let (clock, newest) = bell::ask_first(&pool).await?;
-        let shared = Arc::new(Shared::new(&options, &settings, clock, newest)?);
+        let silence = Silence::new();
+        let pool = Pool::new(&options, silence.clone())?;
+        let (clock, newest) = bell::ask_first(&options).await?;
+        let shared = Arc::new(Shared::new(&options, &settings, (clock, newest), silence)?);
         let lane = |name| Lane::start(name, shared.clone(), &settings);
         let units = settings.write_queue_bytes.div_ceil(PAYLOAD_UNIT_BYTES).clamp(1, 1 << 28);
         // In range by the line above.
         let payload_units = u32::try_from(units).unwrap_or(u32::MAX);
         let inner = Inner {
-            bell: Bell::start(&options, shared.clone())?,
+            bell: Bell::start(shared.clone()),
             pool,
             events: lane("events"),
             decisions: lane("decisions"),
@@ -258,44 +266,35 @@ impl PostgresStore {
     {
         let before = |error: StoreError| Failure::Before(error);
         let limit = self.inner.options.answer_limit();
-        let mut transaction = self.inner.pool.begin().await.map_err(|error| before(error.into()))?;
-        let value = retry::answered(limit, work(&mut transaction)).await.map_err(before)?;
+        let silence = &self.inner.shared.silence;
+        let mut lent = self.inner.pool.acquire().await.map_err(before)?;
+        // Ended early anywhere below, the connection is closed and the server rolls back.
+        let connection = lent.ask().map_err(before)?;
+        let begun = async move { Ok(connection.begin().await?) };
+        let mut transaction = silence.answered(TRIVIAL, begun).await.map_err(before)?;
+        let value = match silence.answered(limit, work(&mut transaction)).await {
+            Ok(value) => value,
+            Err(error) => {
+                if Remedy::of(&error) != Remedy::Reconnect {
+                    let undone = async { Ok(transaction.rollback().await?) };
+                    if silence.answered(TRIVIAL, undone).await.is_ok() {
+                        lent.answered();
+                    }
+                }
+                return Err(before(error));
+            }
+        };
         let committed = async { Ok(transaction.commit().await?) };
-        retry::answered(limit, committed).await.map_err(Failure::During)?;
+        silence.answered(limit, committed).await.map_err(Failure::During)?;
+        lent.answered();
         Ok(value)
     }
 
-    async fn reader(&self) -> Result<Reader<'_>> {
+    /// A connection for reading.
+    async fn reader(&self) -> Result<Reader> {
         let begun = Instant::now();
-        let connection = self.inner.pool.acquire().await?;
-        Ok(Reader { connection, inner: &self.inner, begun })
-    }
-}
-
-/// A connection for reading; reports its use when dropped.
-struct Reader<'a> {
-    connection: PoolConnection<Postgres>,
-    inner: &'a Inner,
-    begun: Instant,
-}
-
-impl Deref for Reader<'_> {
-    type Target = PgConnection;
-
-    fn deref(&self) -> &PgConnection {
-        &self.connection
-    }
-}
-
-impl DerefMut for Reader<'_> {
-    fn deref_mut(&mut self) -> &mut PgConnection {
-        &mut self.connection
-    }
-}
-
-impl Drop for Reader<'_> {
-    fn drop(&mut self) {
+        let lent = self.inner.pool.acquire().await?;
         self.inner.reads.fetch_add(1, Ordering::Relaxed);
-        self.inner.settings.observer.read_done(self.begun.elapsed());
+        Ok(Reader::new(lent, self.inner.settings.observer.clone(), begun))
     }
 }

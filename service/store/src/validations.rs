@@ -7,6 +7,7 @@ use async_trait::async_trait;
 use uuid::Uuid;
 
 use crate::error::Result;
+use crate::jobs::{Job, JobState, NewReport};
 
 /// A job that is to be validated.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -67,6 +68,13 @@ pub trait Validations {
     /// # Errors
     /// `NotFound`, `FailedState` if the job needs no validation any more, `Unavailable`.
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt>;
+
+    /// Moves a job to the state that its validation ended in, with its report. Nothing changes where another replica has
+    /// begun a validation of its own, nor where the job needs none any more.
+    ///
+    /// # Errors
+    /// `NotFound`, `FailedState`, `TooLarge`, `Unavailable`.
+    async fn end_validation(&self, id: Uuid, to: JobState, detail: &str, report: Option<NewReport>) -> Result<Job>;
 
     /// Takes back the count of an attempt that was broken off in order, without a result, and lets any replica begin
     /// another. Where another replica has it already, nothing changes.

@@ -1,18 +1,29 @@
 //! Replicas that share a database of a PostgreSQL server. The tests need a server: `tests/postgres/run.sh` starts one and
 //! says in `FEEDWAVE_TEST_STORE` where it is.
 
+mod proxy;
+
 use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use feedwave_store::{
-    Attempt, AuditFilter, AuditRequest, AuditResult, DecisionFilter, EventFilter, FindingCounts, Fingerprint, JobState,
-    NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue, RunCommit, RunKind, Store,
-    StoreError, StoreSettings, StoreUri, Tenant,
+    Attempt, AuditFilter, AuditRequest, AuditResult, CopyError, DecisionFilter, EventFilter, FindingCounts,
+    Fingerprint, JobState, NewDecision, NewJob, NewReport, NewRun, PageRequest, Presence, ProgramId, RawValue,
+    RunCommit, RunKind, Store, StoreError, StoreSettings, StoreUri, Tenant,
 };
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection};
 use tempfile::TempDir;
+use tokio::time::timeout;
+use url::Url;
 use uuid::Uuid;
+
+use proxy::Proxy;
+
+/// Far more than it takes to find that a connection is silent, and far less than a statement may take.
+const SOON: Duration = Duration::from_secs(25);
 
 /// A database of its own on the server.
 struct Place {
@@ -33,6 +44,14 @@ impl Place {
     /// One more replica.
     async fn open(&self) -> Store {
         Store::open(&self.store_uri(), StoreSettings::default()).await.unwrap()
+    }
+
+    /// One more replica, and its way to the server.
+    async fn open_by_proxy(&self) -> (Store, Proxy) {
+        let mut url: Url = self.uri.parse().unwrap();
+        let proxy = Proxy::to(url.port().unwrap()).await;
+        url.set_port(Some(proxy.port())).unwrap();
+        (Store::open(&url.as_str().parse().unwrap(), StoreSettings::default()).await.unwrap(), proxy)
     }
 
     /// A connection past every store.
@@ -184,10 +203,11 @@ async fn a_validation_is_one_replica_s_as_long_as_that_says_so() {
     assert_eq!(first.abandoned_jobs(10).await.unwrap()[0].id, id);
     assert_eq!(first.begin_validation(id, 3).await.unwrap(), Attempt::Begun(2));
     assert!(!second.renew_validation(id).await.unwrap());
-    let from = [JobState::PendingValidation, JobState::Validating];
-    first.transition(id, &from, JobState::Ready, "", None).await.unwrap();
-    // Its result comes too late.
-    let late = second.transition(id, &from, JobState::Rejected, "", None).await;
+    // Its result is not wanted any more, whatever became of the job.
+    let stolen = second.end_validation(id, JobState::Rejected, "", None).await;
+    assert!(matches!(stolen, Err(StoreError::FailedState { actual: JobState::Validating, .. })), "{stolen:?}");
+    first.end_validation(id, JobState::Ready, "", None).await.unwrap();
+    let late = second.end_validation(id, JobState::Rejected, "", None).await;
     assert!(matches!(late, Err(StoreError::FailedState { actual: JobState::Ready, .. })), "{late:?}");
     assert!(first.abandoned_jobs(10).await.unwrap().is_empty());
 }
@@ -371,7 +391,7 @@ async fn a_file_is_copied_whole_or_not_at_all() {
     let events = store.events_after(0, &EventFilter::default(), 1_000).await.unwrap();
     let to = Place::new();
     let refused = feedwave_store::copy(&format!("{from}?busy_timeout_s=0").parse().unwrap(), &to.store_uri()).await;
-    assert!(matches!(refused, Err(StoreError::InUseBy { .. })), "{refused:?}");
+    assert!(matches!(refused, Err(CopyError::From(StoreError::InUseBy { .. }))), "{refused:?}");
     store.close().await;
     drop(store);
 
@@ -379,7 +399,7 @@ async fn a_file_is_copied_whole_or_not_at_all() {
     let rows = |name: &str| tables.iter().find(|copy| copy.table == name).unwrap().rows;
     assert_eq!((rows("jobs"), rows("program_chunks"), rows("decisions")), (700, 13, 7));
     let again = feedwave_store::copy(&from, &to.store_uri()).await;
-    assert!(matches!(again, Err(StoreError::CannotOpen { .. })), "{again:?}");
+    assert!(matches!(again, Err(CopyError::To(StoreError::CannotOpen { .. }))), "{again:?}");
 
     let store = to.open().await;
     assert_eq!(store.events_after(0, &EventFilter::default(), 1_000).await.unwrap(), events);
@@ -488,4 +508,88 @@ async fn what_is_not_as_it_was_written_is_found_by_its_record() {
     assert!(refused.to_string().contains("pg_dump"), "{refused}");
     let refused = feedwave_store::restore(&place.store_uri(), &folder.path().join("copy.db"), false).await.unwrap_err();
     assert!(refused.to_string().contains("pg_restore"), "{refused}");
+}
+
+/// Comes back when a store works.
+async fn ready(store: &Store) {
+    let works = async {
+        while store.ping().await.is_err() {
+            tokio::task::yield_now().await;
+        }
+    };
+    timeout(SOON, works).await.expect("the store works again");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn connections_that_fall_silent_cost_a_moment() {
+    const READERS: usize = 12;
+    let place = Place::new();
+    let other = place.open().await;
+    let (store, proxy) = place.open_by_proxy().await;
+    let program = program(&store).await;
+    let job = store.create_job(new_job("first", program)).await.unwrap();
+    for round in 0..3 {
+        // More readers than connections, so that some of them read and others wait whenever it is.
+        let reads: Arc<[AtomicU64; READERS]> = Arc::default();
+        let mut readers = tokio::task::JoinSet::new();
+        for reader in 0..READERS {
+            let (store, reads, id) = (store.clone(), reads.clone(), job.id);
+            readers.spawn(async move {
+                loop {
+                    let read = timeout(SOON, store.job(id)).await.expect("a read comes back");
+                    reads[reader].fetch_add(u64::from(read.is_ok()), Ordering::Relaxed);
+                }
+            });
+        }
+        let all_read = async |times: u64| {
+            let from = reads.each_ref().map(|reads| reads.load(Ordering::Relaxed));
+            let read = async {
+                while reads.iter().zip(from).any(|(reads, from)| reads.load(Ordering::Relaxed) < from + times) {
+                    tokio::task::yield_now().await;
+                }
+            };
+            timeout(SOON, read).await.expect("everybody reads");
+        };
+        all_read(20).await;
+        proxy.cut(true);
+        // What another replica writes is seen, and what this one is asked to write is written.
+        let theirs = other.create_job(new_job(&format!("theirs {round}"), program)).await.unwrap();
+        let mut events = store.watch_events();
+        let seen = timeout(SOON, events.wait_for(|newest| *newest >= theirs.sequence)).await;
+        assert!(seen.expect("it is seen soon").is_ok());
+        let created = timeout(SOON, store.create_job(new_job(&format!("ours {round}"), program))).await;
+        created.expect("it is written soon").unwrap();
+        // Those in use may leave no connection for a moment.
+        let put =
+            async { while store.put_program(Tenant::DEFAULT, format!("N{round}\nM30\n").into()).await.is_err() {} };
+        timeout(SOON, put).await.expect("it is written soon");
+        all_read(20).await;
+        readers.shutdown().await;
+        ready(&store).await;
+    }
+    timeout(SOON, store.close()).await.expect("it is closed soon");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "needs a PostgreSQL server: tests/postgres/run.sh"]
+async fn a_replica_that_is_cut_off_is_not_ready_until_it_is_there_again() {
+    let place = Place::new();
+    let (store, proxy) = place.open_by_proxy().await;
+    let id = program(&store).await;
+    store.ping().await.unwrap();
+    proxy.cut(false);
+    let silent = async {
+        while store.ping().await.is_ok() {
+            tokio::task::yield_now().await;
+        }
+    };
+    timeout(SOON, silent).await.expect("it is not ready");
+    let read = timeout(SOON, store.program_info(id)).await.expect("the read comes back");
+    assert!(matches!(&read, Err(StoreError::Unavailable { .. })), "{read:?}");
+    proxy.cut(true);
+    ready(&store).await;
+    store.program_info(id).await.unwrap();
+    store.create_job(new_job("r", id)).await.unwrap();
+    timeout(SOON, store.close()).await.expect("it is closed soon");
 }

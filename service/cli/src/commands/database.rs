@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use feedwave_server::config::{Overrides, StoreUri};
-use feedwave_store::{CheckReport, CopyReport, StoreError};
+use feedwave_store::{CheckReport, CopyError, CopyReport, StoreError};
 
 use super::terminal::print;
 use super::validate::Format;
@@ -114,10 +114,11 @@ pub async fn copy(args: CopyArgs) -> Result<ExitCode, CliError> {
     };
     let (from, to) = (uri("FROM-URI", &args.from)?, uri("TO-URI", &args.to)?);
     let tables = feedwave_store::copy(&from, &to).await.map_err(|error| match error {
-        StoreError::Damaged { .. } => {
+        CopyError::From(error @ StoreError::Damaged { .. }) => {
             CliError { message: format!("{from}: {error}; feedwave check says what is lost"), exit_code: EXIT_REFUSED }
         }
-        error => failed(&from, &error),
+        CopyError::From(error) => failed(&from, &error),
+        CopyError::To(error) => failed(&to, &error),
     })?;
     let mut text = String::new();
     for table in &tables {

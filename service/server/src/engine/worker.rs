@@ -287,9 +287,8 @@ async fn conclude(engine: &Engine, id: Uuid, report: &ValidationReport) -> Resul
 }
 
 async fn finish(engine: &Engine, id: Uuid, state: JobState, detail: &str, report: Option<NewReport>) -> Result<()> {
-    let from = [JobState::PendingValidation, JobState::Validating];
-    match engine.inner.store.transition(id, &from, state, detail, report).await {
-        // Cancelled or deleted in the meantime: that is final.
+    match engine.inner.store.end_validation(id, state, detail, report).await {
+        // Cancelled or deleted in the meantime, or another replica began anew: that is final.
         Ok(_) | Err(StoreError::FailedState { .. } | StoreError::NotFound { .. }) => Ok(()),
         Err(error) => Err(error.into()),
     }

@@ -2,18 +2,20 @@
 //! looked for now and then without a bell, so that one that did not ring costs a moment and nothing else.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use sqlx::PgPool;
-use sqlx::postgres::PgListener;
+use sqlx::PgConnection;
+use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
 
 use super::PostgresOptions;
 use super::clock::Clock;
 use super::lane::{Newest, Shared};
-use super::open;
+use super::open::connected;
+use super::pool::close;
+use super::silence::{Silence, TRIVIAL};
 use crate::error::{Result, StoreError};
 
 /// The channel of the notifications.
@@ -26,8 +28,12 @@ const SIZE_PERIOD: Duration = Duration::from_secs(60);
 /// Time until a lost connection is tried again.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
 
+/// A replica that has not seen the logs for so long is not ready.
+const UNSEEN_AT_MOST: Duration = Duration::from_secs(5);
+
 /// Follows the logs.
 pub(super) struct Bell {
+    seen: Arc<Mutex<Instant>>,
     database_bytes: Arc<AtomicU64>,
     tasks: Mutex<Option<Tasks>>,
 }
@@ -40,37 +46,41 @@ struct Tasks {
 }
 
 /// The newest numbers of the logs and the time, microseconds since the Unix epoch.
-async fn ask(pool: &PgPool) -> Result<(Newest, i64)> {
+async fn ask(connection: &mut PgConnection) -> Result<(Newest, i64)> {
     let (decision, event, now_us): (i64, i64, i64) = sqlx::query_as(
         "SELECT (SELECT newest FROM counters WHERE name = 'decision'), (SELECT newest FROM counters WHERE name = 'event'),
             (EXTRACT(EPOCH FROM CLOCK_TIMESTAMP()) * 1000000)::BIGINT",
     )
-    .fetch_one(pool)
+    .fetch_one(connection)
     .await?;
     Ok((Newest { decision, event }, now_us))
 }
 
 /// The clock of the database, and the newest numbers of its logs.
-pub(super) async fn ask_first(pool: &PgPool) -> Result<(Clock, Newest)> {
+pub(super) async fn ask_first(options: &PostgresOptions) -> Result<(Clock, Newest)> {
+    let silence = Silence::new();
+    let mut connection = connected(&options.bounded()?, options.connect_timeout, &silence).await?;
     let begun = Instant::now();
-    let (newest, now_us) = ask(pool).await?;
+    let (newest, now_us) = silence.answered(options.answer_limit(), ask(&mut connection)).await?;
+    close(connection).await;
     Ok((Clock::new(begun, now_us), newest))
 }
 
 impl Bell {
     /// Starts to follow.
-    pub(super) fn start(options: &PostgresOptions, shared: Arc<Shared>) -> Result<Self> {
-        // One connection listens for good, the other one reads and rings.
-        let pool = open::pool(options, 2)?;
+    pub(super) fn start(shared: Arc<Shared>) -> Self {
         let database_bytes = Arc::new(AtomicU64::new(0));
         let heard = Arc::new(Notify::new());
         let (stop_listening, listening_ends) = oneshot::channel();
         let (stop_following, following_ends) = oneshot::channel();
-        let listening = tokio::spawn(listen(pool.clone(), heard.clone(), listening_ends));
-        let follower = Follower { pool, shared, heard, database_bytes: database_bytes.clone() };
+        let seen = Arc::new(Mutex::new(Instant::now()));
+        // One connection listens for good, the other one reads and rings.
+        let listening = tokio::spawn(listen(shared.clone(), heard.clone(), listening_ends));
+        let follower =
+            Follower { connection: None, shared, heard, seen: seen.clone(), database_bytes: database_bytes.clone() };
         let following = tokio::spawn(follower.run(following_ends));
         let tasks = Tasks { running: [listening, following], stops: [stop_listening, stop_following] };
-        Ok(Self { database_bytes, tasks: Mutex::new(Some(tasks)) })
+        Self { seen, database_bytes, tasks: Mutex::new(Some(tasks)) }
     }
 
     pub(super) async fn close(&self) {
@@ -84,6 +94,18 @@ impl Bell {
         }
     }
 
+    /// Whether what other replicas write is seen.
+    ///
+    /// # Errors
+    /// `Unavailable` if nothing was for a while.
+    pub(super) fn check(&self) -> Result<()> {
+        let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if seen.elapsed() >= UNSEEN_AT_MOST {
+            return Err(StoreError::unavailable("what other replicas write cannot be followed"));
+        }
+        Ok(())
+    }
+
     /// Bytes that the database takes, as they were a while ago.
     pub(super) fn database_bytes(&self) -> u64 {
         self.database_bytes.load(Ordering::Relaxed)
@@ -91,12 +113,12 @@ impl Bell {
 }
 
 /// Hears the bell until the other end of `ended` is gone.
-async fn listen(pool: PgPool, heard: Arc<Notify>, mut ended: oneshot::Receiver<()>) {
+async fn listen(shared: Arc<Shared>, heard: Arc<Notify>, mut ended: oneshot::Receiver<()>) {
     let mut told = false;
     loop {
         tokio::select! {
             _ = &mut ended => return,
-            result = hear(&pool, &heard) => {
+            result = hear(&shared, &heard) => {
                 // Told once: without a bell the logs are looked at all the same.
                 if let Err(error) = result && !std::mem::replace(&mut told, true) {
                     tracing::warn!(%error, "the database rings no bell: what other replicas write is seen a little later");
@@ -110,26 +132,36 @@ async fn listen(pool: PgPool, heard: Arc<Notify>, mut ended: oneshot::Receiver<(
     }
 }
 
-async fn hear(pool: &PgPool, heard: &Notify) -> Result<()> {
-    let mut listener = PgListener::connect_with(pool).await?;
+async fn hear(shared: &Shared, heard: &Notify) -> Result<()> {
+    // Of its own: a connection that fell silent may keep its place in a pool for good.
+    let options = PgPoolOptions::new().max_connections(1).acquire_timeout(shared.away);
+    let pool = options.connect_lazy_with(PgConnectOptions::clone(&shared.options));
+    let mut listener = PgListener::connect_with(&pool).await?;
     listener.ignore_pool_close_event(true);
-    listener.listen(CHANNEL).await?;
+    let listened = async { Ok(listener.listen(CHANNEL).await?) };
+    shared.silence.answered(TRIVIAL, listened).await?;
     loop {
-        // Also when the connection was lost and is there again: what rang meanwhile was not heard.
-        listener.try_recv().await?;
+        tokio::select! {
+            // Also when the connection was lost and is there again: what rang meanwhile was not heard.
+            result = listener.try_recv() => drop(result?),
+            // This one may be silent as well, and nothing is to be asked of it.
+            () = shared.silence.broken() => return Ok(()),
+        }
         heard.notify_one();
     }
 }
 
 struct Follower {
-    pool: PgPool,
+    /// `None` at first and after something was not answered.
+    connection: Option<PgConnection>,
     shared: Arc<Shared>,
     heard: Arc<Notify>,
+    seen: Arc<Mutex<Instant>>,
     database_bytes: Arc<AtomicU64>,
 }
 
 impl Follower {
-    async fn run(self, mut ended: oneshot::Receiver<()>) {
+    async fn run(mut self, mut ended: oneshot::Receiver<()>) {
         let mut size_due = Instant::now();
         let mut fails = false;
         loop {
@@ -140,16 +172,9 @@ impl Follower {
                 () = self.heard.notified() => false,
                 () = tokio::time::sleep(PERIOD) => false,
             };
-            let work = async {
-                if rings {
-                    sqlx::query("SELECT pg_notify($1, '')").bind(CHANNEL).execute(&self.pool).await?;
-                    return Ok(());
-                }
-                self.look(&mut size_due).await
-            };
             let result: Result<()> = tokio::select! {
                 _ = &mut ended => break,
-                result = work => result,
+                result = self.work(rings, &mut size_due) => result,
             };
             match result {
                 Ok(()) => fails = false,
@@ -162,28 +187,54 @@ impl Follower {
             }
         }
         // What this replica wrote last is not left to the others' patience.
-        if let Ok(mut connection) = self.pool.acquire().await {
-            let rung = sqlx::query("SELECT pg_notify($1, '')").bind(CHANNEL).execute(&mut *connection).await;
-            if let Err(error) = rung {
-                tracing::debug!(%error, "the last bell did not ring");
-            }
+        if let Err(error) = self.work(true, &mut size_due).await {
+            tracing::debug!(%error, "the last bell did not ring");
         }
-        self.pool.close().await;
+        if let Some(connection) = self.connection {
+            close(connection).await;
+        }
     }
 
-    async fn look(&self, size_due: &mut Instant) -> Result<()> {
-        let begun = Instant::now();
-        let (newest, now_us) = ask(&self.pool).await?;
-        self.shared.clock.set(begun, now_us);
-        self.shared.announcer.announce(newest);
-        if *size_due <= begun {
-            let bytes: i64 = sqlx::query_scalar("SELECT pg_database_size(CURRENT_DATABASE())")
-                .fetch_one(&self.pool)
-                .await
-                .map_err(StoreError::from)?;
-            self.database_bytes.store(bytes.unsigned_abs(), Ordering::Relaxed);
-            *size_due = begun + SIZE_PERIOD;
+    fn seen(&self) -> MutexGuard<'_, Instant> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Rings, or looks at the logs. On an error the connection is given up.
+    async fn work(&mut self, rings: bool, size_due: &mut Instant) -> Result<()> {
+        let shared = self.shared.clone();
+        let mut connection = match self.connection.take() {
+            Some(connection) => connection,
+            None => connected(&shared.options, shared.away, &shared.silence).await?,
+        };
+        if rings {
+            let rung =
+                async { Ok(sqlx::query("SELECT pg_notify($1, '')").bind(CHANNEL).execute(&mut connection).await?) };
+            shared.silence.answered(TRIVIAL, rung).await?;
         }
+        // Also while bells ring without a pause.
+        if !rings || self.seen().elapsed() >= PERIOD {
+            let begun = Instant::now();
+            let (newest, now_us) = shared.silence.answered(TRIVIAL, ask(&mut connection)).await?;
+            shared.clock.set(begun, now_us);
+            shared.announcer.announce(newest);
+            *self.seen() = begun;
+        }
+        if *size_due <= Instant::now() {
+            *size_due = Instant::now() + SIZE_PERIOD;
+            let sized = async {
+                let size = sqlx::query_scalar::<_, i64>("SELECT pg_database_size(CURRENT_DATABASE())");
+                Ok(size.fetch_one(&mut connection).await?)
+            };
+            // A large database takes its time, which says nothing of the connections.
+            match Silence::new().answered(TRIVIAL, sized).await {
+                Ok(bytes) => self.database_bytes.store(bytes.unsigned_abs(), Ordering::Relaxed),
+                Err(error) => {
+                    tracing::debug!(%error, "the size of the database is not known");
+                    return Ok(());
+                }
+            }
+        }
+        self.connection = Some(connection);
         Ok(())
     }
 }

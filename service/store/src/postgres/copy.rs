@@ -12,7 +12,7 @@ use sqlx::{
 use super::PostgresOptions;
 use super::open::{connect, migrate};
 use crate::error::{Result, StoreError};
-use crate::maintenance::TableCopy;
+use crate::maintenance::{CopyError, TableCopy};
 use crate::settings::StoreSettings;
 use crate::sql::record::Record;
 use crate::sqlite::{SqliteOptions, SqliteStore, maintenance};
@@ -351,24 +351,24 @@ impl Table {
     }
 
     /// Copies every row; how many, and their hash.
-    async fn copy(&self, from: &mut SqliteConnection, to: &mut PgConnection) -> Result<(u64, [u8; 32])> {
+    async fn copy(&self, from: &mut SqliteConnection, to: &mut PgConnection) -> Result<(u64, [u8; 32]), CopyError> {
         let mut hash = Sha256::new();
         let (mut count, mut bytes, mut rows) = (0, 0, Vec::new());
         let sql = self.select("COLLATE BINARY");
         let mut read = sqlx::query(AssertSqlSafe(sql)).fetch(from);
-        while let Some(row) = read.try_next().await? {
-            let row = self.row(&row)?;
+        while let Some(row) = read.try_next().await.map_err(|error| CopyError::From(error.into()))? {
+            let row = self.row(&row).map_err(CopyError::From)?;
             row.iter().for_each(|value| value.hash(&mut hash));
             bytes += row.iter().map(Value::bytes).sum::<usize>();
             count += 1;
             rows.push(row);
             if rows.len() == ROWS || bytes >= BYTES {
-                self.insert(to, std::mem::take(&mut rows)).await?;
+                self.insert(to, std::mem::take(&mut rows)).await.map_err(CopyError::To)?;
                 bytes = 0;
             }
         }
         if !rows.is_empty() {
-            self.insert(to, rows).await?;
+            self.insert(to, rows).await.map_err(CopyError::To)?;
         }
         Ok((count, hash.finalize().into()))
     }
@@ -386,18 +386,46 @@ impl Table {
 }
 
 /// See [`crate::copy`].
-pub(crate) async fn copy(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>> {
+pub(crate) async fn copy(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>, CopyError> {
     if !from.path.is_file() {
-        return Err(StoreError::CannotOpen { reason: "there is no such file", source: None });
+        return Err(CopyError::From(StoreError::CannotOpen { reason: "there is no such file", source: None }));
     }
     // Up to date, and nobody else's until the end.
-    let store = SqliteStore::open(from.clone(), StoreSettings::default()).await?;
+    let store = SqliteStore::open(from.clone(), StoreSettings::default()).await.map_err(CopyError::From)?;
     let copied = copy_held(from, to).await;
     crate::Database::close(&store).await;
     copied
 }
 
-async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>> {
+async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<TableCopy>, CopyError> {
+    let mut source = open_intact(from).await.map_err(CopyError::From)?;
+    let to_fault = |error: sqlx::Error| CopyError::To(error.into());
+    migrate(to).await.map_err(CopyError::To)?;
+    let mut target = connect(to, &to.database).await.map_err(CopyError::To)?;
+    let mut transaction = target.begin().await.map_err(to_fault)?;
+    // A service that runs on it waits, and finds what was copied.
+    let locked = sqlx::query("SELECT 1 FROM counters FOR UPDATE").execute(&mut *transaction).await;
+    locked.map_err(to_fault)?;
+    check_empty(&mut transaction).await.map_err(CopyError::To)?;
+    let mut copies = Vec::new();
+    for table in &TABLES {
+        let (rows, hash) = table.copy(&mut source, &mut transaction).await?;
+        if table.hash(&mut transaction).await.map_err(CopyError::To)? != hash {
+            let reason = format!("what was written of {} is not what was read", table.name);
+            return Err(CopyError::To(StoreError::corrupt(reason)));
+        }
+        copies.push(TableCopy { table: table.name, rows, sha256: hash });
+    }
+    let newest = newest_numbers(&mut source).await.map_err(CopyError::From)?;
+    set_numbers(&mut transaction, newest).await.map_err(CopyError::To)?;
+    transaction.commit().await.map_err(to_fault)?;
+    source.close().await.map_err(|error| CopyError::From(error.into()))?;
+    target.close().await.map_err(to_fault)?;
+    Ok(copies)
+}
+
+/// A file of which everything is there and would be copied.
+async fn open_intact(from: &SqliteOptions) -> Result<SqliteConnection> {
     let found = maintenance::check(&from.path).await?;
     if let Some(first) = found.problems.first() {
         let count = found.problems.len() as u64 + found.further_problems;
@@ -406,25 +434,7 @@ async fn copy_held(from: &SqliteOptions, to: &PostgresOptions) -> Result<Vec<Tab
     let options = SqliteConnectOptions::new().filename(&from.path).create_if_missing(false).disable_statement_logging();
     let mut source = options.connect().await?;
     check_tables(&mut source).await?;
-    migrate(to).await?;
-    let mut target = connect(to, &to.database).await?;
-    let mut transaction = target.begin().await?;
-    // A service that runs on it waits, and finds what was copied.
-    sqlx::query("SELECT 1 FROM counters FOR UPDATE").execute(&mut *transaction).await?;
-    check_empty(&mut transaction).await?;
-    let mut copies = Vec::new();
-    for table in &TABLES {
-        let (rows, hash) = table.copy(&mut source, &mut transaction).await?;
-        if table.hash(&mut transaction).await? != hash {
-            return Err(StoreError::corrupt(format!("what was written of {} is not what was read", table.name)));
-        }
-        copies.push(TableCopy { table: table.name, rows, sha256: hash });
-    }
-    set_numbers(&mut source, &mut transaction).await?;
-    transaction.commit().await?;
-    source.close().await?;
-    target.close().await?;
-    Ok(copies)
+    Ok(source)
 }
 
 /// Refuses a file with a table or column that would be left out.
@@ -458,15 +468,24 @@ async fn check_empty(target: &mut PgConnection) -> Result<()> {
     Ok(())
 }
 
-/// Lets numbers go on where they were.
-async fn set_numbers(source: &mut SqliteConnection, target: &mut PgConnection) -> Result<()> {
+/// The newest numbers of the logs in a file.
+async fn newest_numbers(source: &mut SqliteConnection) -> Result<Vec<(&'static str, i64)>> {
+    let mut numbers = Vec::new();
     for (name, table) in [("event", "job_events"), ("decision", "decisions"), ("audit", "audit_entries")] {
         let row = sqlx::query("SELECT COALESCE(MAX(seq), 0) AS newest FROM sqlite_sequence WHERE name = ?")
             .bind(table)
             .fetch_one(&mut *source)
             .await?;
+        numbers.push((name, row.try_get("newest")?));
+    }
+    Ok(numbers)
+}
+
+/// Lets numbers go on where they were.
+async fn set_numbers(target: &mut PgConnection, newest: Vec<(&'static str, i64)>) -> Result<()> {
+    for (name, newest) in newest {
         sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
-            .bind(row.try_get::<i64, _>("newest")?)
+            .bind(newest)
             .bind(name)
             .execute(&mut *target)
             .await?;

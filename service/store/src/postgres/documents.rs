@@ -56,7 +56,7 @@ impl PostgresStore {
         let row = sqlx::query("SELECT * FROM documents WHERE collection = $1 AND id = $2")
             .bind(collection(kind))
             .bind(id)
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         Document::of(&row.ok_or_else(|| StoreError::not_found(kind, id))?)
     }
@@ -76,7 +76,7 @@ impl PostgresStore {
         .bind(after)
         .bind(size as i64 + 1)
         .bind(number.map(i64::from))
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         let documents = rows.iter().map(Document::of).collect::<Result<Vec<_>>>()?;
         let page = Page::cut(documents, size, |last| scope.token(last.id.as_bytes()));

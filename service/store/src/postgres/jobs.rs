@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use sqlx::{PgConnection, Postgres, QueryBuilder, Row as _};
+use sqlx::{PgConnection, PgExecutor, Postgres, QueryBuilder, Row as _};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -32,8 +32,8 @@ macro_rules! job_query {
     };
 }
 
-async fn find_job(connection: &mut PgConnection, id: Uuid) -> Result<Job> {
-    let row = sqlx::query(job_query!("", "WHERE j.id = $1")).bind(id.to_string()).fetch_optional(connection).await?;
+async fn find_job(executor: impl PgExecutor<'_>, id: Uuid) -> Result<Job> {
+    let row = sqlx::query(job_query!("", "WHERE j.id = $1")).bind(id.to_string()).fetch_optional(executor).await?;
     job(&row.ok_or_else(|| missing(id))?)
 }
 
@@ -88,7 +88,7 @@ async fn insert_report(connection: &mut PgConnection, id: Uuid, report: &PackedR
 
 /// Between which numbers the jobs created from and before these times are, found by the index over times: the list itself
 /// goes by numbers. `None` where there are none.
-async fn bounds(connection: &mut PgConnection, filter: &JobFilter) -> Result<Option<(i64, i64)>> {
+async fn bounds(executor: impl PgExecutor<'_>, filter: &JobFilter) -> Result<Option<(i64, i64)>> {
     let (from, before) = (filter.created_from_us, filter.created_before_us);
     if from.is_none() && before.is_none() {
         return Ok(Some((0, i64::MAX)));
@@ -97,7 +97,7 @@ async fn bounds(connection: &mut PgConnection, filter: &JobFilter) -> Result<Opt
         sqlx::query_as("SELECT MIN(sequence), MAX(sequence) FROM jobs WHERE created_us >= $1 AND created_us < $2")
             .bind(from.unwrap_or(i64::MIN))
             .bind(before.unwrap_or(i64::MAX))
-            .fetch_one(connection)
+            .fetch_one(executor)
             .await?;
     Ok(first.zip(last))
 }
@@ -114,13 +114,13 @@ impl Jobs for PostgresStore {
     }
 
     async fn job(&self, id: Uuid) -> Result<Job> {
-        find_job(&mut *self.reader().await?, id).await
+        find_job(&mut self.reader().await?, id).await
     }
 
     async fn job_detail(&self, id: Uuid) -> Result<JobDetail> {
         let row = sqlx::query(job_query!(", j.machine_snapshot, j.settings", "WHERE j.id = $1"))
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?
             .ok_or_else(|| missing(id))?;
         detail(&row)
@@ -129,7 +129,7 @@ impl Jobs for PostgresStore {
     async fn job_by_request(&self, tenant: Tenant, request_id: &str) -> Result<Option<Job>> {
         let row = sqlx::query(job_query!("", "WHERE j.request_id = $1"))
             .bind(tenant.key(request_id))
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.as_ref().map(job).transpose()
     }
@@ -161,7 +161,7 @@ impl Jobs for PostgresStore {
             sql.push(" AND j.created_us < ").push_bind(before);
         }
         sql.push(" ORDER BY j.sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut *reader).await?;
+        let rows = sql.build().fetch_all(&mut reader).await?;
         let jobs = rows.iter().map(job).collect::<Result<Vec<_>>>()?;
         Ok(Page::cut(jobs, size, |last| scope.sequence_token(last.sequence)))
     }
@@ -170,7 +170,7 @@ impl Jobs for PostgresStore {
         let rows = sqlx::query("SELECT id FROM jobs WHERE state = ANY($1) ORDER BY sequence LIMIT $2")
             .bind(names(states))
             .bind(i64::from(limit))
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(|row| parsed(row, "id")).collect()
     }
@@ -180,7 +180,7 @@ impl Jobs for PostgresStore {
         if let Some(tenant) = tenant {
             sql.push(" WHERE tenant = ").push_bind(tenant.name().to_owned());
         }
-        let rows = sql.push(" GROUP BY state").build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.push(" GROUP BY state").build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(|row| Ok((parsed(row, "state")?, unsigned(row, "jobs")?))).collect()
     }
 
@@ -195,14 +195,16 @@ impl Jobs for PostgresStore {
         let report = packed(detail, report, self.settings()).await?.map(Arc::new);
         let payload = report.as_ref().map_or(0, |report| report.report.len());
         let (from, detail) = (from.to_vec(), detail.to_owned());
-        self.write_event(payload, move |tx| Box::pin(change(tx, id, from.clone(), to, detail.clone(), report.clone())))
-            .await
+        self.write_event(payload, move |tx| {
+            Box::pin(change(tx, id, (from.clone(), None), to, detail.clone(), report.clone()))
+        })
+        .await
     }
 
     async fn report(&self, id: Uuid) -> Result<StoredReport> {
         let row = sqlx::query("SELECT * FROM validation_reports WHERE job_id = $1")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         let Some(row) = row else {
             self.job(id).await?;
@@ -240,13 +242,13 @@ impl Jobs for PostgresStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(i64::from(limit.min(MAX_EVENTS)));
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(event).collect()
     }
 
     async fn newest_event(&self, tenant: Tenant) -> Result<i64> {
         let newest = sqlx::query_scalar("SELECT COALESCE(MAX(sequence), 0) FROM job_events WHERE tenant = $1");
-        Ok(newest.bind(tenant.name()).fetch_one(&mut *self.reader().await?).await?)
+        Ok(newest.bind(tenant.name()).fetch_one(&mut self.reader().await?).await?)
     }
 
     fn latest_sequence(&self) -> i64 {
@@ -319,23 +321,27 @@ async fn create(tx: &mut Transaction, new: NewJob) -> Result<Job> {
     Ok(created(new, id, sequence, size_bytes, now_us))
 }
 
-async fn change(
+/// Changes the state of a job that is in one of these states, and, where a replica is named, whose validation no other
+/// one has.
+pub(super) async fn change(
     tx: &mut Transaction,
     id: Uuid,
-    from: Vec<JobState>,
+    (from, owner): (Vec<JobState>, Option<String>),
     to: JobState,
     detail: String,
     report: Option<Arc<PackedReport>>,
 ) -> Result<Job> {
     // Everybody who changes a job waits for this lock, so none comes in between.
     tx.lock(Log::Event).await?;
-    let state = sqlx::query("SELECT state, tenant FROM jobs WHERE id = $1")
+    let state = sqlx::query("SELECT state, tenant, lease_owner FROM jobs WHERE id = $1")
         .bind(id.to_string())
         .fetch_optional(&mut tx.connection)
         .await?
         .ok_or_else(|| missing(id))?;
     let actual: JobState = parsed(&state, "state")?;
-    if !from.contains(&actual) {
+    let holder: Option<String> = state.try_get("lease_owner")?;
+    let of_another = owner.is_some_and(|owner| holder.is_some_and(|holder| holder != owner));
+    if of_another || !from.contains(&actual) {
         return Err(StoreError::FailedState { job_id: id, actual, expected: from });
     }
     let now_us = tx.now_us();

@@ -8,14 +8,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use sqlx::postgres::PgConnectOptions;
-use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
+use sqlx::{AssertSqlSafe, Connection as _, PgConnection};
 use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
 use super::PostgresOptions;
 use super::clock::Clock;
 use super::fault::Remedy;
-use super::retry::{Failure, Patience, answered};
+use super::open::connected;
+use super::pool::{TRIED_AFTER, close};
+use super::retry::{Failure, Patience};
+use super::silence::{Silence, TRIVIAL};
 use crate::error::{Result, StoreError};
 use crate::settings::{Observer, StoreSettings, StoreStats};
 
@@ -128,10 +131,11 @@ pub(super) struct Shared {
     pub(super) counts: Counts,
     /// Told when there is something new in a log that other replicas follow.
     pub(super) ring: Notify,
+    pub(super) silence: Silence,
     observer: Arc<dyn Observer>,
-    options: PgConnectOptions,
+    pub(super) options: PgConnectOptions,
     /// How long the server may be away.
-    away: Duration,
+    pub(super) away: Duration,
     /// How long an answer may take.
     limit: Duration,
 }
@@ -140,14 +144,15 @@ impl Shared {
     pub(super) fn new(
         options: &PostgresOptions,
         settings: &StoreSettings,
-        clock: Clock,
-        newest: Newest,
+        (clock, newest): (Clock, Newest),
+        silence: Silence,
     ) -> Result<Self> {
         Ok(Self {
             clock: Arc::new(clock),
             announcer: Announcer { decision: watch::channel(newest.decision).0, event: watch::channel(newest.event).0 },
             counts: Counts::default(),
             ring: Notify::new(),
+            silence,
             observer: settings.observer.clone(),
             options: options.bounded()?,
             away: options.connect_timeout,
@@ -307,8 +312,9 @@ where
 struct Task {
     name: &'static str,
     shared: Arc<Shared>,
-    /// `None` before the first transaction and after a failed one: its connection is given up with whatever it holds.
-    connection: Option<PgConnection>,
+    /// And when it was used last. `None` before the first transaction and after a failed one: its connection is given up
+    /// with whatever it holds.
+    connection: Option<(PgConnection, Instant)>,
 }
 
 impl Task {
@@ -317,10 +323,8 @@ impl Task {
         while queue.recv_many(&mut batch, max_operations).await > 0 {
             self.process(&mut batch).await;
         }
-        if let Some(connection) = self.connection
-            && let Err(error) = connection.close().await
-        {
-            tracing::debug!(%error, "closing a connection failed");
+        if let Some((connection, _)) = self.connection {
+            close(connection).await;
         }
     }
 
@@ -368,10 +372,10 @@ impl Task {
         }
         last += "; COMMIT";
         let committed = execute(&mut transaction.connection, last);
-        answered(self.shared.limit, committed).await.map_err(Failure::During)?;
+        self.shared.silence.answered(self.shared.limit, committed).await.map_err(Failure::During)?;
         // Nobody waits for news of the audit log.
         let [decision, event, _, _] = transaction.locked;
-        self.connection = Some(transaction.connection);
+        self.connection = Some((transaction.connection, Instant::now()));
         if decision.is_some() || event.is_some() {
             let newest = Newest { decision: decision.unwrap_or(0), event: event.unwrap_or(0) };
             self.shared.announcer.announce(newest);
@@ -380,26 +384,41 @@ impl Task {
         Ok(succeeded)
     }
 
+    /// A connection in a new transaction. Nothing was done yet, so one that says nothing is told from a server that has
+    /// much to do, and soon.
+    async fn begun(&mut self) -> Result<PgConnection> {
+        let silence = &self.shared.silence;
+        if let Some((mut connection, used)) = self.connection.take()
+            && !silence.since(used)
+        {
+            let tried = async {
+                if used.elapsed() >= TRIED_AFTER {
+                    connection.ping().await?;
+                }
+                begin(&mut connection).await
+            };
+            match silence.answered(TRIVIAL, tried).await {
+                Ok(()) => return Ok(connection),
+                Err(error) => tracing::debug!(%error, lane = self.name, "a connection is given up"),
+            }
+        }
+        let mut connection = connected(&self.shared.options, self.shared.away, silence).await?;
+        silence.answered(self.shared.limit, begin(&mut connection)).await?;
+        Ok(connection)
+    }
+
     /// Does a group of writes up to its commit; how many succeeded.
     async fn done(&mut self, batch: &mut [Box<dyn Operation>]) -> Result<(Transaction, u64)> {
-        let connection = match self.connection.take() {
-            Some(connection) => connection,
-            None => {
-                let connecting = async { Ok(self.shared.options.connect().await?) };
-                answered(self.shared.away, connecting).await?
-            }
-        };
+        let connection = self.begun().await?;
         let mut transaction =
             Transaction { connection, clock: self.shared.clock.clone(), locked: [None; Log::ALL.len()] };
-        let limit = self.shared.limit;
-        // Each statement is a way to the server and back, so what can go together does.
-        answered(limit, execute(&mut transaction.connection, "BEGIN; SAVEPOINT operation".to_owned())).await?;
+        let (limit, silence) = (self.shared.limit, &self.shared.silence);
         let mut succeeded = 0;
         let last = batch.len() - 1;
         for (index, operation) in batch.iter_mut().enumerate() {
             let locked = transaction.locked;
             let run = async { Ok(operation.run(&mut transaction).await) };
-            let next = match answered(limit, run).await? {
+            let next = match silence.answered(limit, run).await? {
                 Outcome::Failed(error) => return Err(error),
                 Outcome::Done => {
                     succeeded += 1;
@@ -412,11 +431,16 @@ impl Task {
                 }
             };
             if index < last || next.starts_with("ROLLBACK") {
-                answered(limit, execute(&mut transaction.connection, next.to_owned())).await?;
+                silence.answered(limit, execute(&mut transaction.connection, next.to_owned())).await?;
             }
         }
         Ok((transaction, succeeded))
     }
+}
+
+/// Each statement is a way to the server and back, so what can go together does.
+async fn begin(connection: &mut PgConnection) -> Result<()> {
+    execute(connection, "BEGIN; SAVEPOINT operation".to_owned()).await
 }
 
 /// Statements that are built of nothing but names and numbers of this file.

@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use sqlx::migrate::Migrator;
-use sqlx::postgres::{PgConnectOptions, PgDatabaseError, PgPoolOptions};
-use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection, PgPool};
+use sqlx::postgres::{PgConnectOptions, PgDatabaseError};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
 
 use super::PostgresOptions;
-use super::retry::{Failure, Patience, answered};
+use super::retry::{Failure, Patience};
+use super::silence::Silence;
 use crate::error::{Result, StoreError};
 use crate::sql::migrations;
 
@@ -18,9 +19,6 @@ const MIGRATION_LOCK: i64 = 0x6677_6462;
 
 /// The database to which one connects to create another.
 const MAINTENANCE_DATABASE: &str = "postgres";
-
-/// A connection that was not used for so long is tried before it is used: the server may have been restarted.
-const TRIED_AFTER: Duration = Duration::from_secs(1);
 
 /// Brings the schema up to date; creates the database where there is none. Replicas that start together do it one
 /// after another.
@@ -70,33 +68,17 @@ pub(super) async fn connect_unchanged(options: &PostgresOptions) -> Result<PgCon
     }
 }
 
-/// A pool of connections that are made when they are needed.
-///
-/// # Errors
-/// `CannotOpen`.
-pub(super) fn pool(options: &PostgresOptions, connections: u32) -> Result<PgPool> {
-    let pool = PgPoolOptions::new()
-        .max_connections(connections)
-        .acquire_timeout(options.connect_timeout)
-        .test_before_acquire(false)
-        .before_acquire(|connection, used| {
-            Box::pin(async move {
-                if used.idle_for >= TRIED_AFTER {
-                    connection.ping().await?;
-                }
-                Ok(true)
-            })
-        });
-    Ok(pool.connect_lazy_with(options.bounded()?))
-}
-
 /// Connects, as long as the server may be away.
 pub(super) async fn connect(options: &PostgresOptions, database: &str) -> Result<PgConnection> {
-    let target: PgConnectOptions = options.connect_options(database)?;
-    let mut patience = Patience::new(options.connect_timeout);
+    connected(&options.connect_options(database)?, options.connect_timeout, &Silence::new()).await
+}
+
+/// As [`connect`], where the server may be `away` for so long.
+pub(super) async fn connected(target: &PgConnectOptions, away: Duration, silence: &Silence) -> Result<PgConnection> {
+    let mut patience = Patience::new(away);
     loop {
         let connecting = async { Ok(target.connect().await?) };
-        match answered(options.connect_timeout, connecting).await {
+        match silence.answered(away, connecting).await {
             Ok(connection) => return Ok(connection),
             Err(error) => patience.again(Failure::Before(error)).await?,
         }

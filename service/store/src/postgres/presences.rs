@@ -83,7 +83,7 @@ impl Presences for PostgresStore {
         )
         .bind(&self.inner.replica)
         .bind(window_us)
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         let told = rows.iter().map(|row| {
             Ok(ToldPresence {
@@ -101,6 +101,6 @@ impl Presences for PostgresStore {
     }
 
     async fn machines_mark(&self) -> Result<[i64; 3]> {
-        machines_mark(&sqlx::query(MACHINES_MARK).fetch_one(&mut *self.reader().await?).await?)
+        machines_mark(&sqlx::query(MACHINES_MARK).fetch_one(&mut self.reader().await?).await?)
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use bytes::Bytes;
-use sqlx::{PgConnection, Postgres, QueryBuilder};
+use sqlx::{PgConnection, PgExecutor, Postgres, QueryBuilder};
 
 use super::PostgresStore;
 use crate::error::{Kind, Result, StoreError, check_size};
@@ -58,10 +58,10 @@ pub(super) async fn insert_content(connection: &mut PgConnection) -> Result<i64>
     Ok(sqlx::query_scalar("INSERT INTO contents DEFAULT VALUES RETURNING id").fetch_one(connection).await?)
 }
 
-pub(super) async fn find_program(connection: &mut PgConnection, id: ProgramId) -> Result<Option<ProgramInfo>> {
+pub(super) async fn find_program(executor: impl PgExecutor<'_>, id: ProgramId) -> Result<Option<ProgramInfo>> {
     let row = sqlx::query("SELECT id, size_bytes, chunk_count, created_us FROM programs WHERE id = $1")
         .bind(id.key())
-        .fetch_optional(connection)
+        .fetch_optional(executor)
         .await?;
     row.as_ref().map(program_info).transpose()
 }
@@ -97,7 +97,7 @@ impl PostgresStore {
             sqlx::query("SELECT source_bytes, data FROM program_chunks WHERE content_id = $1 AND chunk_index = $2")
                 .bind(content)
                 .bind(i64::try_from(index).unwrap_or(i64::MAX))
-                .fetch_optional(&mut *self.reader().await?)
+                .fetch_optional(&mut self.reader().await?)
                 .await?;
         match row {
             Some(row) => chunk_source(&row).await.map(Some),
@@ -123,7 +123,7 @@ impl PostgresStore {
              WHERE NOT EXISTS (SELECT 1 FROM programs WHERE content_id = c.id)
                AND NOT EXISTS (SELECT 1 FROM uploads WHERE content_id = c.id)",
         )
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         for content in orphans {
             self.remove_chunks(content).await?;
@@ -152,7 +152,7 @@ async fn remove_piece(connection: &mut PgConnection, content: i64) -> Result<boo
 
 /// Stores a program whose chunks are ready, unless it is there.
 async fn put(connection: &mut PgConnection, info: ProgramInfo, chunks: &[Chunk]) -> Result<ProgramInfo> {
-    if let Some(there) = find_program(connection, info.id).await? {
+    if let Some(there) = find_program(&mut *connection, info.id).await? {
         return Ok(there);
     }
     let content = insert_content(connection).await?;
@@ -162,7 +162,7 @@ async fn put(connection: &mut PgConnection, info: ProgramInfo, chunks: &[Chunk])
     }
     // It came another way meanwhile.
     sqlx::query("DELETE FROM contents WHERE id = $1").bind(content).execute(&mut *connection).await?;
-    let there = find_program(connection, info.id).await?;
+    let there = find_program(&mut *connection, info.id).await?;
     there.ok_or_else(|| StoreError::unavailable("the program was deleted while it was stored"))
 }
 
@@ -189,7 +189,7 @@ impl Programs for PostgresStore {
         check_size("program size in bytes", source.len(), self.settings().max_program_bytes.min(MAX_PUT_BYTES))?;
         let hashed = source.clone();
         let id = offload(source.len(), move || Ok(ProgramId::of(&hashed).of_tenant(tenant))).await?;
-        if let Some(info) = find_program(&mut *self.reader().await?, id).await? {
+        if let Some(info) = find_program(&mut self.reader().await?, id).await? {
             return Ok(info);
         }
         let size_bytes = source.len() as u64;
@@ -205,14 +205,14 @@ impl Programs for PostgresStore {
     }
 
     async fn program_info(&self, id: ProgramId) -> Result<ProgramInfo> {
-        let info = find_program(&mut *self.reader().await?, id).await?;
+        let info = find_program(&mut self.reader().await?, id).await?;
         info.ok_or_else(|| StoreError::not_found(Kind::Program, id))
     }
 
     async fn program_entry(&self, id: ProgramId) -> Result<ProgramEntry> {
         let row = sqlx::query(entry_query!("WHERE p.id = $1"))
             .bind(id.key())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         program_entry(&row.ok_or_else(|| StoreError::not_found(Kind::Program, id))?)
     }
@@ -237,7 +237,7 @@ impl Programs for PostgresStore {
             sql.push(" AND p.sequence < ").push_bind(before);
         }
         sql.push(" ORDER BY p.sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         let programs = rows.iter().map(program_entry).collect::<Result<Vec<_>>>()?;
         Ok(Page::cut(programs, size, |last| scope.sequence_token(last.sequence)))
     }
@@ -266,7 +266,7 @@ impl Programs for PostgresStore {
         )
         .bind(id.key())
         .bind(i64::try_from(chunk_index).unwrap_or(i64::MAX))
-        .fetch_optional(&mut *self.reader().await?)
+        .fetch_optional(&mut self.reader().await?)
         .await?;
         match row {
             Some(row) => chunk_source(&row).await,

@@ -38,7 +38,7 @@ impl PostgresStore {
         let Some(cutoff) = self.cutoff(age) else { return Ok(0) };
         let sql = format!("SELECT COUNT(*) {from}");
         let count: i64 =
-            sqlx::query_scalar(AssertSqlSafe(sql)).bind(cutoff).fetch_one(&mut *self.reader().await?).await?;
+            sqlx::query_scalar(AssertSqlSafe(sql)).bind(cutoff).fetch_one(&mut self.reader().await?).await?;
         Ok(count.unsigned_abs())
     }
 
@@ -68,7 +68,7 @@ impl PostgresStore {
     /// Removes the oldest jobs, at most so many; they are logged as deleted.
     async fn remove_jobs(&self, cutoff: i64, most: i64) -> Result<u64> {
         let sql = format!("SELECT j.id {JOBS} ORDER BY j.sequence LIMIT {most}");
-        let rows = sqlx::query(AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
+        let rows = sqlx::query(AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut self.reader().await?).await?;
         let mut removed = 0;
         for row in &rows {
             let id: Uuid = parsed(row, "id")?;
@@ -85,7 +85,7 @@ impl PostgresStore {
         let mut removed = 0;
         loop {
             let sql = format!("SELECT j.id {PROGRAMS} ORDER BY j.sequence LIMIT {BATCH}");
-            let rows = sqlx::query(AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut *self.reader().await?).await?;
+            let rows = sqlx::query(AssertSqlSafe(sql)).bind(cutoff).fetch_all(&mut self.reader().await?).await?;
             let before = removed;
             for row in &rows {
                 let ProgramKey(id) = parsed(row, "id")?;
@@ -114,7 +114,7 @@ impl PostgresStore {
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(monitor)), 0) FROM runs)
                 + (SELECT COALESCE(SUM(OCTET_LENGTH(body)), 0) FROM decisions))::BIGINT",
         )
-        .fetch_one(&mut *self.reader().await?)
+        .fetch_one(&mut self.reader().await?)
         .await?;
         Ok(bytes.unsigned_abs())
     }

@@ -1,6 +1,5 @@
 //! What is done again, how often, and for how long.
 
-use std::io;
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -27,6 +26,8 @@ pub(super) enum Failure {
 #[derive(Debug)]
 pub(super) struct Patience {
     until: Instant,
+    /// Whether it was tried with another connection.
+    reconnected: bool,
     conflicts: u32,
     pause: Duration,
 }
@@ -34,7 +35,7 @@ pub(super) struct Patience {
 impl Patience {
     /// For a server that may be away for so long.
     pub(super) fn new(away: Duration) -> Self {
-        Self { until: Instant::now() + away, conflicts: 0, pause: PAUSES[0] }
+        Self { until: Instant::now() + away, reconnected: false, conflicts: 0, pause: PAUSES[0] }
     }
 
     /// Returns when to try again.
@@ -57,8 +58,9 @@ impl Patience {
             Remedy::None => return Err(error),
             Remedy::Again if self.conflicts == MOST_CONFLICTS => return Err(error),
             Remedy::Again => self.conflicts += 1,
-            Remedy::Reconnect if Instant::now() >= self.until => return Err(error),
-            Remedy::Reconnect => {}
+            // However long a connection took to be found silent, a new one may work.
+            Remedy::Reconnect if self.reconnected && Instant::now() >= self.until => return Err(error),
+            Remedy::Reconnect => self.reconnected = true,
         }
         tracing::debug!(%error, "a transaction is tried again");
         // Of several in each other's way not all come back at once.
@@ -67,12 +69,4 @@ impl Patience {
         self.pause = (self.pause * 2).min(PAUSES[1]);
         Ok(())
     }
-}
-
-/// The result of `work`, or that the server did not answer: a connection that was cut is not told of it.
-pub(super) async fn answered<T>(limit: Duration, work: impl Future<Output = Result<T>>) -> Result<T> {
-    tokio::time::timeout(limit, work).await.unwrap_or_else(|_| {
-        let silent = io::Error::new(io::ErrorKind::TimedOut, "no answer in time");
-        Err(sqlx::Error::Io(silent).into())
-    })
 }

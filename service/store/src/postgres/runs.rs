@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use sqlx::postgres::PgRow;
-use sqlx::{PgConnection, Postgres, QueryBuilder};
+use sqlx::{PgConnection, PgExecutor, Postgres, QueryBuilder};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -61,15 +61,15 @@ macro_rules! run_query {
     };
 }
 
-async fn find_run(connection: &mut PgConnection, id: Uuid) -> Result<Run> {
-    let row = sqlx::query(run_query!("WHERE id = $1")).bind(id.to_string()).fetch_optional(connection).await?;
+async fn find_run(executor: impl PgExecutor<'_>, id: Uuid) -> Result<Run> {
+    let row = sqlx::query(run_query!("WHERE id = $1")).bind(id.to_string()).fetch_optional(executor).await?;
     run(&row.ok_or_else(|| missing(id))?)
 }
 
-async fn find_overrides(connection: &mut PgConnection, id: Uuid) -> Result<Vec<RunOverride>> {
+async fn find_overrides(executor: impl PgExecutor<'_>, id: Uuid) -> Result<Vec<RunOverride>> {
     let rows = sqlx::query("SELECT * FROM run_overrides WHERE run_id = $1 ORDER BY number")
         .bind(id.to_string())
-        .fetch_all(connection)
+        .fetch_all(executor)
         .await?;
     rows.iter().map(change).collect()
 }
@@ -84,15 +84,15 @@ async fn take_up(connection: &mut PgConnection, id: Uuid, now_us: i64) -> Result
     .bind(id.to_string())
     .fetch_optional(&mut *connection)
     .await?;
-    let run = find_run(connection, id).await?;
+    let run = find_run(&mut *connection, id).await?;
     let Some(row) = row else { return Err(StoreError::RunEnded { run_id: id, state: run.state }) };
-    let overrides = find_overrides(connection, id).await?;
+    let overrides = find_overrides(&mut *connection, id).await?;
     Ok((run, unsigned(&row, "attachment")?, row, overrides))
 }
 
 /// Why a commit found no run to write to.
 async fn refusal(connection: &mut PgConnection, id: Uuid) -> Result<StoreError> {
-    let run = find_run(connection, id).await?;
+    let run = find_run(&mut *connection, id).await?;
     Ok(match run.state {
         RunState::Open => StoreError::Detached { run_id: id },
         state => StoreError::RunEnded { run_id: id, state },
@@ -128,7 +128,7 @@ async fn insert(connection: &mut PgConnection, packed: &PackedRun, now_us: i64) 
         let unknown = is_reference(&error);
         return Err(if unknown { StoreError::not_found(Kind::Job, new.job_id) } else { error.into() });
     }
-    find_run(connection, *id).await
+    find_run(&mut *connection, *id).await
 }
 
 #[async_trait]
@@ -162,7 +162,7 @@ impl Runs for PostgresStore {
         let row =
             sqlx::query("SELECT m.config FROM jobs AS j LEFT JOIN monitoring AS m ON m.job_id = j.id WHERE j.id = $1")
                 .bind(job_id.to_string())
-                .fetch_optional(&mut *self.reader().await?)
+                .fetch_optional(&mut self.reader().await?)
                 .await?
                 .ok_or_else(|| StoreError::not_found(Kind::Job, job_id))?;
         let config = row.text_option("config")?.map(str::to_owned);
@@ -205,7 +205,7 @@ impl Runs for PostgresStore {
     }
 
     async fn run(&self, id: Uuid) -> Result<Run> {
-        find_run(&mut *self.reader().await?, id).await
+        find_run(&mut self.reader().await?, id).await
     }
 
     async fn list_runs(&self, tenant: Option<Tenant>, job_id: Option<Uuid>, page: &PageRequest) -> Result<Page<Run>> {
@@ -222,7 +222,7 @@ impl Runs for PostgresStore {
             sql.push(" AND sequence < ").push_bind(before);
         }
         sql.push(" ORDER BY sequence DESC LIMIT ").push_bind(size as i64 + 1);
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         let runs = rows.iter().map(run).collect::<Result<Vec<_>>>()?;
         Ok(Page::cut(runs, size, |last| scope.sequence_token(last.sequence)))
     }
@@ -231,7 +231,7 @@ impl Runs for PostgresStore {
         let rows = sqlx::query("SELECT * FROM run_conditions WHERE run_id = $1 ORDER BY decision_number LIMIT $2")
             .bind(id.to_string())
             .bind(i64::from(MAX_LISTED))
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(condition).collect()
     }
@@ -259,32 +259,32 @@ impl Runs for PostgresStore {
             sql.push(" AND EXISTS (SELECT 1 FROM runs AS r WHERE r.id = c.run_id AND r.tenant = ");
             sql.push_bind(tenant.name().to_owned()).push(")");
         }
-        unsigned(&sql.build().fetch_one(&mut *self.reader().await?).await?, "open")
+        unsigned(&sql.build().fetch_one(&mut self.reader().await?).await?, "open")
     }
 
     async fn open_conditions(&self, limit: u32) -> Result<Vec<OpenCondition>> {
         let rows = sqlx::query(open_conditions_query!("$1"))
             .bind(i64::from(limit))
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(open_condition).collect()
     }
 
     async fn machine_runs(&self) -> Result<Vec<MachineRuns>> {
-        let rows = sqlx::query(MACHINE_RUNS).fetch_all(&mut *self.reader().await?).await?;
+        let rows = sqlx::query(MACHINE_RUNS).fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(machine_runs).collect()
     }
 
     async fn last_decision(&self, id: Uuid) -> Result<Option<DecisionRecord>> {
         let row = sqlx::query("SELECT * FROM decisions WHERE run_id = $1 ORDER BY number DESC LIMIT 1")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?;
         row.as_ref().map(decision).transpose()
     }
 
     async fn run_overrides(&self, id: Uuid) -> Result<Vec<RunOverride>> {
-        find_overrides(&mut *self.reader().await?, id).await
+        find_overrides(&mut self.reader().await?, id).await
     }
 
     async fn put_run_checkpoint(
@@ -314,7 +314,7 @@ impl Runs for PostgresStore {
         let rows = sqlx::query("SELECT * FROM telemetry_gaps WHERE run_id = $1 ORDER BY first_batch LIMIT $2")
             .bind(id.to_string())
             .bind(i64::from(MAX_LISTED))
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(gap).collect()
     }
@@ -332,7 +332,7 @@ impl Runs for PostgresStore {
             sql.push(" AND job_id = ").push_bind(id.to_string());
         }
         sql.push(" ORDER BY sequence LIMIT ").push_bind(i64::from(limit.min(MAX_DECISIONS)));
-        let rows = sql.build().fetch_all(&mut *self.reader().await?).await?;
+        let rows = sql.build().fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(decision).collect()
     }
 

@@ -17,7 +17,7 @@ use crate::sql::uploads::{NewUpload, UploadSteps};
 impl PostgresStore {
     pub(super) async fn all_uploads(&self) -> Result<Vec<UploadInfo>> {
         let rows =
-            sqlx::query("SELECT * FROM uploads ORDER BY content_id").fetch_all(&mut *self.reader().await?).await?;
+            sqlx::query("SELECT * FROM uploads ORDER BY content_id").fetch_all(&mut self.reader().await?).await?;
         rows.iter().map(upload_info).collect()
     }
 }
@@ -35,7 +35,7 @@ impl UploadSteps for PostgresStore {
     async fn find_upload(&self, id: UploadId) -> Result<(i64, UploadInfo)> {
         let row = sqlx::query("SELECT * FROM uploads WHERE id = $1")
             .bind(id.to_string())
-            .fetch_optional(&mut *self.reader().await?)
+            .fetch_optional(&mut self.reader().await?)
             .await?
             .ok_or_else(|| missing_upload(id))?;
         Ok((row.try_get("content_id")?, upload_info(&row)?))
@@ -51,7 +51,7 @@ impl UploadSteps for PostgresStore {
         )
         .bind(id.to_string())
         .bind(before)
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         Ok(pieces)
     }
@@ -59,7 +59,7 @@ impl UploadSteps for PostgresStore {
     async fn untouched_since(&self, before_us: i64) -> Result<Vec<UploadId>> {
         let rows = sqlx::query("SELECT id FROM uploads WHERE updated_us < $1")
             .bind(before_us)
-            .fetch_all(&mut *self.reader().await?)
+            .fetch_all(&mut self.reader().await?)
             .await?;
         rows.iter().map(|row| parsed(row, "id")).collect()
     }
@@ -202,7 +202,7 @@ async fn finish(
     if insert_program(connection, content, &program).await? {
         return Ok((program, true));
     }
-    let there = find_program(connection, program.id).await?;
+    let there = find_program(&mut *connection, program.id).await?;
     let there = there.ok_or_else(|| StoreError::unavailable("the program was deleted while it was stored"))?;
     Ok((there, false))
 }

@@ -1,6 +1,7 @@
 //! The queue of validations in PostgreSQL. Who begins one has a lease on it, by the database's clock, and renews it; a
 //! replica that is gone lets it run out, and another one begins anew. The state of the job decides which result counts.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -8,13 +9,13 @@ use sqlx::Row as _;
 use uuid::Uuid;
 
 use super::PostgresStore;
-use super::jobs::log;
+use super::jobs::{change, log};
 use super::lane::{Log, Transaction};
 use crate::error::Result;
-use crate::jobs::JobState;
-use crate::sql::jobs::missing;
+use crate::jobs::{Job, JobState, NewReport};
+use crate::sql::jobs::{missing, packed};
 use crate::sql::record::tenant;
-use crate::sql::validations::{Beginning, waiting};
+use crate::sql::validations::{Beginning, WAITING, waiting};
 use crate::validations::{Attempt, Validations, WaitingJob};
 
 /// For how long a validation is a replica's without a further word.
@@ -33,7 +34,7 @@ impl Validations for PostgresStore {
         )
         .bind(after)
         .bind(i64::from(limit))
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         rows.iter().map(waiting).collect()
     }
@@ -47,7 +48,7 @@ impl Validations for PostgresStore {
         )
         .bind(self.clock().now_us())
         .bind(i64::from(limit))
-        .fetch_all(&mut *self.reader().await?)
+        .fetch_all(&mut self.reader().await?)
         .await?;
         rows.iter().map(waiting).collect()
     }
@@ -79,6 +80,17 @@ impl Validations for PostgresStore {
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt> {
         let owner = self.inner.replica.clone();
         self.write_event(0, move |tx| Box::pin(begin(tx, id, max_attempts, owner.clone()))).await
+    }
+
+    async fn end_validation(&self, id: Uuid, to: JobState, detail: &str, report: Option<NewReport>) -> Result<Job> {
+        let report = packed(detail, report, self.settings()).await?.map(Arc::new);
+        let payload = report.as_ref().map_or(0, |report| report.report.len());
+        let (owner, detail) = (self.inner.replica.clone(), detail.to_owned());
+        self.write_event(payload, move |tx| {
+            let (owner, detail, report) = (Some(owner.clone()), detail.clone(), report.clone());
+            Box::pin(change(tx, id, (WAITING.to_vec(), owner), to, detail, report))
+        })
+        .await
     }
 
     async fn return_attempt(&self, id: Uuid) -> Result<()> {

@@ -202,12 +202,12 @@ macro_rules! open_conditions_query {
 pub(crate) use open_conditions_query;
 
 /// The newest run of each tenant on each machine, and how many came to their end.
-pub(crate) const MACHINE_RUNS: &str = "SELECT * FROM (
-        SELECT j.machine_id, r.tenant, r.id,
-            COUNT(*) FILTER (WHERE r.state = 'finished') OVER (PARTITION BY j.machine_id, r.tenant) AS finished,
-            ROW_NUMBER() OVER (PARTITION BY j.machine_id, r.tenant ORDER BY r.sequence DESC) AS place
-        FROM runs AS r JOIN jobs AS j ON j.id = r.job_id) AS found
-     WHERE place = 1 ORDER BY machine_id, tenant";
+pub(crate) const MACHINE_RUNS: &str = "SELECT found.machine_id, found.tenant, newest.id, found.finished
+     FROM (SELECT j.machine_id, r.tenant, MAX(r.sequence) AS sequence,
+            COUNT(CASE WHEN r.state = 'finished' THEN 1 END) AS finished
+        FROM runs AS r JOIN jobs AS j ON j.id = r.job_id GROUP BY j.machine_id, r.tenant) AS found
+        JOIN runs AS newest ON newest.sequence = found.sequence
+     ORDER BY found.machine_id, found.tenant";
 
 pub(crate) fn open_condition(row: &impl Record) -> Result<OpenCondition> {
     Ok(OpenCondition {

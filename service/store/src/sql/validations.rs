@@ -8,7 +8,7 @@ use crate::jobs::JobState;
 use crate::validations::{Attempt, WaitingJob};
 
 /// The states of a job that is to be validated.
-const WAITING: [JobState; 2] = [JobState::PendingValidation, JobState::Validating];
+pub(crate) const WAITING: [JobState; 2] = [JobState::PendingValidation, JobState::Validating];
 
 pub(crate) fn waiting(row: &impl Record) -> Result<WaitingJob> {
     Ok(WaitingJob {

@@ -9,9 +9,10 @@ use super::SqliteStore;
 use super::jobs::log;
 use super::writer::Transaction;
 use crate::error::Result;
+use crate::jobs::{Job, JobState, Jobs, NewReport};
 use crate::sql::jobs::missing;
 use crate::sql::record::tenant;
-use crate::sql::validations::{Beginning, waiting};
+use crate::sql::validations::{Beginning, WAITING, waiting};
 use crate::validations::{Attempt, Validations, WaitingJob};
 
 #[async_trait]
@@ -43,6 +44,11 @@ impl Validations for SqliteStore {
 
     async fn begin_validation(&self, id: Uuid, max_attempts: u32) -> Result<Attempt> {
         self.write(0, move |tx| Box::pin(begin(tx, id, max_attempts))).await
+    }
+
+    async fn end_validation(&self, id: Uuid, to: JobState, detail: &str, report: Option<NewReport>) -> Result<Job> {
+        // One process has the file, so the validation is its own.
+        Jobs::transition(self, id, &WAITING, to, detail, report).await
     }
 
     async fn return_attempt(&self, id: Uuid) -> Result<()> {

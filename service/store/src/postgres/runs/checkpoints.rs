@@ -81,7 +81,7 @@ pub(super) async fn nearest(
     .bind(generation_key)
     // No stored index is beyond, so the nearest stays the nearest.
     .bind(i64::try_from(setpoint_index).unwrap_or(i64::MAX))
-    .fetch_optional(&mut *store.reader().await?)
+    .fetch_optional(&mut store.reader().await?)
     .await?;
     match row {
         Some(row) => checkpoint(&row).await.map(Some),
@@ -95,7 +95,7 @@ pub(super) async fn marks(store: &PostgresStore, id: Uuid) -> Result<Vec<RunMark
         "SELECT setpoint_index, digest_state FROM run_checkpoints WHERE run_id = $1 ORDER BY setpoint_index",
     )
     .bind(id.to_string())
-    .fetch_all(&mut *store.reader().await?)
+    .fetch_all(&mut store.reader().await?)
     .await?;
     rows.iter().map(mark).collect()
 }
