@@ -469,31 +469,28 @@ async fn check_empty(target: &mut PgConnection) -> Result<()> {
 }
 
 /// The newest numbers of the logs in a file.
-async fn newest_numbers(source: &mut SqliteConnection) -> Result<Vec<(&'static str, i64)>> {
+async fn newest_numbers(source: &mut SqliteConnection) -> Result<Vec<(String, i64)>> {
     let mut numbers = Vec::new();
     for (name, table) in [("event", "job_events"), ("decision", "decisions"), ("audit", "audit_entries")] {
         let row = sqlx::query("SELECT COALESCE(MAX(seq), 0) AS newest FROM sqlite_sequence WHERE name = ?")
             .bind(table)
             .fetch_one(&mut *source)
             .await?;
-        numbers.push((name, row.try_get("newest")?));
+        numbers.push((name.to_owned(), row.try_get("newest")?));
+    }
+    // What is counted beside the rows of a table.
+    for row in sqlx::query("SELECT name, newest FROM counters").fetch_all(&mut *source).await? {
+        numbers.push((row.try_get("name")?, row.try_get("newest")?));
     }
     Ok(numbers)
 }
 
 /// Lets numbers go on where they were.
-async fn set_numbers(target: &mut PgConnection, newest: Vec<(&'static str, i64)>) -> Result<()> {
+async fn set_numbers(target: &mut PgConnection, newest: Vec<(String, i64)>) -> Result<()> {
     for (name, newest) in newest {
         sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
             .bind(newest)
             .bind(name)
-            .execute(&mut *target)
-            .await?;
-    }
-    for row in sqlx::query("SELECT name, newest FROM counters").fetch_all(&mut *source).await? {
-        sqlx::query("UPDATE counters SET newest = $1 WHERE name = $2")
-            .bind(row.try_get::<i64, _>("newest")?)
-            .bind(row.try_get::<String, _>("name")?)
             .execute(&mut *target)
             .await?;
     }
