@@ -277,6 +277,7 @@ async fn store_with_a_run(folder: &tempfile::TempDir) -> Store {
     let run = store.create_run(run).await.unwrap();
     let end = RunCommit { end: Some((RunState::Finished, String::new())), ..RunCommit::default() };
     store.commit_run(run.run.id, run.attachment, end).await.unwrap();
+    store.create_machine(Some("lathe"), empty()).await.unwrap();
     store
 }
 
