@@ -154,6 +154,7 @@ impl PostgresStore {
         };
         let store = Self { inner: Arc::new(inner) };
         store.remove_orphans().await?;
+        store.take_back_presences().await?;
         Ok(store)
     }
 

@@ -57,6 +57,26 @@ async fn tell(connection: &mut PgConnection, replica: &str, told: &[Presence], g
     Ok(())
 }
 
+impl PostgresStore {
+    /// Takes back what an earlier process of the replica with this name told, which is no more: its streams broke with it.
+    pub(super) async fn take_back_presences(&self) -> Result<()> {
+        let name = &self.settings().replica_name;
+        if name.is_empty() {
+            return Ok(());
+        }
+        let former = format!("{name}#");
+        self.write(0, move |connection| {
+            let former = former.clone();
+            Box::pin(async move {
+                let delete = sqlx::query("DELETE FROM presences WHERE LEFT(replica, LENGTH($1)) = $1");
+                delete.bind(former).execute(connection).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}
+
 #[async_trait]
 impl Presences for PostgresStore {
     async fn tell_presences(&self, told: Vec<Presence>, gone: Vec<Uuid>) -> Result<()> {
