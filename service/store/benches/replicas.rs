@@ -5,11 +5,13 @@
 //! tests/postgres/run.sh cargo bench -p feedwave-store --bench replicas
 //! ```
 
+mod common;
+
 use std::time::{Duration, Instant};
 
+use common::new_job;
 use feedwave_store::{
-    Fingerprint, NewDecision, NewJob, NewRun, ProgramId, RawValue, RunCommit, RunKind, Store, StoreSettings, StoreUri,
-    Tenant,
+    NewDecision, NewRun, ProgramId, RawValue, RunCommit, RunKind, Store, StoreSettings, StoreUri, Tenant,
 };
 use tokio::task::JoinSet;
 use uuid::Uuid;
@@ -26,28 +28,9 @@ enum Work {
     Jobs,
 }
 
-async fn new_job(store: &Store, program_id: ProgramId) -> Uuid {
-    let request_id = Uuid::now_v7().to_string();
-    let body = || RawValue::from_string(r#"{"axes":["X","Z"]}"#.into()).expect("JSON");
-    let new = NewJob {
-        tenant: Tenant::DEFAULT,
-        owner: String::new(),
-        fingerprint: Fingerprint::of([request_id.as_bytes()]),
-        request_id,
-        display_name: "benchmark".into(),
-        program_id,
-        further_program_ids: Vec::new(),
-        machine_id: "lathe-1".into(),
-        client: String::new(),
-        machine_snapshot: body(),
-        settings: body(),
-    };
-    store.create_job(new).await.expect("creates a job").id
-}
-
 /// Works until the time is over; how long each piece took.
 async fn work(store: Store, program: ProgramId, work: Work, until: Instant) -> Vec<Duration> {
-    let job_id = new_job(&store, program).await;
+    let job_id = store.create_job(new_job(program)).await.expect("creates a job").id;
     let settings = RawValue::from_string("{}".into()).expect("JSON");
     let new = NewRun { job_id, kind: RunKind::Live, settings, monitor: vec![0; 512].into() };
     let run = store.create_run(new).await.expect("creates a run");
@@ -59,7 +42,7 @@ async fn work(store: Store, program: ProgramId, work: Work, until: Instant) -> V
         }
         match work {
             Work::Jobs => {
-                new_job(&store, program).await;
+                store.create_job(new_job(program)).await.expect("creates a job");
             }
             Work::Decisions => {
                 let body = vec![7; 600].into();

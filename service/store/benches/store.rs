@@ -1,32 +1,20 @@
 //! Acknowledged job creations per second, by one writer at a time and by 64 at once: what group
 //! commit is worth. Program chunks read per second beside the decompression alone.
 
+mod common;
+
 use std::hint::black_box;
 
+use common::new_job;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use feedwave_store::{CHUNK_BYTES, Fingerprint, NewJob, ProgramId, RawValue, Store, StoreSettings, StoreUri, Tenant};
+use feedwave_store::{CHUNK_BYTES, ProgramId, Store, StoreSettings, StoreUri, Tenant};
 use tokio::runtime::Runtime;
 
 const JOBS: u64 = 256;
 
 async fn create(store: Store, program_id: ProgramId, jobs: u64) {
     for _ in 0..jobs {
-        let request_id = uuid::Uuid::now_v7().to_string();
-        let body = || RawValue::from_string(r#"{"axes":["X","Z"]}"#.into()).expect("JSON");
-        let job = NewJob {
-            tenant: Tenant::DEFAULT,
-            owner: String::new(),
-            fingerprint: Fingerprint::of([request_id.as_bytes()]),
-            request_id,
-            display_name: "benchmark".into(),
-            program_id,
-            further_program_ids: Vec::new(),
-            machine_id: "lathe-1".into(),
-            client: String::new(),
-            machine_snapshot: body(),
-            settings: body(),
-        };
-        store.create_job(job).await.expect("creates a job");
+        store.create_job(new_job(program_id)).await.expect("creates a job");
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use feedwave_contract::proto::grouping::By;
 use feedwave_contract::proto::ingest_request::Message as Request;
 use feedwave_contract::proto::ingest_response::Message;
 use feedwave_contract::proto::ingest_start::Target;
@@ -10,12 +9,13 @@ use feedwave_contract::proto::machine_event::Event;
 use feedwave_contract::proto::telemetry_client::TelemetryClient;
 use feedwave_contract::proto::window_length::Length;
 use feedwave_contract::proto::{
-    AcknowledgeConditionRequest, ChannelPair, DataQuality, Decision, DecisionAction, DecisionReason, DecisionRules,
-    Escalation, FeedRule, GetMonitoringRequest, GetRunRequest, Grouping, HoldReason, IngestEnd, IngestRequest,
-    IngestResponse, IngestStart, IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState,
-    MonitoringConfig, OverrideBound, OverrideBounds, Run, RunState, SensorQuantity, Sensors, SetMonitoringRequest,
-    SilenceFallback, TelemetryAck, TelemetryBatch, ToolCheck, WatchDecisionsRequest, WindowLength,
+    AcknowledgeConditionRequest, ChannelPair, Decision, DecisionAction, DecisionReason, DecisionRules, Escalation,
+    FeedRule, GetMonitoringRequest, GetRunRequest, HoldReason, IngestEnd, IngestRequest, IngestResponse, IngestStart,
+    IngestStarted, Job, ListDecisionsRequest, MachineEvent, MonitorState, MonitoringConfig, OverrideBound,
+    OverrideBounds, Run, RunState, SetMonitoringRequest, SilenceFallback, TelemetryAck, TelemetryBatch,
+    WatchDecisionsRequest, WindowLength,
 };
+use feedwave_tests::live_config;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
@@ -32,28 +32,8 @@ pub fn seconds(seconds: f64) -> Option<WindowLength> {
 }
 
 pub fn config() -> MonitoringConfig {
-    MonitoringConfig {
-        sample_rate_hz: Some(RATE_HZ as f64),
-        tool: Some(Sensors { quantity: SensorQuantity::Displacement.into(), max: 10.0, ..Default::default() }),
-        grouping: Some(Grouping { by: Some(By::SamplesPerPoint(10)) }),
-        baseline: seconds(0.1),
-        window: seconds(0.1),
-        tool_check: Some(ToolCheck { max_ratio: None, max_run_out: Some(0.5) }),
-        settling_s: Some(0.0),
-        quality: Some(DataQuality {
-            min_valid_samples: Some(50),
-            stuck_samples: Some(20),
-            // However slow the machine that tests is, its telemetry is not silent.
-            silence_s: Some(3_000.0),
-            stale_s: Some(3_000.0),
-            ..Default::default()
-        }),
-        rules: Some(DecisionRules {
-            feed: Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.05) }),
-            ..Default::default()
-        }),
-        ..Default::default()
-    }
+    let feed = Some(FeedRule { lower: 0.003, upper: 0.01, step: Some(0.05) });
+    MonitoringConfig { rules: Some(DecisionRules { feed, ..Default::default() }), ..live_config() }
 }
 
 /// Batch `sequence` of a machine that idles for ten batches and then cuts with this deflection.
