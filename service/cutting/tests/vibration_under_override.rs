@@ -142,13 +142,19 @@ fn tight(up_to: f64, overrides: &[(u64, f64)]) -> PipelineConfig {
 #[test]
 fn an_amplitude_that_could_not_follow_is_refused_before_anything_moves() {
     let mut config = tight(1.5, &[]);
-    assert!(validate(TURNED, &config).sections[0].feasible, "what just fits");
+    // The steps at the ends of the published form are more than the axis follows; the amplitude inside fits.
+    let refusals = |config: &PipelineConfig| -> Vec<&'static str> {
+        let report = validate(TURNED, config);
+        let errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error);
+        errors.map(|finding| finding.code.name()).collect()
+    };
+    assert!(refusals(&config).is_empty(), "what just fits");
     config.profile.vibration.amplitude_follows_feed_up_to = Some(1.6);
     let report = validate(TURNED, &config);
     let codes: Vec<&str> = report.findings.iter().map(|finding| finding.code.name()).collect();
     assert!(codes.contains(&"VIB-AXIS-JERK"), "{codes:?}");
     config.profile.vibration.amplitude_follows_feed_up_to = None;
-    assert!(validate(TURNED, &config).sections[0].feasible);
+    assert!(refusals(&config).is_empty());
 }
 
 proptest! {
@@ -210,7 +216,7 @@ fn the_verdict_holds_at_the_overridden_feed() {
     let chip = section.chip.unwrap();
     assert!(!chip.broken && (chip.condition.feed_per_rev_mm - 0.015).abs() < 1e-12);
     assert_eq!((section.broken_share, section.feed_override), (Some(0.0), Some(1.5)));
-    assert_eq!(value(&findings[0], "feed_override"), 150.0);
+    assert_eq!(value(&findings[0], "feed_override"), 1.5);
     assert!(findings[0].message.contains("override of 150 %"), "{}", findings[0].message);
 
     // The same of a feed per minute; and where the amplitude follows there is nothing to say.
@@ -229,9 +235,9 @@ fn what_the_machine_permits_beyond_the_plan_is_a_warning_with_the_feed_and_the_a
         assert!(section.chip.unwrap().broken);
         let found = &findings[0];
         assert_eq!(found.severity, Severity::Warning);
-        assert!((value(found, "largest_feed_override") - 110.0).abs() < 0.011);
+        assert!((value(found, "largest_feed_override") - 1.1).abs() < 1.1e-4);
         assert!((value(found, "largest_feed_per_rev") - 0.011).abs() < 1.1e-5);
-        assert_eq!(value(found, "max_feed_override"), 150.0);
+        assert_eq!(value(found, "max_feed_override"), 1.5);
     }
     let (_, findings) = judged(SCARCE, &config(None, &[]));
     let cure = findings[0].suggestions[0].replacement.clone().expect("a word");
@@ -248,7 +254,7 @@ fn what_the_machine_permits_beyond_the_plan_is_a_warning_with_the_feed_and_the_a
     // A machine that permits more than what is stated is judged at that.
     let mut fast = config(None, &[]);
     fast.profile.max_feed_override = 2.0;
-    assert_eq!(value(&judged(SCARCE, &fast).1[0], "max_feed_override"), 200.0);
+    assert_eq!(value(&judged(SCARCE, &fast).1[0], "max_feed_override"), 2.0);
 }
 
 #[test]
@@ -270,7 +276,7 @@ fn constant_surface_speed_is_judged_at_the_override_too() {
     let program = "G21 G96 S10 M3\nG0 X6.\nZ2.\nG200 F22.1 A0.0055\nG1 X6.2 Z-8. F0.01\nG201\nM30\n";
     let (section, findings) = judged(program, &config(None, &[]));
     assert_eq!((codes(&findings), section.broken_share), (vec!["VIB-CHIP-OVERRIDE"], Some(1.0)), "{section:#?}");
-    let largest = value(&findings[0], "largest_feed_override") / 100.0;
+    let largest = value(&findings[0], "largest_feed_override");
     for (ratio, breaks) in [(largest - 0.001, true), (largest + 0.001, false)] {
         let (section, findings) = judged(program, &config(None, &[(0, ratio)]));
         assert_eq!(section.broken_share == Some(1.0), breaks, "{ratio}");

@@ -114,7 +114,14 @@ impl fmt::Display for Quantity {
 
 /// A superposed motion leaves (nearly) nothing of an axis' limit for the feed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
-#[error("the superposed motion takes {demanded:.1} {} of the {axis} axis' {quantity}, whose limit on this curve is {limit:.1}", quantity.unit(axis.is_rotary()), axis = axis.letter())]
+#[error(
+    "the superposed motion takes {demanded:.1} {} of the {axis} axis' {quantity}, whose limit on this curve is {limit:.1}; it may \
+     take {:.1} at most, since {:.0} % are for the feed",
+    quantity.unit(axis.is_rotary()),
+    self.permitted(),
+    100.0 * LEAST_FEED_SHARE,
+    axis = axis.letter()
+)]
 pub struct LimitExceeded {
     /// The axis.
     pub axis: Axis,
@@ -124,6 +131,14 @@ pub struct LimitExceeded {
     pub demanded: f64,
     /// What the axis gives on this element.
     pub limit: f64,
+}
+
+impl LimitExceeded {
+    /// The most that a superposed motion may take: a fiftieth of the limit is left for the feed.
+    #[must_use]
+    pub fn permitted(&self) -> f64 {
+        (1.0 - LEAST_FEED_SHARE) * self.limit
+    }
 }
 
 /// A position beyond an axis' travel, machine coordinates.

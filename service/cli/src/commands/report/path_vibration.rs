@@ -90,8 +90,10 @@ fn envelope_rows(rows: &mut Rows, section: &SectionReport) {
         ),
     );
     if let Some(axis) = &ends.exceeded {
-        let limit = number(axis.max_acceleration_per_s2 / 1e3, 4);
-        rows.row("", rows.style.bad(&format!("the {} axis follows {limit} m/s²", axis.name)));
+        let rotary = section.axes.iter().any(|load| load.rotary && load.name == axis.name);
+        let (per, unit) = if rotary { (1.0, "°/s²") } else { (1e3, "m/s²") };
+        let limit = number(axis.max_acceleration_per_s2 / per, 4);
+        rows.row("", rows.style.bad(&format!("the {} axis follows {limit} {unit}", axis.name)));
     }
 }
 
@@ -251,7 +253,13 @@ fn surface_speed_rows(rows: &mut Rows, report: &SurfaceSpeedReport) {
 
 fn machine_rows(rows: &mut Rows, section: &SectionReport) {
     let style = rows.style;
-    let verdict = if section.feasible { style.good("can follow") } else { style.bad("cannot follow") };
+    let verdict = if section.feasible {
+        style.good("can follow")
+    } else if section.length_mm > 0.0 {
+        style.bad("cannot follow")
+    } else {
+        style.bad("not judged: no block of it can be run")
+    };
     let sampling = section.sampling.as_ref().map(|sampling| {
         format!(
             "; {} samples per vibration, peaks met within {}",

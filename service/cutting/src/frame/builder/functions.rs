@@ -194,17 +194,26 @@ impl Builder {
     }
 
     /// Whether what is switched on can act on a cutting element of a move, or a finding.
-    pub(super) fn can_act_on(&self, element: &Element, span: SourceSpan, findings: &mut FindingLog) -> bool {
+    pub(super) fn can_act_on(&mut self, element: &Element, span: SourceSpan, findings: &mut FindingLog) -> bool {
         if self.state.functions.vibration.is_on() && is_rotary_only(element) {
             findings.push(no_path(span, "only rotary axes move here: there is no path to vibrate along"));
+            self.refuse_block_of_section();
             return false;
         }
         true
     }
 
+    /// The vibrating section in progress has a block that is not run: nothing is said of the vibration on it.
+    fn refuse_block_of_section(&mut self) {
+        let analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
+        if let Some(open) = analysis.and_then(VibrationAnalysis::open_mut) {
+            open.refuses_block();
+        }
+    }
+
     /// Whether what is switched on can act on a cut of a guided tool, or a finding.
     pub(super) fn can_act_on_guided(
-        &self,
+        &mut self,
         motion: &FiveAxisMotion,
         span: SourceSpan,
         config: &PipelineConfig,
@@ -217,6 +226,7 @@ impl Builder {
         if motion.elements.iter().any(rests) {
             let message = "the tool centre point rests while the tool turns here: there is no path to vibrate along";
             findings.push(no_path(span, message));
+            self.refuse_block_of_section();
             return false;
         }
         if config.generation_mode != GenerationMode::AlongPath {
@@ -224,6 +234,7 @@ impl Builder {
                            would leave the path";
             let finding = Finding::new(code::VIB_FIVE_AXIS, span, message);
             findings.push(finding.suggest("choose the generation mode along the path"));
+            self.refuse_block_of_section();
             return false;
         }
         true

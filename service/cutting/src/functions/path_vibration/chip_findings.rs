@@ -83,7 +83,7 @@ impl Evidence {
             .with_value("spindle_speed", cut.spindle_rev_per_min, "rev/min")
             .with_value("broken_share", share, "");
         if let Some(ratio) = self.report.feed_override.filter(|ratio| *ratio != 1.0) {
-            finding = finding.with_value("feed_override", 100.0 * ratio, "%");
+            finding = finding.with_value("feed_override", ratio, "");
         }
         if amplitude_first {
             finding = self.suggest_amplitude(finding, chip, true);
@@ -98,11 +98,11 @@ impl Evidence {
     fn unbroken_at_permitted_override(&self) -> Option<Finding> {
         let permitted = self.report.at_max_feed_override.filter(|permitted| permitted.broken_share < 1.0)?;
         let top = percent(permitted.max_feed_override);
-        let largest = permitted.largest_breaking_override.map(|ratio| round_down(100.0 * ratio, 2));
+        let largest = permitted.largest_breaking_override.map(|ratio| round_down(ratio, 4));
         let breaking = match (largest, permitted.largest_breaking_feed_per_rev_mm) {
             (Some(largest), Some(feed_mm)) => format!(
                 "up to a feed override of {} %, {} mm/rev",
-                decimal(largest, 2),
+                percent(largest),
                 decimal(round_down(feed_mm, 5), 5)
             ),
             _ => "at the overrides of this plan".to_owned(),
@@ -119,11 +119,11 @@ impl Evidence {
         let mut finding = Finding::new(code::VIB_CHIP_OVERRIDE, self.amplitude_span(), message)
             .at("line", permitted.line.into())
             .ranked("", -permitted.breaking_margin)
-            .with_value("max_feed_override", 100.0 * permitted.max_feed_override, "%")
+            .with_value("max_feed_override", permitted.max_feed_override, "")
             .with_value("breaking_margin", permitted.breaking_margin, "")
             .with_value("broken_share", permitted.broken_share, "");
         if let (Some(largest), Some(feed_mm)) = (largest, permitted.largest_breaking_feed_per_rev_mm) {
-            finding = finding.with_value("largest_feed_override", largest, "%").with_value(
+            finding = finding.with_value("largest_feed_override", largest, "").with_value(
                 "largest_feed_per_rev",
                 round_down(feed_mm, 5),
                 "mm",
@@ -160,9 +160,11 @@ impl Evidence {
                 );
                 finding.suggest_value(message, None, "max_feed_override", largest, "")
             }
+            // Whatever is programmed may be overridden up to what is permitted.
             Some(largest) if largest > 0.0 => {
-                let message = format!("feed at most {} % of what is programmed", percent(largest));
-                finding.suggest_value(message, None, "feed_override", 100.0 * largest, "%")
+                let ratio = round_down(largest / permitted.max_feed_override.max(1.0), 4);
+                let message = format!("feed at most {} % of what is programmed", percent(ratio));
+                finding.suggest_value(message, None, "feed_ratio", ratio, "")
             }
             _ => finding,
         }

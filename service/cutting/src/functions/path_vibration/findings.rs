@@ -6,6 +6,7 @@ use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 
 use super::chip::CutCondition;
 use super::code;
+use super::loads::Exceeded;
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
@@ -27,12 +28,16 @@ pub(super) struct Evidence {
     pub(super) settings: VibrationSettings,
     pub(super) following_is_stated: bool,
     /// First element that the axes cannot follow, and its line.
-    pub(super) exceeded: Option<(LimitExceeded, u32)>,
+    pub(super) exceeded: Option<Exceeded>,
     pub(super) curve_line: Option<u32>,
     /// Line after the sharpest corner of a published vibration.
     pub(super) corner_line: Option<u32>,
     pub(super) chip_line: Option<u32>,
     pub(super) stopped_line: Option<u32>,
+    /// The axes as reported: with what curves leave of their limits, and the steps of a published vibration.
+    pub(super) deciding_axes: Vec<AxisLoadReport>,
+    /// Whether a block of the section was refused before it could be judged.
+    pub(super) refused: bool,
 }
 
 impl Evidence {
@@ -47,7 +52,13 @@ impl Evidence {
         self.published_ends(&mut findings);
         self.chip(&mut findings);
         self.following(&mut findings);
-        self.report.feasible = findings.iter().all(|finding| finding.severity != Severity::Error);
+        // The steps of a published vibration may be permitted; the axes follow them no better for it.
+        let exceeds_at_ends = self.report.published_ends.as_ref().is_some_and(|ends| ends.exceeded.is_some());
+        self.report.feasible = self.report.length_mm > 0.0
+            && !self.refused
+            && !exceeds_at_ends
+            && findings.iter().all(|finding| finding.severity != Severity::Error);
+        self.report.axes = self.deciding_axes;
         for finding in findings {
             log.push(finding);
         }
@@ -141,13 +152,21 @@ impl Evidence {
             }
         }
         // On a curve the turning takes part of the limits too.
-        if let Some((exceeded, line)) = &self.exceeded {
+        if let Some(Exceeded { limit: exceeded, nominal, line }) = &self.exceeded {
             let LimitExceeded { axis, quantity, demanded, limit } = *exceeded;
             let load = AxisLoad { quantity, rotary: axis.is_rotary(), demanded, limit };
             let code = load.code(&AXIS_CODES);
             if findings[before..].iter().all(|finding| finding.code != code) {
-                let message = format!("{exceeded} (line {line})");
-                findings.push(self.axis_finding(&load, &axis.letter().to_string(), *line, message));
+                let beside = if *nominal == limit {
+                    String::new()
+                } else {
+                    format!("; the curve takes its part of the axis' {}", decimal(*nominal, 1))
+                };
+                let message = format!("{exceeded} (line {line}{beside})");
+                let finding = self.axis_finding(&load, &axis.letter().to_string(), *line, message);
+                let (permitted, nominal) = (exceeded.permitted(), *nominal);
+                let finding = finding.with_value("permitted", permitted, load.unit());
+                findings.push(finding.with_value("axis_limit", nominal, load.unit()));
             }
         }
     }
@@ -281,9 +300,10 @@ impl Evidence {
         let Some(axis) = &ends.exceeded else { return };
         let bind = self.settings.published_limits_bind;
         let code = if bind { code::VIB_PUBLISHED_ENDS } else { code::VIB_PUBLISHED_ENDS_PERMITTED };
+        let unit = Quantity::Acceleration.unit(axis.rotary);
         let message = format!(
             "the published form steps the velocity by {} mm/s at its start and by up to {} mm/s at each clamp and at its end: \
-             at this period up to {} mm/s² of the {} axis, whose limit is {}",
+             at this period up to {} {unit} of the {} axis, whose limit is {}",
             decimal(ends.start_velocity_step_mm_per_s, 2),
             decimal(ends.clamp_velocity_step_mm_per_s, 2),
             decimal(axis.acceleration_per_s2, 0),
@@ -294,8 +314,8 @@ impl Evidence {
             Finding::new(code, self.on_span, message)
                 .with_value("start_velocity_step", ends.start_velocity_step_mm_per_s, "mm/s")
                 .with_value("clamp_velocity_step", ends.clamp_velocity_step_mm_per_s, "mm/s")
-                .with_value("demanded", axis.acceleration_per_s2, "mm/s²")
-                .with_value("limit", axis.max_acceleration_per_s2, "mm/s²")
+                .with_value("demanded", axis.acceleration_per_s2, unit)
+                .with_value("limit", axis.max_acceleration_per_s2, unit)
                 .suggest("blend the vibration in and out, so that the axes can follow its beginning and end"),
         );
     }

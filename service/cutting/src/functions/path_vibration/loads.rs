@@ -1,6 +1,7 @@
 //! What a section demands of the machine's axes.
 
-use feedwave_motion::{Element, LimitExceeded, Machine, MachineAxis, PathLimits};
+use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineAxis, PathLimits, Quantity};
+use feedwave_program::Axis;
 
 use super::{
     AxisLoadReport, ExceededAxis, PublishedEnds, VibrationCondition, VibrationDemand, VibrationSettings, sin_turns,
@@ -22,9 +23,18 @@ pub(super) struct AxisLoads {
     /// Per machine axis.
     axes: Vec<AxisLoad>,
     /// First element that the axes cannot follow.
-    pub(super) exceeded: Option<(LimitExceeded, u32)>,
+    pub(super) exceeded: Option<Exceeded>,
     pub(super) largest_amplitude_mm: Option<f64>,
     pub(super) highest_frequency_hz: Option<f64>,
+}
+
+/// An element that an axis cannot follow.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exceeded {
+    pub(super) limit: LimitExceeded,
+    /// The axis' own limit, of which a curve leaves less.
+    pub(super) nominal: f64,
+    pub(super) line: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,6 +44,43 @@ struct AxisLoad {
     acceleration_per_s2: f64,
     jerk_per_s3: f64,
     line: u32,
+    /// What is asked of velocity, acceleration and jerk, and what may be, where an element leaves too little.
+    refused: [Option<[f64; 2]>; 3],
+}
+
+impl AxisLoad {
+    /// Keeps the demand that is furthest beyond what is permitted.
+    fn refuse(&mut self, quantity: Quantity, demanded: f64, permitted: f64) {
+        let kept = &mut self.refused[quantity as usize];
+        if kept.is_none_or(|[demand, limit]| demanded * limit > demand * permitted) {
+            *kept = Some([demanded, permitted]);
+        }
+    }
+
+    fn demanded(&self) -> [f64; 3] {
+        [self.velocity_per_s, self.acceleration_per_s2, self.jerk_per_s3]
+    }
+
+    fn report(&self, axis: &MachineAxis, demanded: [f64; 3], limits: [f64; 3]) -> AxisLoadReport {
+        AxisLoadReport {
+            name: axis.name.clone(),
+            rotary: axis.axis.is_rotary(),
+            worst_direction: self.worst_direction,
+            line: self.line,
+            velocity_per_s: demanded[0],
+            max_velocity_per_s: limits[0],
+            acceleration_per_s2: demanded[1],
+            max_acceleration_per_s2: limits[1],
+            jerk_per_s3: demanded[2],
+            max_jerk_per_s3: limits[2],
+            utilisation: demanded.iter().zip(limits).map(|(demand, limit)| demand / limit).fold(0.0, f64::max),
+        }
+    }
+}
+
+/// An axis' limits of velocity, acceleration and jerk.
+const fn limits_of(axis: &MachineAxis) -> [f64; 3] {
+    [axis.max_velocity_per_s, axis.max_acceleration_per_s2, axis.max_jerk_per_s3]
 }
 
 impl AxisLoads {
@@ -78,14 +125,32 @@ impl AxisLoads {
                 load.line = element.source.line;
             }
         }
-        if let Err(exceeded) = limits
-            && self.exceeded.is_none()
-        {
-            self.exceeded = Some((*exceeded, element.source.line));
+        if let Err(exceeded) = limits {
+            self.refuse(element, exceeded);
         }
         if too_fast || limits.is_err() {
             self.search(element, feed_mm_per_s);
         }
+    }
+
+    /// An axis gives too little on an element; in the plane of an arc all axes do, whose direction turns.
+    fn refuse(&mut self, element: &Element, exceeded: &LimitExceeded) {
+        let LimitExceeded { axis, quantity, demanded, .. } = *exceeded;
+        let is_meant = |other: Axis| {
+            other == axis
+                || matches!(&element.curve, Curve::Arc(arc)
+                    if [axis, other].iter().all(|axis| [arc.first, arc.second].contains(axis)))
+        };
+        let mut nominal = exceeded.limit;
+        for (load, machine_axis) in self.axes.iter_mut().zip(&self.machine.axes) {
+            if is_meant(machine_axis.axis) {
+                load.refuse(quantity, demanded, exceeded.permitted());
+            }
+            if machine_axis.axis == axis {
+                nominal = limits_of(machine_axis)[quantity as usize];
+            }
+        }
+        self.exceeded.get_or_insert(Exceeded { limit: *exceeded, nominal, line: element.source.line });
     }
 
     /// Lowers the largest amplitude and highest frequency to what fits this element as well.
@@ -110,29 +175,34 @@ impl AxisLoads {
         self.highest_frequency_hz = Some(highest_frequency_hz);
     }
 
-    /// One report for each axis that moves.
-    pub(super) fn report(&self) -> Vec<AxisLoadReport> {
-        let moving = self.axes.iter().zip(&self.machine.axes).filter(|(load, _)| load.worst_direction > 0.0);
-        moving
+    /// One report for each axis that moves, of the vibration inside the section beside the axes' own limits.
+    pub(super) fn inside(&self) -> Vec<AxisLoadReport> {
+        self.moving().map(|(load, axis)| load.report(axis, load.demanded(), limits_of(axis))).collect()
+    }
+
+    /// The same with all that decides whether the axes can follow: what curves leave of limits, and the steps of a published
+    /// vibration.
+    pub(super) fn deciding(&self, ends: Option<&PublishedEnds>) -> Vec<AxisLoadReport> {
+        self.moving()
             .map(|(load, axis)| {
-                let utilisation = (load.velocity_per_s / axis.max_velocity_per_s)
-                    .max(load.acceleration_per_s2 / axis.max_acceleration_per_s2)
-                    .max(load.jerk_per_s3 / axis.max_jerk_per_s3);
-                AxisLoadReport {
-                    name: axis.name.clone(),
-                    rotary: axis.axis.is_rotary(),
-                    worst_direction: load.worst_direction,
-                    line: load.line,
-                    velocity_per_s: load.velocity_per_s,
-                    max_velocity_per_s: axis.max_velocity_per_s,
-                    acceleration_per_s2: load.acceleration_per_s2,
-                    max_acceleration_per_s2: axis.max_acceleration_per_s2,
-                    jerk_per_s3: load.jerk_per_s3,
-                    max_jerk_per_s3: axis.max_jerk_per_s3,
-                    utilisation,
+                let (mut demanded, mut limits) = (load.demanded(), limits_of(axis));
+                if let Some(ends) = ends {
+                    demanded[1] = demanded[1].max(load.worst_direction * ends.clamp_acceleration_mm_per_s2);
                 }
+                for (index, refused) in load.refused.iter().enumerate() {
+                    if let Some([demand, permitted]) = *refused
+                        && demand * limits[index] > demanded[index] * permitted
+                    {
+                        (demanded[index], limits[index]) = (demand, permitted);
+                    }
+                }
+                load.report(axis, demanded, limits)
             })
             .collect()
+    }
+
+    fn moving(&self) -> impl Iterator<Item = (&AxisLoad, &MachineAxis)> {
+        self.axes.iter().zip(&self.machine.axes).filter(|(load, _)| load.worst_direction > 0.0)
     }
 
     /// The steps of a published vibration at the ends of its parts, seen in setpoints (or servo setpoints) of `period_s`.
@@ -159,6 +229,7 @@ impl AxisLoads {
         let name = || worst.1.name.clone();
         (acceleration_per_s2 > max_acceleration_per_s2).then(|| ExceededAxis {
             name: name(),
+            rotary: worst.1.axis.is_rotary(),
             acceleration_per_s2,
             max_acceleration_per_s2,
         })

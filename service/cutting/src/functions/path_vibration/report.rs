@@ -71,7 +71,8 @@ pub struct SectionReport {
     pub largest_amplitude_mm: Option<f64>,
     /// Highest frequency at this amplitude that the axes can follow, Hz; `None` and 0 likewise.
     pub highest_frequency_hz: Option<f64>,
-    /// Whether nothing of the above forbids running the section.
+    /// Whether the axes can follow the section, the ends of a published vibration included, whatever the severity of that
+    /// finding, and nothing of the above forbids running it. `false` where a block of it was refused, or nothing judged.
     pub feasible: bool,
 }
 
@@ -116,6 +117,8 @@ pub struct PublishedEnds {
 pub struct ExceededAxis {
     /// Name of the axis.
     pub name: String,
+    /// Whether it turns: its values are degrees.
+    pub rotary: bool,
     /// What is asked of it, per s².
     pub acceleration_per_s2: f64,
     /// Its limit, per s².
@@ -146,15 +149,15 @@ pub struct AxisLoadReport {
     pub line: u32,
     /// Peak velocity: programmed feed plus vibration, per s.
     pub velocity_per_s: f64,
-    /// Limit of the velocity, per s.
+    /// Limit of the velocity, per s, likewise.
     pub max_velocity_per_s: f64,
-    /// Peak acceleration of the vibration with its beginning and end, per s².
+    /// Peak acceleration of the vibration with its beginning and end, per s²; as published, that at its steps.
     pub acceleration_per_s2: f64,
-    /// Limit of the acceleration, per s².
+    /// Limit of the acceleration, per s²: where a curve leaves the vibration too little of it, what it leaves.
     pub max_acceleration_per_s2: f64,
     /// Peak jerk of the vibration with its beginning and end, per s³.
     pub jerk_per_s3: f64,
-    /// Limit of the jerk, per s³.
+    /// Limit of the jerk, per s³, likewise.
     pub max_jerk_per_s3: f64,
     /// The largest of the three ratios to their limits; above 1 the axis cannot follow.
     pub utilisation: f64,

@@ -43,6 +43,8 @@ pub struct SectionAnalyzer {
     chips: ChipCourse,
     /// First block cut with a stopped spindle.
     stopped_line: Option<u32>,
+    /// Whether a block of it was refused before it could be judged.
+    refused: bool,
 }
 
 /// The parts of a section between the junctions that the vibration does not go over.
@@ -101,6 +103,7 @@ impl SectionAnalyzer {
             sharpest: None,
             chips: ChipCourse::new(condition, settings),
             stopped_line: None,
+            refused: false,
         }
     }
 
@@ -128,6 +131,11 @@ impl SectionAnalyzer {
     /// A move of a drilling cycle is in the section.
     pub fn is_in_cycle(&mut self, cycle: DrillingCycle) {
         self.drilling_cycle.get_or_insert(cycle);
+    }
+
+    /// A block of the section is refused, so that the vibration on it is not judged.
+    pub fn refuses_block(&mut self) {
+        self.refused = true;
     }
 
     /// A part of the section starts, at this programmed feed.
@@ -273,6 +281,8 @@ impl SectionAnalyzer {
         let corner = self.parts.corner.map_or(0.0, |(change, _)| change);
         let published = self.settings.envelope == VibrationEnvelope::Published;
         let turns_per_period = frequency_hz * self.period_s;
+        let published_ends = published.then(|| self.loads.published_ends(self.period_s));
+        let deciding_axes = self.loads.deciding(published_ends.as_ref());
         let report = SectionReport {
             on_line: self.on_span.line,
             first_line: self.first_line.unwrap_or(self.on_span.line),
@@ -284,7 +294,7 @@ impl SectionAnalyzer {
             ramp_mm: self.parts.longest_ramp_mm,
             full_amplitude_share: self.parts.whole_mm / self.length_mm.max(f64::MIN_POSITIVE),
             blended_junctions: if published { 0 } else { self.parts.junctions },
-            published_ends: published.then(|| self.loads.published_ends(self.period_s)),
+            published_ends,
             length_mm: self.length_mm,
             travel_mm: 2.0 * amplitude_mm,
             sampling: SamplingReport {
@@ -292,7 +302,7 @@ impl SectionAnalyzer {
                 samples_per_vibration: 1.0 / turns_per_period,
                 peak_error: peak_error(turns_per_period),
             },
-            axes: self.loads.report(),
+            axes: self.loads.inside(),
             min_radius_mm: (curvature > 0.0).then(|| 1.0 / curvature),
             contour_deviation_mm: only_off_contour(0.5 * reach_mm * reach_mm * curvature),
             junction_jump_mm: if published { only_off_contour(reach_mm * corner) } else { 0.0 },
@@ -320,6 +330,8 @@ impl SectionAnalyzer {
             corner_line: self.parts.corner.map(|(_, line)| line).filter(|_| published),
             chip_line: worst.map(|worst| worst.line),
             stopped_line: self.stopped_line,
+            deciding_axes,
+            refused: self.refused,
         }
         .conclude(findings)
     }
