@@ -32,5 +32,5 @@ pub use planner::{
 pub use profile::{PhaseKind, PhaseTimes, Profile, ProfilePart, StretchProfile};
 pub use smoothing::{Carried, CornerSpeed, Deviation, Joining, Origin, PathSmoother, Smoothed};
 pub use speed::{Course, Governor};
-pub use tolerance::TANGENT_TOLERANCE_RAD;
+pub use tolerance::{LEAST_FEED_SHARE, TANGENT_TOLERANCE_RAD};
 pub use wave::{fill_sin_turns, sin_turns, sincos_turns};

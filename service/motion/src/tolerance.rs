@@ -42,7 +42,7 @@ pub(crate) const TURNING_JERK_SHARE: f64 = 0.5;
 
 /// Part of a limit that must be left for the feed when a vibration is superposed: with less the feed could not
 /// start or stop in reasonable time, and the vibration is refused instead.
-pub(crate) const LEAST_FEED_SHARE: f64 = 0.02;
+pub const LEAST_FEED_SHARE: f64 = 0.02;
 
 /// Most steps of a profile's speed solver: more than bisection alone would need for every bit of a double.
 pub(crate) const SOLVER_STEPS: usize = 64;

@@ -169,9 +169,12 @@ impl Builder {
         let mut analysis = self.analysis.as_mut().map(|analysis| &mut analysis.functions.vibration);
         let inputs = config.vibration_inputs();
         self.state.functions.vibration.open_section(&inputs, analysis.as_deref_mut(), planner);
-        if let Some(cycle) = mv.cycle
-            && let Some(open) = analysis.and_then(VibrationAnalysis::open_mut)
-        {
+        let Some(open) = analysis.and_then(VibrationAnalysis::open_mut) else { return };
+        let tool = config.tools.iter().find(|listed| listed.number == mv.tool);
+        if let Some(max_rev_per_min) = tool.and_then(|tool| tool.max_rev_per_min) {
+            open.turns_tool_up_to(max_rev_per_min);
+        }
+        if let Some(cycle) = mv.cycle {
             open.is_in_cycle(cycle);
         }
     }

@@ -11,6 +11,7 @@ use super::ChipSpan;
 use super::chip::reaches_through;
 use super::chip::{CutCondition, FeedCoupling, LinearSpan, SpanFeed, SurfaceSpeedAnalysis, SurfaceSpeedReport};
 use super::chips::{ChipBlock, ChipStretches};
+use super::trial::TrialCuts;
 use super::{OverrideReport, VibrationCondition, VibrationSettings};
 
 /// A piece that ends this little beyond the place of a change ends there, mm: rounding of path lengths.
@@ -31,7 +32,7 @@ impl Following {
     }
 
     /// Ratio of the commanded amplitude to the programmed one.
-    fn ratio_at(self, feed_override: f64) -> f64 {
+    pub(super) fn ratio_at(self, feed_override: f64) -> f64 {
         self.up_to.map_or(1.0, |limit| feed_override.min(limit))
     }
 
@@ -96,7 +97,7 @@ impl Piece {
     }
 
     /// The piece under a feed override.
-    fn at(self, feed_override: f64, following: Following) -> Self {
+    pub(super) fn at(self, feed_override: f64, following: Following) -> Self {
         let amplitude_ratio = following.ratio_at(feed_override);
         match self {
             Self::Constant(mut block) => {
@@ -137,6 +138,14 @@ struct Worst {
     margin: f64,
     cut: CutCondition,
     line: u32,
+}
+
+impl Worst {
+    /// At a whole D the margin is 0 whatever the feed: the largest one needs most.
+    fn is_worse_than(&self, other: &Self) -> bool {
+        self.margin < other.margin
+            || (self.margin == other.margin && self.cut.feed_per_rev_mm > other.cut.feed_per_rev_mm)
+    }
 }
 
 /// The cut that a report is about.
@@ -201,7 +210,10 @@ impl Tally {
             WorstCut { cut, line: span.first_line, ..start }
         });
         let both = [self.chips.worst(), at_surface_speed].into_iter().flatten();
-        both.min_by(|a, b| a.cut.breaking_margin().total_cmp(&b.cut.breaking_margin()))
+        both.min_by(|a, b| {
+            let by_margin = a.cut.breaking_margin().total_cmp(&b.cut.breaking_margin());
+            by_margin.then(b.cut.feed_per_rev_mm.total_cmp(&a.cut.feed_per_rev_mm))
+        })
     }
 }
 
@@ -216,6 +228,7 @@ pub(super) struct ChipCourse {
     waiting: VecDeque<Piece>,
     cut: Tally,
     permitted: Tally,
+    trial: TrialCuts,
     /// At the programmed feed.
     worst: Option<Worst>,
 }
@@ -228,6 +241,8 @@ pub(super) struct ChipVerdict {
     pub(super) spans_not_listed: u64,
     pub(super) surface_speed: Option<SurfaceSpeedReport>,
     pub(super) permitted: Option<OverrideReport>,
+    /// What decides about another vibration.
+    pub(super) trial: TrialCuts,
 }
 
 impl ChipCourse {
@@ -240,6 +255,7 @@ impl ChipCourse {
             waiting: VecDeque::new(),
             cut: Tally::default(),
             permitted: Tally::default(),
+            trial: TrialCuts::default(),
             worst: None,
         }
     }
@@ -252,7 +268,7 @@ impl ChipCourse {
     pub(super) fn add(&mut self, piece: Piece) {
         self.permitted.add(&piece.at(self.max_feed_override, self.following), self.max_feed_override);
         if let Some(worst) = piece.worst()
-            && self.worst.is_none_or(|known| worst.margin < known.margin)
+            && self.worst.is_none_or(|known| worst.is_worse_than(&known))
         {
             self.worst = Some(worst);
         }
@@ -277,6 +293,7 @@ impl ChipCourse {
                 piece
             };
             self.cut.add(&piece.at(feed_override, self.following), feed_override);
+            self.trial.add(&piece, feed_override.max(self.max_feed_override));
         }
     }
 
@@ -289,7 +306,7 @@ impl ChipCourse {
         let cut = Tally { chips, surface_speed: SurfaceSpeedAnalysis::default(), surface_cut };
         let (broken_share, worst) = (cut.broken_share(surface_speed.as_ref()), cut.worst(surface_speed.as_ref()));
         let (spans, spans_not_listed) = cut.chips.into_spans(length_mm);
-        ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted }
+        ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, trial: self.trial }
     }
 
     fn permitted_report(&self) -> Option<OverrideReport> {

@@ -41,11 +41,14 @@ impl ChipStretches {
         self.length_mm += length_mm;
         self.broken_mm += if broken { length_mm } else { 0.0 };
         match &mut self.worst {
-            // Of equal cuts the one at the largest diameter has the longest chips.
-            Some((margin, worst)) if *margin == breaking_margin => {
-                worst.cut.diameter_mm = worst.cut.diameter_mm.max(cut.diameter_mm);
+            // At a whole D the margin is 0 whatever the feed: the largest one needs most. Of equal cuts the one at the largest
+            // diameter has the longest chips.
+            Some((margin, worst)) if *margin == breaking_margin && cut.feed_per_rev_mm <= worst.cut.feed_per_rev_mm => {
+                if cut.feed_per_rev_mm == worst.cut.feed_per_rev_mm {
+                    worst.cut.diameter_mm = worst.cut.diameter_mm.max(cut.diameter_mm);
+                }
             }
-            Some((margin, _)) if *margin <= breaking_margin => {}
+            Some((margin, _)) if *margin < breaking_margin => {}
             worst => *worst = Some((breaking_margin, WorstCut { cut, line, feed_override })),
         }
         if continues {

@@ -76,8 +76,8 @@ feedwave_program::finding_codes! {
 
     "VIB-AXIS-ACCELERATION" [VIB_AXIS_ACCELERATION: Error] {
         meaning: "the vibration takes more acceleration than an axis has",
-        cause: "The peak (2πf)²·A, with its blend in and out, exceeds the acceleration limit of an axis in the \
-              direction of the cut.",
+        cause: "The peak (2πf)²·A, with its blend in and out, exceeds what the acceleration limit of an axis leaves in the \
+              direction of the cut: a fiftieth is for the feed, and a curve takes its part.",
         cure: "Lower amplitude or frequency to what the finding names.",
         example: lathe("M3 S1000\nG0 X20 Z5\nG200 F200 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
@@ -119,7 +119,8 @@ feedwave_program::finding_codes! {
         meaning: "the published form of a vibration steps the velocity at its ends by more than an axis can \
               accelerate: an error where the profile lets limits bind",
         cause: "The whole sine starts and ends at once, and is clamped at the ends of the section.",
-        cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error.",
+        cure: "Blend the vibration in and out. `vibration.published_limits_bind` says whether this is an error; the report says \
+              that the axes cannot follow either way.",
         example: on("lathe, vibration.envelope = VIBRATION_ENVELOPE_PUBLISHED", "M3 S1000\nG0 X20 Z5\nG200 F100 A0.1\nG1 Z-20 F0.05\nG201\nM30"),
     }
 
@@ -134,8 +135,9 @@ feedwave_program::finding_codes! {
         meaning: "the vibration does not break the chip",
         cause: "The number of vibrations per revolution is whole, so that every revolution repeats the one before, or \
               the amplitude is too small for this number and the feed per revolution.",
-        cure: "Use a frequency or spindle speed that gives a number with one half, such as 1.5 or 2.5, or the \
-              amplitude that the finding names.",
+        cure: "Use the frequency, spindle speed or amplitude that the finding names: each was judged as it is written. Where none is \
+              named, the message says what stands against them; a number of vibrations with one half, such as 1.5 or 2.5, needs the \
+              smallest amplitude.",
         example: lathe("M3 S1000\nG0 X6 Z10\nG200 F50 A0.03\nG1 X10 Z20 F0.01\nG201\nM30"),
     }
 

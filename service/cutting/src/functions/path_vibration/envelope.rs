@@ -176,7 +176,7 @@ impl VibrationDemand {
     /// Highest and lowest speed of the feed to reserve limits for. Twice the commanded one is the most that a feed override
     /// asks for; where that cannot be followed a lower one limits the feed, down to the commanded one. A command faster than
     /// the one that the blend was made for may be lowered to that.
-    fn speeds(&self, top_command_mm_per_s: f64) -> [f64; 2] {
+    pub(super) fn speeds(&self, top_command_mm_per_s: f64) -> [f64; 2] {
         let fastest = 2.0 * top_command_mm_per_s;
         let Some(ramp_mm) = self.ramp_mm else { return [fastest; 2] };
         let per_rate = self.rad_per_s * ramp_mm;

@@ -7,6 +7,7 @@ use feedwave_program::{Finding, FindingLog, Severity, SourceSpan};
 use super::chip::CutCondition;
 use super::code;
 use super::loads::Exceeded;
+use super::trial::{Trial, Tried};
 use super::{
     AxisLoadReport, GenerationMode, SectionReport, VibrationCondition, VibrationEnvelope, VibrationSettings,
     VibrationWordSpans,
@@ -38,6 +39,8 @@ pub(super) struct Evidence {
     pub(super) deciding_axes: Vec<AxisLoadReport>,
     /// Whether a block of the section was refused before it could be judged.
     pub(super) refused: bool,
+    /// What becomes of the section with another vibration.
+    pub(super) trial: Trial,
 }
 
 impl Evidence {
@@ -175,15 +178,16 @@ impl Evidence {
         let AxisLoad { quantity, limit, .. } = *load;
         let finding = Finding::new(load.code(&AXIS_CODES), self.amplitude_span(), message).at("line", line.into());
         let mut finding = load.with_numbers(finding, axis.to_owned());
-        if let Some(amplitude_mm) = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0)
-        {
+        let follows = |tried: Tried| self.trial.axis_refusal(tried).is_none();
+        let amplitude_mm = self.report.largest_amplitude_mm.map(|mm| round_down(mm, 4)).filter(|mm| *mm > 0.0);
+        if let Some(amplitude_mm) = amplitude_mm.filter(|mm| follows(self.trial.with_amplitude(*mm))) {
             let message =
                 format!("the axes can follow an amplitude of {} mm at this frequency", decimal(amplitude_mm, 4));
             let word = self.amplitude_cure(amplitude_mm);
             finding = finding.suggest_value(message, word, "amplitude", amplitude_mm, "mm");
         }
-        if let Some(frequency_hz) = self.report.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0)
-        {
+        let frequency_hz = self.report.highest_frequency_hz.map(|hz| round_down(hz, 3)).filter(|hz| *hz > 0.0);
+        if let Some(frequency_hz) = frequency_hz.filter(|hz| follows(self.trial.with_frequency(*hz))) {
             let message = format!("the axes can follow {} Hz at this amplitude", decimal(frequency_hz, 3));
             finding = finding.suggest_value(message, None, "frequency", frequency_hz, "Hz");
         }
@@ -258,7 +262,8 @@ impl Evidence {
             decimal(radius_mm, 3),
             decimal(tolerance_mm, 6)
         );
-        let followed = self.settings.follows_up_to(self.condition().amplitude_mm).unwrap_or(1.0);
+        // A smaller amplitude may follow further below the largest permitted one.
+        let followed = self.settings.amplitude_follows_feed_up_to.unwrap_or(1.0).max(1.0);
         let amplitude_mm = round_down((2.0 * radius_mm * tolerance_mm).sqrt() / followed, 4);
         let cure = format!("use an amplitude of at most {} mm", decimal(amplitude_mm, 4));
         findings.push(
@@ -356,9 +361,10 @@ impl Evidence {
         let to_command_mm = following.amplitude_to_command_mm.map(|command_mm| round_up(command_mm, 4));
         findings.push(match to_command_mm.filter(|command_mm| *command_mm <= self.settings.max_amplitude_mm) {
             Some(command_mm) => {
+                // The share that arrives is the same of every amplitude: no word ends the finding.
                 let cure =
                     format!("command {} mm, so that {} mm arrive", decimal(command_mm, 4), decimal(amplitude_mm, 4));
-                finding.suggest_value(cure, self.amplitude_cure(command_mm), "amplitude", command_mm, "mm")
+                finding.suggest_value(cure, None, "amplitude", command_mm, "mm")
             }
             None if following.filter_gain < following.loop_gain => {
                 finding.suggest("shorten the filter behind interpolation, or choose a lower frequency")
@@ -391,7 +397,7 @@ impl Evidence {
                 decimal(command_mm, 4),
                 decimal(amplitude_mm, 4)
             );
-            finding.suggest_value(cure, self.amplitude_cure(command_mm), "amplitude", command_mm, "mm")
+            finding.suggest_value(cure, None, "amplitude", command_mm, "mm")
         } else {
             finding.suggest("choose a frequency below the resonance of the drives")
         });
@@ -434,6 +440,12 @@ fn loads(axis: &AxisLoadReport) -> [AxisLoad; 3] {
 /// `F` word of a frequency, to 0.001 Hz.
 pub(super) fn frequency_word(frequency_hz: f64) -> String {
     format!("F{}", decimal(frequency_hz, 3))
+}
+
+/// The amplitude that an `A` word says, mm.
+pub(super) fn amplitude_of_word(amplitude_mm: f64, inch: bool) -> f64 {
+    let value: f64 = amplitude_word(amplitude_mm, inch)[1..].parse().unwrap_or(f64::NAN);
+    if inch { value * MM_PER_INCH } else { value }
 }
 
 /// `A` word of an amplitude, to 0.1 µm (in an inch program to 10⁻⁹ inch, never above the amplitude); always with a

@@ -1,12 +1,19 @@
 //! What a section demands of the machine's axes.
 
-use feedwave_motion::{Curve, Element, LimitExceeded, Machine, MachineAxis, PathLimits, Quantity};
+use feedwave_motion::{Curve, Element, LEAST_FEED_SHARE, LimitExceeded, Machine, MachineAxis, PathLimits, Quantity};
 use feedwave_program::Axis;
 
+use super::trial::Objection;
 use super::{
-    AxisLoadReport, ExceededAxis, PublishedEnds, VibrationCondition, VibrationDemand, VibrationSettings, sin_turns,
+    AxisLoadReport, ExceededAxis, PublishedEnds, VibrationCondition, VibrationDemand, VibrationEnvelope,
+    VibrationSettings, sin_turns,
 };
 
+/// Curves that are kept of a section to judge another vibration on.
+const MAX_CURVES: usize = 32;
+
+/// From one value of the search to the next lower one, until one fits.
+const SEARCH_RATIO: f64 = 0.7;
 /// Steps of the search for the largest vibration that fits; each halves the relative uncertainty.
 const SEARCH_STEPS: u32 = 30;
 
@@ -18,6 +25,8 @@ pub(super) struct AxisLoads {
     machine: Machine,
     /// Programmed feed at the start of the present part, mm/s.
     part_feed_mm_per_s: f64,
+    /// Least programmed feed at the start of a part, mm/s.
+    least_part_feed_mm_per_s: f64,
     /// Fastest programmed feed, mm/s.
     top_feed_mm_per_s: f64,
     /// Per machine axis.
@@ -26,6 +35,17 @@ pub(super) struct AxisLoads {
     pub(super) exceeded: Option<Exceeded>,
     pub(super) largest_amplitude_mm: Option<f64>,
     pub(super) highest_frequency_hz: Option<f64>,
+    curves: Vec<CutCurve>,
+    /// There are more curves than are kept.
+    is_incomplete: bool,
+}
+
+/// A curve and how it is cut.
+#[derive(Clone, Debug)]
+struct CutCurve {
+    element: Element,
+    feed_mm_per_s: f64,
+    part_feed_mm_per_s: f64,
 }
 
 /// An element that an axis cannot follow.
@@ -90,16 +110,20 @@ impl AxisLoads {
             settings: *settings,
             machine: machine.clone(),
             part_feed_mm_per_s: 0.0,
+            least_part_feed_mm_per_s: f64::INFINITY,
             top_feed_mm_per_s: 0.0,
             axes: vec![AxisLoad::default(); machine.axes.len()],
             exceeded: None,
             largest_amplitude_mm: None,
             highest_frequency_hz: None,
+            curves: Vec::new(),
+            is_incomplete: false,
         }
     }
 
     pub(super) fn start_part(&mut self, feed_mm_per_s: f64) {
         self.part_feed_mm_per_s = feed_mm_per_s;
+        self.least_part_feed_mm_per_s = self.least_part_feed_mm_per_s.min(feed_mm_per_s);
     }
 
     fn demand(&self, condition: VibrationCondition) -> VibrationDemand {
@@ -112,14 +136,15 @@ impl AxisLoads {
         self.top_feed_mm_per_s = self.top_feed_mm_per_s.max(feed_mm_per_s);
         let peaks = self.demand(self.condition).peaks(feed_mm_per_s);
         let path_velocity = feed_mm_per_s + peaks.velocity;
-        let mut too_fast = false;
+        let mut too_much = false;
         for (load, axis) in self.axes.iter_mut().zip(&self.machine.axes) {
             let direction = directions[axis.axis.index()];
             load.worst_direction = load.worst_direction.max(direction);
             load.acceleration_per_s2 = load.acceleration_per_s2.max(direction * peaks.acceleration);
             load.jerk_per_s3 = load.jerk_per_s3.max(direction * peaks.jerk);
             let velocity_per_s = direction * path_velocity;
-            too_fast |= velocity_per_s > axis.max_velocity_per_s;
+            let demanded = [velocity_per_s, direction * peaks.acceleration, direction * peaks.jerk];
+            too_much |= demanded.iter().zip(limits_of(axis)).any(|(demanded, limit)| *demanded > limit);
             if velocity_per_s > load.velocity_per_s {
                 load.velocity_per_s = velocity_per_s;
                 load.line = element.source.line;
@@ -128,7 +153,10 @@ impl AxisLoads {
         if let Err(exceeded) = limits {
             self.refuse(element, exceeded);
         }
-        if too_fast || limits.is_err() {
+        if !matches!(element.curve, Curve::Line) {
+            self.keep_curve(element, feed_mm_per_s);
+        }
+        if too_much || limits.is_err() {
             self.search(element, feed_mm_per_s);
         }
     }
@@ -153,6 +181,103 @@ impl AxisLoads {
         self.exceeded.get_or_insert(Exceeded { limit: *exceeded, nominal, line: element.source.line });
     }
 
+    /// Keeps a curve for [`AxisLoads::objection`]. Of arcs in one plane the most curved one, cut as fast as the fastest, leaves
+    /// the least of every limit.
+    fn keep_curve(&mut self, element: &Element, feed_mm_per_s: f64) {
+        let new = CutCurve { element: element.clone(), feed_mm_per_s, part_feed_mm_per_s: self.part_feed_mm_per_s };
+        let Some(plane) = plane_of(&new.element) else {
+            if self.curves.len() < MAX_CURVES {
+                self.curves.push(new);
+            } else {
+                self.is_incomplete = true;
+            }
+            return;
+        };
+        let Some(kept) = self.curves.iter_mut().find(|kept| plane_of(&kept.element) == Some(plane)) else {
+            // There are three planes.
+            return self.curves.push(new);
+        };
+        let feed_mm_per_s = kept.feed_mm_per_s.max(new.feed_mm_per_s);
+        let part_feed_mm_per_s = kept.part_feed_mm_per_s.min(new.part_feed_mm_per_s);
+        let is_sharper = new.element.curvature() > kept.element.curvature();
+        let element = if is_sharper { new.element } else { kept.element.clone() };
+        *kept = CutCurve { element, feed_mm_per_s, part_feed_mm_per_s };
+    }
+
+    /// What an axis would lack for another vibration, with feeds between these ratios of the present ones: the verdict of
+    /// the section for it, or a harder one where its blocks have different feeds.
+    pub(super) fn objection(
+        &self,
+        condition: VibrationCondition,
+        settings: &VibrationSettings,
+        [least_ratio, largest_ratio]: [f64; 2],
+        period_s: f64,
+    ) -> Option<Objection> {
+        let demand = |part_feed: f64| settings.demand(condition, least_ratio * part_feed);
+        let feed_mm_per_s = largest_ratio * self.top_feed_mm_per_s;
+        let of_lines = demand(self.least_part_feed_mm_per_s);
+        let found = self.objection_on_lines(&of_lines, feed_mm_per_s);
+        let found = found.or_else(|| {
+            let mut exceeded = self.curves.iter().filter_map(|curve| {
+                let demand = demand(curve.part_feed_mm_per_s);
+                demand.limit_pieces(&curve.element, &self.machine, largest_ratio * curve.feed_mm_per_s).err()
+            });
+            exceeded.next().map(|exceeded| self.objection_of(&exceeded))
+        });
+        let ends = || {
+            let binds = settings.envelope == VibrationEnvelope::Published && settings.published_limits_bind;
+            let step_mm_per_s = of_lines.peaks(0.0).velocity + feed_mm_per_s;
+            let axis = binds.then(|| self.exceeding(step_mm_per_s / period_s)).flatten()?;
+            let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
+            let (name, rotary) = (axis.name.into(), axis.rotary);
+            Some(Objection::Axis { name, quantity: Quantity::Acceleration, rotary, demanded, permitted })
+        };
+        // Of curves that are not kept it is known only that they allow what is programmed.
+        let is_known = || {
+            let [programmed, tried] = [self.condition, condition].map(|condition| condition.peaks());
+            let is_less = tried.velocity <= programmed.velocity
+                && tried.acceleration <= programmed.acceleration
+                && tried.jerk <= programmed.jerk;
+            !self.is_incomplete || (is_less && self.exceeded.is_none() && largest_ratio <= 1.0)
+        };
+        found.or_else(ends).or_else(|| (!is_known()).then_some(Objection::Unknown))
+    }
+
+    /// What an axis would lack where the path goes as much along it as anywhere: what a line takes, and a curve at least.
+    fn objection_on_lines(&self, demand: &VibrationDemand, feed_mm_per_s: f64) -> Option<Objection> {
+        let [_, slowest] = demand.speeds(feed_mm_per_s);
+        let peaks = demand.peaks(slowest);
+        let at_top = demand.peaks(feed_mm_per_s);
+        self.moving().find_map(|(load, axis)| {
+            let [velocity, acceleration, jerk] = limits_of(axis);
+            let permitted = |limit: f64| (1.0 - LEAST_FEED_SHARE) * limit;
+            let demands = [
+                (Quantity::Velocity, feed_mm_per_s + at_top.velocity, velocity),
+                (Quantity::Acceleration, at_top.acceleration, acceleration),
+                (Quantity::Jerk, at_top.jerk, jerk),
+                (Quantity::Velocity, peaks.velocity, permitted(velocity)),
+                (Quantity::Acceleration, peaks.acceleration, permitted(acceleration)),
+                (Quantity::Jerk, peaks.jerk, permitted(jerk)),
+            ];
+            let exceeded = demands.into_iter().find(|(_, along, limit)| load.worst_direction * along > *limit);
+            exceeded.map(|(quantity, along, permitted)| Objection::Axis {
+                name: axis.name.clone().into(),
+                quantity,
+                rotary: axis.axis.is_rotary(),
+                demanded: load.worst_direction * along,
+                permitted,
+            })
+        })
+    }
+
+    fn objection_of(&self, exceeded: &LimitExceeded) -> Objection {
+        let LimitExceeded { axis, quantity, demanded, .. } = *exceeded;
+        let named = self.machine.axes.iter().find(|machine_axis| machine_axis.axis == axis);
+        let name = named.map_or_else(|| axis.letter().to_string(), |axis| axis.name.clone());
+        let (rotary, permitted) = (axis.is_rotary(), exceeded.permitted());
+        Objection::Axis { name: name.into(), quantity, rotary, demanded, permitted }
+    }
+
     /// Lowers the largest amplitude and highest frequency to what fits this element as well.
     fn search(&mut self, element: &Element, feed_mm_per_s: f64) {
         let programmed = self.condition;
@@ -161,10 +286,13 @@ impl AxisLoads {
         let directions = element.largest_tangent();
         let fits = |condition: VibrationCondition| {
             let demand = self.demand(condition);
-            let path_velocity = feed_mm_per_s + demand.peaks(feed_mm_per_s).velocity;
-            let slow_enough =
-                |axis: &MachineAxis| directions[axis.axis.index()] * path_velocity <= axis.max_velocity_per_s;
-            self.machine.axes.iter().all(slow_enough)
+            let peaks = demand.peaks(feed_mm_per_s);
+            let along = [feed_mm_per_s + peaks.velocity, peaks.acceleration, peaks.jerk];
+            let is_followed = |axis: &MachineAxis| {
+                let direction = directions[axis.axis.index()];
+                along.iter().zip(limits_of(axis)).all(|(along, limit)| direction * along <= limit)
+            };
+            self.machine.axes.iter().all(is_followed)
                 && demand.limit_pieces(element, &self.machine, feed_mm_per_s).is_ok()
         };
         let largest_amplitude_mm =
@@ -236,14 +364,29 @@ impl AxisLoads {
     }
 }
 
-/// The largest value up to `start` that fits, found by bisection; 0 where even a millionth does not.
+/// The plane of an arc that is no spiral.
+fn plane_of(element: &Element) -> Option<[Axis; 2]> {
+    match &element.curve {
+        Curve::Arc(arc) if arc.start_radius_mm == arc.end_radius_mm => {
+            let is_ordered = arc.first.index() < arc.second.index();
+            Some(if is_ordered { [arc.first, arc.second] } else { [arc.second, arc.first] })
+        }
+        _ => None,
+    }
+}
+
+/// The largest value up to `start` that fits, found by bisection; 0 where none down to a millionth does. Not all below it need
+/// fit: the blend of a smaller amplitude is shorter and steeper.
 fn largest_that(start: f64, fits: impl Fn(f64) -> bool) -> f64 {
     if fits(start) {
         return start;
     }
-    let (mut low, mut high) = (start * 1e-6, start);
-    if !fits(low) {
-        return 0.0;
+    let (mut low, mut high) = (start * SEARCH_RATIO, start);
+    while !fits(low) {
+        if low <= 1e-6 * start {
+            return 0.0;
+        }
+        (low, high) = (low * SEARCH_RATIO, low);
     }
     for _ in 0..SEARCH_STEPS {
         // Geometric: the answer may lie orders of magnitude below.

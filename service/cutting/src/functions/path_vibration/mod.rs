@@ -5,6 +5,7 @@ mod amplitude;
 mod analysis;
 pub(crate) mod chip;
 mod chip_course;
+mod chip_cures;
 mod chip_findings;
 mod chips;
 pub(crate) mod code;
@@ -20,6 +21,7 @@ mod section;
 mod servo;
 mod state;
 mod superposition;
+mod trial;
 mod words;
 
 use core::f64::consts::TAU;

@@ -11,6 +11,7 @@ use super::chips::ChipBlock;
 use super::findings::Evidence;
 use super::following::FollowingLoss;
 use super::loads::AxisLoads;
+use super::trial::Trial;
 use super::{
     FollowingReport, GenerationMode, SamplingReport, SectionReport, VibrationCondition, VibrationEnvelope,
     VibrationSettings, VibrationWordSpans, sin_turns,
@@ -30,6 +31,8 @@ pub struct SectionAnalyzer {
     settings: VibrationSettings,
     machine_kind: MachineKind,
     max_rev_per_min: f64,
+    /// Largest spindle speed of the tool, rev/min.
+    max_tool_rev_per_min: f64,
     following: Option<FollowingLoss>,
     period_s: f64,
     drilling_cycle: Option<DrillingCycle>,
@@ -92,6 +95,7 @@ impl SectionAnalyzer {
             settings: *settings,
             machine_kind: machine.kind,
             max_rev_per_min: machine.max_spindle_rev_per_min,
+            max_tool_rev_per_min: f64::INFINITY,
             following: following.is_stated().then(|| FollowingLoss::new(following, condition)),
             period_s,
             drilling_cycle: None,
@@ -131,6 +135,11 @@ impl SectionAnalyzer {
     /// A move of a drilling cycle is in the section.
     pub fn is_in_cycle(&mut self, cycle: DrillingCycle) {
         self.drilling_cycle.get_or_insert(cycle);
+    }
+
+    /// The tool permits this spindle speed at most.
+    pub fn turns_tool_up_to(&mut self, max_rev_per_min: f64) {
+        self.max_tool_rev_per_min = self.max_tool_rev_per_min.min(max_rev_per_min);
     }
 
     /// A block of the section is refused, so that the vibration on it is not judged.
@@ -272,7 +281,7 @@ impl SectionAnalyzer {
         let off_contour = self.settings.generation_mode != GenerationMode::AlongPath;
         let only_off_contour = |value_mm: f64| if off_contour { value_mm } else { 0.0 };
         let reach_mm = amplitude_mm * self.settings.follows_up_to(amplitude_mm).unwrap_or(1.0);
-        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted } =
+        let ChipVerdict { broken_share, worst, spans, spans_not_listed, surface_speed, permitted, trial: cuts } =
             self.chips.finish(self.length_mm);
         let following_is_stated = self.following.is_some();
         let following =
@@ -326,6 +335,15 @@ impl SectionAnalyzer {
             settings: self.settings,
             following_is_stated,
             exceeded: self.loads.exceeded,
+            trial: Trial {
+                condition: self.condition,
+                settings: self.settings,
+                period_s: self.period_s,
+                max_rev_per_min: self.max_rev_per_min.min(self.max_tool_rev_per_min),
+                curvature,
+                cuts,
+                axes: self.loads,
+            },
             curve_line: self.sharpest.map(|(_, line)| line),
             corner_line: self.parts.corner.map(|(_, line)| line).filter(|_| published),
             chip_line: worst.map(|worst| worst.line),

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::code;
 use super::findings::{amplitude_word, frequency_word};
 use super::{VibrationCondition, VibrationSettings};
+use crate::shared::wording::round_down;
 
 /// Lowest frequency, Hz: what a frequency word is written to. Half its period, which a corner may have to wait for
 /// in the tangential modes, is minutes, and every figure derived from it stays finite.
@@ -49,7 +50,7 @@ pub fn condition_from_command(
         beyond_limit: code::VIB_FREQUENCY_LIMIT,
         least: MIN_FREQUENCY_HZ,
         limit: settings.max_frequency_hz,
-        limit_word: frequency_word(settings.max_frequency_hz),
+        limit_word: frequency_word(round_down(settings.max_frequency_hz, 3)),
         example: "F50",
     };
     let amplitude = Quantity {
@@ -60,7 +61,7 @@ pub fn condition_from_command(
         beyond_limit: code::VIB_AMPLITUDE_LIMIT,
         least: 0.0,
         limit: settings.max_amplitude_mm,
-        limit_word: amplitude_word(settings.max_amplitude_mm, command.inch),
+        limit_word: amplitude_word(round_down(settings.max_amplitude_mm, 4), command.inch),
         example: "A0.03",
     };
     // Both are read before either is judged: one pass reports everything.

@@ -106,6 +106,13 @@ pub struct SpeedTolerance {
     pub plus_rev_per_min: Option<f64>,
 }
 
+impl SpeedTolerance {
+    /// The smaller of the two, rev/min.
+    pub(crate) fn closest_rev_per_min(&self) -> f64 {
+        self.minus_rev_per_min.min(self.plus_rev_per_min.unwrap_or(f64::INFINITY))
+    }
+}
+
 /// Most earlier revolutions that are taken into account. Q bounds how many matter, so programs that cut
 /// anything need a handful; the limit keeps absurd ones fast.
 pub const MAX_EARLIER_REVOLUTIONS: u32 = 1 << 14;
@@ -136,6 +143,13 @@ impl CutCondition {
     #[must_use]
     pub fn breaks_chip(&self) -> bool {
         reaches_through(self.breaking_margin())
+    }
+
+    /// How far the spindle speed may stray before the chip no longer breaks; `None` when it is unbroken.
+    pub(crate) fn speed_tolerance(&self) -> Option<SpeedTolerance> {
+        let spindle_at = |vibrations: f64| 60.0 * self.frequency_hz / vibrations;
+        let by_speed = || BreakingRanges::when_speed_changes(self).around(self.vibrations_per_rev());
+        self.breaks_chip().then(|| speed_tolerance(self, by_speed(), spindle_at))
     }
 
     /// Whether feed, amplitude, frequency and spindle speed are positive numbers whose ratios are finite.

@@ -1,0 +1,325 @@
+//! Every cure of a vibration cures: applied, the finding is gone, and nothing is refused for it.
+
+mod common;
+
+use std::fmt::Write;
+
+use common::validate;
+use feedwave_cutting::{
+    GenerationMode, MachineProfile, OverrideChange, PipelineConfig, ValidationReport, VibrationEnvelope,
+};
+use feedwave_program::{Finding, Severity, Suggestion};
+use proptest::prelude::*;
+
+fn lathe(overrides: &[(u64, f64)]) -> PipelineConfig {
+    let overrides = overrides.iter().map(|&(index, ratio)| OverrideChange { index, ratio }).collect();
+    PipelineConfig { overrides, ..PipelineConfig::new(MachineProfile::lathe()) }
+}
+
+fn the_finding<'a>(report: &'a ValidationReport, code: &str) -> &'a Finding {
+    let found = report.findings.iter().find(|finding| finding.code == code);
+    found.unwrap_or_else(|| panic!("no {code}: {:#?}", report.findings))
+}
+
+fn errors(report: &ValidationReport) -> Vec<&'static str> {
+    let errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error);
+    errors.map(|finding| finding.code.name()).collect()
+}
+
+fn has(report: &ValidationReport, code: &str) -> bool {
+    report.findings.iter().any(|finding| finding.code == code)
+}
+
+fn value(suggestion: &Suggestion, name: &str) -> Option<f64> {
+    suggestion.value.as_ref().filter(|value| value.name == name).map(|value| value.value)
+}
+
+/// The program with the text at the finding's place replaced.
+fn replaced(program: &str, finding: &Finding, replacement: &str) -> String {
+    let start: usize = program.split_inclusive('\n').take(finding.span.line as usize - 1).map(str::len).sum();
+    let from = start + finding.span.column as usize - 1;
+    let to = from + finding.span.length as usize;
+    format!("{}{replacement}{}", &program[..from], &program[to..])
+}
+
+/// What is wrong with the replacements of vibrations in a program.
+fn faults(program: &str, config: &PipelineConfig) -> (usize, Vec<String>) {
+    let report = validate(program, config);
+    let (mut count, mut faults) = (0, Vec::new());
+    for finding in report.findings.iter().filter(|finding| finding.code.name().starts_with("VIB-")) {
+        let code = finding.code.name();
+        for replacement in finding.suggestions.iter().filter_map(|suggestion| suggestion.replacement.as_deref()) {
+            count += 1;
+            let after = validate(&replaced(program, finding, replacement), config);
+            let new: Vec<_> = errors(&after).into_iter().filter(|code| !errors(&report).contains(code)).collect();
+            if has(&after, code) || !new.is_empty() {
+                let still = after.findings.iter().map(|finding| finding.message.as_str()).collect::<Vec<_>>();
+                faults.push(format!("{replacement} for {code}: {}\n-> {new:?} {still:#?}\n{program}", finding.message));
+            }
+        }
+    }
+    (count, faults)
+}
+
+fn section(switch: &str, feed: &str, speed: u32) -> String {
+    format!("M3 S{speed}\nG0 X30 Z1\n{switch}\nG1 Z-6 {feed}\nG201\nM30\n")
+}
+
+#[test]
+fn a_frequency_is_offered_with_the_amplitude_that_it_needs_as_written() {
+    let program = section("G200 F50 A0.01", "F0.02", 1_000);
+    let config = lathe(&[]);
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    // At 41.667 Hz instead of 41.66666… and up to the largest feed override.
+    let first = &finding.suggestions[0];
+    assert_eq!(first.replacement.as_deref(), Some("F41.667 A0.0151"), "{finding:#?}");
+    assert_eq!(value(first, "frequency"), Some(41.667));
+    assert_eq!(faults(&program, &config), (2, vec![]));
+}
+
+#[test]
+fn an_amplitude_that_the_axes_could_not_follow_is_not_offered_but_explained() {
+    let program = section("G200 F75 A0.05", "F0.12", 540);
+    let config = lathe(&[]);
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    let amplitudes = finding.suggestions.iter().filter_map(|suggestion| value(suggestion, "amplitude"));
+    assert_eq!(amplitudes.count(), 0, "{finding:#?}");
+    assert!(finding.message.contains("; an amplitude of 0.1"), "{}", finding.message);
+    assert!(finding.message.contains("the Z axis' acceleration would have to be"), "{}", finding.message);
+    assert_eq!(faults(&program, &config).1, [""; 0]);
+}
+
+#[test]
+fn ranges_of_the_machine_are_kept_by_what_is_offered() {
+    let config = lathe(&[]);
+    let largest = config.profile.machine.max_spindle_rev_per_min;
+    let mut offered = 0;
+    for (frequency, speed) in [(100, 3_000), (125, 3_750), (150, 4_500), (490, 3_675), (80, 4_800)] {
+        let program = section(&format!("G200 F{frequency} A0.003"), "F0.003", speed);
+        let report = validate(&program, &config);
+        let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+        for suggestion in &finding.suggestions {
+            offered += 1;
+            assert!(value(suggestion, "spindle_speed").is_none_or(|speed| speed <= largest), "{finding:#?}");
+            assert!(value(suggestion, "frequency").is_none_or(|hz| hz <= 500.0), "{finding:#?}");
+        }
+    }
+    assert!(offered > 5, "{offered}");
+}
+
+#[test]
+fn a_spindle_speed_names_the_amplitude_that_a_feed_per_minute_needs_there() {
+    let program = section("G200 F30 A0.02", "F30", 1_000).replace("M3", "G98\nM3");
+    let config = lathe(&[(0, 1.0)]);
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    let cure = finding.suggestions.iter().find(|suggestion| value(suggestion, "spindle_speed") == Some(720.0));
+    let cure = cure.unwrap_or_else(|| panic!("{finding:#?}"));
+    let also = cure.message.split("write ").nth(1).and_then(|rest| rest.split(' ').next());
+    let also = also.unwrap_or_else(|| panic!("{}", cure.message));
+    let cured = program.replace("S1000", "S720").replace("A0.02", also);
+    let after = validate(&cured, &config);
+    assert!(!has(&after, "VIB-CHIP-UNBROKEN") && !has(&after, "VIB-CHIP-OVERRIDE"), "{:#?}", after.findings);
+}
+
+#[test]
+fn the_feed_that_is_offered_serves_at_the_largest_permitted_override() {
+    let program = |feed: f64| section("G200 F30 A0.02", &format!("F{feed}"), 1_000).replace("M3", "G98\nM3");
+    let config = lathe(&[(0, 0.3)]);
+    let report = validate(&program(30.0), &config);
+    let finding = the_finding(&report, "VIB-CHIP-OVERRIDE");
+    let ratio = finding.suggestions.iter().find_map(|suggestion| value(suggestion, "feed_ratio")).unwrap();
+    assert!((ratio - 0.7837 / 1.5).abs() < 2e-4, "{ratio}");
+    assert!(finding.suggestions.iter().any(|suggestion| suggestion.message.contains("52.2")), "{finding:#?}");
+    assert!(!has(&validate(&program(30.0 * ratio), &config), "VIB-CHIP-OVERRIDE"));
+}
+
+#[test]
+fn of_blocks_that_never_break_the_chip_the_fastest_counts() {
+    let mut program = "G98\nM3 S1000\nG0 X30 Z1\nG200 F50 A0.008\n".to_owned();
+    for feed in 11..30 {
+        writeln!(program, "G1 Z-{} F{feed}", feed - 10).unwrap();
+    }
+    program.push_str("G201\nM30\n");
+    let config = lathe(&[]);
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    let feed = finding.values.iter().find(|value| value.name == "feed_per_rev").unwrap();
+    assert!((feed.value - 0.029).abs() < 1e-12, "{finding:#?}");
+    assert!(finding.message.contains("line 23"), "{}", finding.message);
+    let (count, faults) = faults(&program, &config);
+    assert!(count > 0);
+    assert_eq!(faults, [""; 0]);
+}
+
+#[test]
+fn an_amplitude_is_enough_up_to_the_override_that_is_named() {
+    let config = lathe(&[(0, 2.0)]);
+    let program = section("G200 F41.667 A0.03", "F0.05", 1_000);
+    let report = validate(&program, &config);
+    let finding = the_finding(&report, "VIB-CHIP-UNBROKEN");
+    let cure = finding.suggestions.iter().find(|suggestion| value(suggestion, "amplitude").is_some()).unwrap();
+    assert!(cure.message.contains("enough up to a feed override of 200 %"), "{}", cure.message);
+    assert_eq!(faults(&program, &config).1, [""; 0]);
+}
+
+#[test]
+fn ratios_are_ratios() {
+    for (program, overrides) in [
+        (section("G200 F41.667 A0.03", "F0.05", 1_000), vec![(0, 1.5)]),
+        (section("G200 F41.667 A0.03", "F0.05", 1_000), vec![]),
+        (section("G200 F30 A0.02", "F30", 1_000).replace("M3", "G98\nM3"), vec![(0, 0.3)]),
+    ] {
+        let report = validate(&program, &lathe(&overrides));
+        let suggested = report.findings.iter().flat_map(|finding| &finding.suggestions);
+        let values = report.findings.iter().flat_map(|finding| &finding.values);
+        let values = values.chain(suggested.filter_map(|suggestion| suggestion.value.as_ref()));
+        let mut ratios = 0;
+        for value in values {
+            assert_ne!(value.unit, "%", "{value:?}");
+            if value.name.ends_with("override") || value.name == "feed_ratio" {
+                ratios += 1;
+                assert!(value.unit.is_empty() && value.value <= 2.0, "{value:?}");
+            }
+        }
+        assert!(ratios > 0, "{:#?}", report.findings);
+    }
+}
+
+/// A section of a random program.
+#[derive(Clone, Debug)]
+struct Section {
+    inch: bool,
+    per_minute: bool,
+    surface_speed: bool,
+    spindle: f64,
+    frequency_hz: f64,
+    amplitude_mm: f64,
+    /// The feed along each block, mm/rev.
+    blocks: Vec<(u8, f64)>,
+}
+
+impl Section {
+    fn program(&self) -> String {
+        let unit = if self.inch { 25.4 } else { 1.0 };
+        let mut text = if self.inch { "G20 " } else { "G21 " }.to_owned();
+        text.push_str(if self.per_minute { "G98\n" } else { "G99\n" });
+        if self.surface_speed {
+            writeln!(text, "G50 S4000\nG96 S{} M3", (0.1 * self.spindle).round()).unwrap();
+        } else {
+            writeln!(text, "G97 S{} M3", self.spindle).unwrap();
+        }
+        writeln!(text, "G0 X{:.6} Z{:.6}", 40.0 / unit, 2.0 / unit).unwrap();
+        writeln!(text, "G200 F{} A{:.9}", self.frequency_hz, self.amplitude_mm / unit).unwrap();
+        for (kind, feed_mm) in &self.blocks {
+            let feed = if self.per_minute { feed_mm * self.spindle.min(4_000.0) } else { *feed_mm } / unit;
+            let [two, four] = [2.0 / unit, 4.0 / unit];
+            match kind {
+                0 => writeln!(text, "G1 W-{two:.6} F{feed:.9}"),
+                1 => writeln!(text, "G1 U{four:.6} W-{two:.6} F{feed:.9}"),
+                2 => writeln!(text, "G3 U{four:.6} W-{two:.6} R{two:.6} F{feed:.9}"),
+                _ => writeln!(text, "G1 U{four:.6} F{feed:.9}"),
+            }
+            .unwrap();
+        }
+        text.push_str("G201\nM30\n");
+        text
+    }
+}
+
+fn sections() -> impl Strategy<Value = Section> {
+    let decade = |from: f64, to: f64| (from.ln()..to.ln()).prop_map(|value: f64| (1e4 * value.exp()).round() / 1e4);
+    let whole = |range: std::ops::Range<f64>| range.prop_map(f64::round);
+    let switches = (prop::bool::weighted(0.2), any::<bool>(), prop::bool::weighted(0.1));
+    let frequency = prop_oneof![whole(8.0..160.0), (8.0..160.0_f64).prop_map(|hz| (1e3 * hz).round() / 1e3)];
+    let spindle = prop_oneof![whole(300.0..5_000.0), (3..50_u32).prop_map(|hundreds| 100.0 * f64::from(hundreds))];
+    let blocks = prop::collection::vec((0..4_u8, decade(0.005, 0.2)), 1..5);
+    (switches, spindle, frequency, decade(0.003, 0.3), blocks).prop_map(
+        |((inch, per_minute, surface_speed), spindle, frequency_hz, amplitude_mm, blocks)| Section {
+            inch,
+            per_minute,
+            surface_speed,
+            spindle,
+            frequency_hz,
+            amplitude_mm,
+            blocks,
+        },
+    )
+}
+
+fn configs() -> impl Strategy<Value = PipelineConfig> {
+    let mode = prop_oneof![
+        3 => Just(GenerationMode::AlongPath),
+        1 => Just(GenerationMode::Tangential),
+        1 => Just(GenerationMode::ServoSide),
+    ];
+    let envelope = prop_oneof![3 => Just(VibrationEnvelope::Blended), 1 => Just(VibrationEnvelope::Published)];
+    let overrides = prop_oneof![
+        3 => Just(vec![]),
+        1 => prop_oneof![Just(0.3), Just(0.7), Just(1.5), Just(2.0)].prop_map(|ratio| vec![(0, ratio)]),
+    ];
+    let follows = prop_oneof![3 => Just(None), 1 => Just(Some(1.3))];
+    let period_us = prop_oneof![3 => Just(1_000_u32), 1 => Just(4_000)];
+    (mode, envelope, overrides, follows, any::<bool>(), period_us).prop_map(
+        |(generation_mode, vibration_envelope, overrides, follows, bind, interpolation_period_us)| {
+            let mut config = lathe(&overrides);
+            config.profile.vibration.amplitude_follows_feed_up_to = follows;
+            config.profile.vibration.published_limits_bind = bind;
+            PipelineConfig { generation_mode, vibration_envelope, interpolation_period_us, ..config }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_replacement_ends_its_finding_and_makes_no_error(section in sections(), config in configs()) {
+        let (_, faults) = faults(&section.program(), &config);
+        prop_assert!(faults.is_empty(), "{}", faults.join("\n"));
+    }
+
+    #[test]
+    fn other_cures_of_a_chip_end_its_finding_too(section in sections(), config in configs()) {
+        let report = validate(&section.program(), &config);
+        let chips = ["VIB-CHIP-UNBROKEN", "VIB-CHIP-OVERRIDE"];
+        for finding in report.findings.iter().filter(|finding| chips.contains(&finding.code.name())) {
+            for cure in &finding.suggestions {
+                let (mut changed, mut config) = (section.clone(), config.clone());
+                if let Some(speed) = value(cure, "spindle_speed") {
+                    changed.spindle = speed;
+                    if changed.per_minute {
+                        // The feed that is written stays.
+                        let ratio = section.spindle.min(4_000.0) / speed.min(4_000.0);
+                        changed.blocks.iter_mut().for_each(|(_, feed_mm)| *feed_mm *= ratio);
+                    }
+                } else if let Some(hz) = value(cure, "frequency") {
+                    changed.frequency_hz = hz;
+                } else if let Some(amplitude_mm) = value(cure, "amplitude") {
+                    changed.amplitude_mm = amplitude_mm;
+                } else if let Some(ratio) = value(cure, "feed_ratio") {
+                    changed.blocks.iter_mut().for_each(|(_, feed_mm)| *feed_mm *= ratio * (1.0 - 1e-3));
+                } else if let Some(largest) = value(cure, "max_feed_override") {
+                    config.profile.max_feed_override = largest;
+                    config.overrides.iter_mut().for_each(|change| change.ratio = change.ratio.min(largest));
+                } else {
+                    config.profile.vibration.amplitude_follows_feed_up_to = Some(config.profile.max_feed_override);
+                }
+                let also = cure.message.split("write A").nth(1).and_then(|rest| rest.split(' ').next());
+                if let Some(word) = also {
+                    let unit = if section.inch { 25.4 } else { 1.0 };
+                    changed.amplitude_mm = word.parse::<f64>().unwrap() * unit;
+                }
+                let after = validate(&changed.program(), &config);
+                let new = errors(&after).into_iter().find(|code| !errors(&report).contains(code));
+                prop_assert!(
+                    !has(&after, finding.code.name()) && new.is_none(),
+                    "{}\nof {}\n{}\n->\n{}\n{:#?}",
+                    cure.message, finding.message, section.program(), changed.program(), after.findings
+                );
+            }
+        }
+    }
+}
