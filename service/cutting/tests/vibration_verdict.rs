@@ -72,14 +72,14 @@ fn what_a_curve_leaves_of_a_limit_is_the_limit_in_the_row_and_the_refusal_says_e
         )
     };
     let config = PipelineConfig::new(MachineProfile::lathe());
-    let check = |amplitude: f64, least_demand: f64| {
+    let check = |amplitude: f64, expected: std::ops::Range<f64>| {
         let report = validate(&program(amplitude), &config);
         let finding = the_finding(&report, "VIB-AXIS-ACCELERATION");
         assert_eq!(finding.severity, Severity::Error);
         let [demanded, limit, permitted, of_axis] =
             ["demanded", "limit", "permitted", "axis_limit"].map(|name| value(finding, name).0);
         // An arc leaves three fifths along it, and a fiftieth of that is the feed's.
-        assert!(demanded > least_demand && (limit, of_axis) == (6_000.0, 10_000.0), "{finding:#?}");
+        assert!(expected.contains(&demanded) && (limit, of_axis) == (6_000.0, 10_000.0), "{finding:#?}");
         assert!((permitted - 5_880.0).abs() < 1e-9 && demanded > permitted);
         for number in [format!("{demanded:.1}"), "6000.0".to_owned(), "5880.0".to_owned(), "10000".to_owned()] {
             assert!(finding.message.contains(&number), "no {number}: {}", finding.message);
@@ -91,10 +91,10 @@ fn what_a_curve_leaves_of_a_limit_is_the_limit_in_the_row_and_the_refusal_says_e
         }
         assert!(!report.sections[0].feasible);
     };
-    check(0.04, 7_700.0);
+    check(0.04, 7_700.0..8_100.0);
     // Less than the limit of the curve, and yet too much.
-    check(0.0306, 5_880.0);
-    assert!(validate(&program(0.029), &config).sections[0].feasible);
+    check(0.0292, 5_880.0..6_000.0);
+    assert!(validate(&program(0.025), &config).sections[0].feasible);
 }
 
 #[test]

@@ -166,11 +166,8 @@ impl Evidence {
         }
         for change in &cures.speeds {
             let Ok(beside) = change.verdict else { continue };
-            let message = format!(
-                "turn the spindle at {} rev/min: {}",
-                decimal(change.value, 1),
-                self.explained(change, beside)
-            );
+            let message =
+                format!("turn the spindle at {} rev/min: {}", decimal(change.value, 1), self.explained(change, beside));
             finding = finding.suggest_value(message, None, "spindle_speed", change.value, "rev/min");
         }
         match amplitude.filter(|_| cures.place != Place::Amplitude) {
@@ -207,11 +204,8 @@ impl Evidence {
     /// An amplitude that breaks the chip at every permitted feed override, and its word where the finding is at it.
     pub(super) fn suggest_amplitude(&self, finding: Finding, least_mm: f64, word: Option<String>) -> Finding {
         let top = self.trial.top_override();
-        let up_to = if top > 1.0 {
-            format!(", enough up to a feed override of {} %", percent(top))
-        } else {
-            String::new()
-        };
+        let up_to =
+            if top > 1.0 { format!(", enough up to a feed override of {} %", percent(top)) } else { String::new() };
         let message = format!("raise the amplitude to at least {} mm{up_to}", decimal(least_mm, 4));
         finding.suggest_value(message, word, "amplitude", least_mm, "mm")
     }
@@ -254,8 +248,11 @@ impl Evidence {
         if let Some(largest) = largest.filter(|largest| *largest >= 1.0) {
             let planned = self.report.feed_override.is_some_and(|planned| planned > largest);
             let run = if planned { "run at no feed override above" } else { "permit no feed override above" };
-            let message =
-                format!("{run} {} %: max_feed_override = {} in the machine profile", percent(largest), decimal(largest, 4));
+            let message = format!(
+                "{run} {} %: max_feed_override = {} in the machine profile",
+                percent(largest),
+                decimal(largest, 4)
+            );
             return finding.suggest_value(message, None, "max_feed_override", largest, "");
         }
         // Whatever is programmed may be overridden: the feed has to be low enough at the largest override.

@@ -184,24 +184,20 @@ impl AxisLoads {
     /// Keeps a curve for [`AxisLoads::objection`]. Of arcs in one plane the most curved one, cut as fast as the fastest, leaves
     /// the least of every limit.
     fn keep_curve(&mut self, element: &Element, feed_mm_per_s: f64) {
-        let new = CutCurve { element: element.clone(), feed_mm_per_s, part_feed_mm_per_s: self.part_feed_mm_per_s };
-        let Some(plane) = plane_of(&new.element) else {
-            if self.curves.len() < MAX_CURVES {
-                self.curves.push(new);
-            } else {
-                self.is_incomplete = true;
+        let part_feed_mm_per_s = self.part_feed_mm_per_s;
+        let plane = plane_of(element);
+        let in_plane = |kept: &&mut CutCurve| plane.is_some() && plane_of(&kept.element) == plane;
+        if let Some(kept) = self.curves.iter_mut().find(in_plane) {
+            kept.feed_mm_per_s = kept.feed_mm_per_s.max(feed_mm_per_s);
+            kept.part_feed_mm_per_s = kept.part_feed_mm_per_s.min(part_feed_mm_per_s);
+            if element.curvature() > kept.element.curvature() {
+                kept.element = element.clone();
             }
-            return;
-        };
-        let Some(kept) = self.curves.iter_mut().find(|kept| plane_of(&kept.element) == Some(plane)) else {
-            // There are three planes.
-            return self.curves.push(new);
-        };
-        let feed_mm_per_s = kept.feed_mm_per_s.max(new.feed_mm_per_s);
-        let part_feed_mm_per_s = kept.part_feed_mm_per_s.min(new.part_feed_mm_per_s);
-        let is_sharper = new.element.curvature() > kept.element.curvature();
-        let element = if is_sharper { new.element } else { kept.element.clone() };
-        *kept = CutCurve { element, feed_mm_per_s, part_feed_mm_per_s };
+        } else if self.curves.len() < MAX_CURVES {
+            self.curves.push(CutCurve { element: element.clone(), feed_mm_per_s, part_feed_mm_per_s });
+        } else {
+            self.is_incomplete = true;
+        }
     }
 
     /// What an axis would lack for another vibration, with feeds between these ratios of the present ones: the verdict of
