@@ -193,7 +193,12 @@ impl Evidence {
 
     /// Why a change cures, and what has to be written beside it.
     fn explained(&self, change: &Change, beside: Beside) -> String {
-        let suffices = change.least_mm.map_or_else(String::new, |mm| format!(", where {} mm suffice", decimal(mm, 4)));
+        let up_to = match self.trial.top_override() {
+            top if top > 1.0 => format!(" up to a feed override of {} %", percent(top)),
+            _ => String::new(),
+        };
+        let suffices =
+            change.least_mm.map_or_else(String::new, |mm| format!(", where {} mm suffice{up_to}", decimal(mm, 4)));
         let also = match beside {
             Beside::Nothing => String::new(),
             Beside::Amplitude(mm) => format!("; write {} as well", amplitude_word(mm, self.words.inch)),
