@@ -1,7 +1,7 @@
 //! What a section demands of the machine's axes.
 
 use feedwave_motion::{Curve, Element, LEAST_FEED_SHARE, LimitExceeded, Machine, MachineAxis, PathLimits, Quantity};
-use feedwave_program::Axis;
+use feedwave_program::{Axis, Position};
 
 use super::trial::Objection;
 use super::{
@@ -9,6 +9,8 @@ use super::{
     VibrationSettings, sin_turns,
 };
 
+/// Differently directed or cut elements that are kept to judge another vibration on.
+const MAX_LINES: usize = 32;
 /// Curves that are kept of a section to judge another vibration on.
 const MAX_CURVES: usize = 32;
 
@@ -25,9 +27,8 @@ pub(super) struct AxisLoads {
     machine: Machine,
     /// Programmed feed at the start of the present part, mm/s.
     part_feed_mm_per_s: f64,
-    /// Least programmed feed at the start of a part, mm/s.
-    least_part_feed_mm_per_s: f64,
-    /// Fastest programmed feed, mm/s.
+    /// Slowest and fastest programmed feed, mm/s.
+    least_feed_mm_per_s: f64,
     top_feed_mm_per_s: f64,
     /// Per machine axis.
     axes: Vec<AxisLoad>,
@@ -35,9 +36,17 @@ pub(super) struct AxisLoads {
     pub(super) exceeded: Option<Exceeded>,
     pub(super) largest_amplitude_mm: Option<f64>,
     pub(super) highest_frequency_hz: Option<f64>,
+    lines: Vec<CutDirections>,
     curves: Vec<CutCurve>,
     /// There are more curves than are kept.
     is_incomplete: bool,
+}
+
+/// Largest |derivatives| of the axes by path length on an element, and how it is cut.
+#[derive(Clone, Debug)]
+struct CutDirections {
+    directions: Position,
+    feed_mm_per_s: f64,
 }
 
 /// A curve and how it is cut.
@@ -45,7 +54,6 @@ pub(super) struct AxisLoads {
 struct CutCurve {
     element: Element,
     feed_mm_per_s: f64,
-    part_feed_mm_per_s: f64,
 }
 
 /// An element that an axis cannot follow.
@@ -110,12 +118,13 @@ impl AxisLoads {
             settings: *settings,
             machine: machine.clone(),
             part_feed_mm_per_s: 0.0,
-            least_part_feed_mm_per_s: f64::INFINITY,
+            least_feed_mm_per_s: f64::INFINITY,
             top_feed_mm_per_s: 0.0,
             axes: vec![AxisLoad::default(); machine.axes.len()],
             exceeded: None,
             largest_amplitude_mm: None,
             highest_frequency_hz: None,
+            lines: Vec::new(),
             curves: Vec::new(),
             is_incomplete: false,
         }
@@ -123,7 +132,7 @@ impl AxisLoads {
 
     pub(super) fn start_part(&mut self, feed_mm_per_s: f64) {
         self.part_feed_mm_per_s = feed_mm_per_s;
-        self.least_part_feed_mm_per_s = self.least_part_feed_mm_per_s.min(feed_mm_per_s);
+        self.least_feed_mm_per_s = self.least_feed_mm_per_s.min(feed_mm_per_s);
     }
 
     fn demand(&self, condition: VibrationCondition) -> VibrationDemand {
@@ -133,6 +142,7 @@ impl AxisLoads {
     /// Adds an element that is cut at `feed_mm_per_s`.
     pub(super) fn add(&mut self, element: &Element, feed_mm_per_s: f64, limits: &Result<PathLimits, LimitExceeded>) {
         let directions = element.largest_tangent();
+        self.least_feed_mm_per_s = self.least_feed_mm_per_s.min(feed_mm_per_s);
         self.top_feed_mm_per_s = self.top_feed_mm_per_s.max(feed_mm_per_s);
         let peaks = self.demand(self.condition).peaks(feed_mm_per_s);
         let path_velocity = feed_mm_per_s + peaks.velocity;
@@ -153,6 +163,7 @@ impl AxisLoads {
         if let Err(exceeded) = limits {
             self.refuse(element, exceeded);
         }
+        self.keep_directions(directions, feed_mm_per_s);
         if !matches!(element.curve, Curve::Line) {
             self.keep_curve(element, feed_mm_per_s);
         }
@@ -181,22 +192,38 @@ impl AxisLoads {
         self.exceeded.get_or_insert(Exceeded { limit: *exceeded, nominal, line: element.source.line });
     }
 
-    /// Keeps a curve for [`AxisLoads::objection`]. Of arcs in one plane the most curved one, cut as fast as the fastest, leaves
-    /// the least of every limit.
+    /// Keeps how an element is directed and cut for [`AxisLoads::objection`]; where there are very many, the worst of the last.
+    fn keep_directions(&mut self, directions: Position, feed_mm_per_s: f64) {
+        let is_alike = |kept: &CutDirections| kept.directions == directions;
+        let kept = match self.lines.iter().position(is_alike) {
+            Some(index) => &mut self.lines[index],
+            None if self.lines.len() < MAX_LINES => {
+                return self.lines.push(CutDirections { directions, feed_mm_per_s });
+            }
+            None => &mut self.lines[MAX_LINES - 1],
+        };
+        for (kept, new) in kept.directions.iter_mut().zip(directions) {
+            *kept = kept.max(new);
+        }
+        kept.feed_mm_per_s = kept.feed_mm_per_s.max(feed_mm_per_s);
+    }
+
+    /// Keeps a curve likewise. Of arcs in one plane the most curved one, cut as fast as the fastest, leaves the least of every
+    /// limit.
     fn keep_curve(&mut self, element: &Element, feed_mm_per_s: f64) {
-        let part_feed_mm_per_s = self.part_feed_mm_per_s;
+        if self.curves.len() < MAX_CURVES {
+            self.curves.push(CutCurve { element: element.clone(), feed_mm_per_s });
+            return;
+        }
         let plane = plane_of(element);
         let in_plane = |kept: &&mut CutCurve| plane.is_some() && plane_of(&kept.element) == plane;
-        if let Some(kept) = self.curves.iter_mut().find(in_plane) {
-            kept.feed_mm_per_s = kept.feed_mm_per_s.max(feed_mm_per_s);
-            kept.part_feed_mm_per_s = kept.part_feed_mm_per_s.min(part_feed_mm_per_s);
-            if element.curvature() > kept.element.curvature() {
-                kept.element = element.clone();
-            }
-        } else if self.curves.len() < MAX_CURVES {
-            self.curves.push(CutCurve { element: element.clone(), feed_mm_per_s, part_feed_mm_per_s });
-        } else {
+        let Some(kept) = self.curves.iter_mut().find(in_plane) else {
             self.is_incomplete = true;
+            return;
+        };
+        kept.feed_mm_per_s = kept.feed_mm_per_s.max(feed_mm_per_s);
+        if element.curvature() > kept.element.curvature() {
+            kept.element = element.clone();
         }
     }
 
@@ -209,20 +236,22 @@ impl AxisLoads {
         [least_ratio, largest_ratio]: [f64; 2],
         period_s: f64,
     ) -> Option<Objection> {
-        let demand = |part_feed: f64| settings.demand(condition, least_ratio * part_feed);
-        let feed_mm_per_s = largest_ratio * self.top_feed_mm_per_s;
-        let of_lines = demand(self.least_part_feed_mm_per_s);
-        let found = self.objection_on_lines(&of_lines, feed_mm_per_s);
+        // Another vibration may pass other junctions, so that a part may begin at any of the feeds.
+        let demand = settings.demand(condition, least_ratio * self.least_feed_mm_per_s);
+        let found = self
+            .lines
+            .iter()
+            .find_map(|line| self.objection_on_line(&line.directions, &demand, largest_ratio * line.feed_mm_per_s));
         let found = found.or_else(|| {
             let mut exceeded = self.curves.iter().filter_map(|curve| {
-                let demand = demand(curve.part_feed_mm_per_s);
                 demand.limit_pieces(&curve.element, &self.machine, largest_ratio * curve.feed_mm_per_s).err()
             });
             exceeded.next().map(|exceeded| self.objection_of(&exceeded))
         });
         let ends = || {
             let binds = settings.envelope == VibrationEnvelope::Published && settings.published_limits_bind;
-            let step_mm_per_s = of_lines.peaks(0.0).velocity + feed_mm_per_s;
+            // A published vibration has no blend, whatever the feed.
+            let step_mm_per_s = demand.peaks(0.0).velocity + largest_ratio * self.top_feed_mm_per_s;
             let axis = binds.then(|| self.exceeding(step_mm_per_s / period_s)).flatten()?;
             let (demanded, permitted) = (axis.acceleration_per_s2, axis.max_acceleration_per_s2);
             let (name, rotary) = (axis.name.into(), axis.rotary);
@@ -239,12 +268,18 @@ impl AxisLoads {
         found.or_else(ends).or_else(|| (!is_known()).then_some(Objection::Unknown))
     }
 
-    /// What an axis would lack where the path goes as much along it as anywhere: what a line takes, and a curve at least.
-    fn objection_on_lines(&self, demand: &VibrationDemand, feed_mm_per_s: f64) -> Option<Objection> {
+    /// What an axis would lack where the path is directed so: what a line takes, and a curve at least.
+    fn objection_on_line(
+        &self,
+        directions: &Position,
+        demand: &VibrationDemand,
+        feed_mm_per_s: f64,
+    ) -> Option<Objection> {
         let [_, slowest] = demand.speeds(feed_mm_per_s);
         let peaks = demand.peaks(slowest);
         let at_top = demand.peaks(feed_mm_per_s);
-        self.moving().find_map(|(load, axis)| {
+        self.machine.axes.iter().find_map(|axis| {
+            let direction = directions[axis.axis.index()];
             let [velocity, acceleration, jerk] = limits_of(axis);
             let permitted = |limit: f64| (1.0 - LEAST_FEED_SHARE) * limit;
             let demands = [
@@ -255,12 +290,12 @@ impl AxisLoads {
                 (Quantity::Acceleration, peaks.acceleration, permitted(acceleration)),
                 (Quantity::Jerk, peaks.jerk, permitted(jerk)),
             ];
-            let exceeded = demands.into_iter().find(|(_, along, limit)| load.worst_direction * along > *limit);
+            let exceeded = demands.into_iter().find(|(_, along, limit)| direction * along > *limit);
             exceeded.map(|(quantity, along, permitted)| Objection::Axis {
                 name: axis.name.clone().into(),
                 quantity,
                 rotary: axis.axis.is_rotary(),
-                demanded: load.worst_direction * along,
+                demanded: direction * along,
                 permitted,
             })
         })
