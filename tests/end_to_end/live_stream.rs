@@ -92,14 +92,32 @@ async fn a_quiet_stream_says_that_it_lives_and_ends_with_the_service() {
     home.set_environment(vec![("FEEDWAVE_HTTP__HEARTBEAT_S".to_owned(), "1".to_owned())]);
     let server = home.start().await;
     let mut stream = server.web().open("/v1/stream", &[]).await;
+    // The greeting, and each comment with the place as well.
     let mut comments = 0;
-    while comments < 2 {
+    while comments < 3 {
         let event = patiently(stream.next_event()).await.expect("the stream goes on");
-        comments += u32::from(event == ServerEvent::default());
+        let is_comment = event.event.is_empty() && event.data == ServerEvent::default().data;
+        assert_eq!(is_comment, !event.id.is_empty(), "{event:?}");
+        comments += u32::from(is_comment);
     }
     server.signal(Signal::TERM);
     while patiently(stream.next_event()).await.is_some() {}
     assert!(server.ended().await.0.success());
+}
+
+#[tokio::test]
+async fn unknown_parameters_are_refused_and_answers_are_of_the_type_they_say() {
+    let server = Server::start(FEEDWAVE).await;
+    let web = server.web();
+    for path in ["/v1/stream?machine=lathe", "/v1/machines/lathe/state?colour=red"] {
+        let answer = web.get(path).await;
+        assert_eq!(answer.status, StatusCode::BAD_REQUEST, "{path}");
+        assert!(answer.text().contains("is not a parameter"), "{}", answer.text());
+    }
+    let answers = [web.get("/v1/machines").await, web.get("/v1/jobs/none").await, web.get("/v1/nothing").await];
+    for answer in answers {
+        assert_eq!(answer.header("x-content-type-options"), "nosniff", "{answer:?}");
+    }
 }
 
 #[tokio::test]

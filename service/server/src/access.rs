@@ -253,10 +253,18 @@ impl Access {
         connection: Option<&Arc<Connection>>,
     ) -> Result<()> {
         let knows_clients = self.inner.file.is_some() || self.inner.provider.is_some();
-        if needs == Needs::Nobody
-            || knows_clients
-            || !connection.is_some_and(|connection| connection.address().is_loopback())
-        {
+        if needs == Needs::Nobody || knows_clients {
+            return Ok(());
+        }
+        self.check_name(request, connection)
+    }
+
+    /// The same for a port whose clients never say who they are.
+    ///
+    /// # Errors
+    /// [`Error::HostDenied`].
+    pub(crate) fn check_name<B>(&self, request: &http::Request<B>, connection: Option<&Arc<Connection>>) -> Result<()> {
+        if !connection.is_some_and(|connection| connection.address().is_loopback()) {
             return Ok(());
         }
         let header = || request.headers().get(header::HOST)?.to_str().ok()?.parse().ok();

@@ -87,6 +87,13 @@ pub(crate) struct RunView {
     alarms: Vec<MachineCondition>,
 }
 
+impl RunView {
+    /// Whether its client is there.
+    fn is_available(&self) -> bool {
+        self.activity.availability() == Availability::Available
+    }
+}
+
 /// A run whose stream is connected.
 #[derive(Debug)]
 struct Connected {
@@ -135,9 +142,24 @@ impl Machine {
         }
     }
 
-    /// The run that the state is about: the one that was connected last, or the newest.
+    /// The run that the state is about: of those whose clients are there the one that moves, of several the one that was
+    /// connected last; otherwise the newest.
     fn run(&self) -> Option<&RunView> {
-        self.connected.last().map(|connected| &connected.view).or(self.resting.as_ref())
+        let rank = |view: &&RunView| {
+            let motion = match view.activity.execution() {
+                Execution::Running => 2,
+                Execution::Held => 1,
+                _ => 0,
+            };
+            (view.is_available(), motion)
+        };
+        self.connected.iter().map(|connected| &connected.view).max_by_key(rank).or(self.resting.as_ref())
+    }
+
+    /// Runs whose clients are there, but for the one that is shown.
+    fn others(&self) -> u32 {
+        let available = self.connected.iter().filter(|connected| connected.view.is_available()).count();
+        u32::try_from(available.saturating_sub(1)).unwrap_or(u32::MAX)
     }
 
     /// Keeps what is left of a run whose stream is gone, and counts it where it came to its end. What another replica
@@ -182,7 +204,7 @@ impl Machine {
             execution: activity.map_or(Execution::Idle, RunActivity::execution).into(),
             execution_time: activity.and_then(|activity| activity.execution_time),
             run: activity.cloned(),
-            other_runs: u32::try_from(self.connected.len().saturating_sub(1)).unwrap_or(u32::MAX),
+            other_runs: self.others(),
             conditions: self.conditions(run),
             finished_runs: self.finished,
         }
@@ -205,8 +227,9 @@ impl Machine {
 
     /// Forgets conditions that were acknowledged and hold nothing any more.
     fn forget_acknowledged(&mut self) {
-        let held = self.run().filter(|view| view.activity.feed_held).map(|view| view.id);
-        self.logged.retain(|logged| logged.condition.acknowledge_time.is_none() || held == Some(logged.run));
+        let views = self.connected.iter().map(|connected| &connected.view).chain(&self.resting);
+        let held: Vec<Uuid> = views.filter(|view| view.activity.feed_held).map(|view| view.id).collect();
+        self.logged.retain(|logged| logged.condition.acknowledge_time.is_none() || held.contains(&logged.run));
         let surplus = self.logged.len().saturating_sub(MAX_LOGGED as usize);
         self.logged.drain(..surplus);
     }

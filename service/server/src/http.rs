@@ -248,7 +248,8 @@ async fn list_states(api: Api, RawQuery(raw): RawQuery, headers: HeaderMap) -> A
     Ok(body.response(&headers))
 }
 
-async fn get_machine_state(api: Api, id: Id, headers: HeaderMap) -> Answer {
+async fn get_machine_state(api: Api, id: Id, RawQuery(raw): RawQuery, headers: HeaderMap) -> Answer {
+    Query::parse(raw.as_deref()).finish()?;
     let response = api.get_machine_state(&GetStateRequest { name: name("machines", id)? })?;
     Ok(message(&headers, &response.state.unwrap_or_default()))
 }

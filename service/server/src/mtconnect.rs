@@ -34,55 +34,67 @@ use crate::stored;
 /// A machine that the agent shows, or has shown.
 #[derive(Debug)]
 struct Known {
-    device: Device,
+    device: Arc<Device>,
     /// Version of the machine that the device was made from.
     etag: String,
-    /// Whether it is shown still.
-    is_there: bool,
     /// What it did when it was looked at last, and since when: an end that is over before it was seen is told nevertheless.
     execution: Option<(Execution, Option<prost_types::Timestamp>)>,
+    /// The last observation of a device that is shown no more.
+    ended_at: Option<u64>,
 }
 
 /// Everything that answers are made of.
 #[derive(Debug)]
 struct Observations {
-    devices: Vec<Known>,
+    /// Those that are shown, and those of which observations are kept, by their numbers, which are never used twice.
+    devices: BTreeMap<u32, Known>,
+    next_device: u32,
     buffer: Buffer,
     /// When a device came, went or changed last, µs since the Unix epoch.
     model_changed_us: i64,
+    /// Counts these changes.
+    model: u64,
 }
 
 impl Observations {
-    fn device(&self, item: ItemKey) -> Option<&Known> {
-        self.devices.get(item.0 as usize).filter(|known| known.is_there)
+    fn new(buffer_size: usize, now_us: i64) -> Self {
+        let buffer = Buffer::new(buffer_size);
+        Self { devices: BTreeMap::new(), next_device: 0, buffer, model_changed_us: now_us, model: 0 }
+    }
+
+    /// Whether the device of an item is shown no more.
+    fn has_ended(&self, item: ItemKey) -> bool {
+        self.devices.get(&item.0).is_none_or(|known| known.ended_at.is_some())
     }
 
     /// Devices that are shown, with their numbers, by name.
     fn shown(&self) -> BTreeMap<&str, (u32, &Device)> {
-        let there = (0..).zip(&self.devices).filter(|(_, known)| known.is_there);
-        there.map(|(number, known)| (known.device.id.as_str(), (number, &known.device))).collect()
+        let there = self.devices.iter().filter(|(_, known)| known.ended_at.is_none());
+        there.map(|(number, known)| (known.device.id.as_str(), (*number, &*known.device))).collect()
     }
 
     /// The device with this name or uuid.
     fn named(&self, name: &str) -> Option<u32> {
         let id = name.strip_prefix("feedwave.").unwrap_or(name);
-        self.shown().get(id).map(|(number, _)| *number)
+        let mut there = self.devices.iter().filter(|(_, known)| known.ended_at.is_none() && known.device.id == id);
+        there.next().map(|(number, _)| *number)
     }
 
     /// Shows a machine; the number of its device.
     fn put(&mut self, id: &str, etag: &str, device: Device, now_us: i64) -> u32 {
-        let same = |known: &Known| known.is_there && known.device.id == id;
-        if let Some(index) = self.devices.iter().position(same) {
-            if self.devices[index].device == device {
-                etag.clone_into(&mut self.devices[index].etag);
-                return index as u32;
+        if let Some(number) = self.named(id) {
+            if let Some(known) = self.devices.get_mut(&number).filter(|known| *known.device == device) {
+                etag.clone_into(&mut known.etag);
+                return number;
             }
-            self.devices[index].is_there = false;
+            self.end(number, now_us);
         }
-        let number = self.devices.len() as u32;
+        let number = self.next_device;
+        self.next_device += 1;
         let values = device.values(&MachineState::default());
-        self.devices.push(Known { device, etag: etag.to_owned(), is_there: true, execution: None });
-        self.model_changed_us = now_us;
+        let known = Known { device: Arc::new(device), etag: etag.to_owned(), execution: None, ended_at: None };
+        self.devices.insert(number, known);
+        self.model_changes(now_us);
         // Nothing is known, which has to be said before anybody asks.
         for (index, value) in (0..).zip(values) {
             self.push((number, index), now_us, &value);
@@ -91,15 +103,47 @@ impl Observations {
     }
 
     fn remove(&mut self, id: &str, now_us: i64) {
-        for known in self.devices.iter_mut().filter(|known| known.device.id == id && known.is_there) {
-            known.is_there = false;
-            self.model_changed_us = now_us;
+        if let Some(number) = self.named(id) {
+            self.end(number, now_us);
+        }
+    }
+
+    /// Shows a device no more: whoever follows it is told that nothing of it is available.
+    fn end(&mut self, number: u32, now_us: i64) {
+        let Some(known) = self.devices.get(&number) else { return };
+        let values = known.device.values(&MachineState::default());
+        for (index, value) in (0..).zip(values) {
+            self.push((number, index), now_us, &value);
+        }
+        let last = self.buffer.last();
+        if let Some(known) = self.devices.get_mut(&number) {
+            known.ended_at = Some(last);
+        }
+        self.model_changes(now_us);
+        self.forget();
+    }
+
+    fn model_changes(&mut self, now_us: i64) {
+        self.model_changed_us = now_us;
+        self.model += 1;
+    }
+
+    /// Forgets devices that are shown no more, once none of their observations is kept.
+    fn forget(&mut self) {
+        let first = self.buffer.first();
+        let is_over = |known: &Known| known.ended_at.is_some_and(|last| last < first);
+        let over: Vec<u32> =
+            self.devices.iter().filter(|(_, known)| is_over(known)).map(|(number, _)| *number).collect();
+        for number in over {
+            self.devices.remove(&number);
+            self.buffer.forget(number);
         }
     }
 
     /// Takes over what a machine does.
     fn observe(&mut self, number: u32, state: &MachineState, now_us: i64) {
-        let Some(known) = self.devices.get_mut(number as usize) else { return };
+        self.forget();
+        let Some(known) = self.devices.get_mut(&number) else { return };
         let execution = (state.execution(), state.execution_time);
         let is_new = known.execution.is_some_and(|before| before != execution);
         let ended = matches!(state.execution(), Execution::Finished | Execution::Stopped);
@@ -139,6 +183,10 @@ pub(crate) struct Agent {
     sender: Arc<str>,
 }
 
+fn not_read(shown: &Shown, error: &Error) {
+    tracing::warn!(machine = shown.machine_id(), %error, "the MTConnect agent could not read a machine");
+}
+
 fn now_us() -> i64 {
     Timestamp::now().as_microsecond()
 }
@@ -147,12 +195,10 @@ impl Agent {
     /// An agent that knows nothing yet and will keep so many observations.
     pub(crate) fn new(buffer_size: usize) -> Self {
         let now_us = now_us();
-        let observations =
-            Observations { devices: Vec::new(), buffer: Buffer::new(buffer_size), model_changed_us: now_us };
         let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
         let host = if host.trim().is_empty() { "feedwave" } else { host.trim() };
         Self {
-            observations: Arc::new(Mutex::new(observations)),
+            observations: Arc::new(Mutex::new(Observations::new(buffer_size, now_us))),
             next: Arc::new(watch::Sender::new(1)),
             instance: u64::try_from(now_us / 1_000_000).unwrap_or(1).max(1),
             sender: host.into(),
@@ -167,12 +213,15 @@ impl Agent {
     /// Takes over the machines as they are, so that whoever asks first finds them all.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Those of the store. A machine whose record is damaged is left out, and said so in the log.
     pub(crate) async fn begin(&self, floor: &Floor, store: &Store) -> Result<FloorReader> {
         let mut reader = floor.reader(None);
         if let Some(changes) = reader.next().await {
             for shown in &changes.states {
-                self.take(shown, store).await?;
+                match self.take(shown, store).await {
+                    Err(error @ (Error::Damaged(_) | Error::Internal(_))) => not_read(shown, &error),
+                    taken => taken?,
+                }
             }
         }
         Ok(reader)
@@ -183,7 +232,7 @@ impl Agent {
         while let Some(Some(changes)) = stop.run_until_cancelled(reader.next()).await {
             for shown in &changes.states {
                 if let Err(error) = self.take(shown, &store).await {
-                    tracing::warn!(machine = shown.machine_id(), %error, "the MTConnect agent could not read a machine");
+                    not_read(shown, &error);
                 }
             }
             for id in &changes.gone {
@@ -204,7 +253,7 @@ impl Agent {
         let known = {
             let observations = self.observations();
             let number = observations.named(id);
-            number.filter(|number| observations.devices[*number as usize].etag == shown.etag)
+            number.filter(|number| observations.devices.get(number).is_some_and(|known| known.etag == shown.etag))
         };
         let number = match known {
             Some(number) => Some(number),
@@ -274,7 +323,7 @@ mod tests {
         let observations = agent.observations();
         let part = observations.buffer.forwards(1, u64::MAX, usize::MAX, |_| true);
         let of_execution =
-            |item: ItemKey| observations.devices[item.0 as usize].device.items[item.1 as usize].role == Role::Execution;
+            |item: ItemKey| observations.devices[&item.0].device.items[item.1 as usize].role == Role::Execution;
         let shown = part.observations.iter().filter(|observation| of_execution(observation.item));
         shown
             .map(|observation| match &observation.what {
@@ -299,7 +348,7 @@ mod tests {
     #[test]
     fn only_changes_become_observations() {
         let agent = agent();
-        let items = agent.observations().devices[0].device.items.len() as u64;
+        let items = agent.observations().devices[&0].device.items.len() as u64;
         assert_eq!(agent.observations().buffer.next(), items + 1, "every item says that it is not available, but one");
         agent.observations().observe(0, &state(Execution::Running, 1, 7), 0);
         let before = agent.observations().buffer.next();
@@ -307,6 +356,84 @@ mod tests {
         assert_eq!(agent.observations().buffer.next(), before);
         agent.observations().observe(0, &state(Execution::Running, 1, 8), 0);
         assert_eq!(agent.observations().buffer.next(), before + 1, "the time of the run has changed");
+    }
+
+    #[test]
+    fn positions_are_of_axes_by_their_names() {
+        use feedwave_contract::proto::{CommandedAxis, CommandedState};
+        let axis = |axis: &str, position: f64, unit: &str| CommandedAxis {
+            axis: axis.to_owned(),
+            position,
+            unit: unit.to_owned(),
+        };
+        // The job was made when the machine had its axes in another order.
+        let commanded = CommandedState {
+            axes: vec![axis("Z", 5.0, "mm"), axis("X", -2.0, "mm"), axis("C", 90.0, "deg")],
+            ..Default::default()
+        };
+        let mut state = state(Execution::Running, 1, 7);
+        state.run.as_mut().unwrap().commanded = Some(commanded);
+        let axes = [("X", false), ("Y", false), ("C", false), ("Z", false), ("C", true)];
+        let device = Device::new("mill", &axes.map(|(name, turns)| (name.to_owned(), turns)));
+        let values = device.values(&state);
+        let positions: Vec<_> = device
+            .items
+            .iter()
+            .zip(values)
+            .filter(|(item, _)| item.role == Role::Axis)
+            .map(|(_, value)| value)
+            .collect();
+        let expected =
+            [Value::Number(-2.0), Value::Unavailable, Value::Unavailable, Value::Number(5.0), Value::Number(90.0)];
+        assert_eq!(positions, expected);
+    }
+
+    #[test]
+    fn who_follows_a_device_is_told_of_its_end_and_follows_the_next_one() {
+        let agent = agent();
+        agent.observations().observe(0, &state(Execution::Running, 1, 7), 0);
+        let mut observations = agent.observations();
+        let path = "//DataItem[@type='EXECUTION']";
+        let mut wanted = request::Wanted::of(&observations, Some("lathe"), Some(path)).unwrap();
+        let mut all = request::Wanted::of(&observations, None, None).unwrap();
+        let exec = *wanted.items.first().unwrap();
+        assert_eq!((wanted.items.len(), exec.0), (1, 0));
+        let axes = [("X".to_owned(), false)];
+        assert_eq!(observations.put("lathe", "2", Device::new("lathe", &axes), 5), 1);
+        let newest = |observations: &Observations, item| observations.buffer.newest().of(item)[0].what.clone();
+        assert_eq!(newest(&observations, exec), Observed::Value(Value::Unavailable));
+        wanted.renew(&observations);
+        all.renew(&observations);
+        let devices: Vec<u32> = wanted.items.iter().map(|item| item.0).collect();
+        assert_eq!(devices, [0, 1], "the end of the former one, and the one that took its place");
+        observations.observe(1, &state(Execution::Running, 2, 9), 5);
+        assert_eq!(newest(&observations, *wanted.items.last().unwrap()), Observed::Value(Value::Text("ACTIVE".into())));
+        wanted.forget_ended(&observations);
+        assert_eq!(wanted.items.len(), 1);
+        observations.put("mill", "1", Device::new("mill", &axes), 6);
+        all.renew(&observations);
+        assert!(all.items.iter().any(|item| item.0 == 2), "a machine that was made later");
+        observations.remove("lathe", 7);
+        wanted.renew(&observations);
+        assert_eq!(wanted.items.first().unwrap().0, 1);
+        wanted.forget_ended(&observations);
+        assert!(wanted.items.is_empty());
+    }
+
+    #[test]
+    fn devices_that_come_and_go_fill_no_memory() {
+        let agent = Agent::new(500);
+        let mut observations = agent.observations();
+        for number in 0..1_000 {
+            let device = Device::new("lathe", &[("X".to_owned(), false)]);
+            observations.put("lathe", &number.to_string(), device, number);
+            observations.remove("lathe", number);
+        }
+        assert!(observations.devices.len() < 50, "{}", observations.devices.len());
+        assert_eq!(observations.next_device, 1_000);
+        let kept = observations.buffer.at(observations.buffer.last());
+        let known = (0..1_000).filter(|number| !kept.of((*number, 0)).is_empty()).count();
+        assert!(known < 50, "{known}");
     }
 
     #[test]

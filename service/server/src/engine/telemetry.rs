@@ -202,6 +202,14 @@ enum Wake {
 
 impl Worker {
     fn run(&mut self) -> Result<()> {
+        self.presence.arrive();
+        let monitor = self.session.monitor();
+        self.presence.observe(monitor);
+        // What holds is known before anything is heard.
+        let execution = Presence::execution_of(monitor);
+        if matches!(execution, Execution::Stopped | Execution::Held) {
+            self.presence.follow(execution);
+        }
         self.presence.connect();
         let outcome = self.work();
         self.presence.leave(outcome.as_ref().err());
@@ -247,7 +255,7 @@ impl Worker {
         let monitor = self.session.monitor();
         self.presence.observe(monitor);
         if self.presence.execution() != Execution::Finished {
-            self.presence.set_execution(Presence::execution_of(monitor));
+            self.presence.follow(Presence::execution_of(monitor));
         }
         self.presence.tell();
     }

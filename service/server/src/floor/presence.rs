@@ -13,8 +13,8 @@ use feedwave_store::{DecisionRecord, Job, JobState, Run, RunCondition, RunKind, 
 use jiff::Timestamp;
 
 use super::alarms::{self, Alarms};
-use super::{Floor, Logged, RunView, STATE_INTERVAL};
-use crate::api::{condition_to_proto, decision_from_record};
+use super::{Course, Floor, Logged, RunView, STATE_INTERVAL};
+use crate::api::{condition_to_proto, decision_from_record, run_settings};
 use crate::error::{Error, Result};
 use crate::stored;
 
@@ -65,6 +65,12 @@ const fn execution_at_rest(state: RunState) -> Execution {
     }
 }
 
+/// Whether an escalation holds the feed after a decision.
+fn holds_feed(decision: &Decision) -> bool {
+    let outcome = decision.outcome.unwrap_or_default();
+    outcome.action() == DecisionAction::HoldFeed || outcome.reason() == DecisionReason::FeedHeld
+}
+
 fn brief(decision: &Decision) -> DecisionBrief {
     DecisionBrief {
         sequence: decision.sequence,
@@ -84,7 +90,7 @@ impl RunBase<'_> {
             None => proto::ProgramSummary::default(),
         };
         let last = self.last_decision.map(decision_from_record).transpose()?;
-        let taken = run.setpoints;
+        let stops = last.as_ref().is_some_and(|last| last.outcome.unwrap_or_default().action() == DecisionAction::Stop);
         let activity = RunActivity {
             run: names::run(run.id),
             job: names::job(job.id),
@@ -96,16 +102,12 @@ impl RunBase<'_> {
             }
             .into(),
             availability: Availability::Unavailable.into(),
-            execution: self.execution().into(),
+            execution: self.execution(stops).into(),
             execution_time: Some(timestamp(run.updated_us)),
             create_time: Some(timestamp(run.created_us)),
-            progress: (run.kind == RunKind::Live).then(|| RunProgress {
-                taken: taken.received,
-                sent: taken.sent,
-                setpoint_count: (run.state == RunState::Finished).then_some(taken.sent),
-                ratio: if run.state == RunState::Finished { 1.0 } else { 0.0 },
-                ..RunProgress::default()
-            }),
+            progress: if run.kind == RunKind::Live { Some(self.progress(&summary)?) } else { None },
+            // An escalation is in the log; what an operator wants is known while his client is there.
+            feed_held: run.state == RunState::Open && last.as_ref().is_some_and(holds_feed),
             last_decision: last.as_ref().map(brief),
             finding_warnings: summary.warnings,
             update_time: Some(timestamp(run.updated_us)),
@@ -113,7 +115,7 @@ impl RunBase<'_> {
         };
         let mut alarms = Alarms::new(&activity.run, summary.warnings, activity.create_time);
         // What stopped the machine stays to be seen.
-        if let Some(last) = last.filter(|_| run.state == RunState::Stopped) {
+        if let Some(last) = last.filter(|_| run.state == RunState::Stopped || (run.state == RunState::Open && stops)) {
             alarms.decided(&last, alarms::reading(&last, self.deviation_unit).as_ref());
             alarms.rest();
         }
@@ -121,13 +123,27 @@ impl RunBase<'_> {
         Ok((view, alarms))
     }
 
-    fn execution(&self) -> Execution {
-        // A run of a job that ended cannot be taken up.
+    /// What the run does without its stream, where its last decision is a stop, or is none.
+    fn execution(&self, stops: bool) -> Execution {
+        // A run of a job that ended cannot be taken up. Nothing follows a stop in a run of telemetry; a live one is taken up to
+        // come to rest.
         let is_over = matches!(self.job.state, JobState::Cancelled | JobState::Failed);
         match execution_at_rest(self.run.state) {
-            Execution::Interrupted if is_over => Execution::Stopped,
+            Execution::Interrupted if is_over || (stops && self.run.kind == RunKind::Telemetry) => Execution::Stopped,
             execution => execution,
         }
+    }
+
+    /// How far a live run is, as the log has it. The share of the time is that at the programmed feed.
+    fn progress(&self, summary: &proto::ProgramSummary) -> Result<RunProgress> {
+        let taken = self.run.setpoints;
+        let is_finished = self.run.state == RunState::Finished;
+        let period_us = run_settings(self.run)?.interpolation_period_us;
+        let total = is_finished.then_some(taken.sent);
+        let mut course = Course::new(f64::from(period_us) * 1e-6, summary.duration_s);
+        let progress = course.progress(&[], taken.received, taken.sent, total);
+        let ratio = if is_finished { 1.0 } else { progress.ratio };
+        Ok(RunProgress { ratio, remaining_s: None, ..progress })
     }
 
     pub(super) fn logged(&self) -> Vec<Logged> {
@@ -170,13 +186,20 @@ impl Presence {
         self.planned_s
     }
 
-    /// The stream is connected.
-    pub(crate) fn connect(&mut self) {
+    /// The stream is connected; the floor is not told yet.
+    pub(crate) fn arrive(&mut self) {
         let activity = &mut self.view.activity;
         activity.set_availability(Availability::Available);
         activity.set_execution(Execution::Ready);
         activity.execution_time = Some(now());
         activity.update_time = activity.execution_time;
+    }
+
+    /// Tells the floor of a stream that is connected.
+    pub(crate) fn connect(&mut self) {
+        if !self.view.is_available() {
+            self.arrive();
+        }
         let logged = std::mem::take(&mut self.logged);
         self.ticket = Some(self.floor.connect(&self.machine_id, self.view.clone(), logged, false));
         self.told_at = Instant::now();
@@ -197,10 +220,21 @@ impl Presence {
         self.view.activity.execution()
     }
 
+    /// What the run does as its setpoints and its telemetry show it. Without its client it does nothing that anybody could know
+    /// of, but that a decision may stop it.
+    pub(crate) fn follow(&mut self, execution: Execution) {
+        if self.view.is_available() || execution == Execution::Stopped {
+            self.set_execution(execution);
+        }
+    }
+
     /// The client is gone, while the run is still attended to.
     pub(crate) fn lose(&mut self) {
-        if self.view.activity.availability() == Availability::Available {
+        if self.view.is_available() {
             self.unmeasure();
+            if !matches!(self.execution(), Execution::Stopped | Execution::Finished) {
+                self.set_execution(Execution::Interrupted);
+            }
             self.is_urgent = true;
         }
     }
@@ -209,6 +243,8 @@ impl Presence {
     fn unmeasure(&mut self) {
         let activity = &mut self.view.activity;
         activity.set_availability(Availability::Unavailable);
+        // What an operator wants is known from his client; an escalation is in the log.
+        activity.held = false;
         activity.commanded = None;
         activity.overrides = None;
         activity.programmed_rev_per_min = None;
@@ -281,13 +317,14 @@ impl Presence {
     /// What the monitor knows.
     pub(crate) fn observe(&mut self, monitor: &Monitor) {
         let activity = &mut self.view.activity;
+        // Decisions go on without the client, and are in the log.
+        activity.feed_held = monitor.holds_feed();
         if activity.availability() != Availability::Available {
             return;
         }
         activity.set_monitor(state_to_proto(monitor.state()));
         activity.programmed_rev_per_min = monitor.programmed_rev_per_min();
         activity.tool = Some(monitor.tool()).filter(|tool| *tool > 0);
-        activity.feed_held = monitor.holds_feed();
         let overrides = monitor.overrides();
         activity.overrides = Some(Overrides { feed: overrides.feed, spindle: overrides.spindle });
     }
@@ -306,8 +343,8 @@ impl Presence {
     pub(crate) fn proceed(&mut self, progress: RunProgress, commanded: Option<CommandedState>, feed: f64, held: bool) {
         let activity = &mut self.view.activity;
         activity.progress = Some(progress);
-        activity.held = held;
         if activity.availability() == Availability::Available {
+            activity.held = held;
             activity.commanded = commanded;
             if let Some(overrides) = &mut activity.overrides {
                 overrides.feed = feed;
@@ -342,8 +379,11 @@ impl Presence {
         let has_ended = matches!(self.execution(), Execution::Finished | Execution::Stopped)
             && self.view.activity.kind() == proto::RunKind::Live;
         let is_finished = self.execution() == Execution::Finished;
+        let is_stopped = self.execution() == Execution::Stopped;
         match error {
             _ if has_ended || is_finished => {}
+            // A stop of telemetry holds, whoever is connected.
+            None | Some(Error::Draining) if is_stopped => {}
             None | Some(Error::Draining) => self.set_execution(Execution::Interrupted),
             Some(Error::JobCancelled { .. }) => self.set_execution(Execution::Stopped),
             // Another stream tells of the run.

@@ -1,6 +1,6 @@
 //! The floor without a service around it.
 
-use feedwave_contract::proto::{ConditionSeverity, DecisionAction};
+use feedwave_contract::proto::{ConditionSeverity, DecisionAction, RunProgress};
 use feedwave_store::{
     Fingerprint, Job, JobFilter, JobState, NewJob, NewRun, PageRequest, RawValue, RetentionPolicy, Run, RunCommit,
     RunKind, RunSetpoints, RunState, Store, StoreSettings, Tenant,
@@ -94,6 +94,113 @@ fn the_newest_stream_is_shown_and_the_others_are_counted() {
     drop(first);
     // A machine that is in no store is forgotten with its last run.
     assert!(floor.state("lathe").is_none());
+}
+
+#[test]
+fn a_run_whose_client_is_gone_does_not_run() {
+    let floor = Floor::new();
+    let mut run = presence(&floor, 10, 1);
+    run.connect();
+    run.follow(Execution::Running);
+    run.proceed(RunProgress::default(), None, 1.0, true);
+    run.tell();
+    assert!(lathe(&floor).run.unwrap().held);
+    run.lose();
+    // What goes on while its silence is waited for is not told as motion.
+    run.follow(Execution::Running);
+    run.proceed(RunProgress::default(), None, 1.0, true);
+    run.tell();
+    let state = lathe(&floor);
+    assert_eq!((state.execution(), state.availability()), (Execution::Interrupted, Availability::Unavailable));
+    assert!(!state.run.unwrap().held);
+    run.follow(Execution::Stopped);
+    run.tell();
+    assert_eq!(lathe(&floor).execution(), Execution::Stopped, "the decision on silence stops it");
+    let mut over = presence(&floor, 20, 2);
+    over.connect();
+    over.end(RunState::Finished);
+    over.lose();
+    over.tell();
+    assert_eq!(over.execution(), Execution::Finished);
+}
+
+#[test]
+fn a_run_that_moves_is_shown_before_one_that_does_not_or_is_lost() {
+    let floor = Floor::new();
+    let (mut moving, mut ready, mut lost) = (presence(&floor, 10, 1), presence(&floor, 20, 2), presence(&floor, 30, 3));
+    for run in [&mut moving, &mut ready, &mut lost] {
+        run.connect();
+    }
+    let shown = |floor: &Floor| (lathe(floor).run.unwrap().run, lathe(floor).other_runs);
+    let name = |id| names::run(Uuid::from_u128(id));
+    lost.follow(Execution::Running);
+    lost.tell();
+    assert_eq!(shown(&floor), (name(30), 2));
+    lost.lose();
+    lost.tell();
+    assert_eq!(shown(&floor), (name(20), 1), "who is lost is neither shown nor counted");
+    moving.follow(Execution::Running);
+    moving.tell();
+    assert_eq!((shown(&floor), lathe(&floor).execution()), ((name(10), 1), Execution::Running));
+    drop(moving);
+    drop(ready);
+    assert_eq!(shown(&floor), (name(30), 0));
+}
+
+/// A decision of the log that stops the machine.
+fn stop_of(run: &Run) -> feedwave_store::DecisionRecord {
+    use feedwave_contract::proto;
+    let outcome = proto::DecisionOutcome { action: DecisionAction::Stop.into(), ..Default::default() };
+    let decision =
+        proto::Decision { run: names::run(run.id), number: 3, outcome: Some(outcome), ..proto::Decision::default() };
+    let body = prost::Message::encode_to_vec(&decision).into();
+    feedwave_store::DecisionRecord {
+        sequence: 1,
+        run_id: run.id,
+        job_id: run.job_id,
+        tenant: run.tenant,
+        number: 3,
+        at_us: 0,
+        body,
+    }
+}
+
+#[test]
+fn a_stop_of_telemetry_stays_after_a_restart_and_without_its_client() {
+    let floor = Floor::new();
+    let (job, mut run) = (job(1), run(10, 1, RunState::Open));
+    run.kind = RunKind::Telemetry;
+    let stop = stop_of(&run);
+    let base = RunBase { job: &job, run: &run, last_decision: Some(&stop), conditions: &[], deviation_unit: "mm" };
+    let (view, _) = base.at_rest().unwrap();
+    assert_eq!(view.activity.execution(), Execution::Stopped);
+    assert!(matches!(&view.alarms[..], [alarm] if alarm.severity() == ConditionSeverity::Fault), "{:?}", view.alarms);
+    floor.put_machine("lathe", "1", "");
+    let mut presence = floor.presence(&base).unwrap();
+    presence.connect();
+    presence.follow(Execution::Stopped);
+    presence.leave(None);
+    assert_eq!(lathe(&floor).execution(), Execution::Stopped);
+    assert_eq!(lathe(&floor).conditions.len(), 1);
+}
+
+#[test]
+fn how_far_a_run_came_is_known_at_rest() {
+    let summary = feedwave_contract::proto::ProgramSummary { duration_s: 4.0, ..Default::default() };
+    let mut job = job(1);
+    job.summary = Some(crate::stored::to_stored(&summary).unwrap());
+    let mut run = run(10, 1, RunState::Open);
+    run.setpoints = RunSetpoints { received: 1_000, sent: 1_500, digest: None };
+    let settings = feedwave_contract::proto::RunSettings { interpolation_period_us: 1_000, ..Default::default() };
+    run.settings = crate::stored::to_stored(&settings).unwrap();
+    let progress = |run: &Run| {
+        let base = RunBase { job: &job, run, last_decision: None, conditions: &[], deviation_unit: "mm" };
+        let progress = base.at_rest().unwrap().0.activity.progress.unwrap();
+        (progress.taken, progress.ratio, progress.machining_s, progress.remaining_s)
+    };
+    assert_eq!(progress(&run), (1_000, 0.25, 1.0, None));
+    run.state = RunState::Finished;
+    assert_eq!(progress(&run), (1_000, 1.0, 1.0, None));
 }
 
 #[test]

@@ -8,6 +8,7 @@ use std::task::{Context, Poll};
 
 use axum::body::Body;
 use axum::extract::{Request, State};
+use axum::http::{HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
 use bytes::Bytes;
@@ -73,6 +74,13 @@ impl Bounds {
 
 /// Answers a request for which there is a place.
 pub(super) async fn bounded(State(bounds): State<Bounds>, request: Request, next: Next) -> Response {
+    let mut response = answered(&bounds, request, next).await;
+    // Whatever is in an answer, it is of the type that it says.
+    response.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    response
+}
+
+async fn answered(bounds: &Bounds, request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
     match bounds.admit(request.uri().path(), connection.as_ref()) {
         Ok(places) => next.run(request).await.map(|body| {

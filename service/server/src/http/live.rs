@@ -9,7 +9,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::body::Body;
-use axum::extract::State;
+use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::IntoResponse as _;
 use bytes::Bytes;
@@ -20,6 +20,7 @@ use serde_json::json;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
+use super::query::Query;
 use super::{Answer, HttpState};
 use crate::api::{Api, DecisionLog, EventLog, LogFilter, LogWatch};
 use crate::connections::Unread;
@@ -64,6 +65,8 @@ struct Live {
     heartbeat: Duration,
     /// The first words.
     greeting: Option<String>,
+    /// When the last words were sent.
+    sent_at: Instant,
 }
 
 impl Live {
@@ -82,8 +85,11 @@ impl Live {
             draining: api.engine.draining().clone(),
             heartbeat,
             greeting: None,
+            sent_at: Instant::now(),
         };
-        let mut greeting = format!("retry: {RETRY_MS}\nid: {}\n\n", live.id());
+        // Who reads comments knows by this how long a silence is none.
+        let heartbeat_s = heartbeat.as_secs();
+        let mut greeting = format!(": heartbeat {heartbeat_s} s\nretry: {RETRY_MS}\nid: {}\n\n", live.id());
         if asked.is_some() && resumed.is_none() {
             greeting.push_str("event: reset\ndata: {}\n\n");
         }
@@ -95,12 +101,19 @@ impl Live {
         format!("{}-{}", self.events.place(), self.decisions.place())
     }
 
+    /// The next words, and when they were sent.
+    async fn sent(&mut self) -> Result<Option<Bytes>> {
+        let words = self.next().await?;
+        self.sent_at = Instant::now();
+        Ok(words)
+    }
+
     /// The next words; `None` where the stream ends.
     async fn next(&mut self) -> Result<Option<Bytes>> {
         if let Some(greeting) = self.greeting.take() {
             return Ok(Some(greeting.into()));
         }
-        let silent_until = Instant::now() + self.heartbeat;
+        let silent_until = self.sent_at + self.heartbeat;
         let (kind, json) = tokio::select! {
             biased;
             () = self.draining.cancelled() => return Ok(None),
@@ -113,7 +126,8 @@ impl Live {
                 None => return Ok(None),
             },
             changes = self.floor.next() => return Ok(changes.map(|changes| states(&changes))),
-            () = sleep_until(silent_until) => return Ok(Some(Bytes::from_static(b":\n\n"))),
+            // With its place: what a client was not to see it need not be asked about again.
+            () = sleep_until(silent_until) => return Ok(Some(format!(":\nid: {}\n\n", self.id()).into())),
         };
         Ok(Some(format!("id: {}\nevent: {kind}\ndata: {json}\n\n", self.id()).into()))
     }
@@ -135,11 +149,17 @@ fn states(changes: &Changes) -> Bytes {
 }
 
 /// `GET /v1/stream`
-pub(super) async fn follow(State(state): State<HttpState>, api: Api, headers: HeaderMap) -> Answer {
+pub(super) async fn follow(
+    State(state): State<HttpState>,
+    api: Api,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Answer {
+    Query::parse(raw.as_deref()).finish()?;
     let last = headers.get(LAST_EVENT_ID).and_then(|value| value.to_str().ok());
     let live = Live::new(&api, last, state.heartbeat);
     let words = stream::try_unfold(live, async |mut live| {
-        let next = live.next().await;
+        let next = live.sent().await;
         if let Err(error) = &next {
             tracing::warn!(%error, "a stream of events ended");
         }

@@ -79,7 +79,7 @@ impl Apps {
     pub(super) async fn new(asked: Asked<'_>, config: &Config) -> Result<Self, StartError> {
         let setup = |error: Error| StartError::Setup(error.to_string());
         let mtconnect = match config.mtconnect.listen {
-            Some(_) => Some(mtconnect_app(asked.api, config).await.map_err(setup)?),
+            Some(_) => Some(mtconnect_app(asked.api, asked.access, config).await.map_err(setup)?),
             None => None,
         };
         let grpc = grpc_app(&asked, config)?;
@@ -196,14 +196,14 @@ fn grpc_app(asked: &Asked<'_>, config: &Config) -> Result<App, StartError> {
 }
 
 /// The MTConnect agent, which follows the machines from here on.
-async fn mtconnect_app(api: &Api, config: &Config) -> Result<App, Error> {
+async fn mtconnect_app(api: &Api, access: &Access, config: &Config) -> Result<App, Error> {
     let agent = Agent::new(config.mtconnect.buffer_size);
     let store = api.store.of_all_tenants();
     // Clients of the standard do not say who they are: they all see what one tenant sees.
     let reader = agent.begin(&api.floors.of(config.mtconnect.tenant()), store).await?;
     let draining = api.engine.draining();
     api.engine.spawn(agent.clone().follow(reader, store.clone(), draining.clone()));
-    let state = AgentState::new(agent, config.mtconnect.streams, draining.clone());
+    let state = AgentState::new(agent, access.clone(), config.mtconnect.streams, draining.clone());
     Ok(app(mtconnect::router(state)))
 }
 

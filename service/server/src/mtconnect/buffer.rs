@@ -123,6 +123,13 @@ impl Buffer {
         }
     }
 
+    /// Forgets what the items of a device showed, of which no observation is kept.
+    pub(super) fn forget(&mut self, device: u32) {
+        for snapshot in [&mut self.newest, &mut self.oldest] {
+            snapshot.0.retain(|item, _| item.0 != device);
+        }
+    }
+
     pub(super) const fn newest(&self) -> &Snapshot {
         &self.newest
     }

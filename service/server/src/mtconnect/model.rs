@@ -49,8 +49,8 @@ pub(super) enum Role {
     ProcessTimer,
     PartCount,
     PathPosition,
-    /// Position of the axis with this index.
-    Axis(usize),
+    /// Position of the axis that its component is named after.
+    Axis,
     SpindleCommanded,
     SpindleProgrammed,
     SpindleOverride,
@@ -191,7 +191,8 @@ impl Device {
 
     /// The value of every item in a state of the machine.
     pub(super) fn values(&self, state: &MachineState) -> Vec<Value> {
-        self.items.iter().map(|item| values::of(item, state)).collect()
+        let name = |item: &Item| self.components[item.component].name.as_deref().unwrap_or_default();
+        self.items.iter().map(|item| values::of(item, name(item), state)).collect()
     }
 }
 
@@ -207,7 +208,7 @@ impl Builder {
             // By number: names of axes may be those of other things.
             let axis = self.component(kind, &format!("a{index}"), Some(name), group);
             let (of, units) = if *turns { ("ANGLE", "DEGREE") } else { ("POSITION", "MILLIMETER") };
-            let item = self.item(axis, Role::Axis(index), &format!("a{index}{suffix}"), Category::Sample, of);
+            let item = self.item(axis, Role::Axis, &format!("a{index}{suffix}"), Category::Sample, of);
             item.sub_type = Some("COMMANDED");
             item.units = Some(units);
             item.coordinate_system = Some("MACHINE");

@@ -1,6 +1,7 @@
 //! What a client asks of the agent.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use http::{HeaderMap, StatusCode, header};
@@ -156,21 +157,30 @@ fn shortened(text: &str) -> String {
     text.chars().take(80).collect()
 }
 
+/// The number of the device with this name.
+pub(super) fn known(observations: &Observations, name: &str) -> Result<u32, Refusal> {
+    let message = || format!("there is no device {}", shortened(name));
+    observations.named(name).ok_or_else(|| Refusal::new(StatusCode::NOT_FOUND, "NO_DEVICE", message()))
+}
+
 /// What is wanted of the observations.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
+    /// Name of the device; `None`: all.
+    device: Option<String>,
+    path: Option<String>,
+    /// The model that the items are of.
+    model: u64,
     /// Only these items.
-    pub(super) items: BTreeSet<ItemKey>,
+    pub(super) items: Arc<BTreeSet<ItemKey>>,
 }
 
 impl Wanted {
-    pub(super) fn of(
-        observations: &Observations,
-        device: Option<u32>,
-        parameters: &Parameters,
-    ) -> Result<Self, Refusal> {
-        let is_of = |item: &ItemKey| device.is_none_or(|device| item.0 == device);
-        let mut items = match parameters.get("path") {
+    /// The items of one device or all, or those of them that `path` selects.
+    pub(super) fn of(observations: &Observations, device: Option<&str>, path: Option<&str>) -> Result<Self, Refusal> {
+        let number = device.map(|name| known(observations, name)).transpose()?;
+        let is_of = |item: &ItemKey| number.is_none_or(|number| item.0 == number);
+        let mut items = match path {
             None => Agent::all_items(observations),
             Some(text) => {
                 let invalid = |why: String| Refusal::new(StatusCode::BAD_REQUEST, "INVALID_XPATH", why);
@@ -181,11 +191,34 @@ impl Wanted {
             }
         };
         items.retain(is_of);
-        if items.is_empty() && parameters.get("path").is_some() {
+        if items.is_empty() && path.is_some() {
             let message = "'path' selects no data item of this device";
             return Err(Refusal::new(StatusCode::BAD_REQUEST, "INVALID_XPATH", message));
         }
-        Ok(Self { items })
+        let [device, path] = [device, path].map(|text| text.map(str::to_owned));
+        Ok(Self { device, path, model: observations.model, items: Arc::new(items) })
+    }
+
+    /// Looks again for what is wanted, where devices have come, gone or changed since. What was wanted of those that are gone
+    /// is wanted on, so that their end is told.
+    pub(super) fn renew(&mut self, observations: &Observations) {
+        if self.model == observations.model {
+            return;
+        }
+        self.model = observations.model;
+        let ended = self.items.iter().filter(|item| observations.has_ended(**item)).copied();
+        let found = Self::of(observations, self.device.as_deref(), self.path.as_deref());
+        // A machine that is gone may come back.
+        let found = found.map(|found| (*found.items).clone()).unwrap_or_default();
+        self.items = Arc::new(found.into_iter().chain(ended).collect());
+    }
+
+    /// Wants nothing more of devices that are gone.
+    pub(super) fn forget_ended(&mut self, observations: &Observations) {
+        if self.items.iter().any(|item| observations.has_ended(*item)) {
+            let there = self.items.iter().filter(|item| !observations.has_ended(**item)).copied();
+            self.items = Arc::new(there.collect());
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The agent's port.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
@@ -16,27 +17,31 @@ use tokio_util::sync::CancellationToken;
 
 use super::buffer::{ItemKey, Observation, Snapshot};
 use super::document::{AGENT, Attribute, Attributes, Document, device_stream, time};
-use super::request::{CurrentQuery, Form, Parameters, Refusal, SampleQuery, Target, Wanted, target};
+use super::model::Device;
+use super::request::{CurrentQuery, Form, Parameters, Refusal, SampleQuery, Target, Wanted, known, target};
 use super::{Agent, Observations, json, now_us, xml};
+use crate::access::Access;
 use crate::connections::{Connection, Held, OpenCall, Resource};
 
 /// What is between the parts of a stream.
 const BOUNDARY: &str = "feedwave-mtconnect-part";
 /// Least time between two parts where a client wants them at once.
-const LEAST_INTERVAL: Duration = Duration::from_millis(10);
+const LEAST_INTERVAL: Duration = Duration::from_millis(100);
 
 /// What answers the requests of the port.
 #[derive(Clone, Debug)]
 pub(crate) struct AgentState {
     agent: Agent,
+    /// By which names the service may be asked.
+    access: Access,
     streams: Arc<Semaphore>,
     draining: CancellationToken,
 }
 
 impl AgentState {
     /// Answers from an agent, with so many streams at once.
-    pub(crate) fn new(agent: Agent, streams: usize, draining: CancellationToken) -> Self {
-        Self { agent, streams: Arc::new(Semaphore::new(streams)), draining }
+    pub(crate) fn new(agent: Agent, access: Access, streams: usize, draining: CancellationToken) -> Self {
+        Self { agent, access, streams: Arc::new(Semaphore::new(streams)), draining }
     }
 }
 
@@ -99,55 +104,109 @@ impl Agent {
     }
 
     fn probe(&self, device: Option<u32>, form: Form) -> String {
-        let observations = self.observations();
-        let mut header = self.header(&observations);
-        header.push(Self::model_time(&observations));
-        header.push(("assetBufferSize", Attribute::Number(1)));
-        header.push(("assetCount", Attribute::Number(0)));
-        let shown = observations.shown().into_values();
-        let devices = shown.filter(|(number, _)| device.is_none_or(|device| *number == device));
-        write(&Document::Devices { header, devices: devices.map(|(_, device)| device).collect() }, form)
+        let (header, devices) = {
+            let observations = self.observations();
+            let mut header = self.header(&observations);
+            header.push(Self::model_time(&observations));
+            header.push(("assetBufferSize", Attribute::Number(1)));
+            header.push(("assetCount", Attribute::Number(0)));
+            let shown = observations.shown().into_values().map(|(number, _)| number);
+            let wanted = shown.filter(|number| device.is_none_or(|device| *number == device));
+            let devices: Vec<_> = wanted
+                .filter_map(|number| observations.devices.get(&number))
+                .map(|known| known.device.clone())
+                .collect();
+            (header, devices)
+        };
+        write(&Document::Devices { header, devices: devices.iter().map(|device| &**device).collect() }, form)
     }
 
-    fn streams(&self, observations: &Observations, shown: &[&Observation], next: u64, form: Form) -> String {
+    /// Copies observations with their devices, so that nobody waits while they are written.
+    fn copy<'a>(
+        &self,
+        observations: &Observations,
+        shown: impl IntoIterator<Item = &'a Observation>,
+        next: u64,
+    ) -> Copied {
         let buffer = &observations.buffer;
         let mut header = self.header(observations);
         header.push(Self::model_time(observations));
         header.push(("firstSequence", Attribute::Number(buffer.first())));
         header.push(("lastSequence", Attribute::Number(buffer.last())));
         header.push(("nextSequence", Attribute::Number(next)));
-        let devices = observations.shown().into_values();
-        let streams = devices.filter_map(|(number, device)| {
-            let own = shown.iter().filter(|observation| observation.item.0 == number);
-            let own: Vec<_> =
-                own.map(|observation| (&device.items[observation.item.1 as usize], *observation)).collect();
-            (!own.is_empty()).then(|| device_stream(device, own))
-        });
-        let streams = streams.collect();
-        write(&Document::Streams { header, streams }, form)
+        let mut of_devices: BTreeMap<u32, Vec<Observation>> = BTreeMap::new();
+        for observation in shown {
+            of_devices.entry(observation.item.0).or_default().push(observation.clone());
+        }
+        let known = |(number, own)| Some((observations.devices.get(&number)?.device.clone(), own));
+        let mut devices: Vec<_> = of_devices.into_iter().filter_map(known).collect();
+        // Stable: of a device that has changed, what it was comes first.
+        devices.sort_by(|(one, _), (other, _)| one.id.cmp(&other.id));
+        Copied { header, devices }
     }
 
     /// What every wanted item shows.
-    fn current(&self, wanted: &Wanted, at: Option<u64>, form: Form) -> String {
-        let observations = self.observations();
-        let past: Option<Snapshot> = at.map(|at| observations.buffer.at(at));
-        let snapshot = past.as_ref().unwrap_or_else(|| observations.buffer.newest());
-        let shown: Vec<&Observation> = wanted.items.iter().flat_map(|item| snapshot.of(*item)).collect();
-        self.streams(&observations, &shown, observations.buffer.last() + 1, form)
+    fn current(&self, wanted: &mut Wanted, at: Option<u64>, form: Form) -> String {
+        let copied = {
+            let observations = self.observations();
+            wanted.renew(&observations);
+            let past: Option<Snapshot> = at.map(|at| observations.buffer.at(at));
+            let snapshot = past.as_ref().unwrap_or_else(|| observations.buffer.newest());
+            let shown = wanted.items.iter().flat_map(|item| snapshot.of(*item));
+            let copied = self.copy(&observations, shown, observations.buffer.last() + 1);
+            wanted.forget_ended(&observations);
+            copied
+        };
+        copied.write(form)
     }
 
     /// Changes; where to go on, and whether there were any.
-    fn sample(&self, wanted: &Wanted, query: &SampleQuery, form: Form) -> (String, u64, bool) {
-        let observations = self.observations();
-        let is_wanted = |item: ItemKey| wanted.items.contains(&item) && observations.device(item).is_some();
-        let part = if query.is_backwards {
-            observations.buffer.backwards(query.from, query.count, is_wanted)
-        } else {
-            observations.buffer.forwards(query.from, query.to, query.count, is_wanted)
+    fn sample(&self, wanted: &mut Wanted, query: &SampleQuery, form: Form) -> (String, u64, bool) {
+        let (copied, next, has_any) = {
+            let observations = self.observations();
+            wanted.renew(&observations);
+            let is_wanted = |item: ItemKey| wanted.items.contains(&item);
+            let part = if query.is_backwards {
+                observations.buffer.backwards(query.from, query.count, is_wanted)
+            } else {
+                observations.buffer.forwards(query.from, query.to, query.count, is_wanted)
+            };
+            let has_any = !part.observations.is_empty();
+            let copied = self.copy(&observations, part.observations, part.next);
+            if part.next == observations.buffer.next() {
+                wanted.forget_ended(&observations);
+            }
+            (copied, part.next, has_any)
         };
-        let text = self.streams(&observations, &part.observations, part.next, form);
-        (text, part.next, !part.observations.is_empty())
+        (copied.write(form), next, has_any)
     }
+}
+
+/// Observations with their devices, apart from those of the agent.
+struct Copied {
+    header: Attributes,
+    devices: Vec<(Arc<Device>, Vec<Observation>)>,
+}
+
+impl Copied {
+    fn write(self, form: Form) -> String {
+        let streams = self.devices.iter().map(|(device, own)| {
+            device_stream(
+                device,
+                own.iter().map(|observation| (&device.items[observation.item.1 as usize], observation)),
+            )
+        });
+        write(&Document::Streams { header: self.header, streams: streams.collect() }, form)
+    }
+}
+
+/// Writes on a thread that nobody else waits for.
+async fn written<T: Send + 'static>(write: impl FnOnce() -> T + Send + 'static) -> Result<T, Refusal> {
+    tokio::task::spawn_blocking(write).await.map_err(|error| {
+        tracing::error!(%error, "a document could not be written");
+        let message = "the document could not be written";
+        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "INTERNAL_ERROR", message)
+    })
 }
 
 /// Answers a request.
@@ -155,7 +214,13 @@ async fn answer(State(state): State<AgentState>, request: Request) -> Result<Res
     let parameters = Parameters::parse(request.uri().query());
     let form = Form::of(&parameters, request.headers());
     let connection = request.extensions().get::<Arc<Connection>>().cloned();
-    let answered = respond(&state, request.method(), request.uri().path(), &parameters, form, connection.as_ref());
+    let checked = state.access.check_name(&request, connection.as_ref());
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    drop(request);
+    let answered = match checked {
+        Ok(()) => respond(&state, &method, &path, &parameters, form, connection.as_ref()).await,
+        Err(error) => Err(Refusal::new(StatusCode::FORBIDDEN, "UNAUTHORIZED", error.to_string())),
+    };
     Ok(match answered {
         Ok(response) => response,
         Err(refusal) => {
@@ -168,7 +233,7 @@ async fn answer(State(state): State<AgentState>, request: Request) -> Result<Res
     })
 }
 
-fn respond(
+async fn respond(
     state: &AgentState,
     method: &Method,
     path: &str,
@@ -176,7 +241,6 @@ fn respond(
     form: Form,
     connection: Option<&Arc<Connection>>,
 ) -> Result<Response, Refusal> {
-    let agent = &state.agent;
     if method != Method::GET && method != Method::HEAD {
         let message = "this agent is read-only: use GET";
         return Err(Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "UNSUPPORTED", message));
@@ -184,38 +248,32 @@ fn respond(
     let (target, name) = target(path)?;
     let streams = target != Target::Probe && parameters.get("interval").is_some();
     let places = admit(state, connection, streams)?;
-    let observations = agent.observations();
-    let device = match &name {
-        None => None,
-        Some(name) => {
-            let unknown = || {
-                let name: String = name.chars().take(80).collect();
-                Refusal::new(StatusCode::NOT_FOUND, "NO_DEVICE", format!("there is no device {name}"))
-            };
-            Some(observations.named(name).ok_or_else(unknown)?)
-        }
-    };
+    let agent = state.agent.clone();
     let ok = |text| Written { status: StatusCode::OK, form, text }.response();
     match target {
         Target::Probe => {
-            drop(observations);
-            Ok(ok(agent.probe(device, form)))
+            let device = name.map(|name| known(&agent.observations(), &name)).transpose()?;
+            written(move || agent.probe(device, form)).await.map(ok)
         }
         Target::Current => {
-            let wanted = Wanted::of(&observations, device, parameters)?;
-            let query = CurrentQuery::of(&observations, parameters)?;
-            drop(observations);
+            let (mut wanted, query) = {
+                let observations = agent.observations();
+                let wanted = Wanted::of(&observations, name.as_deref(), parameters.get("path"))?;
+                (wanted, CurrentQuery::of(&observations, parameters)?)
+            };
             match query.interval {
-                None => Ok(ok(agent.current(&wanted, query.at, form))),
+                None => written(move || agent.current(&mut wanted, query.at, form)).await.map(ok),
                 Some(interval) => Ok(state.repeat(wanted, interval, form, places)),
             }
         }
         Target::Sample => {
-            let wanted = Wanted::of(&observations, device, parameters)?;
-            let query = SampleQuery::of(&observations, parameters)?;
-            drop(observations);
+            let (mut wanted, query) = {
+                let observations = agent.observations();
+                let wanted = Wanted::of(&observations, name.as_deref(), parameters.get("path"))?;
+                (wanted, SampleQuery::of(&observations, parameters)?)
+            };
             match query.interval {
-                None => Ok(ok(agent.sample(&wanted, &query, form).0)),
+                None => written(move || agent.sample(&mut wanted, &query, form).0).await.map(ok),
                 Some(_) => Ok(state.follow(wanted, query, form, places)),
             }
         }
@@ -259,6 +317,8 @@ struct Following {
     wanted: Wanted,
     query: SampleQuery,
     form: Form,
+    /// When the last part was sent.
+    sent_at: Instant,
     /// Before that no further part is sent.
     not_before: Instant,
     draining: CancellationToken,
@@ -272,7 +332,7 @@ impl Following {
         if self.is_over {
             return None;
         }
-        let silent_until = self.not_before.max(Instant::now()) + self.query.heartbeat;
+        let silent_until = self.sent_at + self.query.heartbeat;
         loop {
             tokio::select! {
                 () = self.draining.cancelled() => return None,
@@ -282,11 +342,15 @@ impl Following {
             if let Some(part) = self.overtaken() {
                 return Some(part);
             }
-            let (text, next, has_any) = self.agent.sample(&self.wanted, &self.query, self.form);
+            let (agent, mut wanted, query, form) = (self.agent.clone(), self.wanted.clone(), self.query, self.form);
+            let sample = written(move || (agent.sample(&mut wanted, &query, form), wanted));
+            let ((text, next, has_any), wanted) = sample.await.ok()?;
+            self.wanted = wanted;
             self.query.from = next;
             if has_any || Instant::now() >= silent_until {
                 let interval = self.query.interval.unwrap_or_default().max(LEAST_INTERVAL);
-                self.not_before = Instant::now() + interval;
+                self.sent_at = Instant::now();
+                self.not_before = self.sent_at + interval;
                 return Some(part(self.form, &text));
             }
             tokio::select! {
@@ -318,6 +382,7 @@ impl AgentState {
             wanted,
             query,
             form,
+            sent_at: Instant::now(),
             not_before: Instant::now(),
             draining: self.draining.clone(),
             is_over: false,
@@ -328,17 +393,15 @@ impl AgentState {
 
     /// What is current, again and again.
     fn repeat(&self, wanted: Wanted, interval: Duration, form: Form, places: Places) -> Response {
-        let begin = (self.agent.clone(), self.draining.clone(), Instant::now(), places);
-        let wanted = Arc::new(wanted);
-        multipart(stream::unfold(begin, move |(agent, draining, at, places)| {
-            let wanted = wanted.clone();
-            async move {
-                draining.run_until_cancelled(sleep_until(at)).await?;
-                let text = agent.current(&wanted, None, form);
-                // A client that is slow gets as many as it can read.
-                let next = (at + interval.max(LEAST_INTERVAL)).max(Instant::now());
-                Some((part(form, &text), (agent, draining, next, places)))
-            }
+        let begin = (self.agent.clone(), self.draining.clone(), Instant::now(), wanted, places);
+        multipart(stream::unfold(begin, move |(agent, draining, at, mut wanted, places)| async move {
+            draining.run_until_cancelled(sleep_until(at)).await?;
+            let of = agent.clone();
+            let current = written(move || (of.current(&mut wanted, None, form), wanted));
+            let (text, wanted) = current.await.ok()?;
+            // A client that is slow gets as many as it can read.
+            let next = (at + interval.max(LEAST_INTERVAL)).max(Instant::now());
+            Some((part(form, &text), (agent, draining, next, wanted, places)))
         }))
     }
 }

@@ -56,8 +56,9 @@ pub(super) const fn execution(execution: Execution) -> &'static str {
     }
 }
 
-/// The value of an item in a state. Without a run that is connected nothing but the constant has one.
-pub(super) fn of(item: &Item, state: &MachineState) -> Value {
+/// The value of an item, of the component with this name, in a state. Without a run that is connected nothing but the constant
+/// has one.
+pub(super) fn of(item: &Item, component: &str, state: &MachineState) -> Value {
     if let Some(constant) = item.constant {
         return word(constant);
     }
@@ -66,6 +67,7 @@ pub(super) fn of(item: &Item, state: &MachineState) -> Value {
     match item.category {
         Category::Condition => Value::Condition(active(item.role, state)),
         Category::Event => event(item.role, state, run),
+        Category::Sample if item.role == Role::Axis => axis(item, component, run),
         Category::Sample => sample(item.role, run),
     }
 }
@@ -87,6 +89,14 @@ fn event(role: Role, state: &MachineState, run: &RunActivity) -> Value {
         Role::PartCount => Value::Whole(state.finished_runs),
         _ => Value::Unavailable,
     }
+}
+
+/// The position of an axis. The run has the axes of its job, which may be others than those that the machine has by now.
+fn axis(item: &Item, name: &str, run: &RunActivity) -> Value {
+    let unit = if item.units == Some("DEGREE") { "deg" } else { "mm" };
+    let machine = run.commanded.as_ref().filter(|commanded| !commanded.work_coordinates);
+    let axis = machine.and_then(|machine| machine.axes.iter().find(|axis| axis.axis == name && axis.unit == unit));
+    number(axis.map(|axis| axis.position))
 }
 
 fn sample(role: Role, run: &RunActivity) -> Value {
@@ -112,10 +122,6 @@ fn sample(role: Role, run: &RunActivity) -> Value {
                 (Some(x), y, Some(z)) => Value::Vector([x, y.unwrap_or(0.0), z]),
                 _ => Value::Unavailable,
             }
-        }
-        Role::Axis(index) => {
-            let machine = commanded.filter(|commanded| !commanded.work_coordinates);
-            number(machine.and_then(|machine| machine.axes.get(index)).map(|axis| axis.position))
         }
         Role::SpindleProgrammed => number(programmed),
         Role::SpindleCommanded => {

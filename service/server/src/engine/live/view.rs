@@ -65,18 +65,30 @@ impl LiveView {
         self.presence.tell();
     }
 
+    /// The stream is connected.
+    pub(super) fn connect(&mut self, monitor: &Monitor, reached: Reached<'_>) {
+        self.presence.arrive();
+        self.update(monitor, reached);
+        self.presence.connect();
+    }
+
     fn tell(&mut self, monitor: &Monitor, reached: Reached<'_>) {
+        self.update(monitor, reached);
+        self.presence.tell();
+    }
+
+    fn update(&mut self, monitor: &Monitor, reached: Reached<'_>) {
         let Reached { taken, sent, total, changes, held } = reached;
         let progress = self.course.progress(changes, taken, sent, total);
         let commanded = self.handed_out.taken(taken);
-        let rests = commanded.as_ref().is_some_and(|commanded| commanded.feed_mm_per_min == 0.0);
+        // Of a run that is taken up nothing was generated again yet.
+        let rests = commanded.as_ref().is_none_or(|commanded| commanded.feed_mm_per_min == 0.0);
         self.presence.observe(monitor);
-        self.presence.set_execution(match taken {
+        self.presence.follow(match taken {
             0 => Execution::Ready,
             _ if self.course.ratio() == 0.0 && rests => Execution::Held,
             _ => Execution::Running,
         });
         self.presence.proceed(progress, commanded, self.course.ratio(), held);
-        self.presence.tell();
     }
 }

@@ -100,7 +100,8 @@ impl Worker {
     }
 
     pub(super) fn run(&mut self) -> Result<()> {
-        self.view.presence.connect();
+        let reached = reached(&self.setpoints, &self.feed, self.receipts.received(), self.total);
+        self.view.connect(self.session.monitor(), reached);
         let outcome = self.work();
         self.view.presence.leave(outcome.as_ref().err());
         outcome
