@@ -209,6 +209,53 @@ const interruption = async (state) => {
   await page.context().close();
 };
 
+/** A service that says nothing any more, on a connection that stays: the page says so after a few heartbeats. */
+const silence = async () => {
+  const page = await open("/");
+  await page.locator("a.card").first().waitFor();
+  page.isServiceAway = true;
+  service.process.kill("SIGSTOP");
+  await page.locator("#connection").waitFor({ state: "visible", timeout: 60_000 });
+  service.process.kill("SIGCONT");
+  await page.locator("#connection").waitFor({ state: "hidden", timeout: 60_000 });
+  page.isServiceAway = false;
+  await page.context().close();
+};
+
+/** The page of a run follows its run while the machine shows another one. */
+const hidden = async () => {
+  const running = async (name, before) => {
+    const job = await service.submit(join(scratch, "part.nc"), "--machine", "mill", "--display-name", name);
+    const client = service.run(job.name, "--cut", "5-14:1.5");
+    const state = await until(`${name} runs`, async () => {
+      const state = await service.get("/v1/machines/mill/state");
+      const isIt = state.run?.job === job.name && state.run.run !== before && state.run.commanded;
+      return isIt && state.execution === "EXECUTION_RUNNING" ? state : null;
+    });
+    return { client, run: state.run.run };
+  };
+  const first = await running("First", "");
+  const page = await open(`/${first.run}`);
+  await page.locator(".run .title").waitFor();
+  assert.equal(await textOf(page, ".run .title"), "First");
+  const second = await running("Second", first.run);
+  second.client.kill("SIGSTOP");
+  assert.equal((await service.get("/v1/machines/mill/state")).otherRuns, 1);
+  const board = await open("/");
+  const card = board.locator(`a.card[href="/${second.run}"]`);
+  await until("the card counts the other run", async () => (await card.locator(".age").innerText()).includes("+1"));
+  await board.context().close();
+  const facts = () => textOf(page, ".run-head .facts");
+  const before = await facts();
+  await until("the page goes on with its own run", async () => (await facts()) !== before);
+  assert.equal(await textOf(page, ".run .title"), "First");
+  assert.equal((await textOf(page, ".heading .state")).toLowerCase(), "running");
+  first.client.kill("SIGKILL");
+  await until("the page says that its client is gone", async () =>
+    (await textOf(page, ".heading .state")).toLowerCase() === "interrupted");
+  await page.context().close();
+};
+
 try {
   await service.start();
   const part = await service.submit(join(scratch, "part.nc"), "--machine", "mill", "--display-name", "Pocket");
@@ -233,6 +280,8 @@ try {
   await run(state);
   await jobs(wrong);
   await interruption(state);
+  await silence();
+  await hidden();
   assert.deepEqual(problems, []);
   console.log(`page: every screen as the service says; screenshots in ${join(scratch, "screenshots")}`);
 } finally {

@@ -2,8 +2,11 @@
 
 const FIRST_PAUSE_MS = 2000;
 const LONGEST_PAUSE_MS = 30000;
-/** A stream that says nothing for so long is dead: the service says something at least every few minutes at most. */
-const SILENCE_MS = 320000;
+/** A stream that says nothing for so many heartbeats is dead. */
+const SILENT_HEARTBEATS = 2.5;
+/** Until it has said how often it says something. */
+const FIRST_SILENCE_MS = 30000;
+const LEAST_SILENCE_MS = 2500;
 
 let token = null;
 try {
@@ -48,14 +51,22 @@ export const read = async (path, signal) => (await request(path, {}, signal)).js
 /** The bytes at a path. */
 export const readBytes = async (path, signal) => new Uint8Array(await (await request(path, {}, signal)).arrayBuffer());
 
-/** The stream of events: calls `on.state`, `on.gone`, `on.job`, `on.decision`, `on.reset`, `on.open`, `on.lost`, `on.refused`. */
+/**
+ * The stream of events: calls `on.state`, `on.gone`, `on.job`, `on.decision`, `on.reset`, `on.heartbeat`, `on.heard`, `on.open`,
+ * `on.lost`, `on.refused`.
+ */
 export const follow = (on) => {
   let last = null;
   let pause = FIRST_PAUSE_MS;
+  let silenceMs = FIRST_SILENCE_MS;
   const take = (block) => {
     let [event, data] = ["", ""];
     for (const line of block.split("\n")) {
-      if (line.startsWith("id: ")) last = line.slice(4);
+      if (line.startsWith(": heartbeat ")) {
+        const heartbeatMs = parseFloat(line.slice(12)) * 1000;
+        silenceMs = Math.max(LEAST_SILENCE_MS, heartbeatMs * SILENT_HEARTBEATS);
+        on.heartbeat(heartbeatMs);
+      } else if (line.startsWith("id: ")) last = line.slice(4);
       else if (line.startsWith("event: ")) event = line.slice(7);
       else if (line.startsWith("data: ")) data += line.slice(6);
     }
@@ -63,7 +74,8 @@ export const follow = (on) => {
   };
   const once = async () => {
     const stop = new AbortController();
-    let silence = setTimeout(() => stop.abort(), SILENCE_MS);
+    let silence = setTimeout(() => stop.abort(), FIRST_SILENCE_MS);
+    silenceMs = FIRST_SILENCE_MS;
     try {
       const headers = { accept: "text/event-stream", ...(last === null ? {} : { "last-event-id": last }) };
       const response = await request("/v1/stream", headers, stop.signal);
@@ -75,11 +87,12 @@ export const follow = (on) => {
         const { done, value } = await reader.read();
         if (done) return;
         clearTimeout(silence);
-        silence = setTimeout(() => stop.abort(), SILENCE_MS);
         text += value;
         const blocks = text.split("\n\n");
         text = blocks.pop();
+        on.heard();
         blocks.forEach(take);
+        silence = setTimeout(() => stop.abort(), silenceMs);
       }
     } finally {
       clearTimeout(silence);

@@ -3,12 +3,10 @@
 import { element, keep, setAttribute, setText } from "./dom.js";
 import { duration, measured, percent, t } from "./text.js";
 import {
-  conditionText, feedReason, isAvailable, isUnacknowledged, levelOf, limitBar, nameOf, paintBar, paintIcon, propertyOf,
-  setValue, stateIcon, stateOf, valueNode,
+  ageOf, conditionText, feedReason, isAvailable, isUnacknowledged, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon,
+  propertyOf, setValue, stateIcon, stateOf, valueNode,
 } from "./state.js";
 
-/** Older data says its age, s. */
-const OLD_S = 3;
 /** How long a page of the wall stays, ms. */
 const TURN_MS = 12000;
 const PER_PAGE = 12;
@@ -19,6 +17,14 @@ const shown = (machine, filter) => {
   if (filter === "all") return true;
   if (filter === "attention") return levelOf(machine) !== "normal";
   return stateOf(machine) === filter;
+};
+
+/** The pages of a wall: machines in their order, pages with faults first. */
+const pagesOf = (machines) => {
+  const count = Math.max(1, Math.ceil(machines.length / PER_PAGE));
+  const pages = Array.from({ length: count }, (_, index) => machines.slice(index * PER_PAGE, (index + 1) * PER_PAGE));
+  const hasFault = (page) => page.some((machine) => levelOf(machine) === "fault");
+  return [...pages.filter(hasFault), ...pages.filter((page) => !hasFault(page))];
 };
 
 const makeCard = () => {
@@ -44,7 +50,7 @@ const jobText = (run) => {
   return parts.join(" · ");
 };
 
-const updateCard = (card, machine) => {
+const updateCard = (store) => (card, machine) => {
   const find = (name) => card.querySelector(`.${name}`);
   const run = machine.run;
   const state = stateOf(machine);
@@ -71,10 +77,9 @@ const updateCard = (card, machine) => {
   const conditions = (machine.conditions ?? []).filter((one) => available || one.needsAcknowledgement || one.severity === "CONDITION_SEVERITY_FAULT");
   const further = conditions.length > 1 ? ` · ${t("further", { count: conditions.length - 1 })}` : "";
   // What an alarm says need not be said twice.
-  setText(find("reason"), conditions.length === 0 && overrides && overrides.feed !== 1 ? feedReason(run) : "");
+  setText(find("reason"), conditions.length === 0 && overrides && (overrides.feed !== 1 || run.held) ? feedReason(run) : "");
   setText(find("alarm"), conditions.length > 0 ? conditionText(conditions[0]) + further : "");
-  const ageS = available && run?.updateTime ? (Date.now() - Date.parse(run.updateTime)) / 1000 : 0;
-  setText(find("age"), ageS > OLD_S && state === "running" ? t("age", { age: duration(ageS) }) : "");
+  setText(find("age"), [otherRuns(machine), ageOf(machine, store)].filter(Boolean).join(" · "));
 };
 
 /** Shows the board in a place; what is returned ends it. */
@@ -107,10 +112,11 @@ export const board = (place, store, parameters) => {
     setAttribute(view, "href", isWall ? "/" : "/?view=wall");
     const machines = [...store.machines.values()].sort((a, b) => (a.machine < b.machine ? -1 : 1));
     const wanted = machines.filter((machine) => shown(machine, filter));
-    const pages = isWall ? Math.max(1, Math.ceil(wanted.length / PER_PAGE)) : 1;
+    const turned = pagesOf(wanted);
+    const pages = isWall ? turned.length : 1;
     page %= pages;
-    const visible = isWall ? wanted.slice(page * PER_PAGE, (page + 1) * PER_PAGE) : wanted;
-    keep(cards, visible, (machine) => machine.machine, makeCard, updateCard);
+    const visible = isWall ? turned[page] : wanted;
+    keep(cards, visible, (machine) => machine.machine, makeCard, updateCard(store));
     setAttribute(nothing, "hidden", wanted.length > 0);
     setText(nothing, !store.isRead ? t("loading") : t(machines.length === 0 ? "noMachines" : "noneMatches"));
     setAttribute(turning, "hidden", pages === 1);

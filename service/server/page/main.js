@@ -30,6 +30,9 @@ const resets = listeners();
 const store = {
   machines: new Map(),
   isRead: false,
+  /** When the service said anything last, and how often it does at least, by the clock of this page, ms. */
+  heardAt: performance.now(),
+  heartbeatMs: 15000,
   onChange: changes.add,
   onDecision: decisions.add,
   onJob: jobEvents.add,
@@ -145,8 +148,15 @@ follow({
     drawHead();
   },
   refused: askForToken,
+  heard: () => {
+    store.heardAt = performance.now();
+  },
+  heartbeat: (heartbeatMs) => {
+    store.heartbeatMs = heartbeatMs;
+  },
   state: (machine) => {
     announce(machine);
+    machine.arrivedAt = performance.now();
     store.machines.set(machine.machine, machine);
     store.isRead = true;
     changes.call(machine);

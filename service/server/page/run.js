@@ -5,7 +5,7 @@ import { element, keep, setAttribute, setText } from "./dom.js";
 import { read } from "./api.js";
 import { clock, code, duration, measured, number, percent, short, t } from "./text.js";
 import {
-  conditionText, feedReason, isAvailable, levelOf, limitBar, nameOf, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
+  ageOf, conditionText, feedReason, isAvailable, levelOf, limitBar, nameOf, otherRuns, paintBar, paintIcon, propertyOf, stateIcon, stateOf,
 } from "./state.js";
 
 /** Decisions that are kept and drawn. */
@@ -40,12 +40,18 @@ const evidenceOf = (decision) => {
 
 /** A run by its name; `runs/7`. */
 export const run = (place, store, name) => {
+  // The machine that shows this run; none while it shows another one.
   let machine = null;
+  let machineName = "";
   let record = null;
   let decisions = [];
   let selected = null;
   let failure = null;
   const feeds = [];
+  /** Feed overrides in force, of the time that this page is open. */
+  const inForce = [];
+  let toldAt = null;
+  let isAsking = false;
   const stop = new AbortController();
 
   const icon = stateIcon();
@@ -76,11 +82,11 @@ export const run = (place, store, name) => {
   place.append(notice, body);
 
   const activity = () => (machine?.run?.run === name ? machine.run : record?.activity);
-  const unit = () => activity()?.process?.unit ?? (record?.monitoring?.tool?.quantity === "SENSOR_QUANTITY_ACCELERATION" ? "mm/s²" : "mm");
+  const deviationUnit = () => activity()?.process?.deviationUnit || (record?.monitoring?.tool?.quantity === "SENSOR_QUANTITY_ACCELERATION" ? "mm/s²" : "mm");
 
   const drawHead = () => {
     const now = activity();
-    const view = { ...machine, ...(now ?? {}), conditions: machine?.conditions, machine: machine?.machine ?? "" };
+    const view = { ...machine, ...(now ?? {}), conditions: conditions(), machine: machine?.machine ?? "" };
     const state = stateOf(view);
     const available = isAvailable(view);
     setAttribute(body, "data-level", levelOf(view));
@@ -88,8 +94,10 @@ export const run = (place, store, name) => {
     setText(title, now?.jobDisplayName || name);
     setText(stateWord, t(state));
     const kind = record.kind === "RUN_KIND_LIVE" ? t("live") : t("telemetryRun");
-    const of = machine ? nameOf(machine) : "";
-    setText(subtitle, [of, kind, t("sinceTime", { time: clock(record.createTime) })].filter(Boolean).join(" · "));
+    const since = t("sinceTime", { time: clock(record.createTime) });
+    const others = machine ? otherRuns(machine) : "";
+    const age = now ? ageOf({ ...now, arrivedAt: machine?.arrivedAt ?? record.arrivedAt }, store) : "";
+    setText(subtitle, [machineName, kind, since, others, age].filter(Boolean).join(" · "));
     const overrides = available ? now?.overrides : undefined;
     setText(reason, overrides ? feedReason(now) : "");
     const shown = available ? now?.process : undefined;
@@ -111,19 +119,25 @@ export const run = (place, store, name) => {
     ]);
   };
 
+  // Those of the log are told by the machine whichever run it shows.
+  const conditions = () =>
+    [...store.machines.values()].flatMap((one) => one.conditions ?? []).filter((one) => one.run === name);
+
   const drawAlarms = () => {
-    const conditions = (machine?.conditions ?? []).filter((one) => one.run === name);
+    const own = conditions();
     keep(
-      alarms, conditions, (one) => `${one.code}-${one.decisionNumber ?? ""}`,
-      () => element("li", {}, element("span", { class: "alarm-text" }), element("span", { class: "alarm-note" })),
+      alarms, own, (one) => `${one.code}-${one.decisionNumber ?? ""}`,
+      () => element("li", {}, element("span", { class: "alarm-text" }), element("span", { class: "alarm-note" }), element("p", { class: "alarm-message", lang: "en" })),
       (row, one) => {
         setAttribute(row, "data-severity", short(one.severity, "CONDITION_SEVERITY_").toLowerCase());
         setText(row.firstChild, conditionText(one));
+        setText(row.lastChild, one.message);
         const seen = !one.needsAcknowledgement ? "" : one.acknowledgedBy ? t("acknowledged", { name: one.acknowledgedBy }) : t("toAcknowledge");
-        setText(row.lastChild, [one.raiseTime ? t("sinceTime", { time: clock(one.raiseTime) }) : "", seen].filter(Boolean).join(" · "));
+        setText(row.children[1], [one.raiseTime ? t("sinceTime", { time: clock(one.raiseTime) }) : "", seen].filter(Boolean).join(" · "));
       },
     );
-    setText(alarmTitle, conditions.length > 0 ? t("condition") : t("noConditions"));
+    const isTold = machine !== null || record.state !== "RUN_STATE_OPEN";
+    setText(alarmTitle, own.length > 0 ? t("condition") : t(isTold ? "noConditions" : "notShown"));
   };
 
   const times = () => {
@@ -139,13 +153,19 @@ export const run = (place, store, name) => {
     const first = at.length > 0 ? [[from, at[0][1].inputs?.before]] : [];
     const steps = [...first, ...at.map(([time, one]) => [time, one.outcome?.after])];
     const bounds = record.monitoring?.rules?.feedBounds;
-    trends[0].draw(t("override"), {
+    // What was decided is in force when the machine reaches it: of what was not seen here only the decision is known.
+    const begin = inForce.length > 0 ? inForce[0][0] : Infinity;
+    const decided = steps.map(([time, after]) => [time, after?.feed]).filter(([time]) => time < begin);
+    const overrideName = inForce.length === 0
+      ? t("allDecided")
+      : decided.length === 0 ? t("override") : t("overrideDecided", { time: clock(begin) });
+    trends[0].draw(overrideName, {
       from, to, isStep: true, digits: 0, unit: "%", factor: 100, lower: bounds?.lower, upper: bounds?.upper,
-      points: steps.map(([time, after]) => [time, after?.feed]),
+      points: [...decided, ...inForce],
     });
     const seen = at.map(([time, one]) => [time, evidenceOf(one)]).filter(([, evidence]) => evidence);
     const rule = seen.at(-1)?.[1] ?? { lower: record.monitoring?.rules?.feed?.lower, upper: record.monitoring?.rules?.feed?.upper, property: record.monitoring?.rules?.property };
-    const shownUnit = rule.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : unit();
+    const shownUnit = rule.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : deviationUnit();
     trends[1].draw(propertyOf(rule), {
       from, to, digits: shownUnit === "mm" ? 4 : 1, unit: shownUnit, lower: rule.lower, upper: rule.upper,
       points: seen.map(([time, evidence]) => [time, evidence.value]),
@@ -188,7 +208,7 @@ export const run = (place, store, name) => {
     const inputs = one.inputs ?? {};
     const hold = short(outcome.holdReason, "HOLD_REASON_");
     const why = code(short(outcome.reason, "DECISION_REASON_"));
-    const shownUnit = evidence?.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : unit();
+    const shownUnit = evidence?.property === "PROCESS_PROPERTY_VIBRATION_FREQUENCY" ? "Hz" : deviationUnit();
     const both = (overrides) => (overrides ? `${t("feed")} ${percent(overrides.feed, 1)} · ${t("spindle")} ${percent(overrides.spindle, 1)}` : "–");
     const bound = outcome.feedBound && outcome.feedBound !== "OVERRIDE_BOUND_UNSPECIFIED" ? ` (${t("bounds")})` : "";
     setText(detailTitle, t("decision", { number: one.number }));
@@ -198,7 +218,7 @@ export const run = (place, store, name) => {
       [t("reason"), hold && hold !== "UNSPECIFIED" ? `${why}: ${code(hold)}` : why],
       [t("seen"), evidence ? `${propertyOf(evidence)} ${measured(evidence.value, shownUnit)} ${shownUnit}` : inputs.unfit || inputs.silenceNs ? t("noEvidence") : null],
       [t("limit"), evidence ? t("limits", { lower: measured(evidence.lower, shownUnit), upper: measured(evidence.upper, shownUnit), unit: shownUnit }) : null],
-      [t("dominant"), evidence?.line ? `${number(evidence.line.frequencyHz, 1)} Hz · ${measured(evidence.line.amplitude, unit())} ${unit()}` : null],
+      [t("dominant"), evidence?.line ? `${number(evidence.line.frequencyHz, 1)} Hz · ${measured(evidence.line.amplitude, deviationUnit())} ${deviationUnit()}` : null],
       [t("window"), one.span ? t("samples", { valid: number(one.span.valid), all: number(one.span.samples) }) : null],
       [t("before"), both(inputs.before)],
       [t("after"), both(outcome.after) + bound],
@@ -232,12 +252,21 @@ export const run = (place, store, name) => {
     drawDecisions();
   };
 
+  const note = (points, time, value) => {
+    points.push([time, value]);
+    if (points.length > MOST_POINTS) points.splice(0, points.length - MOST_POINTS);
+  };
+
   const changed = () => {
-    machine = [...store.machines.values()].find((one) => one.run?.run === name) ?? machine;
-    const now = machine?.run;
-    if (now?.run === name && isAvailable(now) && now.commanded) {
-      feeds.push([Date.parse(now.updateTime), now.commanded.feedMmPerMin]);
-      if (feeds.length > MOST_POINTS) feeds.splice(0, feeds.length - MOST_POINTS);
+    machine = [...store.machines.values()].find((one) => one.run?.run === name) ?? null;
+    if (machine) machineName = nameOf(machine);
+    const now = activity();
+    if (now && isAvailable(now) && now.updateTime !== toldAt) {
+      toldAt = now.updateTime;
+      const time = Date.parse(now.updateTime);
+      if (now.commanded) note(feeds, time, now.commanded.feedMmPerMin);
+      const feed = now.overrides?.feed;
+      if (feed !== undefined && inForce.at(-1)?.[1] !== feed) note(inForce, time, feed);
     }
     if (record) drawHead();
     if (record) drawAlarms();
@@ -259,9 +288,22 @@ export const run = (place, store, name) => {
     decisions.sort((a, b) => Number(a.number) - Number(b.number));
     if (decisions.length > MOST_DECISIONS) decisions = decisions.slice(-MOST_DECISIONS);
   };
+  /** Asks for a run that no machine shows. */
+  const ask = async () => {
+    if (isAsking) return;
+    isAsking = true;
+    try {
+      record = { ...(await read(`/v1/${name}`, stop.signal)), arrivedAt: performance.now() };
+      changed();
+    } catch {
+      // The connection says that it is lost; what was read last has its age.
+    } finally {
+      isAsking = false;
+    }
+  };
   const readAll = async () => {
     try {
-      record = await read(`/v1/${name}`, stop.signal);
+      record = { ...(await read(`/v1/${name}`, stop.signal)), arrivedAt: performance.now() };
       await readDecisions();
       failure = null;
     } catch (error) {
@@ -284,6 +326,7 @@ export const run = (place, store, name) => {
     }),
   ];
   const tick = setInterval(() => {
+    if (record?.state === "RUN_STATE_OPEN" && !machine) ask();
     if (record?.state === "RUN_STATE_OPEN") draw();
     const ended = activity() && ["EXECUTION_FINISHED", "EXECUTION_STOPPED"].includes(activity().execution);
     if (record?.state === "RUN_STATE_OPEN" && ended) readAll();

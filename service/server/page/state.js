@@ -1,6 +1,6 @@
 // What a machine does, in words, colours and shapes. Normal is quiet: only exceptions have a colour.
 
-import { code, measured, short, t } from "./text.js";
+import { code, duration, measured, short, t } from "./text.js";
 import { element, setAttribute, setText } from "./dom.js";
 
 const WORDS = {
@@ -50,6 +50,10 @@ export const paintIcon = (icon, state) => {
 /** The name of a machine for people. */
 export const nameOf = (machine) => machine.displayName || machine.machine.replace("machines/", "");
 
+/** How many runs a machine has besides the one that is shown, in words; empty where it has none. */
+export const otherRuns = (machine) =>
+  !machine.otherRuns ? "" : machine.otherRuns === 1 ? t("otherRun") : t("otherRuns", { count: machine.otherRuns });
+
 /** The name of the process property. */
 export const propertyOf = (process) =>
   t({
@@ -66,11 +70,31 @@ export const conditionText = (condition) => {
   return `${what}: ${numbers[0]} ${relation} ${numbers[1]} ${condition.unit}`;
 };
 
+/** Older data says its age, ms. */
+const OLD_MS = 3000;
+
+/**
+ * How old a connected state is, in words; empty where it is fresh. One that runs comes again and again; of another one the
+ * service says nothing new, but that it is there.
+ */
+export const ageOf = (machine, store) => {
+  if (!isAvailable(machine) || machine.arrivedAt === undefined) return "";
+  const runs = stateOf(machine) === "running";
+  const ageMs = performance.now() - (runs ? machine.arrivedAt : Math.max(machine.arrivedAt, store.heardAt));
+  const old = runs ? OLD_MS : store.heartbeatMs + OLD_MS;
+  return ageMs > old ? t("age", { age: duration(ageMs / 1000) }) : "";
+};
+
 /** Why the feed is as it is, in words; empty where it is as programmed. */
 export const feedReason = (run) => {
+  // A hold is stronger than what was decided.
+  if (run.held) return t("heldByOperator");
+  if (run.feedHeld) return code("FEED_HELD");
   const outcome = run.lastDecision?.outcome;
   if (!outcome) return "";
   const reason = short(outcome.reason, "DECISION_REASON_");
+  // The feed that was decided before is kept; what for, this decision does not say.
+  if (reason === "WITHIN_LIMITS" && run.overrides?.feed !== 1) return "";
   const process = run.process;
   if (process?.value !== undefined && (reason === "FEED_ABOVE_LIMIT" || reason === "FEED_BELOW_LIMIT")) {
     const above = reason === "FEED_ABOVE_LIMIT";

@@ -30,7 +30,9 @@ const WORDS = {
     tooLong: "Only the first {size} of the program are shown.", trendNow: "The path feed is drawn while this page is open.",
     chart: "{name}: {from} to {to}, last {last} {unit}", empty: "no values yet", bounds: "at its bound", live: "live run",
     telemetryRun: "telemetry", keyboard: "Keys: n and p go to the next and the previous finding, arrow keys to decisions.",
-    noEvidence: "no evidence", parts: "finished runs",
+    noEvidence: "no evidence", parts: "finished runs", heldByOperator: "held by the operator", otherRuns: "+{count} runs",
+    otherRun: "+1 run", overrideDecided: "Feed override, decided until {time}, from then on in force",
+    allDecided: "Feed override, decided", notShown: "The machine shows another run: what needs attention here is not told.",
   },
   de: {
     brand: "feedwave", skip: "Zum Inhalt", board: "Übersicht", jobs: "Aufträge", other: "English",
@@ -65,7 +67,10 @@ const WORDS = {
     chart: "{name}: {from} bis {to}, zuletzt {last} {unit}", empty: "noch keine Werte", bounds: "an seiner Grenze",
     live: "Live-Lauf", telemetryRun: "Telemetrie",
     keyboard: "Tasten: n und p gehen zum nächsten und vorigen Befund, Pfeiltasten zu Entscheidungen.",
-    noEvidence: "kein Beleg", parts: "fertige Läufe",
+    noEvidence: "kein Beleg", parts: "fertige Läufe", heldByOperator: "vom Bediener angehalten", otherRuns: "+{count} Läufe",
+    otherRun: "+1 Lauf", overrideDecided: "Vorschub-Override, bis {time} entschieden, danach in Kraft",
+    allDecided: "Vorschub-Override, entschieden",
+    notShown: "Die Maschine zeigt einen anderen Lauf: was hier auffällig ist, wird nicht gemeldet.",
   },
 };
 
@@ -83,7 +88,9 @@ const CODES = {
     SENSOR_MISSING: "a sensor is missing", TIME_OUT_OF_ORDER: "times out of order", TIME_GAP: "gap in the times",
     TIME_TOO_DENSE: "times too dense", STALE: "data is stale", BATCH_GAP: "batches are missing",
     POINTS_MISSING: "angular points are missing", OTHER_TOOL: "baseline of another tool", NO_SPECTRUM: "no spectrum",
-    FINDINGS: "program has warnings",
+    FINDINGS: "program has warnings", RECEIPTS_MISSING: "no receipts of setpoints", MESSAGES_UNREAD: "messages were not read",
+    STREAM_UNREAD: "stream was not read", REQUEST_STALLED: "request came to a halt", STORE_UNAVAILABLE: "store cannot be reached",
+    STORE_DAMAGED: "store is damaged", INTERNAL: "error of the service", INVALID_FIELDS: "client sent what is not valid",
   },
   de: {
     KEEP: "beibehalten", CHANGE: "ändern", HOLD: "nichts entscheiden", STOP: "stoppen", HOLD_FEED: "Vorschub anhalten",
@@ -97,7 +104,10 @@ const CODES = {
     STUCK_SENSOR: "Sensor hängt", SENSOR_MISSING: "ein Sensor fehlt", TIME_OUT_OF_ORDER: "Zeiten nicht geordnet",
     TIME_GAP: "Lücke in den Zeiten", TIME_TOO_DENSE: "Zeiten zu dicht", STALE: "Daten sind veraltet",
     BATCH_GAP: "Pakete fehlen", POINTS_MISSING: "Winkelpunkte fehlen", OTHER_TOOL: "Grundlinie eines anderen Werkzeugs",
-    NO_SPECTRUM: "kein Spektrum", FINDINGS: "Programm hat Warnungen",
+    NO_SPECTRUM: "kein Spektrum", FINDINGS: "Programm hat Warnungen", RECEIPTS_MISSING: "keine Quittungen über Sollwerte",
+    MESSAGES_UNREAD: "Meldungen nicht gelesen", STREAM_UNREAD: "Strom nicht gelesen", REQUEST_STALLED: "Anfrage kam zum Stehen",
+    STORE_UNAVAILABLE: "Speicher nicht erreichbar", STORE_DAMAGED: "Speicher beschädigt", INTERNAL: "Fehler des Dienstes",
+    INVALID_FIELDS: "Client sandte Ungültiges",
   },
 };
 
